@@ -1,0 +1,46 @@
+"""The one exception family of the project.
+
+Everything that a user can get wrong (a file, a parameter, a message, a bag, a scenario) ends in one of
+these, with a message that says what was wrong, the value, and what is allowed. Solver outcomes and
+late or missing messages are not errors but data, and never raise.
+"""
+
+
+class IptmError(Exception):
+    """Base of every error that the project raises on purpose."""
+
+
+class ParameterError(IptmError):
+    """A model, node or strategy parameter is unknown, of the wrong type or outside its range."""
+
+
+class RouteError(IptmError):
+    """A driving cycle, slope profile or user route file is malformed or inconsistent."""
+
+
+class PreviewError(IptmError):
+    """A preview of the leader or of the road is malformed (length, order, finiteness)."""
+
+
+class StateError(IptmError):
+    """A measured or initial state is not finite or outside its physical range."""
+
+
+class PowerLimitError(IptmError):
+    """More power is asked from the pack than its open-circuit voltage and resistance can deliver."""
+
+
+class MessageError(IptmError):
+    """A received ROS message does not carry what the topic table promises."""
+
+
+class BagError(IptmError):
+    """A recorded bag is missing, truncated, foreign or lacks a topic."""
+
+
+class ScenarioError(IptmError):
+    """A scenario or study description is malformed."""
+
+
+class SolverSetupError(IptmError):
+    """An optimal control problem or its solver cannot be built as asked."""

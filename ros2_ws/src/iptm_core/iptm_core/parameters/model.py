@@ -1,0 +1,160 @@
+"""Every number of the model, grouped by effect, with unit and permitted range.
+
+The ranges are physical plausibility bounds, wide enough for another vehicle or cell; the values and
+their sources live in the YAML files of ``sets/``. Symbols in brackets are the paper's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+def quantity(symbol: str, unit: str, minimum: float, maximum: float) -> Any:
+    """Declare a required scalar field with the paper's symbol, its unit and its closed range."""
+    return field(
+        metadata={"symbol": symbol, "unit": unit, "minimum": minimum, "maximum": maximum}
+    )
+
+
+@dataclass(frozen=True)
+class BodyParameters:
+    """Vehicle body and rolling gear (paper Table II, body)."""
+
+    mass_kg: float = quantity("m", "kg", 100.0, 60000.0)
+    gravity_m_s2: float = quantity("g", "m/s^2", 9.0, 10.0)
+    rolling_resistance: float = quantity("f", "1", 0.0, 0.1)
+    drag_coefficient: float = quantity("C_D", "1", 0.0, 2.0)
+    frontal_area_m2: float = quantity("A", "m^2", 0.1, 15.0)
+    air_density_kg_m3: float = quantity("rho", "kg/m^3", 0.5, 1.6)
+    rotational_inertia_factor: float = quantity("delta", "1", 1.0, 1.5)
+
+
+@dataclass(frozen=True)
+class PowertrainParameters:
+    """Motor and driveline (paper Table II, powertrain)."""
+
+    wheel_radius_m: float = quantity("r_w", "m", 0.1, 1.0)
+    transmission_ratio: float = quantity("i_g", "1", 0.2, 20.0)
+    final_drive_ratio: float = quantity("i_0", "1", 0.5, 20.0)
+    driveline_efficiency: float = quantity("eta_t", "1", 0.5, 1.0)
+    motor_loss_w_per_nm2: float = quantity("sigma", "W/(N m)^2", 0.0, 20.0)
+    regenerative_efficiency: float = quantity("zeta", "1", 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class PackParameters:
+    """Pack layout and terminal data (paper Table II, battery)."""
+
+    modules: int = quantity("N_m", "1", 1, 1000)
+    series_per_module: int = quantity("N_ms", "1", 1, 1000)
+    parallel: int = quantity("N_mp", "1", 1, 1000)
+    cells_per_channel: int = quantity("N_c", "1", 2, 10000)
+    open_circuit_voltage_v: float = quantity("E_b", "V", 10.0, 2000.0)
+    battery_efficiency: float = quantity("eta_b", "1", 0.5, 1.0)
+
+    @property
+    def cells_in_series(self) -> int:
+        """Cells between the pack terminals, N_m N_ms."""
+        return self.modules * self.series_per_module
+
+
+@dataclass(frozen=True)
+class CellParameters:
+    """Electrical and thermal data of one cell; (13) couples its resistance to state."""
+
+    heat_capacity_j_k: float = quantity("C_c", "J/K", 1.0, 10000.0)
+    nominal_capacity_ah: float = quantity("Q_nom", "Ah", 0.1, 500.0)
+    nominal_resistance_ohm: float = quantity("R_bc,0", "ohm", 1e-5, 1.0)
+    nominal_temperature_k: float = quantity("T_bc,0", "K", 233.15, 333.15)
+    resistance_temperature_coefficient_1_k: float = quantity("kappa", "1/K", -0.03, 0.03)
+    resistance_aging_factor: float = quantity("mu", "1", 0.5, 5.0)
+    resistance_aging_exponent: float = quantity("lambda", "1", 0.0, 10.0)
+    entropic_coefficient_v_k: float = quantity("dV_bc/dT", "V/K", -0.005, 0.005)
+
+
+@dataclass(frozen=True)
+class AgingParameters:
+    """Semi-empirical capacity loss (11), (12)."""
+
+    pre_exponential_factor: float = quantity("A", "1/Ah^z", 1e-9, 1e9)
+    activation_energy_j_mol: float = quantity("E_a", "J/mol", 0.0, 200000.0)
+    compensation_factor_j_mol: float = quantity("B", "J/mol", 0.0, 20000.0)
+    throughput_exponent: float = quantity("z", "1", 0.1, 2.0)
+    gas_constant_j_mol_k: float = quantity("R", "J/(mol K)", 8.31, 8.32)
+    initial_capacity_loss: float = quantity("Q_loss,ini", "1", 1e-6, 0.5)
+
+
+@dataclass(frozen=True)
+class CoolingParameters:
+    """Coolant loop and auxiliaries (paper Table II, BTMS)."""
+
+    convective_coefficient_w_k: float = quantity("h", "W/K", 0.001, 100.0)
+    coolant_mass_flow_kg_s: float = quantity("m_c", "kg/s", 0.001, 10.0)
+    coolant_specific_heat_j_kg_k: float = quantity("C_p", "J/(kg K)", 500.0, 6000.0)
+    auxiliary_power_w: float = quantity("P_aux", "W", 0.0, 10000.0)
+
+
+@dataclass(frozen=True)
+class ChillerParameters:
+    """Fitted chiller map (14) at one ambient temperature; temperatures in it are degrees Celsius."""
+
+    xi_1: float = quantity("xi_1", "1", -100.0, 100.0)
+    xi_2_1_w: float = quantity("xi_2", "1/W", -1.0, 1.0)
+    xi_3_w_k: float = quantity("xi_3", "W/K", -1e6, 1e6)
+    xi_4_j_kg_k: float = quantity("xi_4", "J/(kg K)", -1e6, 1e6)
+    xi_5_j_kg_k: float = quantity("xi_5", "J/(kg K)", -1e6, 1e6)
+    xi_6_w: float = quantity("xi_6", "W", -1e6, 1e6)
+    gate_power_w: float = quantity("P_gate", "W", 1.0, 5000.0)
+    air_flow_at_rest_kg_s: float = quantity("m_a,0", "kg/s", 0.0, 10.0)
+    air_flow_per_speed_kg_s_per_km_h: float = quantity("m_a,v", "kg/s/(km/h)", 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class EnvironmentParameters:
+    """Ambient air and initial temperatures."""
+
+    ambient_temperature_k: float = quantity("T_a", "K", 233.15, 333.15)
+    initial_cell_temperature_k: float = quantity("T_init", "K", 253.15, 333.15)
+
+
+@dataclass(frozen=True)
+class LimitParameters:
+    """Bounds and rates of the paper's Table I."""
+
+    min_acceleration_m_s2: float = quantity("a_min", "m/s^2", -12.0, -0.1)
+    max_acceleration_m_s2: float = quantity("a_max", "m/s^2", 0.1, 12.0)
+    max_jerk_m_s3: float = quantity("Delta a_max / Delta t", "m/s^3", 0.01, 50.0)
+    min_compressor_power_w: float = quantity("P_cp,min", "W", 0.0, 20000.0)
+    max_compressor_power_w: float = quantity("P_cp,max", "W", 1.0, 50000.0)
+    max_compressor_rate_w_s: float = quantity("Delta P_cp,max / Delta t", "W/s", 1.0, 50000.0)
+    min_speed_m_s: float = quantity("v_min", "m/s", 0.0, 10.0)
+    max_speed_m_s: float = quantity("v_max", "m/s", 1.0, 100.0)
+    min_temperature_k: float = quantity("T_b,min", "K", 253.15, 333.15)
+    max_temperature_k: float = quantity("T_b,max", "K", 263.15, 353.15)
+
+
+@dataclass(frozen=True)
+class GapParameters:
+    """Car-following limits: intelligent driver model below, traffic efficiency above."""
+
+    standstill_gap_m: float = quantity("s_st", "m", 0.0, 50.0)
+    time_headway_s: float = quantity("T_h", "s", 0.1, 10.0)
+    max_gap_m: float = quantity("s_max", "m", 20.0, 1000.0)
+    initial_gap_m: float = quantity("s_init", "m", 1.0, 500.0)
+
+
+@dataclass(frozen=True)
+class ModelParameters:
+    """Everything that the model, the constraints and the start of a run depend on."""
+
+    body: BodyParameters
+    powertrain: PowertrainParameters
+    pack: PackParameters
+    cell: CellParameters
+    aging: AgingParameters
+    cooling: CoolingParameters
+    chiller: ChillerParameters
+    environment: EnvironmentParameters
+    limits: LimitParameters
+    gap: GapParameters

@@ -1,0 +1,84 @@
+"""The small data types that travel between plant, bridge and controller.
+
+All values are SI: metres along the road, m/s, kelvin, watts, seconds since the start of the trip.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class VehicleState:
+    """The host vehicle and its pack at one instant (paper: x, with the inputs last actuated).
+
+    Attributes:
+        time_s: time since the start of the trip.
+        position_m: distance travelled along the road (p).
+        speed_m_s: speed (v), never negative.
+        acceleration_m_s2: acceleration command actuated over the interval that ended now (a).
+        compressor_power_w: compressor power actuated over the interval that ended now (P_cp).
+        cell_1_temperature_k: temperature of the first cell of a coolant channel (T_bc,1).
+        cell_n_temperature_k: temperature of the last cell of a coolant channel (T_bc,Nc).
+        cell_1_capacity_loss: capacity loss of cell 1 as a fraction of nominal (Q_loss,1).
+        cell_n_capacity_loss: capacity loss of cell N_c as a fraction of nominal (Q_loss,Nc).
+    """
+
+    time_s: float
+    position_m: float
+    speed_m_s: float
+    acceleration_m_s2: float
+    compressor_power_w: float
+    cell_1_temperature_k: float
+    cell_n_temperature_k: float
+    cell_1_capacity_loss: float
+    cell_n_capacity_loss: float
+
+
+@dataclass(frozen=True)
+class Command:
+    """One decision: acceleration (a, m/s^2) and compressor power (P_cp, W), held for one sampling time."""
+
+    acceleration_m_s2: float
+    compressor_power_w: float
+
+
+@dataclass(frozen=True)
+class LeaderState:
+    """The preceding vehicle at one instant: rear-bumper position (p_PV) and speed (v_PV)."""
+
+    time_s: float
+    position_m: float
+    speed_m_s: float
+
+
+@dataclass(frozen=True)
+class LeaderPreview:
+    """Predicted motion of the preceding vehicle.
+
+    Attributes:
+        generated_at_s: instant at which the prediction was made; the first node lies there.
+        times_s: node times, shape (n,), increasing, absolute (trip time).
+        positions_m: rear-bumper positions at the nodes, shape (n,), never decreasing.
+        speeds_m_s: speeds at the nodes, shape (n,), never negative.
+
+    An empty prediction (n = 0) means that none has been received yet.
+    """
+
+    generated_at_s: float
+    times_s: FloatArray
+    positions_m: FloatArray
+    speeds_m_s: FloatArray
+
+
+@dataclass(frozen=True)
+class SlopePreview:
+    """Road slope (theta, rad, positive uphill) at increasing positions, shape (n,); ends are held."""
+
+    positions_m: FloatArray
+    slopes_rad: FloatArray
