@@ -1,0 +1,84 @@
+"""Equivalent circuit of the pack with the entropic term, paper eqs. (6) and (7).
+
+Current is positive when discharging. The entropic term keeps the paper's sign: with a positive
+``dV/dT`` it draws on the terminal power and heats the cell on discharge, and cools it on charge.
+"""
+
+from __future__ import annotations
+
+from iptm_core.errors import PowerLimitError
+from iptm_core.parameters.model import CellParameters, PackParameters
+from iptm_core.physics.ops import Scalar, is_symbolic, sqrt
+
+
+def pack_resistance_ohm(cell_resistance_ohm: Scalar, pack: PackParameters) -> Scalar:
+    """Pack resistance R_b of identical strings from the mean cell resistance."""
+    return cell_resistance_ohm * (pack.cells_in_series / pack.parallel)
+
+
+def pack_entropic_coefficient_v_k(cell: CellParameters, pack: PackParameters) -> float:
+    """Entropic coefficient of the pack, dV_b/dT_b."""
+    return cell.entropic_coefficient_v_k * pack.cells_in_series
+
+
+def effective_source_voltage_v(
+    temperature_k: Scalar, cell: CellParameters, pack: PackParameters
+) -> Scalar:
+    """Voltage E_b - T_b dV_b/dT_b that delivers the terminal power of eq. (7) before ohmic loss."""
+    entropic = pack_entropic_coefficient_v_k(cell, pack) * temperature_k
+    return pack.open_circuit_voltage_v - entropic
+
+
+def pack_power_w(
+    current_a: Scalar,
+    resistance_ohm: Scalar,
+    temperature_k: Scalar,
+    cell: CellParameters,
+    pack: PackParameters,
+) -> Scalar:
+    """Terminal power for a pack current (P_b, eq. 7)."""
+    voltage = effective_source_voltage_v(temperature_k, cell, pack)
+    return voltage * current_a - resistance_ohm * current_a * current_a
+
+
+def pack_current_a(
+    power_w: Scalar,
+    resistance_ohm: Scalar,
+    temperature_k: Scalar,
+    cell: CellParameters,
+    pack: PackParameters,
+) -> Scalar:
+    """Pack current that delivers a terminal power (I_b), the smaller root of eq. (7).
+
+    Args:
+        power_w: terminal power P_b, positive when discharging.
+        resistance_ohm: pack resistance R_b.
+        temperature_k: mean cell temperature T_b.
+        cell: entropic coefficient.
+        pack: layout and open-circuit voltage.
+
+    Returns:
+        Current in A. The root is written so that it stays exact for small powers.
+
+    Raises:
+        PowerLimitError: a float power is more than the pack can deliver; arrays and symbols give NaN.
+    """
+    voltage = effective_source_voltage_v(temperature_k, cell, pack)
+    discriminant = voltage * voltage - 4.0 * resistance_ohm * power_w
+    if not is_symbolic(discriminant) and isinstance(discriminant, float) and discriminant < 0.0:
+        limit_w = voltage * voltage / (4.0 * resistance_ohm)
+        raise PowerLimitError(
+            f"battery power {power_w:.1f} W cannot be delivered, the pack allows at most "
+            f"{limit_w:.1f} W at {temperature_k:.2f} K"
+        )
+    return 2.0 * power_w / (voltage + sqrt(discriminant))
+
+
+def cell_current_a(pack_current: Scalar, pack: PackParameters) -> Scalar:
+    """Current of one cell, I_b / N_mp, all strings sharing evenly."""
+    return pack_current / pack.parallel
+
+
+def cell_voltage_v(current_a: Scalar, resistance_ohm: Scalar, pack: PackParameters) -> Scalar:
+    """Terminal voltage of one cell (V_bc, eq. 6)."""
+    return pack.open_circuit_voltage_v / pack.cells_in_series - current_a * resistance_ohm

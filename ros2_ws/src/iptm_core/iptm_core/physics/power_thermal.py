@@ -1,0 +1,157 @@
+"""All effects put together: from speed, inputs and cell states to powers and rates, eqs. (2) to (15)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.aging import capacity_loss_rate_1_s
+from iptm_core.physics.battery_power import battery_power_w
+from iptm_core.physics.cell_thermal import cell_heat_w, cell_temperature_rate_k_s
+from iptm_core.physics.chiller import chiller_line
+from iptm_core.physics.coolant import Channel
+from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_resistance_ohm
+from iptm_core.physics.longitudinal import traction_force_n
+from iptm_core.physics.motor import brake_release, motor_torque_nm
+from iptm_core.physics.ops import Scalar
+from iptm_core.physics.resistance import cell_resistance_ohm
+from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
+from iptm_core.physics.traction_power import traction_power_w
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """Widths of the smoothed kinks; all zero is the exact model.
+
+    Attributes:
+        force_n: sign change of the wheel force in the driveline efficiency.
+        power_w: switch from driving to regeneration.
+        current_a: magnitude of the cell current in the ageing rate.
+        speed_m_s: brake hold at standstill.
+    """
+
+    force_n: float = 0.0
+    power_w: float = 0.0
+    current_a: float = 0.0
+    speed_m_s: float = 0.0
+
+
+EXACT = Smoothing()
+
+
+@dataclass(frozen=True)
+class CellPair:
+    """Temperatures (K) and capacity losses (fraction) of the first and the last cell of a channel."""
+
+    cell_1_temperature_k: Scalar
+    cell_n_temperature_k: Scalar
+    cell_1_capacity_loss: Scalar
+    cell_n_capacity_loss: Scalar
+
+
+@dataclass(frozen=True)
+class PowerThermalRates:
+    """What the model answers at one instant: powers (W), currents (A), coolant (K) and rates (1/s)."""
+
+    traction_power_w: Scalar
+    battery_power_w: Scalar
+    pack_current_a: Scalar
+    cell_current_a: Scalar
+    coolant: CoolantLoop
+    cell_1_temperature_rate_k_s: Scalar
+    cell_n_temperature_rate_k_s: Scalar
+    cell_1_capacity_loss_rate_1_s: Scalar
+    cell_n_capacity_loss_rate_1_s: Scalar
+
+
+def electric_traction_power_w(
+    speed_m_s: Scalar,
+    acceleration_m_s2: Scalar,
+    slope_rad: Scalar,
+    parameters: ModelParameters,
+    smoothing: Smoothing = EXACT,
+) -> Scalar:
+    """Traction power from motion and slope (eqs. 2, 3 and 5) with the brake hold at standstill."""
+    force = traction_force_n(speed_m_s, acceleration_m_s2, slope_rad, parameters.body)
+    torque = motor_torque_nm(force, parameters.powertrain, force_smoothing_n=smoothing.force_n)
+    released = brake_release(speed_m_s, acceleration_m_s2, speed_smoothing_m_s=smoothing.speed_m_s)
+    return traction_power_w(speed_m_s, released * torque, parameters.powertrain)
+
+
+def power_thermal_rates(
+    speed_m_s: Scalar,
+    acceleration_m_s2: Scalar,
+    slope_rad: Scalar,
+    compressor_power_w: Scalar,
+    cells: CellPair,
+    parameters: ModelParameters,
+    channel: Channel,
+    smoothing: Smoothing = EXACT,
+) -> PowerThermalRates:
+    """Evaluate the coupled electrical, thermal and ageing model at one instant.
+
+    Args:
+        speed_m_s: vehicle speed v.
+        acceleration_m_s2: acceleration a.
+        slope_rad: road slope theta under the vehicle.
+        compressor_power_w: compressor power P_cp.
+        cells: states of the two modelled cells.
+        parameters: the model parameters.
+        channel: reduced coolant channel, from ``reduce_channel``.
+        smoothing: widths of the kinks; exact by default.
+    """
+    pack, cell = parameters.pack, parameters.cell
+    traction = electric_traction_power_w(
+        speed_m_s, acceleration_m_s2, slope_rad, parameters, smoothing
+    )
+    terminal = battery_power_w(
+        traction,
+        compressor_power_w,
+        parameters.cooling.auxiliary_power_w,
+        pack,
+        parameters.powertrain,
+        power_smoothing_w=smoothing.power_w,
+    )
+    t_1, t_n = cells.cell_1_temperature_k, cells.cell_n_temperature_k
+    r_1 = cell_resistance_ohm(t_1, cells.cell_1_capacity_loss, cell)
+    r_n = cell_resistance_ohm(t_n, cells.cell_n_capacity_loss, cell)
+    # Cells along a channel are taken as evenly spread between the first and the last.
+    mean_resistance = pack_resistance_ohm(0.5 * (r_1 + r_n), pack)
+    current_b = pack_current_a(terminal, mean_resistance, 0.5 * (t_1 + t_n), cell, pack)
+    current = cell_current_a(current_b, pack)
+
+    line = chiller_line(
+        compressor_power_w,
+        speed_m_s,
+        parameters.chiller,
+        parameters.cooling,
+        parameters.environment,
+    )
+    loop = solve_coolant_loop(t_1, t_n, line, channel.outlet, parameters.cooling)
+    coolant_n = channel.last_cell.temperature_k(loop.inlet_k, t_1, t_n)
+
+    def temperature_rate(temperature: Scalar, resistance: Scalar, coolant: Scalar) -> Scalar:
+        heat = cell_heat_w(current, resistance, temperature, cell)
+        return cell_temperature_rate_k_s(heat, temperature, coolant, cell, parameters.cooling)
+
+    def loss_rate(temperature: Scalar, loss: Scalar) -> Scalar:
+        return capacity_loss_rate_1_s(
+            current,
+            temperature,
+            loss,
+            parameters.aging,
+            cell,
+            current_smoothing_a=smoothing.current_a,
+        )
+
+    return PowerThermalRates(
+        traction_power_w=traction,
+        battery_power_w=terminal,
+        pack_current_a=current_b,
+        cell_current_a=current,
+        coolant=loop,
+        cell_1_temperature_rate_k_s=temperature_rate(t_1, r_1, loop.inlet_k),
+        cell_n_temperature_rate_k_s=temperature_rate(t_n, r_n, coolant_n),
+        cell_1_capacity_loss_rate_1_s=loss_rate(t_1, cells.cell_1_capacity_loss),
+        cell_n_capacity_loss_rate_1_s=loss_rate(t_n, cells.cell_n_capacity_loss),
+    )
