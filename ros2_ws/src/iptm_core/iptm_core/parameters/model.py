@@ -12,9 +12,7 @@ from typing import Any
 
 def quantity(symbol: str, unit: str, minimum: float, maximum: float) -> Any:
     """Declare a required scalar field with the paper's symbol, its unit and its closed range."""
-    return field(
-        metadata={"symbol": symbol, "unit": unit, "minimum": minimum, "maximum": maximum}
-    )
+    return field(metadata={"symbol": symbol, "unit": unit, "minimum": minimum, "maximum": maximum})
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,31 @@
+"""Parameters of the model: declared ranges, shipped sets with sources, loading and overrides."""
+
+from iptm_core.parameters.consistency import check_consistency
+from iptm_core.parameters.flat import FieldSpec, field_specs, flat_to_parameters, to_flat_dict
+from iptm_core.parameters.loading import (
+    DEFAULT_SET,
+    ParameterRow,
+    ParameterSet,
+    available_parameter_sets,
+    describe_parameters,
+    load_parameters,
+)
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.sources import Source, SourceTag
+
+__all__ = [
+    "DEFAULT_SET",
+    "FieldSpec",
+    "ModelParameters",
+    "ParameterRow",
+    "ParameterSet",
+    "Source",
+    "SourceTag",
+    "available_parameter_sets",
+    "check_consistency",
+    "describe_parameters",
+    "field_specs",
+    "flat_to_parameters",
+    "load_parameters",
+    "to_flat_dict",
+]

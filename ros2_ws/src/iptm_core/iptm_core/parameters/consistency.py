@@ -1,0 +1,97 @@
+"""Checks between parameters: numbers that are fine alone and nonsense together."""
+
+from __future__ import annotations
+
+from iptm_core.errors import ParameterError
+from iptm_core.parameters.model import ModelParameters
+
+
+def check_consistency(values: ModelParameters, origin: str = "parameters") -> None:
+    """Refuse parameters that contradict each other.
+
+    Args:
+        values: parameters that are each inside their range.
+        origin: where they come from, for the message.
+
+    Raises:
+        ParameterError: naming the dotted keys, their values and what is permitted.
+    """
+    _check_order(values, origin)
+    _check_gap(values, origin)
+    _check_channel(values, origin)
+    _check_cell(values, origin)
+
+
+def _check_order(values: ModelParameters, origin: str) -> None:
+    limits = values.limits
+    for quantity in ("acceleration_m_s2", "compressor_power_w", "speed_m_s", "temperature_k"):
+        low: float = getattr(limits, f"min_{quantity}")
+        high: float = getattr(limits, f"max_{quantity}")
+        if low >= high:
+            raise ParameterError(
+                f"{origin}: limits.min_{quantity} = {low!r} must be below "
+                f"limits.max_{quantity} = {high!r}"
+            )
+
+
+def _check_gap(values: ModelParameters, origin: str) -> None:
+    gap = values.gap
+    if gap.standstill_gap_m >= gap.max_gap_m:
+        raise ParameterError(
+            f"{origin}: gap.standstill_gap_m = {gap.standstill_gap_m!r} must be below "
+            f"gap.max_gap_m = {gap.max_gap_m!r}"
+        )
+    if not gap.standstill_gap_m <= gap.initial_gap_m <= gap.max_gap_m:
+        raise ParameterError(
+            f"{origin}: gap.initial_gap_m = {gap.initial_gap_m!r}; permitted: from "
+            f"gap.standstill_gap_m to gap.max_gap_m, {gap.standstill_gap_m!r} to {gap.max_gap_m!r} m"
+        )
+
+
+def _check_channel(values: ModelParameters, origin: str) -> None:
+    cooling = values.cooling
+    # Heat-capacity rate of one channel (W/K); never scaled with a sampling time.
+    flow_w_k = (
+        cooling.coolant_specific_heat_j_kg_k * cooling.coolant_mass_flow_kg_s / values.pack.modules
+    )
+    ratio = cooling.convective_coefficient_w_k / flow_w_k
+    if ratio >= 1.0:
+        raise ParameterError(
+            f"{origin}: cooling.convective_coefficient_w_k = "
+            f"{cooling.convective_coefficient_w_k!r} is not below the heat-capacity rate of one "
+            f"coolant channel, {flow_w_k:.6g} W/K (cooling.coolant_specific_heat_j_kg_k "
+            f"cooling.coolant_mass_flow_kg_s / pack.modules): h/C_f = {ratio:.6g}, permitted: below 1, "
+            "or the coolant would overshoot the cell it passes"
+        )
+    chiller = values.chiller
+    slope_w_k = chiller.xi_3_w_k + chiller.xi_5_j_kg_k * cooling.coolant_mass_flow_kg_s
+    if slope_w_k < 0.0:
+        raise ParameterError(
+            f"{origin}: chiller.xi_3_w_k + chiller.xi_5_j_kg_k cooling.coolant_mass_flow_kg_s = "
+            f"{slope_w_k:.6g} W/K; permitted: 0 or more, or the chiller would cool less the warmer the "
+            "coolant is (the coefficients belong to the coolant flow that they were fitted at)"
+        )
+
+
+def _check_cell(values: ModelParameters, origin: str) -> None:
+    cell = values.cell
+    kappa = cell.resistance_temperature_coefficient_1_k
+    temperatures_k = {
+        "limits.min_temperature_k": values.limits.min_temperature_k,
+        "limits.max_temperature_k": values.limits.max_temperature_k,
+        "environment.initial_cell_temperature_k": values.environment.initial_cell_temperature_k,
+    }
+    for key, temperature_k in temperatures_k.items():
+        factor = 1.0 + kappa * (temperature_k - cell.nominal_temperature_k)
+        if factor <= 0.0:
+            raise ParameterError(
+                f"{origin}: cell.resistance_temperature_coefficient_1_k = {kappa!r} makes the cell "
+                f"resistance vanish at {key} = {temperature_k!r}: factor {factor:.6g}, permitted: above 0"
+            )
+        entropic_v = values.pack.cells_in_series * temperature_k * cell.entropic_coefficient_v_k
+        if entropic_v >= values.pack.open_circuit_voltage_v:
+            raise ParameterError(
+                f"{origin}: cell.entropic_coefficient_v_k = {cell.entropic_coefficient_v_k!r} gives an "
+                f"entropic voltage of {entropic_v:.6g} V at {key} = {temperature_k!r}; permitted: below "
+                f"pack.open_circuit_voltage_v = {values.pack.open_circuit_voltage_v!r}"
+            )

@@ -1,0 +1,190 @@
+"""Parameters as dotted key -> number, and back, with every number checked against its range.
+
+The flat form is what travels: overrides, tables in the documentation, the copy in a bag. Python writes
+a float with as many digits as it takes to read the same float back, so a flat mapping that went
+through YAML or JSON gives the parameters back bit by bit.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from numbers import Real
+from typing import Any, get_type_hints
+
+from iptm_core.errors import ParameterError
+from iptm_core.parameters.consistency import check_consistency
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.units import accepted_units, to_model_unit
+
+
+@dataclass(frozen=True)
+class FieldSpec:
+    """One parameter as the model declares it.
+
+    Attributes:
+        key: dotted key, ``group.field``.
+        symbol: symbol of the paper.
+        unit: unit of the model.
+        minimum: smallest permitted value, in ``unit``.
+        maximum: largest permitted value, in ``unit``.
+        integral: whether only whole numbers are permitted.
+    """
+
+    key: str
+    symbol: str
+    unit: str
+    minimum: float
+    maximum: float
+    integral: bool
+
+    @property
+    def permitted(self) -> str:
+        """The permitted range in words, in the unit of the model."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        whole = "whole numbers from " if self.integral else ""
+        return f"permitted: {whole}{self.minimum:g} to {self.maximum:g}{unit}"
+
+
+@lru_cache(maxsize=1)
+def field_specs() -> Mapping[str, FieldSpec]:
+    """Every parameter of the model by dotted key, in the order of declaration."""
+    specs: dict[str, FieldSpec] = {}
+    for group, group_type in _group_types().items():
+        hints = get_type_hints(group_type)
+        for declared in fields(group_type):
+            key = f"{group}.{declared.name}"
+            specs[key] = FieldSpec(
+                key=key,
+                symbol=declared.metadata["symbol"],
+                unit=declared.metadata["unit"],
+                minimum=declared.metadata["minimum"],
+                maximum=declared.metadata["maximum"],
+                integral=hints[declared.name] is int,
+            )
+    return specs
+
+
+@lru_cache(maxsize=1)
+def _group_types() -> Mapping[str, Any]:
+    hints = get_type_hints(ModelParameters)
+    return {group.name: hints[group.name] for group in fields(ModelParameters)}
+
+
+def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None = None) -> float:
+    """Check one number and convert it to the unit of the model.
+
+    Args:
+        value: what the user wrote.
+        spec: the parameter it is meant for.
+        origin: where it was written (a file name), for the message.
+        unit: unit it was written in; None means the unit of the model.
+
+    Returns:
+        A float, or an int for a whole-number parameter, inside the permitted range.
+
+    Raises:
+        ParameterError: for a bool, text or other non-number, a value that is not finite, a fraction
+            where a whole number is due, an unknown unit, or a value outside the range.
+    """
+    where = f"{origin}: {spec.key} = {shown(value)}"
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise ParameterError(f"{where}: a number is needed; {spec.permitted}")
+    written_unit = spec.unit if unit is None else unit
+    if written_unit not in accepted_units(spec.unit):
+        allowed = " or ".join(repr(known) for known in accepted_units(spec.unit))
+        raise ParameterError(f"{where}: unit {shown(written_unit)}; permitted: {allowed}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ParameterError(f"{where}: must be finite; {spec.permitted}")
+    number = to_model_unit(number, written_unit, spec.unit)
+    if written_unit != spec.unit:
+        where = f"{where} {written_unit} = {number!r} {spec.unit}"
+    if spec.integral and not number.is_integer():
+        raise ParameterError(f"{where}: must be a whole number; {spec.permitted}")
+    if not spec.minimum <= number <= spec.maximum:
+        raise ParameterError(f"{where}: out of range; {spec.permitted}")
+    return int(number) if spec.integral else number
+
+
+def shown(value: object) -> str:
+    """A value as an error message shows it: its repr, cut to a readable length."""
+    try:
+        text = repr(value)
+    except ValueError:  # an int with more digits than Python prints
+        text = f"<{type(value).__name__} too long to print>"
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def check_known(key: object, known: Iterable[str], origin: str, kind: str = "parameter") -> None:
+    """Refuse a key that is not in ``known``, with the nearest known one as a suggestion.
+
+    Raises:
+        ParameterError: if the key is unknown.
+    """
+    names = list(known)
+    if key in names:
+        return
+    near = difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names[:12])}"
+    if not near and len(names) > 12:
+        hint += ", ..."
+    raise ParameterError(f"{origin}: unknown {kind} {shown(key)}; {hint}")
+
+
+def to_flat_dict(values: ModelParameters) -> dict[str, float]:
+    """Write parameters as dotted key -> number (int for whole-number parameters).
+
+    Args:
+        values: the parameters.
+
+    Returns:
+        A new dict in the order of declaration; ``flat_to_parameters`` undoes it bit by bit.
+    """
+    flat: dict[str, float] = {}
+    for key in field_specs():
+        group, name = key.split(".")
+        flat[key] = getattr(getattr(values, group), name)
+    return flat
+
+
+def flat_to_parameters(
+    mapping: Mapping[str, float], origin: str = "flat parameters"
+) -> ModelParameters:
+    """Build parameters from dotted key -> number in the units of the model.
+
+    Args:
+        mapping: every parameter of the model, and nothing else.
+        origin: where the numbers come from, for the messages.
+
+    Returns:
+        The parameters, each number unchanged to the last bit.
+
+    Raises:
+        ParameterError: for an unknown or missing key, a value that is no number in its range, or
+            parameters that contradict each other.
+    """
+    if not isinstance(mapping, Mapping):
+        raise ParameterError(f"{origin}: a mapping of dotted keys is needed, got {shown(mapping)}")
+    specs = field_specs()
+    for key in mapping:
+        check_known(key, specs, origin)
+    missing = [key for key in specs if key not in mapping]
+    if missing:
+        more = f" and {len(missing) - 5} more" if len(missing) > 5 else ""
+        raise ParameterError(f"{origin}: missing {', '.join(missing[:5])}{more}")
+    groups: dict[str, dict[str, float]] = {}
+    for key, spec in specs.items():
+        group, name = key.split(".")
+        groups.setdefault(group, {})[name] = checked_number(mapping[key], spec, origin)
+    values = ModelParameters(
+        **{group: _group_types()[group](**entries) for group, entries in groups.items()}
+    )
+    check_consistency(values, origin)
+    return values

@@ -1,0 +1,221 @@
+"""Load a named or user-written parameter set, with overrides, into checked parameters."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+
+from iptm_core.errors import ParameterError
+from iptm_core.parameters.chiller_table import AMBIENT_KEY, ChillerTable
+from iptm_core.parameters.flat import (
+    check_known,
+    checked_number,
+    field_specs,
+    flat_to_parameters,
+    shown,
+)
+from iptm_core.parameters.layers import Layer, read_layer
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.sources import Source, SourceTag
+
+DEFAULT_SET = "paper_calibrated"
+_SUFFIXES = (".yaml", ".yml")
+_MAX_LAYERS = 8
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """A complete, checked set of parameters and where each value comes from.
+
+    Attributes:
+        name: name of a shipped set, or the file name without suffix of a user's own.
+        values: the parameters in SI units.
+        sources: dotted key -> value as written, unit, tag and note; one entry for each parameter.
+        description: one line about the set, may be empty.
+    """
+
+    name: str
+    values: ModelParameters
+    sources: Mapping[str, Source] = field(compare=False)
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One line of the parameter table: the declaration of a parameter, its value and its source.
+
+    ``minimum``, ``maximum`` and ``value`` are in ``unit``; ``source`` is a tag (``paper``, ...).
+    """
+
+    key: str
+    symbol: str
+    unit: str
+    minimum: float
+    maximum: float
+    value: float
+    source: str
+    note: str
+
+
+def available_parameter_sets() -> tuple[str, ...]:
+    """Names of the shipped sets, the default first."""
+    names = [path.stem for path in _sets_folder().iterdir() if path.suffix in _SUFFIXES]
+    return tuple(sorted(names, key=lambda name: (name != DEFAULT_SET, name)))
+
+
+def load_parameters(
+    name_or_path: str | Path = DEFAULT_SET, overrides: Mapping[str, float] | None = None
+) -> ParameterSet:
+    """Load parameters, apply overrides, and check everything.
+
+    Args:
+        name_or_path: name of a shipped set (see ``available_parameter_sets``) or path of a YAML file.
+            A file that names a ``base`` states only what differs from it.
+        overrides: dotted key -> value in the unit of the model, for example
+            ``{"gap.max_gap_m": 80.0}``. A set with a chiller table is interpolated at the ambient
+            temperature that results, so overriding that temperature moves the chiller too; a
+            coefficient that is overridden itself keeps the override.
+
+    Returns:
+        The complete set.
+
+    Raises:
+        ParameterError: for an unknown set, a missing or malformed file, an unknown or missing key, a
+            value of the wrong type, unit or range, or parameters that contradict each other. The
+            message names the file, the dotted key, the value and what is permitted.
+    """
+    path = _find(name_or_path)
+    layers = _read_layers(path)
+    sources: dict[str, Source] = {}
+    table: ChillerTable | None = None
+    for layer in layers:
+        if layer.chiller_table is not None:
+            table = layer.chiller_table
+            sources = {
+                key: source for key, source in sources.items() if key not in table.coefficients
+            }
+        sources.update(layer.entries)
+    sources.update(_override_sources(overrides))
+    origin = str(path) if not overrides else f"{path} with overrides"
+    if table is not None:
+        sources = {**_interpolated(table, sources, origin), **sources}
+    flat = {
+        key: checked_number(source.value, field_specs()[key], origin, source.unit)
+        for key, source in sources.items()
+    }
+    return ParameterSet(
+        name=path.stem,
+        values=flat_to_parameters(flat, origin),
+        sources={key: sources[key] for key in field_specs()},
+        description=layers[-1].description,
+    )
+
+
+def describe_parameters(parameter_set: ParameterSet | None = None) -> tuple[ParameterRow, ...]:
+    """Describe every parameter, for generated documentation and tables.
+
+    Args:
+        parameter_set: set whose values and sources to show; None loads the default set.
+
+    Returns:
+        One row for each parameter, in the order of declaration.
+    """
+    shown_set = load_parameters() if parameter_set is None else parameter_set
+    rows = []
+    for key, spec in field_specs().items():
+        group, name = key.split(".")
+        source = shown_set.sources[key]
+        rows.append(
+            ParameterRow(
+                key=key,
+                symbol=spec.symbol,
+                unit=spec.unit,
+                minimum=spec.minimum,
+                maximum=spec.maximum,
+                value=getattr(getattr(shown_set.values, group), name),
+                source=source.tag.value,
+                note=source.note,
+            )
+        )
+    return tuple(rows)
+
+
+def _sets_folder() -> Path:
+    # The packages are installed as plain folders (wheel, colcon, editable), so this is a real path.
+    return Path(str(resources.files("iptm_core.parameters").joinpath("sets")))
+
+
+def _find(name_or_path: str | Path, base_of: Path | None = None) -> Path:
+    """Find a shipped set by name or a file by path (relative to the file whose base it is)."""
+    asked = "parameter set" if base_of is None else f"{base_of}: base"
+    names = available_parameter_sets()
+    if not isinstance(name_or_path, str | Path) or not str(name_or_path):
+        raise ParameterError(
+            f"{asked} {shown(name_or_path)}: a name or a path is needed; "
+            f"shipped sets: {', '.join(names)}"
+        )
+    if str(name_or_path) in names:
+        return _sets_folder() / f"{name_or_path}.yaml"
+    path = Path(name_or_path) if base_of is None else base_of.parent / name_or_path
+    if path.suffix in _SUFFIXES or _exists(path):
+        return path
+    near = difflib.get_close_matches(str(name_or_path), names, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise ParameterError(
+        f"{asked} {shown(str(name_or_path))}: no shipped set and no file; {hint}"
+        f"shipped sets: {', '.join(names)}"
+    )
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # a name too long for the file system
+        return False
+
+
+def _read_layers(path: Path) -> list[Layer]:
+    """Read a file and its bases, the innermost base first."""
+    layers = [read_layer(path)]
+    seen = [path.resolve()]
+    base = layers[0].base
+    while base is not None:
+        base_path = _find(base, path)
+        if base_path.resolve() in seen or len(seen) >= _MAX_LAYERS:
+            raise ParameterError(
+                f"{path}: base = {base!r}: sets that build on each other in a circle, or more than "
+                f"{_MAX_LAYERS} deep"
+            )
+        seen.append(base_path.resolve())
+        path = base_path
+        layers.append(read_layer(path))
+        base = layers[-1].base
+    return layers[::-1]
+
+
+def _override_sources(overrides: Mapping[str, float] | None) -> dict[str, Source]:
+    if overrides is None:
+        return {}
+    if not isinstance(overrides, Mapping):
+        raise ParameterError(
+            f"overrides: dotted keys with values are needed, got {shown(overrides)}"
+        )
+    sources: dict[str, Source] = {}
+    for key, value in overrides.items():
+        check_known(key, field_specs(), "overrides")
+        spec = field_specs()[key]
+        number = checked_number(value, spec, "overrides")
+        sources[key] = Source(value=number, unit=spec.unit, tag=SourceTag.OVERRIDE)
+    return sources
+
+
+def _interpolated(
+    table: ChillerTable, sources: Mapping[str, Source], origin: str
+) -> dict[str, Source]:
+    if AMBIENT_KEY not in sources:
+        raise ParameterError(f"{origin}: missing {AMBIENT_KEY}")
+    ambient = sources[AMBIENT_KEY]
+    return table.at(checked_number(ambient.value, field_specs()[AMBIENT_KEY], origin, ambient.unit))

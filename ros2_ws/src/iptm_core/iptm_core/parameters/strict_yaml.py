@@ -1,0 +1,109 @@
+"""YAML as the configuration files of this project need it: YAML 1.2 scalars, no duplicate keys.
+
+PyYAML's own loader follows YAML 1.1, where ``1e-4`` is a string, ``1:30`` the number 90, ``010``
+eight, ``no`` false, and where the second of two equal keys silently wins. Each of these turns a typing
+slip into a wrong number, so the loader here knows none of them.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from iptm_core.errors import IptmError, ParameterError
+
+_MAX_BYTES = 4_000_000
+
+
+class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML ships no type information
+    """Safe loader with the core schema of YAML 1.2 and without duplicate keys."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (the name PyYAML looks up)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002
+        """Build a mapping and refuse a key that occurs twice."""
+        mapping: dict[Any, Any] = {}
+        for key_node, value_node in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, str | int | float):
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"a key must be plain text, got {key!r}", key_node.start_mark
+                )
+            if key in mapping:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"the key {key!r} occurs twice", key_node.start_mark
+                )
+            mapping[key] = self.construct_object(value_node, deep=deep)
+        return mapping
+
+
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:null", re.compile(r"^(?:~|null|)$"), ["~", "n", ""]
+)
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:bool", re.compile(r"^(?:true|True|false|False)$"), list("tTfF")
+)
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:int", re.compile(r"^[-+]?(?:0|[1-9][0-9]*)$"), list("-+0123456789")
+)
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(
+        r"^(?:[-+]?(?:\.[0-9]+|(?:0|[1-9][0-9]*)(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$"
+    ),
+    list("-+.0123456789"),
+)
+
+
+def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) -> Any:
+    """Parse one YAML document.
+
+    Args:
+        text: the document.
+        origin: what to call it in an error message (a file name).
+        error: class of the error to raise, so that scenarios and routes can use their own.
+
+    Returns:
+        Mappings, lists, strings, numbers, booleans or None.
+
+    Raises:
+        IptmError: (of class ``error``) if the text is no YAML, repeats a key or nests without end.
+    """
+    try:
+        loader = _StrictLoader(text)
+    except yaml.YAMLError as reason:
+        raise error(f"{origin}: not valid YAML: {_one_line(reason)}") from reason
+    try:
+        return loader.get_single_data()
+    except yaml.YAMLError as reason:
+        raise error(f"{origin}: not valid YAML: {_one_line(reason)}") from reason
+    except RecursionError as reason:
+        raise error(f"{origin}: not valid YAML: nested too deeply") from reason
+    except ValueError as reason:
+        raise error(f"{origin}: not valid YAML: {_one_line(reason)}") from reason
+    finally:
+        loader.dispose()
+
+
+def read_yaml(path: Path, error: type[IptmError] = ParameterError) -> Any:
+    """Read and parse one YAML file; errors as in ``parse_yaml``, and for an unreadable file."""
+    try:
+        if not path.exists():
+            raise error(f"{path}: no such file")
+        if not path.is_file():
+            raise error(f"{path}: not a regular file")
+        size = path.stat().st_size
+        if size > _MAX_BYTES:
+            raise error(f"{path}: {size} bytes; at most {_MAX_BYTES} are read")
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as reason:
+        raise error(f"{path}: cannot be read as UTF-8 text: {reason}") from reason
+    return parse_yaml(text, str(path), error)
+
+
+def _one_line(reason: Exception) -> str:
+    return " ".join(str(reason).split())[:300]
