@@ -1,0 +1,155 @@
+"""A strict reader for small numeric CSV files: every complaint names file, line and column."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from iptm_core.errors import RouteError
+from iptm_core.state import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class CsvTable:
+    """A checked numeric table.
+
+    Attributes:
+        source: file name for messages.
+        columns: one array of shape (n,) per column name.
+        lines: line number of every row in the file (1 is the first line), shape (n,).
+    """
+
+    source: str
+    columns: dict[str, FloatArray]
+    lines: tuple[int, ...]
+
+    def error(self, row: int, column: str, allowed: str) -> RouteError:
+        """Build the error for one rejected value.
+
+        Args:
+            row: row index of the value.
+            column: name of its column.
+            allowed: the rule it breaks, as a phrase.
+
+        Returns:
+            The error, to be raised by the caller.
+        """
+        value = self.columns[column][row]
+        return RouteError(
+            f"{self.source}, line {self.lines[row]}, column {column}: "
+            f"value {value:.12g}; allowed is {allowed}"
+        )
+
+
+def read_csv_table(path: Path, known: Sequence[str]) -> CsvTable:
+    """Read a numeric CSV file with a header line.
+
+    A byte-order mark, either line ending, blank lines and lines that start with ``#`` are fine.
+
+    Args:
+        path: the file, UTF-8 (or plain ASCII).
+        known: names a column may have.
+
+    Returns:
+        The table, with at least one row, all values finite.
+
+    Raises:
+        RouteError: missing or unreadable file, wrong encoding, unknown, duplicate or no columns,
+            a row of the wrong length, or something that is not a finite number.
+    """
+    try:
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        raise RouteError(f"{path}: no such file; give the path of an existing CSV file") from None
+    except OSError as reason:
+        raise RouteError(
+            f"{path}: cannot be read ({reason.strerror}); a readable file is needed"
+        ) from (reason)
+    return parse_csv_table(_decode(raw, str(path)), str(path), known)
+
+
+def parse_csv_table(text: str, source: str, known: Sequence[str]) -> CsvTable:
+    """Parse the text of a numeric CSV file; see `read_csv_table`.
+
+    Args:
+        text: content of the file.
+        source: file name for messages.
+        known: names a column may have.
+
+    Returns:
+        The table.
+
+    Raises:
+        RouteError: as for `read_csv_table`.
+    """
+    rows = _rows(text)
+    header_line, header = next(rows, (0, []))
+    if not header:
+        raise RouteError(f"{source}: the file is empty; a header line with {list(known)} is needed")
+    names = [name.strip() for name in header]
+    _check_header(names, source, header_line, known)
+    lines: list[int] = []
+    values: list[list[float]] = []
+    for line, cells in rows:
+        if len(cells) != len(names):
+            raise RouteError(
+                f"{source}, line {line}: {len(cells)} values; allowed is one per column, "
+                f"{len(names)} ({', '.join(names)})"
+            )
+        values.append(
+            [_number(cell, source, line, name) for cell, name in zip(cells, names, strict=True)]
+        )
+        lines.append(line)
+    if not values:
+        raise RouteError(f"{source}: no rows after the header; at least one is needed")
+    data = np.array(values, dtype=np.float64)
+    columns = {name: data[:, index].copy() for index, name in enumerate(names)}
+    return CsvTable(source=source, columns=columns, lines=tuple(lines))
+
+
+def _decode(raw: bytes, source: str) -> str:
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as reason:
+        line = raw.count(b"\n", 0, reason.start) + 1
+        raise RouteError(
+            f"{source}, line {line}: byte 0x{raw[reason.start]:02x} is not UTF-8; "
+            "save the file as UTF-8 text"
+        ) from reason
+
+
+def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    for number, line in enumerate(text.splitlines(), start=1):
+        stripped = line.strip()
+        if stripped and not stripped.startswith("#"):
+            yield number, next(csv.reader([stripped]))
+
+
+def _check_header(names: list[str], source: str, line: int, known: Sequence[str]) -> None:
+    for name in names:
+        if name not in known:
+            raise RouteError(
+                f"{source}, line {line}: unknown column {name!r}; allowed are {', '.join(known)}"
+            )
+        if names.count(name) > 1:
+            raise RouteError(
+                f"{source}, line {line}: column {name!r} appears {names.count(name)} times; "
+                "allowed is once"
+            )
+
+
+def _number(cell: str, source: str, line: int, column: str) -> float:
+    text = cell.strip()
+    where = f"{source}, line {line}, column {column}"
+    try:
+        # Python would read 1_000 as a number, no other tool does.
+        value = float(text.replace("_", "?"))
+    except ValueError:
+        raise RouteError(f"{where}: {text!r} is not a number; allowed is a plain decimal") from None
+    if not np.isfinite(value):
+        raise RouteError(f"{where}: {text!r} is not finite; allowed is a plain decimal")
+    return value

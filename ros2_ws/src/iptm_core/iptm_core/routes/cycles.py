@@ -1,0 +1,110 @@
+"""Published driving cycles at 1 Hz and the type that every cycle of the project has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+
+import numpy as np
+
+from iptm_core.errors import RouteError
+from iptm_core.routes.csv_table import parse_csv_table
+from iptm_core.routes.piecewise import cumulative_integral, read_only_nodes
+from iptm_core.state import FloatArray
+
+SPEED_COLUMNS_M_S = {"speed_m_s": 1.0, "speed_kmh": 1.0 / 3.6, "speed_mph": 0.44704}
+"""Permitted speed columns of a CSV file and the m/s in one of their units."""
+
+_SOURCES = {
+    "nycc": "EPA New York City Cycle, 598 s edition (40 CFR part 86, appendix I)",
+    "sc03": "EPA SC03 (40 CFR part 86, appendix I)",
+    "us06": "EPA US06 (40 CFR part 86, appendix I)",
+    "hwfet": "EPA highway fuel economy test (40 CFR part 600, appendix I)",
+    "udds": "EPA urban dynamometer driving schedule (40 CFR part 86, appendix I)",
+    "wltc_class3b": "WLTC class 3b (UN Global Technical Regulation No. 15)",
+}
+
+CYCLE_NAMES = tuple(_SOURCES)
+"""Names of the published cycles that `load_cycle` knows."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrivingCycle:
+    """A speed trace; between its samples speed is linear in time.
+
+    Attributes:
+        name: short name.
+        times_s: 0, 1, 2, ... s, shape (n,), n >= 2.
+        speeds_m_s: speeds at these times, shape (n,), never negative.
+        source: where the figures come from.
+
+    Raises:
+        RouteError: not 1 Hz from 0 s, fewer than two samples, or a negative or non-finite speed.
+    """
+
+    name: str
+    times_s: FloatArray
+    speeds_m_s: FloatArray
+    source: str
+
+    def __post_init__(self) -> None:
+        times, speeds = read_only_nodes(self.times_s, self.speeds_m_s, f"cycle {self.name}")
+        if times.size < 2 or not np.array_equal(times, np.arange(times.size)):
+            raise RouteError(
+                f"cycle {self.name}: {times.size} samples from {times[0]} s to {times[-1]} s; "
+                "at least two samples at 0, 1, 2, ... s are needed"
+            )
+        if np.any(speeds < 0.0):
+            bad = int(np.flatnonzero(speeds < 0.0)[0])
+            raise RouteError(
+                f"cycle {self.name}: speed {speeds[bad]} m/s at {times[bad]} s; allowed is >= 0"
+            )
+        object.__setattr__(self, "times_s", times)
+        object.__setattr__(self, "speeds_m_s", speeds)
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last sample."""
+        return float(self.times_s[-1])
+
+    @property
+    def distance_m(self) -> float:
+        """Distance of the whole cycle."""
+        return float(self.distances_m()[-1])
+
+    @property
+    def max_speed_m_s(self) -> float:
+        """Highest speed of the cycle."""
+        return float(np.max(self.speeds_m_s))
+
+    def distances_m(self) -> FloatArray:
+        """Distance travelled at every sample, shape (n,); the first is 0."""
+        return cumulative_integral(self.times_s, self.speeds_m_s)
+
+
+@cache
+def load_cycle(name: str) -> DrivingCycle:
+    """Load a published driving cycle.
+
+    Args:
+        name: one of `CYCLE_NAMES`.
+
+    Returns:
+        The cycle at 1 Hz, in m/s.
+
+    Raises:
+        RouteError: the name is unknown.
+    """
+    if name not in _SOURCES:
+        raise RouteError(f"unknown driving cycle {name!r}; allowed are {', '.join(CYCLE_NAMES)}")
+    file = resources.files("iptm_core.routes") / "data" / f"{name}.csv"
+    table = parse_csv_table(
+        file.read_text(encoding="utf-8"), f"{name}.csv", ("time_s", *SPEED_COLUMNS_M_S)
+    )
+    speeds = next(
+        table.columns[column] * factor
+        for column, factor in SPEED_COLUMNS_M_S.items()
+        if column in table.columns
+    )
+    return DrivingCycle(name, table.columns["time_s"], speeds, _SOURCES[name])

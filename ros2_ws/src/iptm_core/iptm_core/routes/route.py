@@ -1,0 +1,139 @@
+"""A route: what the leader drives, on which road, for how long."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from iptm_core.errors import RouteError
+from iptm_core.routes.comprehensive import comprehensive_cycle
+from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle
+from iptm_core.routes.hills import PEAK_GRADES, Hills
+from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.segment import RouteSegment
+from iptm_core.routes.slope import SlopeProfile
+from iptm_core.routes.smooth import smooth_cycle
+from iptm_core.routes.user_csv import read_user_cycle
+
+ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", "comprehensive")
+"""Cycle names that `build_route` knows; the path of a CSV file is welcome as well."""
+
+SLOPE_CHOICES = ("as_designed", "flat", *PEAK_GRADES)
+"""Slope choices of `build_route`."""
+
+SMOOTH_ROUTE_DURATION_S = 1800
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """Everything about the trip that lies outside the host vehicle.
+
+    Attributes:
+        name: cycle and slope, for tables.
+        leader: motion of the preceding vehicle; it goes on past ``duration_s`` if the trip is cut.
+        slope: road slope over position; position 0 is where the host starts.
+        duration_s: length of the trip.
+        segments: stretches in driving order, covering the whole cycle without gaps.
+        source: where the speed trace comes from.
+    """
+
+    name: str
+    leader: LeaderMotion
+    slope: SlopeProfile
+    duration_s: float
+    segments: tuple[RouteSegment, ...]
+    source: str
+
+
+def build_route(
+    cycle: str | Path = "wltc_class3b",
+    slope: str = "as_designed",
+    *,
+    initial_gap_m: float,
+    duration_s: float | None = None,
+) -> Route:
+    """Build a route from a driving cycle and a choice of slope.
+
+    Args:
+        cycle: one of `ROUTE_CYCLES`, or the path of a CSV file (see `iptm_core.routes.user_csv`).
+        slope: ``"as_designed"`` takes the road that belongs to the cycle (alternating hills for the
+            comprehensive cycle, the columns of a CSV file, level for the published cycles, which
+            are made for a dynamometer); ``"flat"``, ``"small"`` (2 % at the steepest) and
+            ``"large"`` (6 %) replace it.
+        initial_gap_m: distance from the host to the leader at t = 0.
+        duration_s: length of the trip; None takes the whole cycle. A shorter trip leaves the motion
+            of the leader as it is; in a longer one it stands still at the end.
+
+    Returns:
+        The route.
+
+    Raises:
+        RouteError: unknown cycle or slope, a gap or duration that is not positive, or a CSV file
+            that is not as it should be.
+    """
+    if slope not in SLOPE_CHOICES:
+        raise RouteError(f"unknown slope {slope!r}; allowed are {', '.join(SLOPE_CHOICES)}")
+    if not (np.isfinite(initial_gap_m) and initial_gap_m > 0.0):
+        raise RouteError(f"initial gap of {initial_gap_m} m; allowed is a positive distance")
+    if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0.0):
+        raise RouteError(f"trip of {duration_s} s; allowed is a positive duration")
+    trace, segments, profile = _designed(cycle)
+    if slope != "as_designed":
+        segments = tuple(replace(segment, slope_kind=slope) for segment in segments)
+        profile = _uniform_hills(segments, slope)
+    return Route(
+        name=f"{trace.name}, slope {slope}",
+        leader=LeaderMotion.from_cycle(trace, initial_gap_m),
+        slope=profile,
+        duration_s=float(trace.duration_s if duration_s is None else duration_s),
+        segments=segments,
+        source=trace.source,
+    )
+
+
+def _designed(cycle: str | Path) -> tuple[DrivingCycle, tuple[RouteSegment, ...], SlopeProfile]:
+    if isinstance(cycle, Path) or cycle.lower().endswith(".csv"):
+        trace, measured = read_user_cycle(Path(cycle))
+        if measured is None:
+            return trace, _single_segment(trace, "flat"), SlopeProfile.flat()
+        return trace, _single_segment(trace, "measured"), measured
+    if cycle == "comprehensive":
+        whole = comprehensive_cycle()
+        return whole.cycle, whole.segments, whole.slope_profile()
+    if cycle == "smooth":
+        trace = smooth_cycle(SMOOTH_ROUTE_DURATION_S)
+    elif cycle in CYCLE_NAMES:
+        trace = load_cycle(cycle)
+    else:
+        raise RouteError(
+            f"unknown driving cycle {cycle!r}; allowed are {', '.join(ROUTE_CYCLES)}, "
+            "or the path of a .csv file"
+        )
+    return trace, _single_segment(trace, "flat"), SlopeProfile.flat()
+
+
+def _single_segment(trace: DrivingCycle, slope_kind: str) -> tuple[RouteSegment, ...]:
+    return (
+        RouteSegment(
+            name=trace.name,
+            cycle=trace.name,
+            slope_kind=slope_kind,
+            start_s=0.0,
+            end_s=trace.duration_s,
+            start_m=0.0,
+            end_m=trace.distance_m,
+        ),
+    )
+
+
+def _uniform_hills(segments: tuple[RouteSegment, ...], kind: str) -> SlopeProfile:
+    if kind == "flat":
+        return SlopeProfile.flat()
+    return SlopeProfile.from_hills(
+        [
+            Hills(segment.start_m, segment.end_m - segment.start_m, PEAK_GRADES[kind], index)
+            for index, segment in enumerate(segments)
+        ]
+    )

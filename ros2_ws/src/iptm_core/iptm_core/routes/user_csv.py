@@ -1,0 +1,162 @@
+"""A user's own trip as CSV: speed over time, optionally with slope or height.
+
+Columns, in any order: ``time_s`` (any zero), exactly one of ``speed_m_s``, ``speed_kmh`` and
+``speed_mph``, and at most one of ``slope_percent`` (rise over run), ``slope_rad`` and
+``elevation_m``. Lines that start with ``#`` are comments.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from iptm_core.errors import RouteError
+from iptm_core.routes.csv_table import CsvTable, read_csv_table
+from iptm_core.routes.cycles import SPEED_COLUMNS_M_S, DrivingCycle
+from iptm_core.routes.piecewise import cumulative_integral, integral_at
+from iptm_core.routes.slope import MAX_GRADE, SlopeProfile
+from iptm_core.state import FloatArray
+
+ROAD_COLUMNS = ("slope_percent", "slope_rad", "elevation_m")
+
+MAX_SPEED_M_S = 100.0
+MAX_ACCELERATION_M_S2 = 12.0
+MAX_TIME_GAP_S = 60.0
+LAUNCH_ACCELERATION_M_S2 = 1.5
+"""Acceleration of the ramp put in front of a trace that starts at speed."""
+
+_ROAD_SPACING_M = 5.0
+_MAX_DISTANCE_CORRECTION = 0.02
+_WHOLE_SECOND_TOLERANCE_S = 1e-6
+
+
+def read_user_cycle(path: Path) -> tuple[DrivingCycle, SlopeProfile | None]:
+    """Read a trip from a CSV file and resample it to 1 Hz.
+
+    Speed is taken as linear between rows. Rows at whole seconds are kept exactly; otherwise the speed
+    is read at whole seconds and scaled (by 2 % at most) so that the distance stays that of the file.
+    A trip that starts at speed gets a launch ramp of 1.5 m/s^2 in front of it, because every run
+    starts at standstill.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The cycle, and the slope profile if the file has a road column (position 0 is the start of
+        the trip), otherwise None.
+
+    Raises:
+        RouteError: names file, line, column, value and what is allowed.
+    """
+    table = read_csv_table(path, ("time_s", *SPEED_COLUMNS_M_S, *ROAD_COLUMNS))
+    speed_column = _required_columns(table)
+    speeds = table.columns[speed_column] * SPEED_COLUMNS_M_S[speed_column]
+    times = table.columns["time_s"] - table.columns["time_s"][0]
+    _check_motion(table, speed_column, times, speeds)
+    launch_s = float(np.ceil(speeds[0] / LAUNCH_ACCELERATION_M_S2))
+    if launch_s > 0.0:
+        times = np.concatenate([[0.0], times + launch_s])
+        speeds = np.concatenate([[0.0], speeds])
+    source = f"file {path.name}" + (f", after a launch of {launch_s:g} s" if launch_s else "")
+    cycle = DrivingCycle(path.stem, *_resample(table.source, times, speeds), source)
+    distances = cumulative_integral(times, speeds)[-len(table.lines) :]
+    return cycle, _road(table, distances)
+
+
+def _required_columns(table: CsvTable) -> str:
+    """Check which columns are there and return the name of the speed column."""
+    if "time_s" not in table.columns:
+        raise RouteError(f"{table.source}: column time_s is missing; it is required")
+    speed_columns = [name for name in SPEED_COLUMNS_M_S if name in table.columns]
+    if len(speed_columns) != 1:
+        raise RouteError(
+            f"{table.source}: speed columns {speed_columns}; "
+            f"exactly one of {', '.join(SPEED_COLUMNS_M_S)} is required"
+        )
+    road_columns = [name for name in ROAD_COLUMNS if name in table.columns]
+    if len(road_columns) > 1:
+        raise RouteError(
+            f"{table.source}: road columns {road_columns}; "
+            f"at most one of {', '.join(ROAD_COLUMNS)} is allowed"
+        )
+    return speed_columns[0]
+
+
+def _check_motion(table: CsvTable, column: str, times: FloatArray, speeds: FloatArray) -> None:
+    factor = SPEED_COLUMNS_M_S[column]
+    for row in np.flatnonzero((speeds < 0.0) | (speeds > MAX_SPEED_M_S)):
+        raise table.error(int(row), column, f"0 to {MAX_SPEED_M_S / factor:.6g}")
+    steps = np.diff(times)
+    for row in np.flatnonzero(steps <= 0.0):
+        raise table.error(int(row) + 1, "time_s", "more than in the row before")
+    for row in np.flatnonzero(steps > MAX_TIME_GAP_S):
+        raise table.error(
+            int(row) + 1, "time_s", f"at most {MAX_TIME_GAP_S:g} s after the row before"
+        )
+    if times[-1] < 2.0:
+        raise RouteError(
+            f"{table.source}: the trip lasts {times[-1]:g} s in {times.size} rows; "
+            "at least 2 s are needed"
+        )
+    accelerations = np.diff(speeds) / steps
+    for row in np.flatnonzero(np.abs(accelerations) > MAX_ACCELERATION_M_S2):
+        raise table.error(
+            int(row) + 1,
+            column,
+            f"a change of at most {MAX_ACCELERATION_M_S2:g} m/s^2 from the row before, "
+            f"this is {accelerations[row]:.3g} m/s^2",
+        )
+
+
+def _resample(source: str, times: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Turn any trace that starts at 0 s into one at 1 Hz with the same distance."""
+    # A trip that ends at standstill stands until the next whole second; one that ends at speed is
+    # cut at the last whole second, where the leader starts to brake.
+    end_s = np.ceil(times[-1]) if speeds[-1] == 0.0 else np.floor(times[-1])
+    seconds = np.arange(int(end_s) + 1, dtype=np.float64)
+    sampled = np.interp(seconds, times, speeds)
+    if np.all(np.abs(times - np.round(times)) < _WHOLE_SECOND_TOLERANCE_S):
+        return seconds, sampled
+    distance = float(
+        integral_at(
+            np.asarray(min(end_s, times[-1])), times, speeds, cumulative_integral(times, speeds)
+        )
+    )
+    sampled_distance = float(cumulative_integral(seconds, sampled)[-1])
+    if abs(sampled_distance - distance) > _MAX_DISTANCE_CORRECTION * distance:
+        raise RouteError(
+            f"{source}: read at 1 Hz the trip covers {sampled_distance:.1f} m instead of "
+            f"{distance:.1f} m; allowed is a difference of {100 * _MAX_DISTANCE_CORRECTION:g} %, "
+            "speed must not change faster than from one second to the next"
+        )
+    return seconds, sampled * (distance / sampled_distance if distance > 0.0 else 1.0)
+
+
+def _road(table: CsvTable, distances: FloatArray) -> SlopeProfile | None:
+    if "elevation_m" in table.columns:
+        positions, heights = _by_position(distances, table.columns["elevation_m"])
+        try:
+            return SlopeProfile.from_elevations(positions, heights)
+        except RouteError as reason:
+            raise RouteError(f"{table.source}, column elevation_m: {reason}") from reason
+    for column in ("slope_percent", "slope_rad"):
+        if column in table.columns:
+            values = table.columns[column]
+            percent = column == "slope_percent"
+            limit = 100.0 * MAX_GRADE if percent else float(np.arctan(MAX_GRADE))
+            for row in np.flatnonzero(np.abs(values) > limit):
+                raise table.error(int(row), column, f"-{limit:.6g} to {limit:.6g}")
+            slopes = np.arctan(values / 100.0) if percent else values
+            return SlopeProfile(*_by_position(distances, slopes))
+    return None
+
+
+def _by_position(distances: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Average rows that lie within the same few metres, as at a standstill or at walking pace."""
+    bins = np.floor(distances / _ROAD_SPACING_M).astype(np.int64)
+    _, index, counts = np.unique(bins, return_inverse=True, return_counts=True)
+    return (
+        np.bincount(index, weights=distances) / counts,
+        np.bincount(index, weights=values) / counts,
+    )

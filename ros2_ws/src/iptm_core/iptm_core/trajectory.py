@@ -1,0 +1,132 @@
+"""A finished run: one row per tick."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from iptm_core.errors import StateError
+from iptm_core.state import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Everything that happened in a run, as arrays of equal length, shape (n,), read-only.
+
+    Row k holds the state at t_k and what happened over the interval that ended at t_k: the
+    actuated commands and the mean powers. Row 0 ends no interval: its powers are zero by
+    definition, and its acceleration and compressor power are those the run started from.
+
+    Attributes:
+        time_s: instants t_k, strictly increasing.
+        position_m: host position along the road.
+        speed_m_s: host speed.
+        acceleration_m_s2: acceleration actuated over the interval.
+        compressor_power_w: compressor power actuated over the interval (P_cp).
+        cell_1_temperature_k: temperature of the first cell of a coolant channel.
+        cell_n_temperature_k: temperature of the last cell of a coolant channel.
+        cell_1_capacity_loss: capacity loss of the first cell, fraction of nominal.
+        cell_n_capacity_loss: capacity loss of the last cell, fraction of nominal.
+        coolant_inlet_temperature_k: coolant entering the pack.
+        coolant_outlet_temperature_k: coolant leaving the pack.
+        traction_power_w: mean traction power (P_tra), negative when recuperating.
+        auxiliary_power_w: mean auxiliary power (P_aux).
+        battery_power_w: mean pack power (P_b), positive when discharging.
+        chiller_heat_w: mean heat taken from the coolant (Q_co).
+        leader_position_m: rear bumper of the preceding vehicle.
+        leader_speed_m_s: speed of the preceding vehicle.
+
+    Raises:
+        StateError: arrays of different length, none at all, values that are not finite, or times
+            that do not increase.
+    """
+
+    time_s: FloatArray
+    position_m: FloatArray
+    speed_m_s: FloatArray
+    acceleration_m_s2: FloatArray
+    compressor_power_w: FloatArray
+    cell_1_temperature_k: FloatArray
+    cell_n_temperature_k: FloatArray
+    cell_1_capacity_loss: FloatArray
+    cell_n_capacity_loss: FloatArray
+    coolant_inlet_temperature_k: FloatArray
+    coolant_outlet_temperature_k: FloatArray
+    traction_power_w: FloatArray
+    auxiliary_power_w: FloatArray
+    battery_power_w: FloatArray
+    chiller_heat_w: FloatArray
+    leader_position_m: FloatArray
+    leader_speed_m_s: FloatArray
+
+    def __post_init__(self) -> None:
+        rows = np.size(self.time_s)
+        for name in TRAJECTORY_COLUMNS:
+            values = np.array(getattr(self, name), dtype=np.float64)
+            if values.ndim != 1 or values.size != rows or rows == 0:
+                raise StateError(
+                    f"trajectory: {name} has shape {values.shape}; allowed is one value per "
+                    f"instant, ({rows},), and at least one"
+                )
+            if not np.all(np.isfinite(values)):
+                row = int(np.flatnonzero(~np.isfinite(values))[0])
+                raise StateError(
+                    f"trajectory: {name} is {values[row]} in row {row}; allowed is a finite value"
+                )
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        steps = np.diff(self.time_s)
+        if np.any(steps <= 0.0):
+            row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
+            raise StateError(
+                f"trajectory: time_s is {self.time_s[row]} in row {row} after "
+                f"{self.time_s[row - 1]}; allowed are increasing times"
+            )
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return int(self.time_s.size)
+
+    @property
+    def gap_m(self) -> FloatArray:
+        """Distance from the host to the leader at every instant, shape (n,)."""
+        gap: FloatArray = self.leader_position_m - self.position_m
+        return gap
+
+    @property
+    def intervals_s(self) -> FloatArray:
+        """Length of the intervals that end at rows 1 to n - 1, shape (n - 1,)."""
+        return np.diff(self.time_s)
+
+    def to_arrays(self) -> dict[str, FloatArray]:
+        """Columns by name, in the order of `TRAJECTORY_COLUMNS`."""
+        return {name: getattr(self, name) for name in TRAJECTORY_COLUMNS}
+
+    @classmethod
+    def from_arrays(cls, columns: Mapping[str, ArrayLike]) -> Trajectory:
+        """Build a trajectory from named columns.
+
+        Args:
+            columns: exactly the names of `TRAJECTORY_COLUMNS`, each of shape (n,).
+
+        Returns:
+            The trajectory; it holds copies.
+
+        Raises:
+            StateError: missing or unknown names, or as for the constructor.
+        """
+        missing = [name for name in TRAJECTORY_COLUMNS if name not in columns]
+        unknown = [name for name in columns if name not in TRAJECTORY_COLUMNS]
+        if missing or unknown:
+            raise StateError(
+                f"trajectory: columns missing {missing}, unknown {unknown}; "
+                f"needed are exactly {', '.join(TRAJECTORY_COLUMNS)}"
+            )
+        return cls(**{name: np.asarray(columns[name], dtype=np.float64) for name in columns})
+
+
+TRAJECTORY_COLUMNS = tuple(entry.name for entry in fields(Trajectory))
+"""Names of the columns of a `Trajectory`."""
