@@ -1,0 +1,50 @@
+"""Energy rows of the paper's results table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from iptm_core.metrics.time_integrals import integral_of_interval_means
+from iptm_core.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class EnergyMetrics:
+    """Energies of a run in joules.
+
+    Attributes:
+        cooling_j: integral of P_cp + P_aux.
+        traction_j: integral of P_tra, recuperation counted negative.
+        total_printed_j: traction + cooling, which is what the six totals printed in the paper are.
+        battery_j: integral of P_b, which is how the paper labels that row.
+        mean_cop: heat taken from the coolant per compressor energy over the whole run; None if the
+            compressor never ran.
+    """
+
+    cooling_j: float
+    traction_j: float
+    total_printed_j: float
+    battery_j: float
+    mean_cop: float | None
+
+
+def energy_metrics(trajectory: Trajectory) -> EnergyMetrics:
+    """Integrate the powers of a run.
+
+    Args:
+        trajectory: the run.
+
+    Returns:
+        Its energies.
+    """
+    compressor = integral_of_interval_means(trajectory, trajectory.compressor_power_w)
+    auxiliary = integral_of_interval_means(trajectory, trajectory.auxiliary_power_w)
+    traction = integral_of_interval_means(trajectory, trajectory.traction_power_w)
+    heat = integral_of_interval_means(trajectory, trajectory.chiller_heat_w)
+    return EnergyMetrics(
+        cooling_j=compressor + auxiliary,
+        traction_j=traction,
+        total_printed_j=traction + compressor + auxiliary,
+        battery_j=integral_of_interval_means(trajectory, trajectory.battery_power_w),
+        mean_cop=heat / compressor if compressor > 0.0 else None,
+    )
