@@ -1,0 +1,94 @@
+"""Pure functions between the project's dataclasses and ROS messages, checked on decoding."""
+
+from iptm_interfaces.codecs.battery import (
+    BatteryReading,
+    IntervalPowers,
+    decode_battery,
+    decode_powers,
+    encode_battery,
+    encode_powers,
+)
+from iptm_interfaces.codecs.command import (
+    SolveReport,
+    decode_command,
+    decode_solve_report,
+    encode_command,
+    encode_solve_report,
+)
+from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
+from iptm_interfaces.codecs.plan import PlanTrajectory, decode_plan, encode_plan
+from iptm_interfaces.codecs.preview import (
+    decode_leader_preview,
+    decode_slope,
+    empty_leader_preview,
+    encode_leader_preview,
+    encode_slope,
+)
+from iptm_interfaces.codecs.preview_wire import (
+    decode_leader_preview_bytes,
+    encode_leader_preview_bytes,
+)
+from iptm_interfaces.codecs.time import (
+    duration_from_ns,
+    ns_from_duration,
+    ns_from_s,
+    ns_from_time,
+    s_from_ns,
+    s_from_time,
+    time_from_ns,
+    time_from_s,
+)
+from iptm_interfaces.codecs.vehicle import (
+    decode_capacity_loss,
+    decode_leader,
+    decode_temperature,
+    decode_vehicle_state,
+    encode_acceleration,
+    encode_capacity_loss,
+    encode_host_odometry,
+    encode_leader,
+    encode_temperature,
+)
+
+__all__ = [
+    "BatteryReading",
+    "IntervalPowers",
+    "PlanTrajectory",
+    "SolveReport",
+    "decode_battery",
+    "decode_capacity_loss",
+    "decode_command",
+    "decode_leader",
+    "decode_leader_preview",
+    "decode_leader_preview_bytes",
+    "decode_named_values",
+    "decode_plan",
+    "decode_powers",
+    "decode_slope",
+    "decode_solve_report",
+    "decode_temperature",
+    "decode_vehicle_state",
+    "duration_from_ns",
+    "empty_leader_preview",
+    "encode_acceleration",
+    "encode_battery",
+    "encode_capacity_loss",
+    "encode_command",
+    "encode_host_odometry",
+    "encode_leader",
+    "encode_leader_preview",
+    "encode_leader_preview_bytes",
+    "encode_named_values",
+    "encode_plan",
+    "encode_powers",
+    "encode_slope",
+    "encode_solve_report",
+    "encode_temperature",
+    "ns_from_duration",
+    "ns_from_s",
+    "ns_from_time",
+    "s_from_ns",
+    "s_from_time",
+    "time_from_ns",
+    "time_from_s",
+]

@@ -1,0 +1,149 @@
+"""The pack as seen at its terminals, and the mean powers of one interval."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple, dataclass
+
+from sensor_msgs.msg import BatteryState, JointState
+
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_interfaces.codecs._checks import finite, not_negative, reject
+from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
+from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_s
+from iptm_interfaces.topics import PACK_FRAME, Topic
+
+_CELLS = 2
+
+
+@dataclass(frozen=True)
+class IntervalPowers:
+    """Mean powers over the interval that ended at `time_s`, in watts.
+
+    Attributes:
+        time_s: end of the interval, trip time.
+        traction_power_w: drawn by the motor; negative when regenerating.
+        compressor_power_w: drawn by the compressor, never negative.
+        auxiliary_power_w: drawn by the auxiliaries.
+        battery_power_w: delivered by the cells, positive when discharging.
+        chiller_heat_w: heat taken from the coolant, positive when cooling.
+    """
+
+    time_s: float
+    traction_power_w: float
+    compressor_power_w: float
+    auxiliary_power_w: float
+    battery_power_w: float
+    chiller_heat_w: float
+
+
+@dataclass(frozen=True)
+class BatteryReading:
+    """Terminal values of the pack and of cells 1 and N_c of a coolant channel.
+
+    The message holds 32-bit floats: good for plots, not for control. What is not measured is NaN.
+
+    Attributes:
+        time_s: trip time.
+        pack_voltage_v: terminal voltage.
+        pack_current_a: positive when discharging (sign of the paper; the message has the
+            opposite sign).
+        cell_voltages_v: of cell 1 and cell N_c.
+        cell_temperatures_k: of cell 1 and cell N_c.
+        charge_ah: charge left.
+        capacity_ah: capacity at present, aged.
+        design_capacity_ah: nominal capacity.
+    """
+
+    time_s: float
+    pack_voltage_v: float
+    pack_current_a: float
+    cell_voltages_v: tuple[float, float]
+    cell_temperatures_k: tuple[float, float]
+    charge_ah: float = math.nan
+    capacity_ah: float = math.nan
+    design_capacity_ah: float = math.nan
+
+
+def encode_powers(powers: IntervalPowers) -> JointState:
+    """Return the mean powers of one interval (W)."""
+    values = astuple(powers)[1:]
+    return encode_named_values(Topic.PLANT_POWERS, ns_from_s(powers.time_s), values)
+
+
+def decode_powers(message: JointState) -> IntervalPowers:
+    """Return the mean powers of one interval (W).
+
+    Raises:
+        MessageError: a power is missing or not finite, or the compressor power is negative.
+    """
+    values = decode_named_values(Topic.PLANT_POWERS, message)
+    powers = IntervalPowers(s_from_ns(ns_from_time(message.header.stamp)), *values)
+    not_negative(Topic.PLANT_POWERS, "compressor_power_w", powers.compressor_power_w)
+    return powers
+
+
+def encode_battery(reading: BatteryReading) -> BatteryState:
+    """Return the pack's terminal values, the current with the sign of ROS."""
+    current_a = -float(reading.pack_current_a)
+    temperatures_c = [float(t) - CELSIUS_ZERO_K for t in reading.cell_temperatures_k]
+    message = BatteryState(
+        voltage=float(reading.pack_voltage_v),
+        current=current_a,
+        temperature=sum(temperatures_c) / len(temperatures_c),
+        charge=float(reading.charge_ah),
+        capacity=float(reading.capacity_ah),
+        design_capacity=float(reading.design_capacity_ah),
+        percentage=float(reading.charge_ah / reading.capacity_ah),
+        power_supply_status=_supply_status(current_a),
+        power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_GOOD,
+        power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_LION,
+        present=True,
+        cell_voltage=[float(v) for v in reading.cell_voltages_v],
+        cell_temperature=temperatures_c,
+        location=PACK_FRAME,
+    )
+    message.header.stamp = time_from_s(reading.time_s)
+    message.header.frame_id = PACK_FRAME
+    return message
+
+
+def _supply_status(ros_current_a: float) -> int:
+    if ros_current_a < 0.0:
+        return int(BatteryState.POWER_SUPPLY_STATUS_DISCHARGING)
+    if ros_current_a > 0.0:
+        return int(BatteryState.POWER_SUPPLY_STATUS_CHARGING)
+    return int(BatteryState.POWER_SUPPLY_STATUS_NOT_CHARGING)
+
+
+def decode_battery(message: BatteryState) -> BatteryReading:
+    """Return the pack's terminal values, the current positive when discharging.
+
+    Raises:
+        MessageError: voltage, current, a cell voltage or a cell temperature is not finite, or
+            there are not exactly two cells.
+    """
+    topic = Topic.PLANT_BATTERY
+    for name, cells in (
+        ("cell_voltage", message.cell_voltage),
+        ("cell_temperature", message.cell_temperature),
+    ):
+        if len(cells) != _CELLS:
+            reject(topic, f"{name} has {len(cells)} entries; allowed: 2 (cell 1 and cell N)")
+        for value in cells:
+            finite(topic, name, value)
+    cell_1_c, cell_n_c = message.cell_temperature
+    cell_1_v, cell_n_v = message.cell_voltage
+    return BatteryReading(
+        time_s=s_from_ns(ns_from_time(message.header.stamp)),
+        pack_voltage_v=finite(topic, "voltage", message.voltage),
+        pack_current_a=-finite(topic, "current", message.current),
+        cell_voltages_v=(float(cell_1_v), float(cell_n_v)),
+        cell_temperatures_k=(
+            float(cell_1_c) + CELSIUS_ZERO_K,
+            float(cell_n_c) + CELSIUS_ZERO_K,
+        ),
+        charge_ah=message.charge,
+        capacity_ah=message.capacity,
+        design_capacity_ah=message.design_capacity,
+    )

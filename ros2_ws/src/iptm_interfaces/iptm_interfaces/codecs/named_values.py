@@ -1,0 +1,76 @@
+"""Named values: a stamped vector of named float64 numbers in a `sensor_msgs/JointState`.
+
+`position[]` carries the numbers whatever their unit; the names carry the units.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from sensor_msgs.msg import JointState
+
+from iptm_interfaces.codecs._checks import reject
+from iptm_interfaces.codecs.time import time_from_ns
+from iptm_interfaces.topics import TOPICS, Topic
+
+_NAMES: dict[Topic, list[str]] = {
+    topic: list(spec.field_names)
+    for topic, spec in TOPICS.items()
+    if spec.message_type is JointState
+}
+
+
+def encode_named_values(topic: Topic, stamp_ns: int, values: Sequence[float]) -> JointState:
+    """Return the message of a named-values topic.
+
+    Args:
+        topic: a topic of type `sensor_msgs/JointState`; it fixes the names and their order.
+        stamp_ns: stamp in integer nanoseconds.
+        values: one number per name, in the order of the topic table.
+
+    Raises:
+        MessageError: the number of values differs from the number of names.
+    """
+    names = _NAMES[topic]
+    if len(values) != len(names):
+        reject(topic, f"{len(values)} values given; allowed: {len(names)} ({', '.join(names)})")
+    message = JointState(name=names, position=[float(value) for value in values])
+    message.header.stamp = time_from_ns(stamp_ns)
+    message.header.frame_id = TOPICS[topic].frame
+    return message
+
+
+def decode_named_values(
+    topic: Topic, message: JointState, optional: frozenset[str] = frozenset()
+) -> tuple[float, ...]:
+    """Return the numbers of a named-values message in the order of the topic table.
+
+    The sender may use another order and send more names; unknown names are ignored.
+
+    Args:
+        topic: a topic of type `sensor_msgs/JointState`.
+        message: the message received.
+        optional: names whose value may be NaN or infinite, for unknown.
+
+    Raises:
+        MessageError: names and values differ in number, a name is missing or a value not finite.
+    """
+    expected = _NAMES[topic]
+    names: list[str] = message.name
+    positions = message.position
+    if len(positions) != len(names):
+        reject(topic, f"{len(names)} names but {len(positions)} values")
+    values: tuple[float, ...]
+    if names == expected:
+        values = tuple(positions)
+    else:
+        by_name = dict(zip(names, positions, strict=True))
+        missing = [name for name in expected if name not in by_name]
+        if missing:
+            reject(topic, f"missing {', '.join(missing)}; got {', '.join(names) or 'no names'}")
+        values = tuple(by_name[name] for name in expected)
+    for name, value in zip(expected, values, strict=True):
+        if not math.isfinite(value) and name not in optional:
+            reject(topic, f"{name} is {value}; allowed: a finite number")
+    return values

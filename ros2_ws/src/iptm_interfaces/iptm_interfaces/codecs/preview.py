@@ -1,0 +1,187 @@
+"""What lies ahead: the predicted motion of the leader and the slope of the road.
+
+A prediction carries two times: the stamp of its publication and the instant of its generation, which
+is the time of its first point. `codecs/preview_wire.py` does the same as the functions here, faster,
+on serialised bytes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from iptm_core.errors import MessageError
+from iptm_core.state import FloatArray, LeaderPreview, SlopePreview
+from iptm_interfaces.codecs._checks import all_finite, increasing, reject
+from iptm_interfaces.codecs.time import (
+    duration_from_ns,
+    ns_from_duration,
+    ns_from_time,
+    time_from_ns,
+)
+from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
+
+PREVIEW_NAMES = list(TOPICS[Topic.LEADER_PREVIEW].field_names)
+NEVER_S = -math.inf
+"""`generated_at_s` of the empty preview: its age is infinite."""
+_SLOPE_LABEL = ", ".join(TOPICS[Topic.SLOPE].field_names)
+_TOPIC = Topic.LEADER_PREVIEW
+
+
+def empty_leader_preview() -> LeaderPreview:
+    """Return the preview that means "no prediction received yet"."""
+    return LeaderPreview(NEVER_S, np.empty(0), np.empty(0), np.empty(0))
+
+
+def encode_leader_preview(preview: LeaderPreview, stamp_ns: int) -> JointTrajectory:
+    """Return a prediction as a message.
+
+    Args:
+        preview: prediction, n nodes; may be empty.
+        stamp_ns: instant of publication; never changes the instant of generation.
+
+    Raises:
+        MessageError: the arrays differ in length, or the first node is not the generation.
+    """
+    points = []
+    columns = zip(
+        offsets_ns(preview, stamp_ns).tolist(),
+        preview.positions_m.tolist(),
+        preview.speeds_m_s.tolist(),
+        strict=True,
+    )
+    for offset_ns, position_m, speed_m_s in columns:
+        points.append(
+            JointTrajectoryPoint(
+                positions=[position_m],
+                velocities=[speed_m_s],
+                time_from_start=duration_from_ns(offset_ns),
+            )
+        )
+    message = JointTrajectory(joint_names=PREVIEW_NAMES, points=points)
+    message.header.stamp = time_from_ns(stamp_ns)
+    message.header.frame_id = ROAD_FRAME
+    return message
+
+
+def offsets_ns(preview: LeaderPreview, stamp_ns: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Return the node times relative to the stamp in integer nanoseconds, shape (n,).
+
+    Raises:
+        MessageError: the arrays differ in length, a time is not finite, or the first node is not
+            the instant of generation.
+    """
+    count = preview.times_s.size
+    if preview.positions_m.size != count or preview.speeds_m_s.size != count:
+        sizes = f"{count}, {preview.positions_m.size}, {preview.speeds_m_s.size}"
+        reject(_TOPIC, f"times, positions and speeds have {sizes} entries; allowed: equal numbers")
+    if count == 0:
+        return np.empty(0, dtype=np.int64)
+    all_finite(_TOPIC, "times", preview.times_s)
+    if preview.times_s[0] != preview.generated_at_s:
+        reject(
+            _TOPIC,
+            f"first node lies at {preview.times_s[0]} s; allowed: the instant of generation, "
+            f"{preview.generated_at_s} s",
+        )
+    absolute: np.ndarray[tuple[int], np.dtype[np.int64]] = np.rint(preview.times_s * 1e9).astype(
+        np.int64
+    )
+    return absolute - stamp_ns
+
+
+def decode_leader_preview(message: JointTrajectory) -> tuple[int, LeaderPreview]:
+    """Return the stamp (ns) and the prediction.
+
+    Raises:
+        MessageError: wrong joint name, a point without exactly one position and one velocity, a
+            value that is not finite, times that do not increase, a negative speed, a leader that
+            drives backwards, or a generation after the publication.
+    """
+    stamp_ns = ns_from_time(message.header.stamp)
+    if message.joint_names != PREVIEW_NAMES:
+        reject(_TOPIC, f"joint_names are {message.joint_names}; allowed: {PREVIEW_NAMES}")
+    points = message.points
+    for index, point in enumerate(points):
+        if len(point.positions) != 1 or len(point.velocities) != 1:
+            reject(
+                _TOPIC,
+                f"point {index} has {len(point.positions)} positions and {len(point.velocities)} "
+                "velocities; allowed: one of each",
+            )
+    preview = build_leader_preview(
+        stamp_ns,
+        np.array([ns_from_duration(point.time_from_start) for point in points], dtype=np.int64),
+        np.array([point.positions[0] for point in points], dtype=np.float64),
+        np.array([point.velocities[0] for point in points], dtype=np.float64),
+    )
+    return stamp_ns, preview
+
+
+def build_leader_preview(
+    stamp_ns: int,
+    node_offsets_ns: np.ndarray[tuple[int], np.dtype[np.int64]],
+    positions_m: FloatArray,
+    speeds_m_s: FloatArray,
+) -> LeaderPreview:
+    """Return a checked prediction from decoded arrays, shape (n,) each.
+
+    Raises:
+        MessageError: see `decode_leader_preview`.
+    """
+    if node_offsets_ns.size == 0:
+        return empty_leader_preview()
+    if node_offsets_ns[0] > 0:
+        reject(
+            _TOPIC,
+            f"generated {node_offsets_ns[0]} ns after its publication; allowed: at most 0",
+        )
+    times_s = (node_offsets_ns + stamp_ns) / 1e9
+    increasing(_TOPIC, "times", times_s)
+    all_finite(_TOPIC, "positions", positions_m)
+    all_finite(_TOPIC, "speeds", speeds_m_s)
+    if float(speeds_m_s.min()) < 0.0:
+        reject(_TOPIC, f"speed is {speeds_m_s.min()} m/s; allowed: at least 0")
+    if positions_m.size > 1 and float((positions_m[1:] - positions_m[:-1]).min()) < 0.0:
+        reject(_TOPIC, "positions decrease; allowed: a leader that never drives backwards")
+    return LeaderPreview(float(times_s[0]), times_s, positions_m, speeds_m_s)
+
+
+def encode_slope(slope: SlopePreview) -> Float64MultiArray:
+    """Return the slope over position as a 2 x N array: positions (m), then slopes (rad)."""
+    count = int(slope.positions_m.size)
+    message = Float64MultiArray()
+    message.layout.dim = [
+        MultiArrayDimension(label=_SLOPE_LABEL, size=2, stride=2 * count),
+        MultiArrayDimension(label="node", size=count, stride=count),
+    ]
+    message.data = np.concatenate((slope.positions_m, slope.slopes_rad)).tolist()
+    return message
+
+
+def decode_slope(message: Float64MultiArray) -> SlopePreview:
+    """Return the slope over position.
+
+    Raises:
+        MessageError: the layout is not 2 x N, there is no node, a value is not finite, the
+            positions do not increase, or a slope is as steep as a wall.
+    """
+    topic = Topic.SLOPE
+    sizes = [int(dimension.size) for dimension in message.layout.dim]
+    if len(sizes) != 2 or sizes[0] != 2 or sizes[1] < 1:
+        reject(topic, f"layout is {sizes}; allowed: [2, N] with N at least 1")
+    if message.layout.data_offset != 0 or len(message.data) != 2 * sizes[1]:
+        reject(topic, f"{len(message.data)} values; allowed: {2 * sizes[1]} without offset")
+    values = np.array(message.data, dtype=np.float64)
+    positions_m, slopes_rad = values[: sizes[1]], values[sizes[1] :]
+    all_finite(topic, "positions", positions_m)
+    all_finite(topic, "slopes", slopes_rad)
+    increasing(topic, "positions", positions_m)
+    if float(np.abs(slopes_rad).max()) >= math.pi / 2.0:
+        raise MessageError(
+            f"{topic.value}: slope is {np.abs(slopes_rad).max()} rad; allowed: below pi/2"
+        )
+    return SlopePreview(positions_m, slopes_rad)

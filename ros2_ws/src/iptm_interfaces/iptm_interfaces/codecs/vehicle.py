@@ -1,0 +1,145 @@
+"""Motion and thermal state of the host, and motion of the leader.
+
+The host's state travels in six messages of one stamp (odometry, acceleration, two temperatures,
+powers, capacity loss); `decode_vehicle_state` puts them together again. Temperatures are degrees
+Celsius on the wire, so kelvin values come back within one rounding step (6e-14 K).
+"""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import AccelStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState, Temperature
+
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.state import LeaderState, VehicleState
+from iptm_interfaces.codecs._checks import finite, not_negative, reject
+from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
+from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_s
+from iptm_interfaces.topics import HOST_FRAME, LEADER_FRAME, PACK_FRAME, ROAD_FRAME, Topic
+
+
+def _encode_motion(time_s: float, position_m: float, speed_m_s: float, body: str) -> Odometry:
+    message = Odometry(child_frame_id=body)
+    message.header.stamp = time_from_s(time_s)
+    message.header.frame_id = ROAD_FRAME
+    message.pose.pose.position.x = float(position_m)
+    message.twist.twist.linear.x = float(speed_m_s)
+    return message
+
+
+def _decode_motion(topic: Topic, message: Odometry) -> tuple[float, float]:
+    position_m = finite(topic, "position", message.pose.pose.position.x)
+    speed_m_s = not_negative(topic, "speed", message.twist.twist.linear.x)
+    return position_m, speed_m_s
+
+
+def encode_host_odometry(state: VehicleState) -> Odometry:
+    """Return the host's position (m) and speed (m/s)."""
+    return _encode_motion(state.time_s, state.position_m, state.speed_m_s, HOST_FRAME)
+
+
+def encode_leader(state: LeaderState) -> Odometry:
+    """Return the leader's position (m) and speed (m/s)."""
+    return _encode_motion(state.time_s, state.position_m, state.speed_m_s, LEADER_FRAME)
+
+
+def decode_leader(message: Odometry) -> LeaderState:
+    """Return the leader's state.
+
+    Raises:
+        MessageError: position or speed is not finite, or the speed is negative.
+    """
+    position_m, speed_m_s = _decode_motion(Topic.LEADER, message)
+    return LeaderState(s_from_ns(ns_from_time(message.header.stamp)), position_m, speed_m_s)
+
+
+def encode_acceleration(state: VehicleState) -> AccelStamped:
+    """Return the acceleration actuated over the interval that ended at the stamp (m/s^2)."""
+    message = AccelStamped()
+    message.header.stamp = time_from_s(state.time_s)
+    message.header.frame_id = HOST_FRAME
+    message.accel.linear.x = float(state.acceleration_m_s2)
+    return message
+
+
+def encode_temperature(time_s: float, temperature_k: float) -> Temperature:
+    """Return a temperature; kelvin in, degrees Celsius on the wire. Its variance is unknown (0)."""
+    message = Temperature(temperature=float(temperature_k) - CELSIUS_ZERO_K)
+    message.header.stamp = time_from_s(time_s)
+    message.header.frame_id = PACK_FRAME
+    return message
+
+
+def decode_temperature(topic: Topic, message: Temperature) -> float:
+    """Return a temperature in kelvin.
+
+    Raises:
+        MessageError: it is not finite or below absolute zero.
+    """
+    temperature_k: float = message.temperature + CELSIUS_ZERO_K
+    return not_negative(topic, "absolute temperature", temperature_k)
+
+
+def encode_capacity_loss(state: VehicleState) -> JointState:
+    """Return the capacity losses of cell 1 and cell N_c (fractions of nominal)."""
+    values = (state.cell_1_capacity_loss, state.cell_n_capacity_loss)
+    return encode_named_values(Topic.PLANT_CAPACITY_LOSS, ns_from_s(state.time_s), values)
+
+
+def decode_capacity_loss(message: JointState) -> tuple[float, float]:
+    """Return the capacity losses of cell 1 and cell N_c (fractions of nominal).
+
+    Raises:
+        MessageError: a loss is missing, not finite or outside 0 to 1.
+    """
+    cell_1, cell_n = decode_named_values(Topic.PLANT_CAPACITY_LOSS, message)
+    for name, value in (("cell_1_capacity_loss", cell_1), ("cell_n_capacity_loss", cell_n)):
+        if not 0.0 <= value <= 1.0:
+            reject(Topic.PLANT_CAPACITY_LOSS, f"{name} is {value}; allowed: 0 to 1")
+    return cell_1, cell_n
+
+
+def decode_vehicle_state(
+    odometry: Odometry,
+    acceleration: AccelStamped,
+    cell_1_temperature: Temperature,
+    cell_n_temperature: Temperature,
+    powers: JointState,
+    capacity_loss: JointState,
+) -> VehicleState:
+    """Put the host's state together from the six messages of one stamp.
+
+    Raises:
+        MessageError: the stamps differ or one of the messages breaks its promise.
+    """
+    stamp_ns = ns_from_time(odometry.header.stamp)
+    for topic, other in (
+        (Topic.PLANT_ACCELERATION, acceleration),
+        (Topic.PLANT_CELL_1_TEMPERATURE, cell_1_temperature),
+        (Topic.PLANT_CELL_N_TEMPERATURE, cell_n_temperature),
+        (Topic.PLANT_POWERS, powers),
+        (Topic.PLANT_CAPACITY_LOSS, capacity_loss),
+    ):
+        other_ns = ns_from_time(other.header.stamp)
+        if other_ns != stamp_ns:
+            reject(topic, f"stamp is {other_ns} ns; the odometry of this state has {stamp_ns} ns")
+    position_m, speed_m_s = _decode_motion(Topic.PLANT_ODOMETRY, odometry)
+    acceleration_m_s2 = finite(
+        Topic.PLANT_ACCELERATION, "acceleration", acceleration.accel.linear.x
+    )
+    compressor_power_w = decode_named_values(Topic.PLANT_POWERS, powers)[1]
+    cell_1_loss, cell_n_loss = decode_capacity_loss(capacity_loss)
+    return VehicleState(
+        time_s=s_from_ns(stamp_ns),
+        position_m=position_m,
+        speed_m_s=speed_m_s,
+        acceleration_m_s2=acceleration_m_s2,
+        compressor_power_w=not_negative(
+            Topic.PLANT_POWERS, "compressor_power_w", compressor_power_w
+        ),
+        cell_1_temperature_k=decode_temperature(Topic.PLANT_CELL_1_TEMPERATURE, cell_1_temperature),
+        cell_n_temperature_k=decode_temperature(Topic.PLANT_CELL_N_TEMPERATURE, cell_n_temperature),
+        cell_1_capacity_loss=cell_1_loss,
+        cell_n_capacity_loss=cell_n_loss,
+    )
