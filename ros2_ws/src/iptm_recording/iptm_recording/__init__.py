@@ -1,0 +1,1 @@
+"""Bags: recording, recovery, replay, reading and comparison of runs."""

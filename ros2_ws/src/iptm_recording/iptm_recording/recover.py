@@ -1,0 +1,227 @@
+"""Makes a sound bag of one whose recording was cut short (kill, crash, full disk).
+
+Every complete message is taken over with its times; the source is never changed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.records import Channel, Header, Message, Metadata, Schema
+
+from iptm_core.errors import BagError, IptmError
+from iptm_recording.bag_writer import BagWriter
+from iptm_recording.definitions import SCHEMA_ENCODING, MessageDefinition
+from iptm_recording.mcap_scan import McapScanner
+from iptm_recording.metadata import METADATA_FILE, read_metadata
+from iptm_recording.qos import parse_profiles
+from iptm_recording.run_information import RECORD_NAME
+
+
+@dataclass(frozen=True)
+class RecoveryReport:
+    """Outcome of a recovery.
+
+    Attributes:
+        output: the new bag folder.
+        message_counts: recovered messages by topic.
+        total_bytes: size of the source files together.
+        dropped_bytes: bytes that belong to no complete message or record.
+        was_complete: True when nothing was missing in the first place.
+        notes: what was damaged, one sentence each.
+    """
+
+    output: Path
+    message_counts: dict[str, int]
+    total_bytes: int
+    dropped_bytes: int
+    was_complete: bool
+    notes: tuple[str, ...]
+
+    @property
+    def message_count(self) -> int:
+        """Recovered messages of all topics together."""
+        return sum(self.message_counts.values())
+
+    def __str__(self) -> str:
+        topics = f"{len(self.message_counts)} topics"
+        lines = [
+            f"{self.message_count} messages on {topics} recovered to {self.output}",
+            *(f"  {count:8d}  {topic}" for topic, count in sorted(self.message_counts.items())),
+            f"{self.dropped_bytes} of {self.total_bytes} bytes dropped",
+            *(f"note: {note}" for note in self.notes),
+        ]
+        if self.was_complete:
+            lines.append("note: the source was complete; its messages were copied")
+        return "\n".join(lines)
+
+
+def recover(source: Path, output: Path | None = None) -> RecoveryReport:
+    """Write a sound bag with every complete message of a damaged one.
+
+    Args:
+        source: bag folder, with or without ``metadata.yaml``, or a single .mcap file.
+        output: bag folder to create; by default beside the source, ``<name>_recovered``.
+
+    Raises:
+        BagError: the source is missing, not MCAP, or holds no complete message; the output exists.
+    """
+    files = mcap_files(source)
+    folder = source if source.is_dir() else source.parent
+    if output is None:
+        stem = source.absolute().name if source.is_dir() else source.stem
+        output = source.absolute().parent / f"{stem}_recovered"
+    scanners = [McapScanner(path) for path in files]
+    writer = BagWriter(output, custom_data=_custom_data(folder, files))
+    copy = _Copy(writer)
+    for scanner in scanners:
+        copy.next_file()
+        for record in scanner.records():
+            copy.take(record)
+    if not any(writer.message_counts.values()):
+        _discard(writer)
+        raise BagError(f"{source} holds no complete message: there is nothing to recover")
+    writer.close()
+    return RecoveryReport(
+        output=output,
+        message_counts=writer.message_counts,
+        total_bytes=sum(scanner.total_bytes for scanner in scanners),
+        dropped_bytes=sum(scanner.dropped_bytes for scanner in scanners),
+        was_complete=all(scanner.complete for scanner in scanners),
+        notes=(*(note for scanner in scanners for note in scanner.notes), *copy.notes()),
+    )
+
+
+def mcap_files(source: Path) -> list[Path]:
+    """Return the MCAP files of a bag folder in recording order, or the file itself.
+
+    Raises:
+        BagError: there is nothing, or nothing that ends in .mcap.
+    """
+    if not source.exists():
+        raise BagError(f"{source} does not exist")
+    if source.is_file():
+        return [source]
+    files = sorted(source.glob("*.mcap"), key=_file_number)
+    if not files:
+        raise BagError(f"{source} holds no .mcap file")
+    return files
+
+
+def _file_number(path: Path) -> tuple[int, str]:
+    """Order split files by their number: ``run_10.mcap`` comes after ``run_9.mcap``."""
+    number = path.stem.rpartition("_")[2]
+    return (int(number) if number.isdecimal() else 0, path.name)
+
+
+def _custom_data(folder: Path, files: Sequence[Path]) -> dict[str, str]:
+    """Return the texts about the run, from the files themselves or else from the metadata."""
+    for path in files:
+        for record in McapScanner(path).records():
+            if isinstance(record, Metadata) and record.name == RECORD_NAME:
+                return dict(record.metadata)
+            if isinstance(record, Message):
+                break  # the writer puts them before the first message
+    if (folder / METADATA_FILE).is_file():
+        try:
+            return {str(k): str(v) for k, v in (read_metadata(folder)["custom_data"] or {}).items()}
+        except (BagError, KeyError, AttributeError):
+            return {}
+    return {}
+
+
+def _discard(writer: BagWriter) -> None:
+    writer.close()
+    for path in writer.folder.iterdir():
+        path.unlink()
+    writer.folder.rmdir()
+
+
+class _Copy:
+    """Feeds the records of one or more files into a new bag."""
+
+    def __init__(self, writer: BagWriter) -> None:
+        self._writer = writer
+        self._topic_ids: dict[str, int] = {}
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._orphans = 0
+        self._skipped: set[str] = set()
+
+    def next_file(self) -> None:
+        """Forget the numbering of the previous file."""
+        self._schemas.clear()
+        self._channels.clear()
+
+    def take(self, record: Header | Schema | Channel | Message | Metadata) -> None:
+        """Take over one record."""
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self._channels[record.id] = record
+            self._announce(record)
+        elif isinstance(record, Message):
+            channel = self._channels.get(record.channel_id)
+            if channel is None:
+                self._orphans += 1
+            elif channel.topic in self._topic_ids:
+                topic_id = self._topic_ids[channel.topic]
+                self._writer.write(topic_id, record.data, record.log_time, record.publish_time)
+
+    def notes(self) -> list[str]:
+        """Return what could not be taken over."""
+        notes = [f"topic {name}: not a ROS 2 message in CDR" for name in sorted(self._skipped)]
+        if self._orphans:
+            notes.append(f"{self._orphans} messages without a topic were left out")
+        return notes
+
+    def _announce(self, channel: Channel) -> None:
+        if channel.topic in self._topic_ids:
+            return
+        schema = self._schemas.get(channel.schema_id)
+        is_ros = schema is not None and schema.encoding == SCHEMA_ENCODING
+        if schema is None or not is_ros or channel.message_encoding != "cdr":
+            self._skipped.add(channel.topic)
+            return
+        self._topic_ids[channel.topic] = self._writer.add_topic(
+            channel.topic,
+            schema.name,
+            offered_qos=parse_profiles(channel.metadata.get("offered_qos_profiles", "")),
+            definition=MessageDefinition(
+                schema.name,
+                schema.data.decode(errors="replace"),
+                channel.metadata.get("topic_type_hash", ""),
+            ),
+        )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command ``recover_bag``.
+
+    Returns:
+        0 on success, 1 when nothing could be recovered.
+    """
+    parser = argparse.ArgumentParser(
+        prog="recover_bag",
+        description="Make a sound bag of one whose recording was killed or cut short.",
+    )
+    parser.add_argument("source", type=Path, help="bag folder or .mcap file; it is not changed")
+    parser.add_argument(
+        "-o", "--output", type=Path, help="bag folder to create (default: <source>_recovered)"
+    )
+    options = parser.parse_args(arguments)
+    try:
+        report = recover(options.source, options.output)
+    except IptmError as error:
+        print(f"recover_bag: {error}", file=sys.stderr)
+        return 1
+    print(report)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,38 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "iptm_recording"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=[
+        "setuptools",
+        "numpy>=1.24",
+        "PyYAML>=6.0",
+        "mcap>=1.2",
+        "rosbags>=0.11",
+        "rich>=13.0",
+    ],
+    extras_require={"test": ["pytest"]},
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    description="Records runs as rosbag2 MCAP bags, recovers, replays, compares and reads them.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "recorder = iptm_recording.recorder_cli:main",
+            "player = iptm_recording.player_cli:main",
+            "recover_bag = iptm_recording.recover:main",
+            "bag_info = iptm_recording.bag_info:main",
+            "compare_bags = iptm_recording.compare_cli:main",
+        ],
+    },
+)
