@@ -65,10 +65,10 @@ def read_csv_table(path: Path, known: Sequence[str]) -> CsvTable:
         raw = path.read_bytes()
     except FileNotFoundError:
         raise RouteError(f"{path}: no such file; give the path of an existing CSV file") from None
-    except OSError as reason:
+    except (OSError, ValueError) as reason:  # ValueError: a null character in the path
         raise RouteError(
-            f"{path}: cannot be read ({reason.strerror}); a readable file is needed"
-        ) from (reason)
+            f"{path}: cannot be read ({reason}); the path of a readable file is needed"
+        ) from reason
     return parse_csv_table(_decode(raw, str(path)), str(path), known)
 
 
@@ -86,7 +86,7 @@ def parse_csv_table(text: str, source: str, known: Sequence[str]) -> CsvTable:
     Raises:
         RouteError: as for `read_csv_table`.
     """
-    rows = _rows(text)
+    rows = _rows(text, source)
     header_line, header = next(rows, (0, []))
     if not header:
         raise RouteError(f"{source}: the file is empty; a header line with {list(known)} is needed")
@@ -122,11 +122,16 @@ def _decode(raw: bytes, source: str) -> str:
         ) from reason
 
 
-def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
+def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
     for number, line in enumerate(text.splitlines(), start=1):
         stripped = line.strip()
         if stripped and not stripped.startswith("#"):
-            yield number, next(csv.reader([stripped]))
+            try:
+                yield number, next(csv.reader([stripped], skipinitialspace=True))
+            except csv.Error as reason:
+                raise RouteError(
+                    f"{source}, line {number}: {reason}; plain comma-separated numbers are needed"
+                ) from reason
 
 
 def _check_header(names: list[str], source: str, line: int, known: Sequence[str]) -> None:

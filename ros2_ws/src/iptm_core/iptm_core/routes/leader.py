@@ -15,6 +15,8 @@ from iptm_core.state import FloatArray, LeaderState
 FINAL_BRAKING_M_S2 = 1.5
 """Deceleration with which a leader stops whose trace ends while it still moves."""
 
+_MIN_BRAKING_S = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class LeaderMotion:
@@ -74,7 +76,9 @@ class LeaderMotion:
         """
         times, speeds = cycle.times_s, cycle.speeds_m_s
         if speeds[-1] > 0.0:
-            times = np.append(times, times[-1] + speeds[-1] / FINAL_BRAKING_M_S2)
+            # The floor keeps the node distinct from the last sample at a vanishing speed.
+            braking_s = max(float(speeds[-1]) / FINAL_BRAKING_M_S2, _MIN_BRAKING_S)
+            times = np.append(times, times[-1] + braking_s)
             speeds = np.append(speeds, 0.0)
         return cls(times, speeds, float(initial_gap_m))
 

@@ -1,0 +1,186 @@
+"""Generated hills, their grid, and slope profiles from other sources."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iptm_core.errors import RouteError
+from iptm_core.routes import SlopeProfile, comprehensive_cycle
+from iptm_core.routes.hills import PEAK_GRADES, Hills
+
+LENGTHS_M = st.floats(50.0, 60000.0)
+VARIANTS = st.integers(0, 50)
+
+
+@given(LENGTHS_M, VARIANTS, st.sampled_from([0.0, 0.02, 0.06, 0.3]))
+def test_hills_have_the_peak_zero_mean_and_vanish_at_the_ends(
+    length_m: float, variant: int, peak: float
+) -> None:
+    hills = Hills(100.0, length_m, peak, variant)
+    positions = np.linspace(100.0, 100.0 + length_m, 20001)
+    slopes = hills.slope_at(positions)
+    limit = np.arctan(peak)
+    assert np.max(np.abs(slopes)) == pytest.approx(limit, rel=2e-3)
+    # The mean is zero analytically; on equal steps the trapezoidal rule is exact for it too.
+    assert abs(np.mean(slopes[:-1])) < 1e-15
+    assert slopes[0] == slopes[-1] == 0.0
+    end_gradient = np.abs(slopes[[1, -2]]) / (positions[1] - positions[0])
+    assert np.all(end_gradient <= 0.01 * np.max(np.abs(np.gradient(slopes, positions))))
+
+
+@given(LENGTHS_M, VARIANTS)
+def test_grid_interpolation_is_within_1e_4_rad_of_the_formula(
+    length_m: float, variant: int
+) -> None:
+    hills = Hills(0.0, length_m, 0.06, variant)
+    profile = SlopeProfile.from_hills([hills])
+    between = np.linspace(0.0, length_m, 30011)
+    error = profile.slope_at(between) - hills.slope_at(between)
+    assert np.max(np.abs(error)) < 1e-4
+
+
+@given(LENGTHS_M, VARIANTS)
+def test_zero_mean_holds_on_the_grid_as_well(length_m: float, variant: int) -> None:
+    profile = SlopeProfile.hilly(length_m, "large", variant)
+    slopes, positions = profile.slopes_rad, profile.positions_m
+    mean = np.sum(0.5 * (slopes[1:] + slopes[:-1]) * np.diff(positions)) / length_m
+    assert abs(mean) < 1e-15
+
+
+def test_hills_are_deterministic_and_variants_differ() -> None:
+    first, again, other = (SlopeProfile.hilly(5000.0, "small", variant) for variant in (3, 3, 4))
+    np.testing.assert_array_equal(first.slopes_rad, again.slopes_rad)
+    assert np.max(np.abs(first.slopes_rad - other.slopes_rad)) > 0.005
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0.0, 49.0, 0.06), "at least 50 m"),
+        ((np.nan, 100.0, 0.06), "finite"),
+        ((0.0, np.inf, 0.06), "finite"),
+        ((0.0, 100.0, 0.31), r"0\.31; allowed is 0 to 0\.3"),
+        ((0.0, 100.0, -0.1), "allowed is 0 to"),
+        ((0.0, 100.0, 0.1, -1), "integer >= 0"),
+    ],
+)
+def test_malformed_hills_are_refused(arguments: tuple[float, ...], message: str) -> None:
+    with pytest.raises(RouteError, match=message):
+        Hills(*arguments)  # type: ignore[arg-type]
+
+
+def test_slope_is_zero_outside_the_hills() -> None:
+    hills = Hills(100.0, 500.0, 0.06)
+    np.testing.assert_array_equal(hills.slope_at([-1e6, 0.0, 99.9, 600.1, 1e6]), np.zeros(5))
+
+
+def test_comprehensive_road_has_the_designed_slope_in_every_segment() -> None:
+    whole = comprehensive_cycle()
+    profile = whole.slope_profile()
+    for segment in whole.segments:
+        positions = np.linspace(segment.start_m, segment.end_m, 40001)
+        slopes = profile.slope_at(positions)
+        peak = np.arctan(PEAK_GRADES[segment.slope_kind])
+        assert np.max(np.abs(slopes)) == pytest.approx(peak, rel=5e-3), segment
+        assert abs(np.mean(slopes)) < 1e-6, segment
+        assert abs(slopes[0]) < 1e-15
+        assert abs(slopes[-1]) < 1e-15
+    assert profile.positions_m[0] == 0.0
+    assert profile.positions_m[-1] == pytest.approx(whole.cycle.distance_m)
+    assert np.max(np.abs(profile.elevation_at(profile.positions_m))) < 60.0, "hills, no mountains"
+
+
+def test_both_passes_of_a_segment_share_the_shape_and_differ_in_size() -> None:
+    whole = comprehensive_cycle()
+    profile = whole.slope_profile()
+    offsets = np.linspace(0.0, 1898.0, 200)
+    large = profile.slope_at(whole.segments[0].start_m + offsets)
+    small = profile.slope_at(whole.segments[5].start_m + offsets)
+    np.testing.assert_allclose(small, large * np.arctan(0.02) / np.arctan(0.06), atol=1e-9)
+
+
+def test_flat_profile_is_level_everywhere() -> None:
+    flat = SlopeProfile.flat()
+    np.testing.assert_array_equal(flat.slope_at([[-5.0, 0.0], [1.0, 1e6]]), np.zeros((2, 2)))
+    np.testing.assert_array_equal(flat.elevation_at([-5.0, 0.0, 1e6]), np.zeros(3))
+    assert SlopeProfile.hilly(1000.0, "flat").positions_m.size == 1
+    assert SlopeProfile.from_hills([]).positions_m.size == 1
+
+
+def test_slope_is_interpolated_and_held_at_the_ends() -> None:
+    profile = SlopeProfile(np.array([10.0, 20.0]), np.array([0.01, 0.03]))
+    np.testing.assert_allclose(
+        profile.slope_at([0.0, 10.0, 15.0, 20.0, 99.0]), [0.01, 0.01, 0.02, 0.03, 0.03]
+    )
+    assert profile.slope_at(15.0).shape == ()
+
+
+def test_elevation_integrates_the_sine_of_the_slope() -> None:
+    profile = SlopeProfile(np.array([0.0, 100.0]), np.full(2, np.arcsin(0.05)))
+    np.testing.assert_allclose(
+        profile.elevation_at([-20.0, 0.0, 50.0, 100.0, 120.0]), [-1, 0, 2.5, 5, 6]
+    )
+
+
+@given(LENGTHS_M, VARIANTS)
+def test_generated_hills_return_to_their_height(length_m: float, variant: int) -> None:
+    profile = SlopeProfile.hilly(length_m, "large", variant)
+    # sin(theta) differs from theta by less than theta^3 / 6 = 3.6e-5 at 6 %.
+    assert abs(float(profile.elevation_at(length_m))) < 4e-5 * length_m
+
+
+def test_profile_from_elevations_returns_the_heights() -> None:
+    positions = np.arange(0.0, 3001.0, 5.0)
+    heights = 250.0 + 8.0 * np.sin(2.0 * np.pi * positions / 1500.0)
+    profile = SlopeProfile.from_elevations(positions, heights)
+    sines = 8.0 * 2.0 * np.pi / 1500.0 * np.cos(2.0 * np.pi * positions / 1500.0)
+    inner = (positions > 20.0) & (positions < 2980.0)
+    np.testing.assert_allclose(
+        profile.slope_at(positions)[inner], np.arcsin(sines)[inner], atol=1e-4
+    )
+    climbs = profile.elevation_at(positions) - profile.elevation_at(0.0)
+    np.testing.assert_allclose(climbs, heights - heights[0], atol=0.05)
+
+
+def test_noise_of_elevations_is_not_amplified_by_dense_points() -> None:
+    positions = np.arange(0.0, 1000.0, 0.5)
+    noise = 0.05 * np.where(np.arange(positions.size) % 2 == 0, 1.0, -1.0)
+    profile = SlopeProfile.from_elevations(positions, noise)
+    assert np.max(np.abs(profile.slopes_rad)) <= 0.1 / 19.0
+
+
+@pytest.mark.parametrize(("positions", "heights"), [([3.0], [100.0]), ([0.0, 5.0], [7.0, 7.0])])
+def test_short_elevation_profiles_are_level(positions: list[float], heights: list[float]) -> None:
+    profile = SlopeProfile.from_elevations(positions, heights)
+    np.testing.assert_array_equal(profile.slopes_rad, [0.0])
+
+
+def test_too_steep_profiles_are_refused() -> None:
+    with pytest.raises(RouteError, match=r"31\.0 % at 5\.0 m; allowed is -30 % to 30 %"):
+        SlopeProfile(np.array([0.0, 5.0]), np.array([0.0, np.arctan(0.31)]))
+    SlopeProfile(np.array([0.0]), np.array([np.arctan(0.3)]))
+    with pytest.raises(RouteError, match="allowed is -30 % to 30 %"):
+        SlopeProfile.from_elevations([0.0, 100.0], [0.0, 500.0])
+
+
+def test_unknown_kind_of_hills_is_refused() -> None:
+    with pytest.raises(RouteError, match="unknown slope kind 'alpine'; allowed are flat, small"):
+        SlopeProfile.hilly(1000.0, "alpine")
+
+
+@pytest.mark.parametrize(
+    ("positions", "slopes", "message"),
+    [
+        ([0.0, 0.0], [0.0, 0.0], "strictly increase"),
+        ([0.0, 1.0], [0.0, np.inf], "finite"),
+        ([[0.0]], [[0.0]], "shapes"),
+    ],
+)
+def test_malformed_profiles_are_refused(
+    positions: list[float], slopes: list[float], message: str
+) -> None:
+    with pytest.raises(RouteError, match=message):
+        SlopeProfile(np.array(positions), np.array(slopes))
