@@ -1,0 +1,164 @@
+"""One diagnostic status per node: published on change of level or reason, else at most once a second.
+
+The reason is a short sentence without numbers, so that it changes only when the situation does;
+numbers go into the key values. Levels follow ROS: STALE means that the data a node needs has stopped
+coming.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from enum import Enum
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from iptm_core.errors import MessageError
+from iptm_interfaces.codecs.time import ns_from_time, time_from_ns
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
+
+
+class Level(Enum):
+    """Severity of a status; the value is that of `diagnostic_msgs/DiagnosticStatus`."""
+
+    OK = DiagnosticStatus.OK
+    WARN = DiagnosticStatus.WARN
+    ERROR = DiagnosticStatus.ERROR
+    STALE = DiagnosticStatus.STALE
+
+
+def format_value(value: object) -> str:
+    """Return a key value as text: floats with six digits, everything else as Python writes it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def build_status(
+    name: str, level: Level, reason: str, values: Mapping[str, object]
+) -> DiagnosticStatus:
+    """Return one status.
+
+    Args:
+        name: fully qualified node name and component, e.g. `/v2x_bridge: preview`.
+        level: severity.
+        reason: the situation in one short sentence.
+        values: numbers and texts behind it.
+    """
+    return DiagnosticStatus(
+        level=level.value,
+        name=name,
+        message=reason,
+        hardware_id="iptm",
+        values=[KeyValue(key=key, value=format_value(value)) for key, value in values.items()],
+    )
+
+
+def status_values(status: DiagnosticStatus) -> dict[str, str]:
+    """Return the key values of a status as a mapping."""
+    return {entry.key: entry.value for entry in status.values}
+
+
+def find_status(message: DiagnosticArray, name: str) -> DiagnosticStatus | None:
+    """Return the status of a node (its qualified name, with or without component) if present."""
+    for status in message.status:
+        if status.name == name or status.name.startswith(name + ": "):
+            return status
+    return None
+
+
+def level_of(status: DiagnosticStatus) -> Level:
+    """Return the severity of a status.
+
+    Raises:
+        MessageError: unknown level.
+    """
+    try:
+        return Level(status.level)
+    except ValueError as error:
+        raise MessageError(
+            f"{Topic.DIAGNOSTICS.value}: level of {status.name} is {status.level!r}; "
+            f"allowed: {', '.join(level.name for level in Level)}"
+        ) from error
+
+
+class DiagnosticsReporter:
+    """Decides when a status is worth a message.
+
+    Call `report` every tick: a change of level or reason goes out at once, mere changes of numbers
+    at most once per `period_s` of steady time.
+    """
+
+    def __init__(
+        self,
+        publish: Callable[[DiagnosticArray], None],
+        name: str,
+        period_s: float = 1.0,
+        steady_time_s: Callable[[], float] = time.monotonic,
+        on_change: Callable[[Level, str], None] | None = None,
+    ) -> None:
+        """Set up a reporter.
+
+        Args:
+            publish: takes the finished message.
+            name: name of the status.
+            period_s: smallest interval between two messages of the same level and reason.
+            steady_time_s: clock in seconds, replaceable in tests.
+            on_change: told about every new level or reason, for the log.
+        """
+        self._publish = publish
+        self._name = name
+        self._period_s = period_s
+        self._steady_time_s = steady_time_s
+        self._on_change = on_change
+        self._last: tuple[Level, str] | None = None
+        self._last_time_s = -math.inf
+
+    @classmethod
+    def of_node(cls, node: SuiteNode, component: str) -> DiagnosticsReporter:
+        """Return a reporter on `/diagnostics` that also logs every change once."""
+        publisher = node.advertise(Topic.DIAGNOSTICS)
+        logger = node.get_logger()
+
+        def log(level: Level, reason: str) -> None:
+            # One line per call site and severity, as the logger identifies callers by line.
+            if level is Level.OK:
+                logger.info(reason)
+            elif level is Level.ERROR:
+                logger.error(reason)
+            else:
+                logger.warning(reason)
+
+        name = f"{node.get_fully_qualified_name()}: {component}"
+        return cls(publisher.publish, name, on_change=log)
+
+    def report(
+        self, stamp_ns: int, level: Level, reason: str, values: Mapping[str, object]
+    ) -> bool:
+        """Publish the status if it is due; return whether it was.
+
+        Args:
+            stamp_ns: trip time of the status.
+            level: severity.
+            reason: the situation in one short sentence, without numbers.
+            values: numbers and texts behind it.
+        """
+        now_s = self._steady_time_s()
+        changed = (level, reason) != self._last
+        if not changed and now_s - self._last_time_s < self._period_s:
+            return False
+        message = DiagnosticArray(status=[build_status(self._name, level, reason, values)])
+        message.header.stamp = time_from_ns(stamp_ns)
+        self._publish(message)
+        if changed and self._on_change is not None:
+            self._on_change(level, reason)
+        self._last = (level, reason)
+        self._last_time_s = now_s
+        return True
+
+
+def stamp_of(message: DiagnosticArray) -> int:
+    """Return the stamp of a diagnostic message in nanoseconds."""
+    return ns_from_time(message.header.stamp)

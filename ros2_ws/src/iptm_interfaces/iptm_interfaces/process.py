@@ -1,0 +1,126 @@
+"""The life of a node process: start, spin, stop, and an exit code that tells what happened.
+
+| exit code | meaning |
+|---|---|
+| 0 | stopped by SIGINT or SIGTERM, or finished by itself |
+| 1 | a defect: an error that nobody expected, logged with its traceback |
+| 2 | a mistake of the user (parameter, file, argument): one line on stderr, no traceback |
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import TextIO
+
+import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import get_logger
+from rclpy.signals import SignalHandlerOptions
+
+from iptm_core.errors import IptmError
+from iptm_interfaces.suite_node import SuiteNode
+
+EXIT_OK = 0
+EXIT_DEFECT = 1
+EXIT_USER_ERROR = 2
+
+_SPIN_TIMEOUT_S = 0.1
+_USER_ERRORS = (
+    IptmError,
+    NameValidationException,
+    ParameterException,
+    rclpy_implementation.RCLError,
+    rclpy_implementation.UnknownROSArgsError,
+)
+
+
+class _StopFlag:
+    """Set by SIGINT and SIGTERM instead of an exception in the middle of a callback.
+
+    Launchers and terminals often send the signal twice; the second one changes nothing, so the
+    clean-up can never be interrupted by it.
+    """
+
+    def __init__(self) -> None:
+        self.is_set = False
+
+    def install(self) -> None:
+        """Take over both signals, for the rest of the life of the process."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
+        self.is_set = True
+
+
+def run_node(
+    factory: Callable[[], SuiteNode],
+    arguments: Sequence[str] | None = None,
+    stderr: TextIO | None = None,
+) -> int:
+    """Run one node until it is told to stop, and return the exit code of the process.
+
+    Call it from the main thread, once per process: `sys.exit(run_node(BridgeNode))`.
+
+    Args:
+        factory: builds the node; an `IptmError` from here is a mistake of the user.
+        arguments: command line with the program name; None takes that of the process.
+        stderr: where the one line on a mistake goes; None takes that of the process.
+
+    Returns:
+        0, 1 or 2, see the module.
+    """
+    command = list(sys.argv if arguments is None else arguments)
+    program = Path(command[0]).stem if command else "node"
+    program = Path(command[0]).parent.name if program in {"__main__", "node"} else program
+    stop = _StopFlag()
+    stop.install()
+    try:
+        rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
+        node = factory()
+        node.reject_unknown_parameters()
+    except _USER_ERRORS as error:
+        _tell(stderr, program, error)
+        rclpy.try_shutdown()
+        return EXIT_USER_ERROR
+    except Exception:  # noqa: BLE001  the last line of defence of the process
+        get_logger(program).fatal("unexpected error at start:\n" + traceback.format_exc())
+        rclpy.try_shutdown()
+        return EXIT_DEFECT
+    return _spin(node, stop, program, stderr)
+
+
+def _spin(node: SuiteNode, stop: _StopFlag, program: str, stderr: TextIO | None) -> int:
+    executor = EventsExecutor()
+    executor.add_node(node)
+    code = EXIT_OK
+    try:
+        # A timeout is essential: without one this executor never runs a callback.
+        while rclpy.ok() and not stop.is_set and not node.finished:
+            executor.spin_once(timeout_sec=_SPIN_TIMEOUT_S)
+        code = node.exit_code
+    except ExternalShutdownException:
+        code = node.exit_code
+    except Exception as error:  # noqa: BLE001  the last line of defence of the process
+        # The executor has logged the traceback already.
+        _tell(stderr, program, f"stopped by an unexpected {type(error).__name__}: {error}")
+        code = EXIT_DEFECT
+    finally:
+        executor.remove_node(node)
+        node.destroy_node()
+        executor.shutdown()
+        rclpy.try_shutdown()
+    return code
+
+
+def _tell(stderr: TextIO | None, program: str, what: object) -> None:
+    line = " ".join(str(what).split())
+    print(f"{program}: {line}", file=sys.stderr if stderr is None else stderr, flush=True)
