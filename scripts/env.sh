@@ -1,0 +1,77 @@
+# Puts the current shell into the project's environment:
+#
+#     source scripts/env.sh
+#
+# Afterwards `python` is the project's own, and `python -m iptm_plant_sim.node --help` works from any folder.
+# The commands in scripts/ do this by themselves. Existing values of ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE,
+# FASTRTPS_DEFAULT_PROFILES_FILE, OMP_NUM_THREADS and OPENBLAS_NUM_THREADS are kept.
+# Works in bash and zsh, and leaves the shell's options alone.
+# shellcheck shell=bash
+
+_iptm_enter() {
+    local root="$1" stamp venv mode package entry modules profile
+    venv="$root/.venv"
+    stamp="$venv/iptm-setup.stamp"
+    if [ ! -f "$stamp" ] || [ ! -x "$venv/bin/python" ]; then
+        echo "iptm: the environment is not set up yet (or the set-up was interrupted). Run: $root/scripts/setup" >&2
+        return 1
+    fi
+    mode="$(sed -n 's/^mode=//p' "$stamp")"
+    if [ "$mode" = sourced ] && [ "${ROS_DISTRO:-}" != jazzy ]; then
+        echo "iptm: .venv was made for a sourced ROS 2 Jazzy, but none is sourced." \
+            "Source it, or run $root/scripts/setup to use ROS 2 from wheels." >&2
+        return 1
+    fi
+
+    if [ "$mode" = wheels ]; then
+        # Another ROS 2 (sourced by the user's shell) would be loaded in place of the wheels' own.
+        if [ -n "${AMENT_PREFIX_PATH:-}" ] && [ "$AMENT_PREFIX_PATH" != "$venv" ]; then
+            unset LD_LIBRARY_PATH
+        fi
+        unset ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION RMW_IMPLEMENTATION CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
+        # The wheels restart Python once to find their libraries, unless this says it was done: it may have been
+        # done by the Python of another environment.
+        unset _ROS_WHEELS_BOOTSTRAP_COMPLETE
+        export AMENT_PREFIX_PATH="$venv"
+        PYTHONPATH=""
+    fi
+
+    modules="${PYTHONPATH:-}"
+    for package in iptm_studies iptm_bringup iptm_recording iptm_controller iptm_v2x_bridge iptm_plant_sim \
+        iptm_interfaces iptm_core; do
+        entry="$root/ros2_ws/src/$package"
+        case ":$modules:" in *":$entry:"*) ;; *) modules="$entry${modules:+:$modules}" ;; esac
+    done
+    export PYTHONPATH="$modules"
+    unset PYTHONHOME
+
+    case ":$PATH:" in *":$venv/bin:"*) ;; *) export PATH="$venv/bin:$PATH" ;; esac
+    export IPTM_ROOT="$root"
+
+    # Nodes of this machine only, unless told otherwise: a demo must not drive a neighbour's plant.
+    export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+    # One solver thread per node: the vehicle computer has two cores for three nodes.
+    export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"
+    export OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
+    # Announces participants faster than Fast DDS does by itself, so that nodes find each other sooner.
+    profile="$(find "$root/ros2_ws/src/iptm_interfaces/iptm_interfaces/data" -name '*.xml' -print -quit 2> /dev/null)"
+    if [ -z "${FASTRTPS_DEFAULT_PROFILES_FILE:-}" ] && [ -n "$profile" ]; then
+        export FASTRTPS_DEFAULT_PROFILES_FILE="$profile"
+    fi
+}
+
+if [ -n "${ZSH_VERSION:-}" ]; then
+    eval '_iptm_file="${(%):-%x}"'
+else
+    _iptm_file="${BASH_SOURCE[0]}"
+fi
+# shellcheck disable=SC2154  # zsh's branch sets it in an eval
+if _iptm_enter "$(cd "$(dirname "$_iptm_file")/.." && pwd -P)"; then
+    unset _iptm_file
+    unset -f _iptm_enter
+else
+    unset _iptm_file
+    unset -f _iptm_enter
+    # Under `set -e` of a script this ends it; an interactive shell just sees the failure.
+    return 1
+fi

@@ -1,0 +1,56 @@
+# Shared by the commands in scripts/; sourced, never run. Needs bash.
+#
+# Gives: iptm_say, iptm_die, iptm_help, iptm_ready, iptm_prepare, iptm_module.
+# shellcheck shell=bash disable=SC2119,SC2120
+
+IPTM_ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd -P)"
+
+iptm_say() { printf 'iptm: %s\n' "$*" >&2; }
+
+iptm_die() {
+    iptm_say "$*"
+    exit 1
+}
+
+# Print the comment at the head of the calling script: its usage text has one home.
+iptm_help() { sed -n -e '1d' -e '/^#/!q' -e 's/^# \{0,1\}//p' "$0"; }
+
+# True when the arguments ask for help (up to "--", behind which they belong to someone else).
+iptm_wants_help() {
+    local argument
+    for argument in "$@"; do
+        case "$argument" in
+            -h | --help) return 0 ;;
+            --) return 1 ;;
+        esac
+    done
+    return 1
+}
+
+# True when the environment is complete; installs nothing.
+iptm_ready() { "$IPTM_ROOT/scripts/setup" --check; }
+
+# Make the environment (instant when it is there), then enter it. Arguments go to scripts/setup.
+iptm_prepare() {
+    "$IPTM_ROOT/scripts/setup" "$@" || exit 1
+    # shellcheck source=scripts/env.sh
+    source "$IPTM_ROOT/scripts/env.sh"
+}
+
+# iptm_module MODULE ARGUMENTS...: become `python -m MODULE ARGUMENTS...` in the environment.
+# A plea for help prints the script's own text first, and installs nothing to do so.
+iptm_module() {
+    local module="$1"
+    shift
+    if iptm_wants_help "$@"; then
+        iptm_help
+        if ! iptm_ready; then
+            echo
+            echo "The options of $module are listed here too once scripts/setup has run."
+            exit 0
+        fi
+        echo
+    fi
+    iptm_prepare
+    exec "$IPTM_ROOT/.venv/bin/python" -m "$module" "$@"
+}
