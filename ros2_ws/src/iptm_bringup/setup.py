@@ -1,0 +1,33 @@
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = "iptm_bringup"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed", "**/*.yaml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        (
+            f"share/{PACKAGE}/launch",
+            sorted(str(path) for path in Path("launch").glob("*.launch.py")),
+        ),
+    ],
+    install_requires=["setuptools", "numpy>=1.24", "PyYAML>=6.0", "matplotlib>=3.8", "rich>=13"],
+    extras_require={"test": ["pytest"]},
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    description="Launch files, scenarios and the closed-loop runner",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "run_closed_loop = iptm_bringup.run_closed_loop:main",
+        ],
+    },
+)
