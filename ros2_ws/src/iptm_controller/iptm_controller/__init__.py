@@ -1,0 +1,1 @@
+"""Multi-horizon model predictive control of power and temperature; only ``node`` knows ROS."""

@@ -1,0 +1,84 @@
+"""The fallback ladder: what to do when there is no usable solution.
+
+Rung by rung: the solved plan; the last good plan, shifted, for a few ticks; the safe car-following law
+with a thermostat for a limited time; a controlled stop. A usable solution leads back to the top at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from iptm_controller.plan import Plan
+from iptm_controller.safe_driving import controlled_stop, safe_following
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import Command, LeaderState, VehicleState
+
+
+class Rung(IntEnum):
+    """Where a command comes from."""
+
+    OPTIMAL = 0
+    SHIFTED_PLAN = 1
+    SAFE_LAW = 2
+    STOP = 3
+
+
+@dataclass(frozen=True)
+class LadderOptions:
+    """How long each rung may hold, in ticks."""
+
+    shifted_plan_ticks: int = 3
+    safe_law_ticks: int = 120
+
+
+@dataclass(frozen=True)
+class LadderDecision:
+    """A command and the rung that it comes from."""
+
+    command: Command
+    rung: Rung
+
+
+class FallbackLadder:
+    """Counts failures in a row and chooses the rung."""
+
+    def __init__(self, parameters: ModelParameters, tick_s: float, options: LadderOptions) -> None:
+        self._parameters = parameters
+        self._tick_s = tick_s
+        self._options = options
+        self._last_good: Plan | None = None
+        self._failures = 0
+
+    @property
+    def last_good_plan(self) -> Plan | None:
+        """The newest usable plan."""
+        return self._last_good
+
+    def accept(self, plan: Plan) -> LadderDecision:
+        """A usable plan was found: back to the top."""
+        self._last_good = plan
+        self._failures = 0
+        return LadderDecision(plan.command_at(plan.start_s), Rung.OPTIMAL)
+
+    def fall_back(self, state: VehicleState | None, leader: LeaderState | None) -> LadderDecision:
+        """No usable plan at this tick.
+
+        Args:
+            state: measured state, None if it cannot be trusted.
+            leader: measured leader, None if it cannot be trusted.
+        """
+        self._failures += 1
+        options = self._options
+        if state is None:
+            # Nothing is known about the vehicle: brake gently, the limiter keeps the jerk.
+            return LadderDecision(Command(-1.0, 0.0), Rung.STOP)
+        plan = self._last_good
+        if self._failures <= options.shifted_plan_ticks and plan is not None:
+            covered_s = plan.start_s + float(plan.node_times_s[-1])
+            if state.time_s < covered_s:
+                return LadderDecision(plan.command_at(state.time_s), Rung.SHIFTED_PLAN)
+        last_safe_tick = options.shifted_plan_ticks + options.safe_law_ticks
+        if leader is not None and self._failures <= last_safe_tick:
+            return LadderDecision(safe_following(state, leader, self._parameters), Rung.SAFE_LAW)
+        return LadderDecision(controlled_stop(state, self._parameters, self._tick_s), Rung.STOP)

@@ -1,0 +1,1 @@
+"""The optimal control problem: stages, horizon-wide assembly, numerical data and compilation."""

@@ -1,0 +1,111 @@
+"""Generated C for the functions of a nonlinear program, compiled once and cached.
+
+The cache key is a hash of everything the machine code depends on: the generated source (which contains
+every model parameter, smoothing width and grid), the compiler with its version and flags, and the
+machine architecture. A second start with the same problem compiles nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import casadi as ca
+
+from iptm_core.errors import SolverSetupError
+
+LOGGER = logging.getLogger(__name__)
+COMPILER_FLAGS = ("-O2", "-fPIC", "-shared")
+COMPILE_TIMEOUT_S = 300.0
+CACHE_VARIABLE = "IPTM_CACHE_DIR"
+
+
+def cache_directory() -> Path:
+    """Folder of compiled problems: ``$IPTM_CACHE_DIR``, else ``iptm`` in the user's cache folder."""
+    explicit = os.environ.get(CACHE_VARIABLE)
+    if explicit:
+        return Path(explicit)
+    root = os.environ.get("XDG_CACHE_HOME")
+    return (Path(root) if root else Path.home() / ".cache") / "iptm"
+
+
+def find_compiler() -> str | None:
+    """Path of a C compiler (``$CC``, ``cc``, ``gcc`` or ``clang``), or None."""
+    for candidate in (os.environ.get("CC"), "cc", "gcc", "clang"):
+        if candidate:
+            path = shutil.which(candidate)
+            if path is not None:
+                return path
+    return None
+
+
+def compile_functions(functions: Sequence[ca.Function], compiler: str) -> Path:
+    """Compile functions into one shared library, or find it in the cache.
+
+    Args:
+        functions: functions to export under their own names.
+        compiler: path of the C compiler.
+
+    Returns:
+        Path of the shared library.
+
+    Raises:
+        SolverSetupError: the compiler fails, or the cache folder cannot be written.
+    """
+    source = _generate_source(functions)
+    folder = cache_directory()
+    library = folder / f"ocp_{_cache_key(source, compiler)}.so"
+    if library.exists():
+        return library
+    LOGGER.info("compiling the optimal control problem (once per vehicle and horizon) ...")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            c_file = Path(scratch) / "ocp.c"
+            c_file.write_text(source, encoding="ascii")
+            built = Path(scratch) / "ocp.so"
+            _run_compiler([compiler, *COMPILER_FLAGS, str(c_file), "-o", str(built), "-lm"])
+            # Renaming is atomic: another process sees either nothing or the whole library.
+            built.replace(library)
+    except OSError as error:
+        raise SolverSetupError(f"compiler cache '{folder}' cannot be written: {error}") from error
+    return library
+
+
+def _generate_source(functions: Sequence[ca.Function]) -> str:
+    generator = ca.CodeGenerator("ocp.c", {"with_header": False})
+    for function in functions:
+        generator.add(function)
+    source: str = generator.dump()
+    return source
+
+
+def _run_compiler(command: list[str]) -> None:
+    try:
+        done = subprocess.run(  # noqa: S603 - the compiler is found on the user's own path
+            command, capture_output=True, text=True, timeout=COMPILE_TIMEOUT_S, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise SolverSetupError(
+            f"compiler {command[0]} did not finish within {COMPILE_TIMEOUT_S:g} s"
+        ) from error
+    if done.returncode != 0:
+        last = done.stderr.strip().splitlines()[-1:] or ["no message"]
+        raise SolverSetupError(
+            f"compiler {command[0]} failed with exit code {done.returncode}: {last[0]}"
+        )
+
+
+def _cache_key(source: str, compiler: str) -> str:
+    version = subprocess.run(  # noqa: S603 - as above
+        [compiler, "--version"], capture_output=True, text=True, timeout=30, check=False
+    ).stdout
+    parts = (source, version, " ".join(COMPILER_FLAGS), platform.machine(), ca.CasadiMeta.version())
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]

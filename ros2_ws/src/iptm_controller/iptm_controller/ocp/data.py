@@ -1,0 +1,128 @@
+"""Numbers of one optimal control problem: from state, forecast and strategy to the parameter vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_controller.horizon import Horizon
+from iptm_controller.motion import Motion
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.stage import quadrature, sample_count
+from iptm_controller.strategy import Strategy
+from iptm_core.state import FloatArray, SlopePreview, VehicleState
+
+REFERENCE_WINDOW_S = 2.0
+SLOPE_DIFFERENCE_M = 5.0
+
+
+@dataclass(frozen=True)
+class ProblemData:
+    """One problem in the optimiser's scaled units.
+
+    Attributes:
+        initial_state: x_0, shape (6,).
+        parameters: globals, then the parameters of every step.
+    """
+
+    initial_state: FloatArray
+    parameters: FloatArray
+
+
+class ProblemDataBuilder:
+    """Fills the parameter vector of a horizon; the index arithmetic is done once."""
+
+    def __init__(self, horizon: Horizon, strategy: Strategy) -> None:
+        self._strategy = strategy
+        starts = horizon.node_times_s[:-1]
+        lengths = horizon.step_lengths_s
+        counts = [sample_count(float(length)) for length in lengths]
+        sample_times, targets, step_offsets = [], [], []
+        offset = layout.GLOBALS
+        for start, length, count in zip(starts, lengths, counts, strict=True):
+            nodes, _ = quadrature(count)
+            sample_times.append(start + nodes * length)
+            first = offset + layout.STEP_PARAMETERS
+            targets.append(first + layout.SAMPLE_PARAMETERS * np.arange(count))
+            step_offsets.append(offset)
+            offset += layout.step_parameter_count(count)
+        self._size = offset
+        self._node_times_s = horizon.node_times_s
+        self.sample_times_s: FloatArray = np.concatenate(sample_times)
+        self._sample_slots = np.concatenate(targets)
+        self._step_slots = np.array(step_offsets)
+        # A change of input between two steps happens over the time between their middles.
+        previous = np.concatenate([lengths[:1], lengths[:-1]])
+        self._rate_intervals_s = 0.5 * (previous + lengths)
+
+    def build(
+        self,
+        state: VehicleState,
+        leader: Motion,
+        slope: SlopePreview,
+        expected_positions_m: FloatArray,
+    ) -> ProblemData:
+        """Assemble the problem of one tick.
+
+        Args:
+            state: measured state.
+            leader: leader's past and predicted motion in trip time.
+            slope: road slope over position.
+            expected_positions_m: where the host is expected at the sample times (absolute); the
+                slope is linearised there.
+        """
+        now_s, origin_m = state.time_s, state.position_m
+        vector = np.empty(self._size)
+        vector[: layout.GLOBALS] = self._globals(state)
+        node_position, node_speed = leader.at(now_s + self._node_times_s[1:])
+        slots = self._step_slots
+        vector[slots + layout.StepIndex.LEADER_POSITION] = node_position - origin_m
+        vector[slots + layout.StepIndex.LEADER_SPEED] = node_speed
+        vector[slots + layout.StepIndex.RATE_INTERVAL] = self._rate_intervals_s
+        times = now_s + self.sample_times_s
+        recent, _ = leader.at(np.concatenate([times, times - REFERENCE_WINDOW_S]))
+        reference = (recent[: times.size] - recent[times.size :]) / REFERENCE_WINDOW_S
+        samples = self._sample_slots
+        around = np.concatenate(
+            [
+                expected_positions_m,
+                expected_positions_m - SLOPE_DIFFERENCE_M,
+                expected_positions_m + SLOPE_DIFFERENCE_M,
+            ]
+        )
+        slopes = np.interp(around, slope.positions_m, slope.slopes_rad).reshape(3, -1)
+        vector[samples + layout.SampleIndex.SLOPE] = slopes[0]
+        vector[samples + layout.SampleIndex.SLOPE_GRADIENT] = (slopes[2] - slopes[1]) / (
+            2.0 * SLOPE_DIFFERENCE_M
+        )
+        vector[samples + layout.SampleIndex.POSITION] = expected_positions_m - origin_m
+        vector[samples + layout.SampleIndex.SPEED_REFERENCE] = reference
+        return ProblemData(self._scaled_state(state), vector)
+
+    def _globals(self, state: VehicleState) -> list[float]:
+        strategy = self._strategy
+        return [
+            state.cell_1_capacity_loss,
+            state.cell_n_capacity_loss,
+            strategy.speed_weight,
+            strategy.temperature_weight,
+            strategy.energy_weight_1_j,
+            strategy.aging_weight,
+            strategy.reference_temperature_k,
+        ]
+
+    @staticmethod
+    def _scaled_state(state: VehicleState) -> FloatArray:
+        physical = np.array(
+            [
+                0.0,
+                state.speed_m_s,
+                state.cell_1_temperature_k,
+                state.cell_n_temperature_k,
+                state.acceleration_m_s2,
+                state.compressor_power_w,
+            ]
+        )
+        scaled: FloatArray = (physical - layout.STATE_OFFSET) / layout.STATE_SCALE
+        return scaled

@@ -1,0 +1,98 @@
+"""Order and scaling of the variables of one stage.
+
+The optimiser works on scaled variables of order one; this is the only place that knows the scales.
+Positions are relative to the host at the present tick, temperatures relative to 30 degC.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class StateIndex(IntEnum):
+    """States of a node: the paper's x without Q_loss (a parameter), with the inputs last applied."""
+
+    POSITION = 0
+    SPEED = 1
+    CELL_1_TEMPERATURE = 2
+    CELL_N_TEMPERATURE = 3
+    LAST_ACCELERATION = 4
+    LAST_COMPRESSOR_POWER = 5
+
+
+class InputIndex(IntEnum):
+    """Inputs of a step: the paper's u and the slacks of its soft limits."""
+
+    ACCELERATION = 0
+    COMPRESSOR_POWER = 1
+    GAP_SHORT = 2
+    GAP_LONG = 3
+    SPEED_EXCESS = 4
+    TEMPERATURE_EXCESS = 5
+
+
+class LimitIndex(IntEnum):
+    """Inequality rows of a step; all but the first two read ``row >= 0``."""
+
+    ACCELERATION_RATE = 0
+    COMPRESSOR_RATE = 1
+    GAP_MIN = 2
+    GAP_FLOOR = 3
+    GAP_MAX = 4
+    SPEED_MIN = 5
+    SPEED_MAX = 6
+    CELL_1_MIN = 7
+    CELL_1_MAX = 8
+    CELL_N_MIN = 9
+    CELL_N_MAX = 10
+    OUTLET_MIN = 11
+    OUTLET_MAX = 12
+
+
+class GlobalIndex(IntEnum):
+    """Parameters shared by all steps of one problem."""
+
+    CELL_1_LOSS = 0
+    CELL_N_LOSS = 1
+    SPEED_WEIGHT = 2
+    TEMPERATURE_WEIGHT = 3
+    ENERGY_WEIGHT = 4
+    AGING_WEIGHT = 5
+    REFERENCE_TEMPERATURE = 6
+
+
+class StepIndex(IntEnum):
+    """Parameters of one step ahead of its per-sample parameters."""
+
+    LEADER_POSITION = 0
+    LEADER_SPEED = 1
+    RATE_INTERVAL = 2
+
+
+class SampleIndex(IntEnum):
+    """Parameters of one sample inside a step; the slope is linear around a reference position."""
+
+    SLOPE = 0
+    SLOPE_GRADIENT = 1
+    POSITION = 2
+    SPEED_REFERENCE = 3
+
+
+STATES = len(StateIndex)
+INPUTS = len(InputIndex)
+LIMITS = len(LimitIndex)
+GLOBALS = len(GlobalIndex)
+STEP_PARAMETERS = len(StepIndex)
+SAMPLE_PARAMETERS = len(SampleIndex)
+SLACKS = INPUTS - InputIndex.GAP_SHORT
+
+STATE_SCALE = np.array([10.0, 1.0, 1.0, 1.0, 1.0, 1000.0])
+STATE_OFFSET = np.array([0.0, 0.0, 303.15, 303.15, 0.0, 0.0])
+INPUT_SCALE = np.array([1.0, 1000.0, 1.0, 1.0, 1.0, 1.0])
+
+
+def step_parameter_count(samples: int) -> int:
+    """Number of parameters of a step with so many samples."""
+    return STEP_PARAMETERS + samples * SAMPLE_PARAMETERS

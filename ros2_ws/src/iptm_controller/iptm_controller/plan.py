@@ -1,0 +1,166 @@
+"""The predicted plan of one solve in physical units, and its shift to the next tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.layout import InputIndex, StateIndex
+from iptm_core.state import Command, FloatArray, VehicleState
+
+
+@dataclass(frozen=True)
+class Slacks:
+    """Largest violation of each group of soft limits along a plan, never negative."""
+
+    gap_m: float
+    speed_m_s: float
+    temperature_k: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """States at the nodes and inputs of the steps.
+
+    Attributes:
+        start_s: trip time of the first node.
+        node_times_s: times relative to ``start_s``, shape (N + 1,).
+        states: order of ``StateIndex``, absolute positions, shape (N + 1, 6).
+        inputs: order of ``InputIndex``, shape (N, 6).
+    """
+
+    start_s: float
+    node_times_s: FloatArray
+    states: FloatArray
+    inputs: FloatArray
+
+    def command_at(self, time_s: float) -> Command:
+        """The planned inputs of the step that holds at a trip time; the last step is held on."""
+        elapsed = time_s - self.start_s
+        step = int(np.searchsorted(self.node_times_s, elapsed + 1e-9, side="right")) - 1
+        step = min(max(step, 0), self.inputs.shape[0] - 1)
+        row = self.inputs[step]
+        return Command(float(row[InputIndex.ACCELERATION]), float(row[InputIndex.COMPRESSOR_POWER]))
+
+    @property
+    def slacks(self) -> Slacks:
+        """Largest slack per group; the solver's own round-off below zero is cut."""
+        worst = np.maximum(self.inputs.max(axis=0), 0.0)
+        return Slacks(
+            gap_m=float(max(worst[InputIndex.GAP_SHORT], worst[InputIndex.GAP_LONG])),
+            speed_m_s=float(worst[InputIndex.SPEED_EXCESS]),
+            temperature_k=float(worst[InputIndex.TEMPERATURE_EXCESS]),
+        )
+
+
+def plan_from_variables(variables: FloatArray, horizon: Horizon, state: VehicleState) -> Plan:
+    """Unscale a solution; positions become absolute."""
+    steps = horizon.steps
+    block = layout.STATES + layout.INPUTS
+    table = variables[: steps * block].reshape(steps, block)
+    scaled = np.vstack([table[:, : layout.STATES], variables[steps * block :]])
+    states = scaled * layout.STATE_SCALE + layout.STATE_OFFSET
+    states[:, StateIndex.POSITION] += state.position_m
+    return Plan(
+        start_s=state.time_s,
+        node_times_s=horizon.node_times_s,
+        states=states,
+        inputs=table[:, layout.STATES :] * layout.INPUT_SCALE,
+    )
+
+
+class PlanShifter:
+    """Initial guesses for the next tick: the last plan moved on in time, on any grid.
+
+    A new step takes the time average of the old piecewise constant inputs over its interval; beyond the
+    old horizon the last input is held. Position and speed follow exactly from the present state,
+    temperatures are interpolated.
+    """
+
+    def __init__(self, horizon: Horizon) -> None:
+        self._horizon = horizon
+        self._lengths_s = horizon.step_lengths_s
+        self._nodes_s = horizon.node_times_s
+
+    def cold_start(self, state: VehicleState) -> Plan:
+        """A plan that brakes to a stop at most gently and leaves the compressor as it is."""
+        steps = self._horizon.steps
+        inputs = np.zeros((steps, layout.INPUTS))
+        inputs[:, InputIndex.COMPRESSOR_POWER] = state.compressor_power_w
+        temperatures = np.tile(
+            [state.cell_1_temperature_k, state.cell_n_temperature_k], (steps + 1, 1)
+        )
+        return self._roll_out(state, inputs, temperatures)
+
+    def shift(self, plan: Plan, state: VehicleState) -> Plan:
+        """The plan as seen from a later state."""
+        moved_s = state.time_s - plan.start_s
+        inputs = self._average_inputs(plan.inputs, moved_s)
+        times = np.minimum(self._nodes_s + moved_s, self._nodes_s[-1])
+        temperatures = np.column_stack(
+            [
+                np.interp(times, self._nodes_s, plan.states[:, index])
+                for index in (StateIndex.CELL_1_TEMPERATURE, StateIndex.CELL_N_TEMPERATURE)
+            ]
+        )
+        return self._roll_out(state, inputs, temperatures)
+
+    def _average_inputs(self, inputs: FloatArray, moved_s: float) -> FloatArray:
+        edges = np.minimum(self._nodes_s + moved_s, self._nodes_s[-1])
+        integral = np.vstack(
+            [np.zeros(layout.INPUTS), np.cumsum(inputs * self._lengths_s[:, None], axis=0)]
+        )
+        at_edges = np.column_stack(
+            [np.interp(edges, self._nodes_s, integral[:, i]) for i in range(layout.INPUTS)]
+        )
+        covered_s = np.diff(edges)
+        beyond_s = self._lengths_s - covered_s
+        total = np.diff(at_edges, axis=0) + beyond_s[:, None] * inputs[-1]
+        averaged: FloatArray = total / self._lengths_s[:, None]
+        return averaged
+
+    def _roll_out(self, state: VehicleState, inputs: FloatArray, temperatures: FloatArray) -> Plan:
+        lengths = self._lengths_s
+        acceleration = inputs[:, InputIndex.ACCELERATION]
+        states = np.empty((lengths.size + 1, layout.STATES))
+        speeds = state.speed_m_s + np.concatenate([[0.0], np.cumsum(acceleration * lengths)])
+        travelled = np.cumsum(0.5 * (speeds[:-1] + speeds[1:]) * lengths)
+        states[:, StateIndex.POSITION] = state.position_m + np.concatenate([[0.0], travelled])
+        states[:, StateIndex.SPEED] = speeds
+        states[:, StateIndex.CELL_1_TEMPERATURE : StateIndex.CELL_N_TEMPERATURE + 1] = temperatures
+        states[0, StateIndex.CELL_1_TEMPERATURE] = state.cell_1_temperature_k
+        states[0, StateIndex.CELL_N_TEMPERATURE] = state.cell_n_temperature_k
+        states[0, StateIndex.LAST_ACCELERATION] = state.acceleration_m_s2
+        states[0, StateIndex.LAST_COMPRESSOR_POWER] = state.compressor_power_w
+        states[1:, StateIndex.LAST_ACCELERATION] = acceleration
+        states[1:, StateIndex.LAST_COMPRESSOR_POWER] = inputs[:, InputIndex.COMPRESSOR_POWER]
+        return Plan(state.time_s, self._nodes_s, states, inputs)
+
+
+def variables_from_plan(plan: Plan, state: VehicleState) -> FloatArray:
+    """Scale a plan into the optimiser's variables, the inverse of ``plan_from_variables``."""
+    relative = plan.states - layout.STATE_OFFSET
+    relative[:, StateIndex.POSITION] -= state.position_m
+    scaled_states = relative / layout.STATE_SCALE
+    scaled_inputs = plan.inputs / layout.INPUT_SCALE
+    head = np.hstack([scaled_states[:-1], scaled_inputs]).ravel()
+    return np.concatenate([head, scaled_states[-1]])
+
+
+def sample_positions_m(plan: Plan, sample_times_s: FloatArray) -> FloatArray:
+    """Planned absolute positions at times relative to the plan's start."""
+    steps = np.clip(
+        np.searchsorted(plan.node_times_s, sample_times_s, side="right") - 1,
+        0,
+        plan.inputs.shape[0] - 1,
+    )
+    elapsed = sample_times_s - plan.node_times_s[steps]
+    speed = plan.states[steps, StateIndex.SPEED]
+    acceleration = plan.inputs[steps, InputIndex.ACCELERATION]
+    positions: FloatArray = plan.states[steps, StateIndex.POSITION] + elapsed * (
+        speed + 0.5 * elapsed * acceleration
+    )
+    return positions

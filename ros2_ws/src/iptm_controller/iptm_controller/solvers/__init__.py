@@ -1,0 +1,1 @@
+"""Solver back ends behind one small interface; outcomes are data, never exceptions."""

@@ -1,0 +1,45 @@
+"""Plausibility of a measured state before anything is computed from it."""
+
+from __future__ import annotations
+
+import math
+
+from iptm_core.errors import StateError
+from iptm_core.state import LeaderState, VehicleState
+
+_RANGES: dict[str, tuple[float, float]] = {
+    "time_s": (0.0, 1e9),
+    "position_m": (-1e9, 1e9),
+    "speed_m_s": (0.0, 100.0),
+    "acceleration_m_s2": (-20.0, 20.0),
+    "compressor_power_w": (0.0, 1e5),
+    "cell_1_temperature_k": (223.15, 373.15),
+    "cell_n_temperature_k": (223.15, 373.15),
+    "cell_1_capacity_loss": (1e-9, 0.9),
+    "cell_n_capacity_loss": (1e-9, 0.9),
+}
+
+
+def check_state(state: VehicleState) -> None:
+    """Refuse a state that is not finite or outside what any vehicle can be in.
+
+    Raises:
+        StateError: names the quantity, its value and the permitted range.
+    """
+    for name, (low, high) in _RANGES.items():
+        value = getattr(state, name)
+        if not (math.isfinite(value) and low <= value <= high):
+            raise StateError(f"measured {name} = {value}, allowed are {low:g} to {high:g}")
+
+
+def check_leader(leader: LeaderState, host: VehicleState) -> None:
+    """Refuse a leader measurement that is not finite, driving backwards or behind the host.
+
+    Raises:
+        StateError: names the quantity, its value and what is allowed.
+    """
+    if not (math.isfinite(leader.speed_m_s) and 0.0 <= leader.speed_m_s <= 100.0):
+        raise StateError(f"measured leader speed = {leader.speed_m_s} m/s, allowed are 0 to 100")
+    gap_m = leader.position_m - host.position_m
+    if not (math.isfinite(gap_m) and gap_m >= -1.0):
+        raise StateError(f"measured gap = {gap_m} m, allowed are finite values from -1 m")
