@@ -1,0 +1,32 @@
+"""The workspace builds with colcon, and what is installed runs from there."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.integration
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_workspace_builds_and_executables_run() -> None:
+    ready = subprocess.run([ROOT / "scripts" / "setup", "--dev", "--check"], check=False)
+    if ready.returncode != 0:
+        pytest.skip("needs the environment that scripts/test makes")
+    build = subprocess.run(
+        [ROOT / "scripts" / "colcon_build"],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert build.returncode == 0, build.stdout + build.stderr
+    for executable in (
+        "iptm_plant_sim/plant",
+        "iptm_v2x_bridge/v2x_bridge",
+        "iptm_controller/controller",
+    ):
+        package, name = executable.split("/")
+        assert f"runs: install/{package}/lib/{package}/{name}\n" in build.stdout

@@ -1,0 +1,82 @@
+"""The arrows of the architecture: who may import whom, and who may know ROS."""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+# Package -> the packages of this project that its modules may import.
+ALLOWED = {
+    "iptm_core": set(),
+    "iptm_interfaces": {"iptm_core"},
+    "iptm_plant_sim": {"iptm_core", "iptm_interfaces"},
+    "iptm_v2x_bridge": {"iptm_core", "iptm_interfaces"},
+    "iptm_controller": {"iptm_core", "iptm_interfaces"},
+    "iptm_recording": {"iptm_core", "iptm_interfaces"},
+    "iptm_bringup": {
+        "iptm_core",
+        "iptm_interfaces",
+        "iptm_plant_sim",
+        "iptm_v2x_bridge",
+        "iptm_controller",
+        "iptm_recording",
+    },
+    "iptm_studies": {"iptm_core", "iptm_plant_sim", "iptm_v2x_bridge", "iptm_controller"},
+}
+
+# All of these packages runs without ROS, but for the node modules of those that have one.
+PURE = {"iptm_core", "iptm_plant_sim", "iptm_v2x_bridge", "iptm_controller", "iptm_studies"}
+
+ROS = {
+    "rclpy",
+    "ament_index_python",
+    "launch",
+    "launch_ros",
+    "rcl_interfaces",
+    "builtin_interfaces",
+}
+
+
+def is_ros(top: str) -> bool:
+    return top in ROS or top.endswith("_msgs")
+
+
+def our_packages(imports: frozenset[str]) -> set[str]:
+    return {top for name in imports if (top := name.split(".")[0]) in ALLOWED}
+
+
+def test_no_package_is_forgotten(root: Any) -> None:
+    assert {path.parent.name for path in root.glob("ros2_ws/src/*/package.xml")} == set(ALLOWED)
+
+
+@pytest.mark.parametrize("package", ALLOWED)
+def test_imports_follow_the_arrows(package: str, modules_of: Callable[[str], list[Any]]) -> None:
+    for module in modules_of(package):
+        against = our_packages(module.imports) - {package} - ALLOWED[package]
+        assert against == set(), f"{module.name} must not import {against}"
+
+
+@pytest.mark.parametrize("package", sorted(PURE))
+def test_pure_parts_know_no_ros(package: str, modules_of: Callable[[str], list[Any]]) -> None:
+    for module in modules_of(package):
+        if module.is_node:
+            continue
+        ros = {name for name in module.imports if is_ros(name.split(".")[0])}
+        assert ros == set(), f"{module.name} must run without ROS, but imports {ros}"
+        # The interfaces import rclpy, so a pure part cannot use them either.
+        assert "iptm_interfaces" not in our_packages(module.imports), (
+            f"{module.name} imports iptm_interfaces"
+        )
+
+
+@pytest.mark.parametrize("package", ALLOWED)
+def test_nodes_meet_only_in_messages(package: str, modules_of: Callable[[str], list[Any]]) -> None:
+    """Nobody imports a node module but the package it belongs to, and there only other node modules."""
+    for module in modules_of(package):
+        for name in module.imports:
+            owner, _, rest = name.partition(".")
+            if owner not in PURE or not re.match(r"node(_\w+)?(\.|$)", rest):
+                continue
+            assert owner == package, f"{module.name} imports the inside of a node: {name}"
+            assert module.is_node, f"the pure {module.name} imports {name}"

@@ -1,0 +1,170 @@
+"""package.xml and setup.py of each package are sound, agree, and name what the package imports."""
+
+import importlib.util
+import re
+import sys
+from collections.abc import Callable, Iterable
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PACKAGES = [
+    "iptm_core",
+    "iptm_interfaces",
+    "iptm_plant_sim",
+    "iptm_v2x_bridge",
+    "iptm_controller",
+    "iptm_recording",
+    "iptm_bringup",
+    "iptm_studies",
+]
+
+# Import name -> (key in package.xml, name on the package index). ROS packages are their own key.
+LIBRARIES = {
+    "casadi": ("python3-casadi-pip", "casadi"),
+    "dask": ("python3-dask-pip", "dask"),
+    "distributed": ("python3-distributed-pip", "distributed"),
+    "jinja2": ("python3-jinja2", "jinja2"),
+    "lz4": ("python3-lz4", "lz4"),
+    "matplotlib": ("python3-matplotlib", "matplotlib"),
+    "mcap": ("python3-mcap-pip", "mcap"),
+    "numpy": ("python3-numpy", "numpy"),
+    "pyarrow": ("python3-pyarrow-pip", "pyarrow"),
+    "rich": ("python3-rich", "rich"),
+    "rosbags": ("python3-rosbags-pip", "rosbags"),
+    "yaml": ("python3-yaml", "pyyaml"),
+    "zstandard": ("python3-zstandard-pip", "zstandard"),
+}
+
+
+def outside_imports(package: str, modules: Iterable[Any]) -> dict[str, str]:
+    """Top-level names imported from outside the standard library and the package, with one importer each."""
+    found: dict[str, str] = {}
+    for module in modules:
+        for name in module.imports:
+            top = name.split(".")[0]
+            if top and top != package and top not in sys.stdlib_module_names:
+                found[top] = module.name
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_manifest_is_format_3_and_complete(package: str, manifest_of: Callable[[str], Any]) -> None:
+    manifest = manifest_of(package)
+    assert manifest.get("format") == "3"
+    assert manifest.findtext("name") == package
+    assert re.fullmatch(r"\d+\.\d+\.\d+", manifest.findtext("version", ""))
+    assert len(manifest.findtext("description", "").split()) >= 5
+    assert manifest.findtext("license") == "Apache-2.0"
+    assert manifest.findtext("export/build_type") == "ament_python"
+    # A malformed address silently drops the package's ament hooks from a colcon build.
+    (maintainer,) = manifest.findall("maintainer")
+    assert re.fullmatch(r"[\w.+-]+@[\w-]+(\.[\w-]+)+", maintainer.get("email", ""))
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_setup_agrees_with_manifest(
+    package: str, manifest_of: Callable[[str], Any], setup_of: Callable[[str], dict[str, Any]]
+) -> None:
+    manifest, setup = manifest_of(package), setup_of(package)
+    (maintainer,) = manifest.findall("maintainer")
+    assert setup["name"] == package
+    assert setup["version"] == manifest.findtext("version")
+    assert setup["maintainer"] == maintainer.text
+    assert setup["maintainer_email"] == maintainer.get("email")
+    assert setup["license"] == manifest.findtext("license")
+    assert setup["extras_require"]["test"]
+    installed = {(folder, name) for folder, names in setup["data_files"] for name in names}
+    assert ("share/ament_index/resource_index/packages", f"resource/{package}") in installed
+    assert (f"share/{package}", "package.xml") in installed
+    for _, name in installed:
+        assert Path(name).is_file(), f"{package}/setup.py installs {name}, which does not exist"
+
+
+def test_one_version_and_one_maintainer(manifest_of: Callable[[str], Any]) -> None:
+    manifests = [manifest_of(package) for package in PACKAGES]
+    assert len({manifest.findtext("version") for manifest in manifests}) == 1
+    assert len({manifest.find("maintainer").get("email") for manifest in manifests}) == 1
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_everything_is_installed(package: str, setup_of: Callable[[str], dict[str, Any]]) -> None:
+    """Each folder with Python in it is a package that is installed, and so is each data file."""
+    setup = setup_of(package)
+    code = Path(package)
+    files = [path for path in code.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    with_python = {".".join(path.parent.parts) for path in files if path.suffix == ".py"}
+    assert set(setup["packages"]) == with_python, (
+        "a folder lacks __init__.py or is not found by setup.py"
+    )
+
+    patterns = [
+        str(Path(*name.split("."), pattern))
+        for name, globs in setup["package_data"].items()
+        for pattern in globs
+    ]
+    # `**` in package_data also stands for no folder at all.
+    patterns += [pattern.replace("**/", "") for pattern in patterns]
+    left_out = [
+        str(path)
+        for path in files
+        if path.suffix != ".py" and not any(fnmatch(str(path), pattern) for pattern in patterns)
+    ]
+    assert left_out == [], f"package_data in {package}/setup.py does not name {left_out}"
+    assert (code / "py.typed").is_file()
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_executables_exist(package: str, setup_of: Callable[[str], dict[str, Any]]) -> None:
+    setup = setup_of(package)
+    for line in setup.get("entry_points", {}).get("console_scripts", []):
+        executable, module, function = re.fullmatch(r"(\w+) = ([\w.]+):(\w+)", line).groups()
+        spec = importlib.util.find_spec(module)
+        assert spec is not None, f"executable {executable}: no module {module}"
+        assert spec.origin is not None
+        source = Path(spec.origin).read_text(encoding="utf-8")
+        assert f"def {function}(" in source, (
+            f"executable {executable}: {module} has no {function}()"
+        )
+    config = Path("setup.cfg").read_text(encoding="utf-8")
+    # `ros2 run` looks for executables in lib/<package>.
+    assert f"script_dir=$base/lib/{package}\n" in config
+    assert f"install_scripts=$base/lib/{package}\n" in config
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_manifest_names_exactly_what_is_imported(
+    package: str, manifest_of: Callable[[str], Any], modules_of: Callable[[str], list[Any]]
+) -> None:
+    imported = outside_imports(package, modules_of(package))
+    needed = {LIBRARIES.get(name, (name,))[0]: name for name in imported}
+    manifest = manifest_of(package)
+    declared = {entry.text for entry in manifest.findall("exec_depend")}
+    # A package that starts another one's executables needs it without importing it.
+    started = (
+        {name for name in declared if name in PACKAGES} if package == "iptm_bringup" else set()
+    )
+    started |= {name for name in declared if name in {"launch", "launch_ros", "ros2launch"}}
+    lacking = [
+        f"{key} (imported by {imported[name]})"
+        for key, name in needed.items()
+        if key not in declared
+    ]
+    assert lacking == [], f"{package}/package.xml lacks exec_depend on {lacking}"
+    assert declared - started - set(needed) == set(), (
+        f"{package}/package.xml names what is never imported"
+    )
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_setup_requires_exactly_the_imported_libraries(
+    package: str, setup_of: Callable[[str], dict[str, Any]], modules_of: Callable[[str], list[Any]]
+) -> None:
+    imported = outside_imports(package, modules_of(package))
+    needed = {LIBRARIES[name][1] for name in imported if name in LIBRARIES}
+    required = {
+        re.split(r"[^\w-]", line)[0].lower() for line in setup_of(package)["install_requires"]
+    }
+    assert required - {"setuptools"} == needed

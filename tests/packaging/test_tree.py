@@ -1,0 +1,36 @@
+"""Nothing in the tree tells of the machine it was made on."""
+
+import re
+from pathlib import Path
+
+FORBIDDEN = {
+    "a home or work folder": re.compile(rb"/(?:root|work|home/[a-z]\w*|Users/\w+|tmp/w)/[\w.]"),
+    "the host of a package registry": re.compile(
+        rb"(?:pypi|pythonhosted|npmjs|crates|anaconda)\.(?:org|com|io)|registry\.\w+\.\w+"
+    ),
+}
+
+
+def test_no_machine_path_and_no_registry_host(tracked_files: list[Path], root: Path) -> None:
+    found = [
+        f"{path.relative_to(root)}: {what}: {match.group(0)!r}"
+        for path in tracked_files
+        for what, pattern in FORBIDDEN.items()
+        for match in pattern.finditer(path.read_bytes())
+    ]
+    assert found == []
+
+
+def test_no_large_file(tracked_files: list[Path], root: Path) -> None:
+    """Runs belong into bags/, which git ignores, but for a small example."""
+    large = [
+        str(path.relative_to(root)) for path in tracked_files if path.stat().st_size > 4_000_000
+    ]
+    assert large == []
+
+
+def test_license_is_complete(root: Path) -> None:
+    text = (root / "LICENSE").read_text(encoding="utf-8")
+    assert text.lstrip().startswith("Apache License")
+    assert "END OF TERMS AND CONDITIONS" in text
+    assert "WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND" in text
