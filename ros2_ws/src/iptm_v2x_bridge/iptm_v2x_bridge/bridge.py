@@ -1,0 +1,119 @@
+"""The bridge without ROS: for every tick, the leader now and the prediction held on board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from iptm_core.state import LeaderPreview, LeaderState
+from iptm_v2x_bridge.imperfections import Imperfections, age_s
+from iptm_v2x_bridge.receiver import RadioLink, Receiver, empty_preview
+from iptm_v2x_bridge.source import NS_PER_S, PreviewGrid, PreviewSource
+
+
+class PreviewMode(Enum):
+    """How much the host is told about the future of the leader."""
+
+    FULL = "full"
+    NONE = "none"
+
+
+@dataclass(frozen=True)
+class BridgeSettings:
+    """What is predicted and how well it arrives.
+
+    Attributes:
+        mode: `NONE` leaves every preview empty; the leader's present state stays known.
+        grid: length and step of the predictions.
+        imperfections: delay, loss and error.
+    """
+
+    mode: PreviewMode = PreviewMode.FULL
+    grid: PreviewGrid = field(default_factory=PreviewGrid)
+    imperfections: Imperfections = field(default_factory=Imperfections)
+
+
+@dataclass(frozen=True)
+class BridgeAnswer:
+    """What the bridge says at one tick.
+
+    Attributes:
+        time_ns: the tick, integer nanoseconds of trip time.
+        leader: state of the leader at the tick.
+        preview: latest prediction received, with its own time of generation.
+        lost: whether the prediction generated at this tick is lost on the way.
+    """
+
+    time_ns: int
+    leader: LeaderState
+    preview: LeaderPreview
+    lost: bool
+
+    @property
+    def preview_age_s(self) -> float:
+        """Time since the generation of the preview, infinite if there is none."""
+        return age_s(self.preview, self.time_ns / NS_PER_S)
+
+
+class V2xBridge:
+    """Answers ticks in increasing order of time.
+
+    The same tick asked again gets the same answer; an earlier one means that a new trip has begun.
+    """
+
+    def __init__(self, source: PreviewSource, settings: BridgeSettings | None = None) -> None:
+        self._source = source
+        self._settings = settings or BridgeSettings()
+        self._restart()
+
+    def _restart(self) -> None:
+        self._link = RadioLink(self._settings.imperfections.latency_ns)
+        self._receiver = Receiver()
+        self._last: BridgeAnswer | None = None
+        self._sent = 0
+        self._lost = 0
+
+    @property
+    def sent(self) -> int:
+        """Predictions generated in this trip, lost ones included."""
+        return self._sent
+
+    @property
+    def lost(self) -> int:
+        """Predictions lost in this trip."""
+        return self._lost
+
+    def answer(self, time_ns: int) -> BridgeAnswer:
+        """Return the answer to one tick.
+
+        Args:
+            time_ns: the tick, integer nanoseconds of trip time.
+        """
+        if self._last is not None and time_ns == self._last.time_ns:
+            return self._last
+        if self._last is not None and time_ns < self._last.time_ns:
+            self._restart()
+        leader = self._source.leader_at(time_ns)
+        if self._settings.mode is PreviewMode.NONE:
+            self._last = BridgeAnswer(time_ns, leader, empty_preview(), lost=False)
+            return self._last
+        lost = self._transmit(time_ns)
+        for preview in self._link.deliver(time_ns):
+            self._receiver.receive(preview)
+        self._last = BridgeAnswer(time_ns, leader, self._receiver.latest, lost)
+        return self._last
+
+    def _transmit(self, time_ns: int) -> bool:
+        """Send the prediction of this tick; return whether it is lost on the way."""
+        imperfections = self._settings.imperfections
+        self._sent += 1
+        if imperfections.is_lost(time_ns):
+            self._lost += 1
+            return True
+        preview = self._source.predict(time_ns, self._settings.grid)
+        self._link.send(time_ns, imperfections.distort(preview))
+        return False
+
+    def answer_at(self, time_s: float) -> BridgeAnswer:
+        """Return the answer to one tick given in seconds of trip time."""
+        return self.answer(round(time_s * NS_PER_S))

@@ -1,0 +1,215 @@
+"""Fixtures for tests with real processes over DDS.
+
+Every test gets a ROS domain of its own, processes whose output is kept, and conditions that are
+awaited with a timeout. Nothing here sleeps for a fixed time and hopes.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+
+from iptm_interfaces.discovery import PROFILE_VARIABLE, discovery_profile_path, reserve_domain
+from iptm_interfaces.suite_node import SuiteNode
+
+POLL_S = 0.01
+STOP_TIMEOUT_S = 20.0
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let ROS's message generator import the parser it brings along, which is a little dated."""
+    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark everything in this folder, so that `-m "not integration"` leaves it out."""
+    here = Path(__file__).parent
+    for item in items:
+        if here in item.path.parents:
+            item.add_marker(pytest.mark.integration)
+
+
+def wait_until(
+    condition: Callable[[], object], timeout_s: float = 30.0, what: str = "condition"
+) -> None:
+    """Wait until a condition is true; fail the test, naming it, if that takes too long."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > deadline:
+            pytest.fail(f"timed out after {timeout_s} s waiting for: {what}")
+        time.sleep(POLL_S)
+
+
+@dataclass
+class ManagedProcess:
+    """A started process and its logs, which are files that can be read at any time."""
+
+    name: str
+    popen: subprocess.Popen[bytes]
+    stdout_path: Path
+    stderr_path: Path
+
+    @property
+    def stdout(self) -> str:
+        return self.stdout_path.read_text(errors="replace")
+
+    @property
+    def stderr(self) -> str:
+        return self.stderr_path.read_text(errors="replace")
+
+    @property
+    def is_running(self) -> bool:
+        return self.popen.poll() is None
+
+    def send(self, number: signal.Signals) -> None:
+        if self.is_running:
+            self.popen.send_signal(number)
+
+    def wait(self, timeout_s: float = STOP_TIMEOUT_S) -> int:
+        """Return the exit code; fail the test if the process does not end."""
+        wait_until(lambda: not self.is_running, timeout_s, f"end of {self.name}\n{self.stderr}")
+        return int(self.popen.returncode)
+
+    def stop(self, number: signal.Signals = signal.SIGINT) -> int:
+        """Ask the process to end and return its exit code."""
+        self.send(number)
+        return self.wait()
+
+
+@dataclass
+class ProcessLauncher:
+    """Starts processes in the domain of the test and cleans up after it."""
+
+    directory: Path
+    environment: Mapping[str, str]
+    processes: list[ManagedProcess] = field(default_factory=list)
+
+    def start(self, name: str, *command: str | Path, **environment: str) -> ManagedProcess:
+        """Start any command; its output goes to files named after it."""
+        index = len(self.processes)
+        stdout_path = self.directory / f"{index}_{name}.out"
+        stderr_path = self.directory / f"{index}_{name}.err"
+        with stdout_path.open("wb") as out, stderr_path.open("wb") as err:
+            popen = subprocess.Popen(
+                [str(part) for part in command],
+                stdout=out,
+                stderr=err,
+                stdin=subprocess.DEVNULL,
+                env={**self.environment, **environment},
+                cwd=self.directory,
+                start_new_session=True,
+            )
+        process = ManagedProcess(name, popen, stdout_path, stderr_path)
+        self.processes.append(process)
+        return process
+
+    def start_node(
+        self, module: str, *arguments: str, parameters: Mapping[str, object] | None = None
+    ) -> ManagedProcess:
+        """Start a node of the suite by its module, e.g. `iptm_v2x_bridge.node`.
+
+        Args:
+            module: run with `python -m`.
+            arguments: further ROS arguments, e.g. `-r`, `__ns:=/car_1`.
+            parameters: parameter overrides.
+        """
+        overrides = [
+            part
+            for name, value in (parameters or {}).items()
+            for part in ("-p", f"{name}:={_yaml_scalar(value)}")
+        ]
+        return self.start(
+            module.split(".", maxsplit=1)[0],
+            sys.executable, "-m", module, "--ros-args", *overrides, *arguments,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """End whatever still runs, politely first, and show all logs (kept by pytest on failure)."""
+        running = [process for process in self.processes if process.is_running]
+        for process in running:
+            process.popen.send_signal(signal.SIGINT)
+        deadline = time.monotonic() + STOP_TIMEOUT_S / 2.0
+        while any(process.is_running for process in running) and time.monotonic() < deadline:
+            time.sleep(POLL_S)
+        for process in running:
+            if process.is_running:
+                os.killpg(process.popen.pid, signal.SIGKILL)
+                process.popen.wait()
+        for process in self.processes:
+            for kind, text in (("stdout", process.stdout), ("stderr", process.stderr)):
+                if text:
+                    print(f"--- {process.name} {kind}\n{text}")
+
+
+def _yaml_scalar(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"'{value}'" if isinstance(value, (str, Path)) else str(value)
+
+
+@pytest.fixture
+def ros_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, str]]:
+    """Give the test and its processes a domain of their own, fast discovery and checked fields."""
+    with reserve_domain() as domain:
+        settings = {
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_PYTHON_CHECK_FIELDS": "1",
+            "ROS_LOG_DIR": str(tmp_path / "ros_log"),
+            PROFILE_VARIABLE: str(discovery_profile_path()),
+        }
+        for name, value in settings.items():
+            monkeypatch.setenv(name, value)
+        yield {**os.environ, **settings}
+
+
+@pytest.fixture
+def launcher(ros_environment: dict[str, str], tmp_path: Path) -> Iterator[ProcessLauncher]:
+    """Start processes in the domain of the test."""
+    processes = ProcessLauncher(tmp_path, ros_environment)
+    yield processes
+    processes.close()
+
+
+@dataclass
+class Peer:
+    """A node of the test itself, spun only while the test waits, so nothing runs in parallel."""
+
+    node: SuiteNode
+    executor: object
+
+    def wait_until(
+        self, condition: Callable[[], object], timeout_s: float = 30.0, what: str = "condition"
+    ) -> None:
+        """Spin until a condition is true; fail the test, naming it, if that takes too long."""
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > deadline:
+                pytest.fail(f"timed out after {timeout_s} s waiting for: {what}")
+            self.executor.spin_once(timeout_sec=POLL_S)  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def peer(ros_environment: dict[str, str]) -> Iterator[Peer]:
+    """Take part in the graph of the test with a node called `test_peer`."""
+    context = Context()
+    rclpy.init(context=context, domain_id=int(ros_environment["ROS_DOMAIN_ID"]))
+    node = SuiteNode("test_peer", context=context)
+    executor = EventsExecutor(context=context)
+    executor.add_node(node)
+    yield Peer(node, executor)
+    executor.remove_node(node)
+    node.destroy_node()
+    executor.shutdown()
+    context.try_shutdown()

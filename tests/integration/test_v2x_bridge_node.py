@@ -1,0 +1,242 @@
+"""The bridge as a process of its own: what it publishes, how it starts, fails and stops."""
+
+from __future__ import annotations
+
+import signal
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from rosgraph_msgs.msg import Clock
+
+from iptm_core.routes import build_route
+from iptm_core.state import LeaderPreview, LeaderState
+from iptm_interfaces.codecs import (
+    decode_leader,
+    decode_leader_preview,
+    decode_leader_preview_bytes,
+    decode_slope,
+    ns_from_time,
+    time_from_s,
+)
+from iptm_interfaces.diagnostics import find_status, status_values
+from iptm_interfaces.topics import TOPICS, Topic
+
+MODULE = "iptm_v2x_bridge.node"
+
+
+class Ears:
+    """Everything the bridge says, and a mouth for the clock."""
+
+    def __init__(self, peer: Any) -> None:
+        self.peer = peer
+        self.leaders: dict[int, LeaderState] = {}
+        self.previews: dict[int, LeaderPreview] = {}
+        self.slopes: list[Any] = []
+        self.diagnostics: list[Any] = []
+        node = peer.node
+        self.clock = node.advertise(Topic.CLOCK)
+        node.listen(Topic.LEADER, self._on_leader)
+        node.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
+        node.listen(Topic.SLOPE, self.slopes.append)
+        node.listen(Topic.DIAGNOSTICS, self.diagnostics.append)
+
+    def _on_leader(self, message: Any) -> None:
+        self.leaders[ns_from_time(message.header.stamp)] = decode_leader(message)
+
+    def _on_preview(self, data: bytes) -> None:
+        stamp_ns, preview = decode_leader_preview_bytes(data)
+        self.previews[stamp_ns] = preview
+
+    def wait_for_bridge(self) -> None:
+        self.peer.wait_until(
+            lambda: self.clock.get_subscription_count() == 1 and self.slopes,
+            what="the bridge in the graph and its slope",
+        )
+
+    def tick(self, time_s: float) -> tuple[LeaderState, LeaderPreview]:
+        stamp_ns = round(time_s * 1e9)
+        self.clock.publish(Clock(clock=time_from_s(time_s)))
+        self.peer.wait_until(
+            lambda: stamp_ns in self.leaders and stamp_ns in self.previews,
+            what=f"answer to the tick at {time_s} s",
+        )
+        return self.leaders[stamp_ns], self.previews[stamp_ns]
+
+
+@pytest.fixture
+def ears(peer: Any) -> Ears:
+    return Ears(peer)
+
+
+def start_bridge(launcher: Any, *arguments: str, **parameters: object) -> Any:
+    """Start the bridge; it holds its first answer until the test listens to both streams."""
+    return launcher.start_node(MODULE, *arguments, parameters={"expected_peers": 1, **parameters})
+
+
+def test_answers_every_tick_with_leader_and_exact_preview(launcher: Any, ears: Ears) -> None:
+    bridge = start_bridge(launcher, cycle="nycc", slope="large", preview_length_s=20.0)
+    ears.wait_for_bridge()
+    route = build_route("nycc", "large", initial_gap_m=15.0)
+    for tick in range(60):
+        leader, preview = ears.tick(float(tick))
+        assert leader == route.leader.state_at(float(tick))
+        assert preview.generated_at_s == float(tick)
+        assert preview.positions_m[0] == leader.position_m
+        assert preview.speeds_m_s[0] == leader.speed_m_s
+        np.testing.assert_array_equal(preview.times_s, tick + np.arange(21.0))
+        np.testing.assert_array_equal(
+            preview.positions_m, route.leader.positions_at(preview.times_s)
+        )
+    slope = decode_slope(ears.slopes[-1])
+    np.testing.assert_array_equal(slope.positions_m, route.slope.positions_m)
+    np.testing.assert_array_equal(slope.slopes_rad, route.slope.slopes_rad)
+    assert bridge.stop(signal.SIGINT) == 0
+    assert "Traceback" not in bridge.stderr
+
+
+def test_preview_is_an_ordinary_message_for_other_tools(launcher: Any, peer: Any) -> None:
+    messages: list[Any] = []
+    clock = peer.node.advertise(Topic.CLOCK)
+    peer.node.listen(Topic.LEADER, lambda _: None)
+    peer.node.listen(Topic.LEADER_PREVIEW, messages.append)
+    start_bridge(launcher, preview_length_s=5.0)
+    peer.wait_until(lambda: clock.get_subscription_count() == 1, what="the bridge in the graph")
+    clock.publish(Clock(clock=time_from_s(3.0)))
+    peer.wait_until(lambda: messages, what="a preview")
+    stamp_ns, preview = decode_leader_preview(messages[0])
+    assert stamp_ns == 3_000_000_000
+    assert preview.times_s.tolist() == [3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+
+
+def test_latency_shows_as_age_and_never_as_a_new_stamp(launcher: Any, ears: Ears) -> None:
+    start_bridge(launcher, latency_s=2, preview_length_s=10)
+    ears.wait_for_bridge()
+    ages = []
+    for tick in range(6):
+        _, preview = ears.tick(float(tick))
+        ages.append(tick - preview.generated_at_s if preview.times_s.size else None)
+    assert ages == [None, None, 2.0, 2.0, 2.0, 2.0]
+
+
+def test_mode_none_still_answers_every_tick(launcher: Any, ears: Ears) -> None:
+    start_bridge(launcher, preview_mode="none")
+    ears.wait_for_bridge()
+    for tick in range(3):
+        leader, preview = ears.tick(float(tick))
+        assert leader.time_s == float(tick)
+        assert preview.times_s.size == 0
+
+
+def test_late_subscriber_gets_the_slope(launcher: Any, ears: Ears) -> None:
+    start_bridge(launcher, slope="small")
+    ears.wait_for_bridge()
+    late: list[Any] = []
+    ears.peer.node.listen(Topic.SLOPE, late.append)
+    ears.peer.wait_until(lambda: late, what="latched slope")
+    assert decode_slope(late[0]).positions_m.size > 1
+
+
+def test_namespace_moves_everything_but_the_global_topics(launcher: Any, peer: Any) -> None:
+    start_bridge(launcher, "-r", "__ns:=/car_1")
+    node = peer.node
+    heard: dict[Topic, Any] = {}
+    for topic in (Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE):
+        spec = TOPICS[topic]
+        node.create_subscription(
+            spec.message_type,
+            f"/car_1/{spec.name}",
+            partial(heard.__setitem__, topic),
+            spec.qos,
+        )
+    clock = node.advertise(Topic.CLOCK)
+    peer.wait_until(lambda: clock.get_subscription_count() == 1, what="a listener on the clock")
+    clock.publish(Clock(clock=time_from_s(1.0)))
+    peer.wait_until(lambda: len(heard) == 3, what="all three topics in the namespace")
+    assert ns_from_time(heard[Topic.LEADER].header.stamp) == 1_000_000_000
+
+
+def test_first_answer_waits_for_all_expected_peers(launcher: Any, ears: Ears) -> None:
+    start_bridge(launcher, expected_peers=2)
+    ears.wait_for_bridge()
+    ears.clock.publish(Clock(clock=time_from_s(0.0)))
+
+    def reasons() -> set[str]:
+        return {message.status[0].message for message in ears.diagnostics}
+
+    ears.peer.wait_until(
+        lambda: "waiting for the expected peers" in reasons(), what="the wait reported"
+    )
+    assert not ears.previews
+    for topic in (Topic.LEADER, Topic.LEADER_PREVIEW):
+        ears.peer.node.listen(topic, lambda _: None)
+    ears.peer.wait_until(lambda: 0 in ears.previews, what="the answer held back")
+
+
+def test_same_tick_again_gets_the_same_answer(launcher: Any, ears: Ears) -> None:
+    start_bridge(launcher, noise_std_m_s=0.5, seed=3)
+    ears.wait_for_bridge()
+    _, first = ears.tick(7.0)
+    ears.previews.clear()
+    _, again = ears.tick(7.0)
+    np.testing.assert_array_equal(first.speeds_m_s, again.speeds_m_s)
+
+
+def test_diagnostics_count_dropouts_and_show_the_age(launcher: Any, ears: Ears) -> None:
+    start_bridge(launcher, dropout_probability=1.0)
+    ears.wait_for_bridge()
+    ears.tick(0.0)
+    ears.tick(1.0)
+
+    def values() -> dict[str, str]:
+        found = [find_status(message, "/v2x_bridge") for message in ears.diagnostics]
+        return status_values(found[-1]) if found and found[-1] else {}
+
+    ears.peer.wait_until(lambda: values().get("dropouts") == "2", what="two dropouts reported")
+    assert values()["preview_age_s"] == "inf"
+    reasons = {message.status[0].message for message in ears.diagnostics}
+    assert "no prediction received yet" in reasons
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        ({"cycle": "no_such_cycle"}, "unknown driving cycle 'no_such_cycle'"),
+        ({"cycle": "absent.csv"}, "absent.csv"),
+        ({"latency_s": -1.0}, "parameter latency_s is -1.0"),
+        ({"noise_std_m_s": ".nan"}, "parameter noise_std_m_s"),
+        ({"preview_length_s": 2.0, "preview_step_s": 5.0}, "preview step is 5.0 s"),
+        ({"latnecy_s": 1.0}, "did you mean latency_s?"),
+    ],
+)
+def test_user_mistake_is_one_line_and_exit_code_2(
+    launcher: Any, parameters: dict[str, object], expected: str
+) -> None:
+    bridge = launcher.start_node(MODULE, parameters=parameters)
+    assert bridge.wait() == 2
+    lines = bridge.stderr.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("iptm_v2x_bridge: ")
+    assert expected in lines[0]
+
+
+def test_bad_cycle_file_names_the_fault(launcher: Any) -> None:
+    path = launcher.directory / "bad.csv"
+    path.write_text("time_s,speed_m_s\n0.0,0.0\n1.0,-3.0\n")
+    bridge = launcher.start_node(MODULE, parameters={"cycle": path})
+    assert bridge.wait() == 2
+    assert "bad.csv" in bridge.stderr
+    assert len(bridge.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_stops_cleanly_even_when_the_signal_comes_twice(
+    launcher: Any, ears: Ears, number: signal.Signals
+) -> None:
+    bridge = launcher.start_node(MODULE)
+    ears.wait_for_bridge()
+    bridge.send(number)
+    bridge.send(number)
+    assert bridge.wait() == 0
+    assert "Traceback" not in bridge.stderr
