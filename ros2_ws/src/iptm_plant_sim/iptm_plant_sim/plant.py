@@ -1,0 +1,296 @@
+"""The simulated vehicle, free of ROS: one command in, the state one interval later out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from iptm_core.errors import StateError
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.power_thermal import CellPair
+from iptm_core.state import Command, FloatArray, VehicleState
+from iptm_plant_sim.actuators import ActuatorReport, Clamp, limit_command
+from iptm_plant_sim.integrator import IntervalIntegrator, IntervalResult
+from iptm_plant_sim.motion import Motion, plan_motion
+
+DEFAULT_STEP_S = 0.1
+_POWER_BISECTIONS = 40
+
+
+@dataclass(frozen=True)
+class PlantStep:
+    """Everything that can be observed at the end of an interval.
+
+    Powers are means over the interval, so that mean times duration is the energy; at the start of a trip,
+    where no interval has ended, they are 0 and the compressor power is the one last actuated. Currents are
+    positive when discharging.
+
+    Attributes:
+        state: state at the end.
+        traction_power_w: electric traction power P_tra, negative when it feeds back.
+        regenerative_power_w: negative part of it, before the regenerative efficiency.
+        compressor_power_w: compressor power P_cp.
+        auxiliary_power_w: auxiliary power P_aux.
+        battery_power_w: power at the pack terminals P_b.
+        chiller_heat_w: heat that the chiller takes from the coolant Q_co.
+        battery_heat_w: heat generated in all cells.
+        charge_c: charge drawn from the pack during the interval.
+        cell_current_a: cell current at the end.
+        pack_current_a: pack current at the end.
+        pack_voltage_v: terminal voltage at the end.
+        cell_1_voltage_v: terminal voltage of cell 1 at the end.
+        cell_n_voltage_v: terminal voltage of cell N_c at the end.
+        coolant_inlet_k: coolant temperature at the channel inlet at the end.
+        coolant_outlet_k: coolant temperature at the channel outlet at the end.
+        report: what the actuators made of the command.
+        standstill: the vehicle stands at the end, held by its brakes.
+    """
+
+    state: VehicleState
+    traction_power_w: float
+    regenerative_power_w: float
+    compressor_power_w: float
+    auxiliary_power_w: float
+    battery_power_w: float
+    chiller_heat_w: float
+    battery_heat_w: float
+    charge_c: float
+    cell_current_a: float
+    pack_current_a: float
+    pack_voltage_v: float
+    cell_1_voltage_v: float
+    cell_n_voltage_v: float
+    coolant_inlet_k: float
+    coolant_outlet_k: float
+    report: ActuatorReport
+    standstill: bool
+
+
+class Plant:
+    """The vehicle with its pack, exact kinks included, integrated finely over each interval.
+
+    Instances keep no trip state: the same state and command give the same result, always. They own
+    evaluation buffers and are not meant to be shared between threads.
+    """
+
+    def __init__(
+        self,
+        parameters: ModelParameters,
+        slope_at: Callable[[FloatArray], FloatArray],
+        step_s: float = DEFAULT_STEP_S,
+    ) -> None:
+        """Set up a vehicle on a road.
+
+        Args:
+            parameters: the model parameters.
+            slope_at: road slope in rad (positive uphill) at positions in m, shape (n,) to (n,).
+            step_s: longest integration step inside an interval.
+
+        Raises:
+            StateError: the step is not a positive number.
+        """
+        if not (math.isfinite(step_s) and step_s > 0.0):
+            raise StateError(f"integration step is {step_s} s, allowed are positive numbers")
+        self.parameters = parameters
+        self._slope_at = slope_at
+        self._step_s = step_s
+        self._integrators: dict[int, IntervalIntegrator] = {}
+
+    def initial_state(
+        self,
+        position_m: float = 0.0,
+        speed_m_s: float = 0.0,
+        time_s: float = 0.0,
+        cell_1_temperature_k: float | None = None,
+        cell_n_temperature_k: float | None = None,
+    ) -> VehicleState:
+        """State at the start of a trip: no acceleration, compressor off, parameters' pack.
+
+        Args:
+            position_m: position along the road.
+            speed_m_s: speed.
+            time_s: time of the trip.
+            cell_1_temperature_k: temperature of cell 1; by default the parameters' initial temperature.
+            cell_n_temperature_k: temperature of cell N_c; likewise.
+
+        Raises:
+            StateError: a value is not finite or outside its physical range.
+        """
+        initial_k = self.parameters.environment.initial_cell_temperature_k
+        loss = self.parameters.aging.initial_capacity_loss
+        state = VehicleState(
+            time_s=float(time_s),
+            position_m=float(position_m),
+            speed_m_s=float(speed_m_s),
+            acceleration_m_s2=0.0,
+            compressor_power_w=self.parameters.limits.min_compressor_power_w,
+            cell_1_temperature_k=float(
+                initial_k if cell_1_temperature_k is None else cell_1_temperature_k
+            ),
+            cell_n_temperature_k=float(
+                initial_k if cell_n_temperature_k is None else cell_n_temperature_k
+            ),
+            cell_1_capacity_loss=loss,
+            cell_n_capacity_loss=loss,
+        )
+        self.check(state)
+        return state
+
+    def check(self, state: VehicleState) -> None:
+        """Refuse a state from which no sensible step can be taken.
+
+        Raises:
+            StateError: a value is not finite, or speed, temperature or capacity loss is out of range.
+        """
+        for item in fields(state):
+            value = getattr(state, item.name)
+            if not math.isfinite(value):
+                raise StateError(f"state: {item.name} is {value}, allowed are finite numbers")
+        top = self.parameters.limits.max_speed_m_s
+        for name, low, high in (
+            ("speed_m_s", 0.0, top),
+            ("cell_1_temperature_k", 200.0, 400.0),
+            ("cell_n_temperature_k", 200.0, 400.0),
+            ("cell_1_capacity_loss", 1e-9, 0.9),
+            ("cell_n_capacity_loss", 1e-9, 0.9),
+        ):
+            value = getattr(state, name)
+            if not low <= value <= high:
+                raise StateError(f"state: {name} is {value}, allowed is {low} to {high}")
+
+    def advance(self, state: VehicleState, command: Command, duration_s: float = 1.0) -> PlantStep:
+        """Carry out a command for one interval.
+
+        The command passes the actuator limits, the vehicle moves at constant acceleration until it stops
+        or meets its top speed, and the pack follows. If the pack cannot deliver the power, the drive gives
+        way: the acceleration is cut to what is possible, whatever the jerk limit says.
+
+        Args:
+            state: state at the start, from ``initial_state`` or an earlier step.
+            command: the decision; any values, nonsense is replaced and reported.
+            duration_s: length of the interval.
+
+        Raises:
+            StateError: the state leads nowhere (not finite or out of range).
+        """
+        report = limit_command(command, state, self.parameters.limits, duration_s)
+        motion, result = self._drive(state, report.actuated, duration_s)
+        if not result.finite:
+            self.check(state)
+            report, motion, result = self._give_way(state, report, duration_s)
+        if motion.top_speed_reached:
+            report = replace(report, clamps=(*report.clamps, Clamp.TOP_SPEED))
+        return self._step(state, report, motion, result, duration_s)
+
+    def observe(self, state: VehicleState) -> PlantStep:
+        """What can be observed in a state before any interval has been driven from it."""
+        command = Command(state.acceleration_m_s2, state.compressor_power_w)
+        motion = plan_motion(
+            state.position_m, state.speed_m_s, 0.0, math.inf, 0.0, self._sub_steps(1.0)
+        )
+        result = self._integrate(state, command, motion)
+        if not result.finite:
+            self.check(state)
+            raise StateError(f"state: the pack cannot supply it, {state}")
+        step = self._step(state, ActuatorReport(command, command), motion, result, 0.0)
+        return replace(step, state=state)
+
+    def _sub_steps(self, duration_s: float) -> int:
+        return max(2, math.ceil(duration_s / self._step_s - 1e-9))
+
+    def _integrate(self, state: VehicleState, command: Command, motion: Motion) -> IntervalResult:
+        count = motion.lengths_s.size
+        integrator = self._integrators.get(count)
+        if integrator is None:
+            integrator = self._integrators[count] = IntervalIntegrator(self.parameters, count)
+        cells = CellPair(
+            state.cell_1_temperature_k,
+            state.cell_n_temperature_k,
+            state.cell_1_capacity_loss,
+            state.cell_n_capacity_loss,
+        )
+        slopes = np.asarray(self._slope_at(motion.positions_m), dtype=float)
+        return integrator.integrate(cells, command.compressor_power_w, motion, slopes)
+
+    def _drive(
+        self, state: VehicleState, command: Command, duration_s: float
+    ) -> tuple[Motion, IntervalResult]:
+        motion = plan_motion(
+            state.position_m,
+            state.speed_m_s,
+            command.acceleration_m_s2,
+            self.parameters.limits.max_speed_m_s,
+            duration_s,
+            self._sub_steps(duration_s),
+        )
+        return motion, self._integrate(state, command, motion)
+
+    def _give_way(
+        self, state: VehicleState, report: ActuatorReport, duration_s: float
+    ) -> tuple[ActuatorReport, Motion, IntervalResult]:
+        """Find the largest acceleration that the pack can supply, by bisection."""
+        high = report.actuated.acceleration_m_s2
+        low = min(self.parameters.limits.min_acceleration_m_s2, high)
+        actuated = replace(report.actuated, acceleration_m_s2=low)
+        motion, result = self._drive(state, actuated, duration_s)
+        if not result.finite:
+            raise StateError(f"state: the pack cannot supply any motion from it, {state}")
+        for _ in range(_POWER_BISECTIONS):
+            middle = 0.5 * (low + high)
+            trial = replace(actuated, acceleration_m_s2=middle)
+            trial_motion, trial_result = self._drive(state, trial, duration_s)
+            if trial_result.finite:
+                low, actuated, motion, result = middle, trial, trial_motion, trial_result
+            else:
+                high = middle
+        clamps = (*report.clamps, Clamp.PACK_POWER)
+        return ActuatorReport(report.requested, actuated, clamps), motion, result
+
+    def _step(
+        self,
+        state: VehicleState,
+        report: ActuatorReport,
+        motion: Motion,
+        result: IntervalResult,
+        duration_s: float,
+    ) -> PlantStep:
+        compressor = report.actuated.compressor_power_w
+        cells = result.cells
+        end = VehicleState(
+            time_s=state.time_s + duration_s,
+            position_m=motion.end_position_m,
+            speed_m_s=motion.end_speed_m_s,
+            acceleration_m_s2=motion.end_acceleration_m_s2,
+            compressor_power_w=compressor,
+            cell_1_temperature_k=cells.cell_1_temperature_k,
+            cell_n_temperature_k=cells.cell_n_temperature_k,
+            cell_1_capacity_loss=cells.cell_1_capacity_loss,
+            cell_n_capacity_loss=cells.cell_n_capacity_loss,
+        )
+        per_second = 1.0 / duration_s if duration_s > 0.0 else 0.0
+        in_series = self.parameters.pack.cells_in_series
+        return PlantStep(
+            state=end,
+            traction_power_w=result.traction_energy_j * per_second,
+            regenerative_power_w=result.regenerated_energy_j * per_second,
+            compressor_power_w=compressor,
+            auxiliary_power_w=self.parameters.cooling.auxiliary_power_w
+            if duration_s > 0.0
+            else 0.0,
+            battery_power_w=result.battery_energy_j * per_second,
+            chiller_heat_w=result.chiller_heat_j * per_second,
+            battery_heat_w=result.battery_heat_j * per_second,
+            charge_c=result.charge_c,
+            cell_current_a=result.cell_current_a,
+            pack_current_a=result.pack_current_a,
+            pack_voltage_v=0.5 * (result.cell_1_voltage_v + result.cell_n_voltage_v) * in_series,
+            cell_1_voltage_v=result.cell_1_voltage_v,
+            cell_n_voltage_v=result.cell_n_voltage_v,
+            coolant_inlet_k=result.coolant_inlet_k,
+            coolant_outlet_k=result.coolant_outlet_k,
+            report=report,
+            standstill=motion.end_speed_m_s == 0.0,
+        )

@@ -1,0 +1,41 @@
+"""The controlled stop: what the vehicle does by itself when no usable command arrives."""
+
+from __future__ import annotations
+
+import math
+
+from iptm_core.parameters.model import LimitParameters
+from iptm_core.state import Command, VehicleState
+
+COMFORTABLE_DECELERATION_M_S2 = 1.0
+
+
+def controlled_stop_command(
+    state: VehicleState,
+    limits: LimitParameters,
+    duration_s: float = 1.0,
+    deceleration_m_s2: float = COMFORTABLE_DECELERATION_M_S2,
+) -> Command:
+    """Next command of a comfortable stop with the compressor run down.
+
+    The deceleration builds up within the jerk limit, stays at the comfortable value and fades out like
+    ``sqrt(2 J v)`` so that the vehicle comes to rest without a jolt. The compressor ramps to its lower
+    bound. Applied interval after interval this brings the vehicle to standstill from any state.
+
+    Args:
+        state: present state; its inputs are the values last actuated.
+        limits: bounds and rates.
+        duration_s: time for which the command will be held.
+        deceleration_m_s2: comfortable deceleration, positive; cut to what the limits permit.
+
+    Returns:
+        A command inside all bounds and rates.
+    """
+    jerk_step = limits.max_jerk_m_s3 * duration_s
+    fading = math.sqrt(2.0 * limits.max_jerk_m_s3 * max(state.speed_m_s, 0.0))
+    wanted = max(-deceleration_m_s2, -fading, limits.min_acceleration_m_s2)
+    last = state.acceleration_m_s2
+    acceleration = min(max(wanted, last - jerk_step), last + jerk_step)
+    power_step = limits.max_compressor_rate_w_s * duration_s
+    compressor = max(limits.min_compressor_power_w, state.compressor_power_w - power_step)
+    return Command(float(acceleration), float(compressor))
