@@ -15,7 +15,7 @@ setup(
         "setuptools",
         "numpy>=1.24",
         "PyYAML>=6.0",
-        "mcap>=1.2",
+        "mcap>=1.6",
         "rosbags>=0.11",
         "rich>=13.0",
     ],

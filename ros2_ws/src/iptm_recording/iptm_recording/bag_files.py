@@ -1,0 +1,211 @@
+"""The MCAP files of a bag: which they are, and one of them opened for reading."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from mcap.exceptions import McapError
+from mcap.reader import SeekingReader
+from mcap.records import Channel, Message, Statistics
+from mcap.summary import Summary
+from mcap.well_known import Profile
+
+from iptm_core.errors import BagError
+from iptm_recording.definitions import SCHEMA_ENCODING, MessageDefinition
+from iptm_recording.mcap_file import MAGIC
+
+_FOOTER_BYTES = 9 + 20 + len(MAGIC)
+_DAMAGE = (McapError, struct.error, UnicodeDecodeError, ValueError, KeyError, EOFError)
+
+
+def find_files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
+    """Return the MCAP files of a bag in recording order.
+
+    Args:
+        path: bag folder or .mcap file.
+        metadata: content of the folder's ``metadata.yaml``; empty when there is none.
+
+    Raises:
+        BagError: there is no such bag, or it is stored in another way.
+    """
+    if not path.exists():
+        raise BagError(f"{path} does not exist")
+    if path.is_file():
+        if path.suffix == ".db3":
+            raise BagError(f"{path} is an SQLite bag; only MCAP is read ({_conversion_hint()})")
+        return [path]
+    if not metadata:
+        if any(path.glob("*.mcap")):
+            raise BagError(
+                f"{path} has no metadata.yaml: its recording was cut short;"
+                f" repair it with: scripts/recover_bag {path}"
+            )
+        raise BagError(f"{path} is no bag: it holds neither metadata.yaml nor an .mcap file")
+    return _listed_files(path, metadata)
+
+
+def _listed_files(folder: Path, metadata: Mapping[str, Any]) -> list[Path]:
+    storage = metadata.get("storage_identifier")
+    if storage != "mcap":
+        raise BagError(
+            f"{folder} is stored as {storage!r}; only mcap is read ({_conversion_hint()})"
+        )
+    if metadata.get("compression_mode"):
+        raise BagError(
+            f"{folder} is compressed by rosbag2 (mode {metadata['compression_mode']!r});"
+            " only the compression inside MCAP files is read"
+        )
+    names = metadata.get("relative_file_paths")
+    if not isinstance(names, list) or not names:
+        raise BagError(f"{folder / 'metadata.yaml'} names no file in relative_file_paths")
+    files = [folder / Path(str(name)).name for name in names]
+    for file in files:
+        if not file.is_file():
+            raise BagError(f"{file} is missing, though metadata.yaml of its bag names it")
+    return files
+
+
+def _conversion_hint() -> str:
+    return "convert it with: rosbags-convert --src <bag> --dst <new bag> --dst-storage mcap"
+
+
+class BagFile:
+    """One sound MCAP file with ROS 2 messages, opened for reading.
+
+    Args:
+        path: the file.
+
+    Raises:
+        BagError: it cannot be read, is no MCAP file of ROS 2 messages, or was cut short.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise BagError(f"cannot read {path}: {error}") from None
+        try:
+            self._check_ends()
+            self._reader = SeekingReader(self._file, validate_crcs=True)
+            self._check_profile()
+            self._summary = self._reader.get_summary() or Summary()
+            self._statistics = self._required_statistics()
+        except BagError:
+            self._file.close()
+            raise
+        except _DAMAGE as error:
+            self._file.close()
+            raise self._damaged(error) from None
+
+    @property
+    def message_count(self) -> int:
+        """Messages of all topics."""
+        return self._statistics.message_count
+
+    @property
+    def start_ns(self) -> int:
+        """Earliest log time."""
+        return self._statistics.message_start_time
+
+    @property
+    def end_ns(self) -> int:
+        """Latest log time."""
+        return self._statistics.message_end_time
+
+    def channels(self) -> Iterator[tuple[Channel, str, int]]:
+        """Yield every topic with its type name and its number of messages.
+
+        Raises:
+            BagError: a topic holds no CDR messages.
+        """
+        counts = self._statistics.channel_message_counts
+        for channel in self._summary.channels.values():
+            schema = self._summary.schemas.get(channel.schema_id)
+            if channel.message_encoding != "cdr" or schema is None:
+                raise BagError(
+                    f"topic {channel.topic} of {self.path} is encoded as"
+                    f" {channel.message_encoding!r}; only cdr with a schema is read"
+                )
+            yield channel, schema.name, counts.get(channel.id, 0)
+
+    def definitions(self) -> dict[str, MessageDefinition]:
+        """Return the message definitions by type name."""
+        hashes = {
+            channel.schema_id: channel.metadata.get("topic_type_hash", "")
+            for channel in self._summary.channels.values()
+        }
+        return {
+            schema.name: MessageDefinition(
+                schema.name,
+                schema.data.decode(errors="replace") if schema.encoding == SCHEMA_ENCODING else "",
+                hashes.get(schema.id, ""),
+            )
+            for schema in self._summary.schemas.values()
+        }
+
+    def metadata_record(self, name: str) -> dict[str, str] | None:
+        """Return the texts stored under a name, None if there are none."""
+        try:
+            for record in self._reader.iter_metadata():
+                if record.name == name:
+                    return dict(record.metadata)
+        except _DAMAGE as error:
+            raise self._damaged(error) from None
+        return None
+
+    def messages(
+        self, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
+    ) -> Iterator[tuple[Channel, Message]]:
+        """Yield messages in order of log time, equal times in file order.
+
+        Raises:
+            BagError: the file is damaged.
+        """
+        try:
+            for _, channel, message in self._reader.iter_messages(
+                topics=None if topics is None else list(topics),
+                starting_at=start_ns,
+                ending_before=end_ns,
+            ):
+                yield channel, message
+        except _DAMAGE as error:
+            raise self._damaged(error) from None
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _check_ends(self) -> None:
+        start = self._file.read(len(MAGIC))
+        if start != MAGIC:
+            raise BagError(f"{self.path} is no MCAP file: it starts with {start!r}")
+        size = self._file.seek(0, 2)
+        self._file.seek(max(0, size - len(MAGIC)))
+        if size < len(MAGIC) + _FOOTER_BYTES or self._file.read() != MAGIC:
+            raise BagError(
+                f"{self.path} ends without its footer: its recording was cut short;"
+                f" repair it with: scripts/recover_bag {self.path}"
+            )
+        self._file.seek(0)
+
+    def _check_profile(self) -> None:
+        profile = self._reader.get_header().profile
+        if profile != Profile.ROS2:
+            raise BagError(f"{self.path} has the profile {profile!r}; only 'ros2' is read")
+
+    def _required_statistics(self) -> Statistics:
+        if self._summary.statistics is None:
+            raise BagError(
+                f"{self.path} has no statistics; rewrite it with: scripts/recover_bag {self.path}"
+            )
+        return self._summary.statistics
+
+    def _damaged(self, error: Exception) -> BagError:
+        return BagError(
+            f"{self.path} is damaged ({error or type(error).__name__});"
+            f" save what is whole with: scripts/recover_bag {self.path}"
+        )

@@ -1,0 +1,263 @@
+"""Opens a bag, lists its topics and reads its messages, without ROS.
+
+Accepts a rosbag2 folder with MCAP files, split or not, or a single .mcap file, written by this suite
+or by ``ros2 bag record``. What is wrong with a bag is said in one sentence, with the way out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, final
+
+from iptm_core.errors import BagError
+from iptm_recording.bag_files import BagFile, find_files
+from iptm_recording.definitions import MessageDefinition
+from iptm_recording.metadata import METADATA_FILE, TopicRecord, read_metadata
+from iptm_recording.qos import parse_profiles
+from iptm_recording.run_information import RECORD_NAME, RunInformation
+from iptm_recording.typed import Decoder
+
+
+@dataclass(frozen=True)
+class RawMessage:
+    """One message as it was recorded.
+
+    Attributes:
+        topic: fully qualified topic name.
+        type_name: ``package/msg/Type``.
+        log_time_ns: time of reception.
+        publish_time_ns: time of publication.
+        data: CDR bytes, header included.
+    """
+
+    topic: str
+    type_name: str
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class TypedMessage:
+    """One decoded message; ``message`` has the fields of its type, arrays are NumPy arrays."""
+
+    topic: str
+    type_name: str
+    log_time_ns: int
+    publish_time_ns: int
+    message: Any
+
+
+@final
+class BagReader:
+    """A bag opened for reading; use it as a context manager or call ``close``.
+
+    Args:
+        path: bag folder or .mcap file.
+
+    Attributes:
+        path: what was opened.
+        topics: recorded topics by name.
+
+    Raises:
+        BagError: missing, not a bag, of another storage, or cut short.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._metadata = _metadata_of(path)
+        self._files = [BagFile(file) for file in find_files(path, self._metadata)]
+        self.topics: Mapping[str, TopicRecord] = _merge_topics(path, self._files)
+        self._decoder = Decoder(_definitions(self._files))
+
+    @property
+    def message_count(self) -> int:
+        """Messages of all topics together."""
+        return sum(topic.message_count for topic in self.topics.values())
+
+    @property
+    def start_ns(self) -> int:
+        """Earliest log time, 0 for an empty bag."""
+        return min((f.start_ns for f in self._files if f.message_count), default=0)
+
+    @property
+    def end_ns(self) -> int:
+        """Latest log time, 0 for an empty bag."""
+        return max((f.end_ns for f in self._files if f.message_count), default=0)
+
+    @property
+    def duration_s(self) -> float:
+        """Time between the first and the last message."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+    @property
+    def custom_data(self) -> dict[str, str]:
+        """Texts about the run, from the file itself or else from ``metadata.yaml``."""
+        for file in self._files:
+            texts = file.metadata_record(RECORD_NAME)
+            if texts is not None:
+                return texts
+        custom = self._metadata.get("custom_data") or {}
+        return {str(key): str(value) for key, value in custom.items()}
+
+    def run_information(self) -> RunInformation:
+        """Return what the run depended on (defaults where another recorder stored nothing)."""
+        return RunInformation.from_custom_data(self.custom_data)
+
+    def resolve(self, name: str, type_name: str | None = None) -> TopicRecord:
+        """Find a topic.
+
+        Args:
+            name: full name, or a relative one such as ``plant/odometry`` in whatever namespace.
+            type_name: type it must have; any by default.
+
+        Raises:
+            BagError: no such topic, several in different namespaces, or another type.
+        """
+        if name in self.topics:
+            found = [name]
+        else:
+            suffix = f"/{name.lstrip('/')}"
+            found = [] if name.startswith("/") else [t for t in self.topics if t.endswith(suffix)]
+        if not found:
+            known = ", ".join(sorted(self.topics)) or "none"
+            raise BagError(f"{self.path} has no topic {name!r}; its topics are: {known}")
+        if len(found) > 1:
+            raise BagError(
+                f"{self.path} has several topics {name!r}: {', '.join(sorted(found))};"
+                " name one in full"
+            )
+        topic = self.topics[found[0]]
+        if type_name is not None and topic.type_name != type_name:
+            raise BagError(
+                f"topic {topic.name} of {self.path} has the type {topic.type_name},"
+                f" must be {type_name}"
+            )
+        return topic
+
+    def raw_messages(
+        self,
+        topics: Collection[str] | None = None,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> Iterator[RawMessage]:
+        """Yield messages in order of their log times; equal times stay in the order of reception.
+
+        Args:
+            topics: full names; all by default.
+            start_ns: first log time wanted.
+            end_ns: log time before which to stop.
+
+        Raises:
+            BagError: a name is unknown, or the file is damaged (while iterating).
+        """
+        for name in topics or ():
+            if name not in self.topics:
+                self.resolve(name)
+                raise BagError(f"topic {name!r} must be given in full, starting with '/'")
+        for file in self._files:
+            for channel, message in file.messages(topics, start_ns, end_ns):
+                yield RawMessage(
+                    topic=channel.topic,
+                    type_name=self.topics[channel.topic].type_name,
+                    log_time_ns=message.log_time,
+                    publish_time_ns=message.publish_time,
+                    data=message.data,
+                )
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> Iterator[TypedMessage]:
+        """Yield decoded messages; see ``raw_messages``.
+
+        Raises:
+            BagError: as there, or a message does not fit its type.
+        """
+        for raw in self.raw_messages(topics, start_ns, end_ns):
+            yield TypedMessage(
+                raw.topic,
+                raw.type_name,
+                raw.log_time_ns,
+                raw.publish_time_ns,
+                self.decode(raw),
+            )
+
+    def decode(self, raw: RawMessage) -> Any:
+        """Decode one message with the definition stored in the bag.
+
+        Raises:
+            BagError: the bytes do not fit the type, or the type is not defined.
+        """
+        try:
+            return self._decoder.decode(raw.data, raw.type_name)
+        except BagError as error:
+            raise BagError(
+                f"{self.path}: message of {raw.topic} at {raw.log_time_ns} ns: {error}"
+            ) from None
+
+    def close(self) -> None:
+        """Close the files; a second call is free."""
+        for file in self._files:
+            file.close()
+
+    def __enter__(self) -> BagReader:
+        """Return the reader itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the files."""
+        self.close()
+
+
+def read_run_information(path: Path) -> RunInformation:
+    """Return what the run of a bag depended on.
+
+    Raises:
+        BagError: the bag cannot be opened.
+    """
+    with BagReader(path) as reader:
+        return reader.run_information()
+
+
+def _metadata_of(path: Path) -> dict[str, Any]:
+    if path.is_dir() and (path / METADATA_FILE).is_file():
+        return read_metadata(path)
+    return {}
+
+
+def _merge_topics(path: Path, files: Collection[BagFile]) -> dict[str, TopicRecord]:
+    topics: dict[str, TopicRecord] = {}
+    for file in files:
+        for channel, schema_name, count in file.channels():
+            before = topics.get(channel.topic)
+            if before is not None and before.type_name != schema_name:
+                raise BagError(
+                    f"topic {channel.topic} of {path} has two types,"
+                    f" {before.type_name} and {schema_name}: not supported"
+                )
+            topics[channel.topic] = TopicRecord(
+                name=channel.topic,
+                type_name=schema_name,
+                type_hash=channel.metadata.get("topic_type_hash", ""),
+                offered_qos=parse_profiles(channel.metadata.get("offered_qos_profiles", "")),
+                message_count=count + (before.message_count if before else 0),
+            )
+    return topics
+
+
+def _definitions(files: Collection[BagFile]) -> dict[str, MessageDefinition]:
+    found: dict[str, MessageDefinition] = {}
+    for file in files:
+        found.update(file.definitions())
+    return found

@@ -1,0 +1,132 @@
+"""The command ``record``: its arguments, and the life of the recorder process."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from types import FrameType
+
+from rclpy.utilities import remove_ros_args
+
+from iptm_core.errors import IptmError
+from iptm_interfaces.process import EXIT_USER_ERROR, run_node
+from iptm_recording.mcap_chunk import COMPRESSIONS
+from iptm_recording.recorder_node import DEFAULT_DEPTH, RecorderNode, RecorderOptions
+from iptm_recording.run_information import collect_run_information, load_run_information
+from iptm_recording.selection import TopicSelection
+from iptm_recording.timeline import TimeSource
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line without its ROS arguments."""
+    parser = argparse.ArgumentParser(
+        prog="record",
+        description="Record a run as a rosbag2 bag (MCAP). Ends on Ctrl-C; a kill loses almost nothing:"
+        " see recover_bag. ROS arguments (namespace, remaps) follow after --ros-args.",
+    )
+    parser.add_argument(
+        "output",
+        type=Path,
+        nargs="?",
+        help="bag folder to create (default: bags/run_<date>_<time>); never overwritten",
+    )
+    parser.add_argument(
+        "--all", action="store_true", help="every topic of the graph, as it appears"
+    )
+    parser.add_argument(
+        "--topics",
+        nargs="+",
+        default=[],
+        metavar="TOPIC",
+        help="topics of the graph by name or pattern, such as '/plant/*'"
+        " (default: the topic table of the suite, in the recorder's namespace)",
+    )
+    parser.add_argument(
+        "--exclude", nargs="+", default=[], metavar="TOPIC", help="names or patterns to leave out"
+    )
+    parser.add_argument(
+        "--time",
+        choices=[source.value for source in TimeSource],
+        default=TimeSource.SIMULATED.value,
+        help="time that orders the bag: sim = from /clock (default), wall = of the computer",
+    )
+    parser.add_argument(
+        "--run-information",
+        type=Path,
+        metavar="YAML",
+        help="file with scenario, seed, parameters and further texts to store in the bag",
+    )
+    parser.add_argument(
+        "--compression",
+        choices=["none", *filter(None, COMPRESSIONS)],
+        default="none",
+        help="of the file (default: none; with compression a kill loses up to 64 KiB of messages)",
+    )
+    parser.add_argument(
+        "--depth",
+        type=int,
+        default=DEFAULT_DEPTH,
+        help="messages queued per topic (default: %(default)s)",
+    )
+    return parser
+
+
+def options_from(arguments: argparse.Namespace) -> RecorderOptions:
+    """Turn parsed arguments into options.
+
+    Raises:
+        BagError: the file with the run information is missing or malformed.
+    """
+    now = datetime.now().astimezone()
+    root = Path(os.environ.get("IPTM_ROOT", "."))
+    information = (
+        load_run_information(arguments.run_information)
+        if arguments.run_information is not None
+        else collect_run_information()
+    )
+    return RecorderOptions(
+        output=arguments.output or root / "bags" / f"run_{now:%Y%m%d_%H%M%S}",
+        selection=TopicSelection(tuple(arguments.topics), tuple(arguments.exclude)),
+        discover=arguments.all or bool(arguments.topics),
+        time_source=TimeSource(arguments.time),
+        run_information=information,
+        compression="" if arguments.compression == "none" else arguments.compression,
+        depth=max(1, arguments.depth),
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Record until SIGINT or SIGTERM.
+
+    Returns:
+        0 after a clean end, 2 after a mistake of the user or a full disk.
+    """
+    command = list(sys.argv if arguments is None else arguments)
+    parsed = build_parser().parse_args(remove_ros_args(command)[1:])
+    try:
+        options = options_from(parsed)
+    except IptmError as error:
+        print(f"record: {error}", file=sys.stderr)
+        return EXIT_USER_ERROR
+
+    def recorder() -> RecorderNode:
+        node = RecorderNode(options)
+
+        def stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+            node.stop()
+
+        # Ends the recording only after what is still queued has been written.
+        signal.signal(signal.SIGINT, stop)
+        signal.signal(signal.SIGTERM, stop)
+        return node
+
+    return run_node(recorder, command)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,164 @@
+"""The recorder: subscribes to raw bytes and hands them to the bag, nothing more.
+
+Every message is in the file before the next one is looked at, so that a killed recorder loses only
+what the middleware had not handed over yet. When told to stop it first empties its queues.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from iptm_core.errors import BagError
+from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.process import EXIT_USER_ERROR
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_recording.bag_writer import BagWriter
+from iptm_recording.run_information import RunInformation
+from iptm_recording.selection import TopicSelection
+from iptm_recording.session import RecordingSession
+from iptm_recording.subscriptions import TopicSubscriber
+from iptm_recording.timeline import Timeline, TimeSource
+
+READY_LINE = "recorder ready"
+DEFAULT_DEPTH = 10_000
+_LOOK_PERIOD_S = 0.05
+_ADAPTION_PERIOD_S = 1.0
+_IDLE_BEFORE_CLOSING_S = 0.25
+_LONGEST_DRAIN_S = 2.0
+_PROGRESS_PERIOD_S = 10.0
+# Before a trip only latched data and diagnostics arrive; more than that means a missing clock.
+_MANY_HELD = 1000
+
+
+@dataclass(frozen=True)
+class RecorderOptions:
+    """What to record, and how.
+
+    Attributes:
+        output: bag folder to create.
+        selection: topics wanted; without discovery, of the suite's topic table.
+        discover: take topics from the graph as they appear, not from the topic table.
+        time_source: simulated time from ``/clock``, or wall time.
+        run_information: what the run depends on.
+        compression: "", "lz4" or "zstd".
+        depth: messages queued per topic while the recorder is busy.
+    """
+
+    output: Path
+    selection: TopicSelection = field(default_factory=TopicSelection)
+    discover: bool = False
+    time_source: TimeSource = TimeSource.SIMULATED
+    run_information: RunInformation = field(default_factory=RunInformation)
+    compression: str = ""
+    depth: int = DEFAULT_DEPTH
+
+
+class RecorderNode(SuiteNode):
+    """Records until ``stop`` is called; then drains, closes the bag and finishes.
+
+    Args:
+        options: what to record.
+
+    Raises:
+        BagError: the output exists or cannot be created.
+    """
+
+    def __init__(self, options: RecorderOptions) -> None:
+        super().__init__("recorder")
+        self._options = options
+        self._writer = BagWriter(
+            options.output,
+            custom_data=options.run_information.to_custom_data(),
+            compression=options.compression,
+        )
+        self._session = RecordingSession(self._writer, Timeline(options.time_source))
+        self._topics = TopicSubscriber(
+            self,
+            self._session,
+            options.selection,
+            discover=options.discover,
+            depth=options.depth,
+            on_error=self._fail,
+        )
+        self._stop_time_s: float | None = None
+        self._closed = False
+        self._seen_count = 0
+        self._last_arrival_s = time.monotonic()
+        self._next_adaption_s = 0.0
+        self._next_progress_s = time.monotonic() + _PROGRESS_PERIOD_S
+        self._diagnostics = DiagnosticsReporter.of_node(self, "recording")
+        self._topics.look()
+        self.every(_LOOK_PERIOD_S, self._look)
+        print(f"recording to {options.output}")
+        print(READY_LINE, flush=True)
+
+    def stop(self) -> None:
+        """Ask for the end of the recording; safe in a signal handler, repeated calls are free."""
+        if self._stop_time_s is None:
+            self._stop_time_s = time.monotonic()
+
+    def destroy_node(self) -> None:
+        """Close the bag, should that not have happened yet, and destroy the node."""
+        self._close()
+        super().destroy_node()
+
+    def _look(self) -> None:
+        """Do what has to be done beside the messages, a few times a second."""
+        now_s = time.monotonic()
+        if self._session.message_count != self._seen_count:
+            self._seen_count = self._session.message_count
+            self._last_arrival_s = now_s
+        if self._stop_time_s is not None:
+            idle_s = now_s - max(self._last_arrival_s, self._stop_time_s)
+            if idle_s > _IDLE_BEFORE_CLOSING_S or now_s - self._stop_time_s > _LONGEST_DRAIN_S:
+                self._close()
+                self.finish(self.exit_code)
+            return
+        self._topics.look()
+        if now_s >= self._next_adaption_s:
+            self._next_adaption_s = now_s + _ADAPTION_PERIOD_S
+            self._topics.adapt()
+        if now_s >= self._next_progress_s:
+            self._next_progress_s = now_s + _PROGRESS_PERIOD_S
+            print(self._progress(), flush=True)
+        self._report()
+
+    def _report(self) -> None:
+        values: dict[str, object] = {
+            "phase": "recording" if self._session.message_count else "waiting",
+            "bag": str(self._options.output),
+            "messages": self._session.message_count,
+            "topics": len(self._session.message_counts),
+            "held_messages": self._session.held_count,
+            "subscriptions": self._topics.subscribed_count,
+            "awaited_topics": ", ".join(self._topics.awaited_topics),
+        }
+        level, reason = Level.OK, "recording" if self._session.message_count else "waiting for data"
+        if self._session.held_count > _MANY_HELD:
+            level, reason = Level.WARN, "waiting for /clock, messages are kept in memory"
+        self._diagnostics.report(self._session.now_ns or 0, level, reason, values)
+
+    def _progress(self) -> str:
+        now_ns = self._session.now_ns
+        at = "" if now_ns is None else f", at {now_ns * 1e-9:.1f} s"
+        return f"recorded {self._session.message_count} messages{at}"
+
+    def _fail(self, error: BagError) -> None:
+        """Give up on an error of the disk; the bag so far can still be read or recovered."""
+        if self.exit_code == 0:
+            print(f"recorder: {error}", file=sys.stderr, flush=True)
+            self.finish(EXIT_USER_ERROR)
+
+    def _close(self) -> None:
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._session.close()
+        except BagError as error:
+            self._fail(error)
+            return
+        print(f"{self._progress()}; closed {self._options.output}", flush=True)

@@ -1,0 +1,113 @@
+"""Takes received messages and hands them to the bag with their times; free of ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from iptm_recording.bag_writer import BagWriter
+from iptm_recording.definitions import message_definition
+from iptm_recording.qos import RecordedQos
+from iptm_recording.timeline import StampKind, Timeline, stamp_kind
+
+# Messages kept in memory while simulated time has not begun; a graph without /clock reaches it.
+MAX_HELD_MESSAGES = 20_000
+
+
+@dataclass
+class _Channel:
+    name: str
+    type_name: str
+    offered_qos: Callable[[], Sequence[RecordedQos]]
+    kind: StampKind
+    topic_id: int | None = None
+
+
+class RecordingSession:
+    """One recording in progress.
+
+    Args:
+        writer: the bag.
+        timeline: source of the times.
+    """
+
+    def __init__(self, writer: BagWriter, timeline: Timeline) -> None:
+        self._writer = writer
+        self._timeline = timeline
+        self._held: list[tuple[_Channel, bytes]] = []
+        self.message_count = 0
+
+    @property
+    def held_count(self) -> int:
+        """Messages that wait in memory for simulated time to begin."""
+        return len(self._held)
+
+    @property
+    def now_ns(self) -> int | None:
+        """Time of the recorder, None when simulated time has not begun."""
+        return self._timeline.now_ns
+
+    @property
+    def message_counts(self) -> dict[str, int]:
+        """Messages in the bag, by topic."""
+        return self._writer.message_counts
+
+    def channel(
+        self, name: str, type_name: str, offered_qos: Callable[[], Sequence[RecordedQos]]
+    ) -> Callable[[bytes], None]:
+        """Prepare a topic; it enters the bag with its first message.
+
+        Args:
+            name: fully qualified name.
+            type_name: ``package/msg/Type``.
+            offered_qos: asked once, when the first message arrives: by then publishers are known.
+
+        Returns:
+            The function to call with the bytes of every message.
+
+        Raises:
+            BagError: the type is unknown.
+        """
+        kind = stamp_kind(name, type_name, message_definition(type_name).text)
+        channel = _Channel(name, type_name, offered_qos, kind)
+
+        def take(data: bytes) -> None:
+            self._take(channel, data)
+
+        return take
+
+    def close(self) -> None:
+        """Write what is still held (in wall time, as simulated time never began); close the bag."""
+        if self._held:
+            self._timeline.switch_to_wall_time()
+            self._release()
+        self._writer.close()
+
+    def _take(self, channel: _Channel, data: bytes) -> None:
+        self.message_count += 1
+        times = self._timeline.times_ns(data, channel.kind)
+        if times is None:
+            self._held.append((channel, data))
+            if len(self._held) >= MAX_HELD_MESSAGES:
+                self._timeline.switch_to_wall_time()
+                self._release()
+            return
+        if self._held:
+            self._release()
+            # The held messages came first, and one may have moved the time on.
+            times = self._timeline.times_ns(data, channel.kind) or times
+        self._write(channel, data, times)
+
+    def _release(self) -> None:
+        held, self._held = self._held, []
+        for channel, data in held:
+            times = self._timeline.times_ns(data, channel.kind)
+            if times is not None:
+                self._write(channel, data, times)
+
+    def _write(self, channel: _Channel, data: bytes, times: tuple[int, int]) -> None:
+        if channel.topic_id is None:
+            channel.topic_id = self._writer.add_topic(
+                channel.name, channel.type_name, offered_qos=channel.offered_qos()
+            )
+        self._writer.write(channel.topic_id, data, *times)

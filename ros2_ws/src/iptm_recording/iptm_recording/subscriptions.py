@@ -1,0 +1,176 @@
+"""Subscribes the recorder to what is published, with the quality of service that is offered."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from iptm_core.errors import BagError
+from iptm_interfaces.topics import TOPICS, Topic, find_topic
+from iptm_recording.gate import Gate
+from iptm_recording.message_types import message_class
+from iptm_recording.qos import RecordedQos, request_for
+from iptm_recording.qos_profiles import from_profile, to_profile
+from iptm_recording.selection import TopicSelection
+from iptm_recording.session import RecordingSession
+
+_GATE = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
+# Published before a trip starts, or whether one runs or not.
+_NOT_OF_A_TRIP = (Topic.SLOPE, Topic.DIAGNOSTICS)
+_NODE_TOPICS = ("/rosout", "/parameter_events")
+
+
+@dataclass
+class _Subscribed:
+    type_name: str
+    take: Callable[[bytes], None]
+    request: RecordedQos
+    subscription: Subscription
+
+
+class TopicSubscriber:
+    """Keeps the recorder subscribed to the wanted topics of the graph.
+
+    A topic is subscribed to when its publisher is known already: the reader then knows the writer
+    from its first moment on, and a writer that sees the reader can be sure to be heard.
+
+    Args:
+        node: node that subscribes.
+        session: takes the messages.
+        selection: topics wanted.
+        discover: consider every topic of the graph, not only those of the suite.
+        depth: messages to queue per topic.
+        on_error: told when a message cannot be written.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        session: RecordingSession,
+        selection: TopicSelection,
+        *,
+        discover: bool,
+        depth: int,
+        on_error: Callable[[BagError], None],
+    ) -> None:
+        self._node = node
+        self._session = session
+        self._selection = selection
+        self._discover = discover
+        self._depth = depth
+        self._on_error = on_error
+        self._subscribed: dict[str, _Subscribed] = {}
+        self._unrecordable: set[str] = set()
+        names = {topic: node.resolve_topic_name(spec.name) for topic, spec in TOPICS.items()}
+        self._suite = {
+            name: TOPICS[topic].type_name for topic, name in names.items() if selection.takes(name)
+        }
+        self._outside_trip = {*(names[topic] for topic in _NOT_OF_A_TRIP), *_NODE_TOPICS}
+        self._gate = Gate(
+            gate_topics=[names[topic] for topic in _GATE],
+            awaited=[name for name in self._suite if name != names[Topic.DIAGNOSTICS]],
+        )
+
+    @property
+    def subscribed_count(self) -> int:
+        """Topics subscribed to."""
+        return len(self._subscribed)
+
+    @property
+    def awaited_topics(self) -> list[str]:
+        """Topics of the suite that nobody has published so far."""
+        return [name for name in self._suite if name not in self._subscribed]
+
+    def look(self) -> None:
+        """Subscribe to topics that have got a publisher; call it a few times a second."""
+        published = dict(self._published())
+        for name, type_names in published.items():
+            if not self._gate.holds(name):
+                self._subscribe_to(name, type_names)
+        if self._gate.is_open(time.monotonic(), published, self._subscribed):
+            self._pass_gate(published)
+
+    def adapt(self) -> None:
+        """Subscribe again where a new publisher offers less than was asked for; call it seldom."""
+        for name, subscribed in self._subscribed.items():
+            offered = self._offered_qos(name)
+            request = request_for(offered, self._depth)
+            if offered and request != subscribed.request:
+                self._node.destroy_subscription(subscribed.subscription)
+                subscribed.request = request
+                subscribed.subscription = self._raw_subscription(
+                    name, subscribed.type_name, subscribed.take, request
+                )
+
+    def _published(self) -> Iterator[tuple[str, list[str]]]:
+        """Yield the wanted topics with a publisher, and their types, that are still to be taken."""
+        found = (
+            self._node.get_topic_names_and_types()
+            if self._discover
+            else [(name, [type_name]) for name, type_name in self._suite.items()]
+        )
+        for name, type_names in found:
+            is_new = name not in self._subscribed and name not in self._unrecordable
+            if is_new and self._selection.takes(name) and self._node.count_publishers(name):
+                yield name, type_names
+
+    def _pass_gate(self, published: dict[str, list[str]]) -> None:
+        for name, type_names in published.items():
+            if self._gate.holds(name) and name not in self._subscribed:
+                self._subscribe_to(name, type_names)
+
+    def _subscribe_to(self, name: str, type_names: list[str]) -> None:
+        if len(type_names) > 1:
+            self._give_up(name, f"it is published with several types: {', '.join(type_names)}")
+            return
+        try:
+            self._subscribe(name, type_names[0])
+        except BagError as error:
+            self._give_up(name, str(error))
+
+    def _give_up(self, name: str, reason: str) -> None:
+        self._unrecordable.add(name)
+        self._node.get_logger().warning(f"topic {name} is not recorded: {reason}")
+
+    def _subscribe(self, name: str, type_name: str) -> None:
+        write = self._session.channel(name, type_name, lambda: self._offered_qos(name))
+        is_of_trip = name not in self._outside_trip
+
+        def take(data: bytes) -> None:
+            try:
+                write(data)
+            except BagError as error:
+                self._on_error(error)
+            if is_of_trip:
+                self._gate.message_arrived()
+
+        request = request_for(self._offered_qos(name), self._depth)
+        subscription = self._raw_subscription(name, type_name, take, request)
+        self._subscribed[name] = _Subscribed(type_name, take, request, subscription)
+
+    def _raw_subscription(
+        self, name: str, type_name: str, take: Callable[[bytes], None], request: RecordedQos
+    ) -> Subscription:
+        kind = message_class(type_name)
+        return self._node.create_subscription(kind, name, take, to_profile(request), raw=True)
+
+    def _offered_qos(self, name: str) -> list[RecordedQos]:
+        """Return what the publishers of a topic offer at present.
+
+        The middleware does not announce how many messages a publisher keeps; for the suite's own
+        topics the table knows.
+        """
+        spec = find_topic(name, self._node.get_namespace())
+        offered = []
+        for endpoint in self._node.get_publishers_info_by_topic(name):
+            qos = from_profile(endpoint.qos_profile)
+            if spec is not None and qos.history == "unknown":
+                known = from_profile(spec.qos)
+                qos = dataclasses.replace(qos, history=known.history, depth=known.depth)
+            offered.append(qos)
+        return offered

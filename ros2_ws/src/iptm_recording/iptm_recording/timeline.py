@@ -1,0 +1,120 @@
+"""Gives every recorded message its two times.
+
+A bag of a simulated run must play back, plot and join in simulated time, whatever the speed of the
+machine that recorded it. The log time of a message is therefore the recorder's node time, taken from
+the latest ``/clock``. Within a tick the plant publishes its state before the clock that announces
+it; so that this state is not logged one tick early, a header stamp that is a little ahead of the
+clock moves the time on. Log times never decrease unless the clock itself is set back.
+
+The publication time is the header stamp where a message has a plausible one, else the log time.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import time
+from enum import Enum
+
+CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
+# Stamps further ahead of the clock than this come from another clock (wall time, another run).
+MAX_LEAD_NS = 10 * 10**9
+
+_HEADER_FIELD = re.compile(r"^\s*std_msgs/(?:msg/)?Header\s+\w+")
+_LITTLE_ENDIAN = struct.Struct("<4xiI")
+_BIG_ENDIAN = struct.Struct(">4xiI")
+_BIG_ENDIAN_MARK = 0
+
+
+class StampKind(Enum):
+    """Where the first eight bytes of a message's content put it in time."""
+
+    CLOCK = "the message is the clock"
+    HEADER = "the message starts with a stamped header"
+    NONE = "the message carries no time of its own"
+
+
+class TimeSource(Enum):
+    """Which time orders the bag."""
+
+    SIMULATED = "sim"
+    WALL = "wall"
+
+
+def stamp_kind(topic: str, type_name: str, definition: str) -> StampKind:
+    """Tell how the messages of a topic are stamped.
+
+    Args:
+        topic: fully qualified name.
+        type_name: ``package/msg/Type``.
+        definition: text of the type's definition.
+    """
+    if type_name == CLOCK_TYPE:
+        return StampKind.CLOCK if topic == "/clock" else StampKind.NONE
+    for line in definition.splitlines():
+        content = line.split("#", maxsplit=1)[0].strip()
+        if content and "=" not in content:
+            return StampKind.HEADER if _HEADER_FIELD.match(content) else StampKind.NONE
+    return StampKind.NONE
+
+
+def read_stamp_ns(data: bytes) -> int | None:
+    """Return the time at the start of a CDR message, None when there is none or it is negative."""
+    if len(data) < _LITTLE_ENDIAN.size:
+        return None
+    layout = _BIG_ENDIAN if data[1] == _BIG_ENDIAN_MARK else _LITTLE_ENDIAN
+    seconds, nanoseconds = layout.unpack_from(data)
+    stamp_ns: int = seconds * 10**9 + nanoseconds
+    return stamp_ns if stamp_ns >= 0 else None
+
+
+class Timeline:
+    """Current time of the recorder.
+
+    Args:
+        source: simulated time from ``/clock``, or wall time.
+    """
+
+    def __init__(self, source: TimeSource) -> None:
+        self.source = source
+        self._now_ns: int | None = None
+
+    @property
+    def now_ns(self) -> int | None:
+        """Current time; None in simulated time before the first clock."""
+        return time.time_ns() if self.source is TimeSource.WALL else self._now_ns
+
+    def switch_to_wall_time(self) -> None:
+        """Give up waiting for a clock."""
+        self.source = TimeSource.WALL
+
+    def times_ns(self, data: bytes, kind: StampKind) -> tuple[int, int] | None:
+        """Return log time and publication time of a message that has just been received.
+
+        Args:
+            data: CDR bytes.
+            kind: what ``stamp_kind`` said about its topic.
+
+        Returns:
+            Both times in nanoseconds; None when simulated time has not begun: ask again later.
+        """
+        stamp_ns = None if kind is StampKind.NONE else read_stamp_ns(data)
+        if self.source is TimeSource.WALL:
+            return self._wall_times_ns(stamp_ns)
+        if kind is StampKind.CLOCK:
+            if stamp_ns is not None:
+                self._now_ns = stamp_ns
+        elif stamp_ns is not None and self._now_ns is not None:
+            lead_ns = stamp_ns - self._now_ns
+            self._now_ns += lead_ns if 0 < lead_ns <= MAX_LEAD_NS else 0
+        if self._now_ns is None:
+            return None
+        is_plausible = stamp_ns is not None and stamp_ns <= self._now_ns
+        return self._now_ns, stamp_ns if is_plausible and stamp_ns is not None else self._now_ns
+
+    @staticmethod
+    def _wall_times_ns(stamp_ns: int | None) -> tuple[int, int]:
+        now_ns = time.time_ns()
+        # A stamp of simulated time says nothing on the scale of the wall clock.
+        is_wall = stamp_ns is not None and abs(stamp_ns - now_ns) <= MAX_LEAD_NS
+        return now_ns, stamp_ns if is_wall and stamp_ns is not None else now_ns
