@@ -1,1 +1,1 @@
-"""Closed loops without ROS over the same pure parts, and the studies made with them."""
+"""Headless closed loop and studies over the same pure parts as the nodes, without ROS."""

@@ -43,10 +43,10 @@ SECONDS_PER_SAMPLE = 2.5
 class PenaltyWeights:
     """Exact (linear) penalties of the soft limits, cost per unit and second of violation."""
 
-    gap_short_1_m: float = 200.0
+    gap_short_1_m: float = 50.0
     gap_long_1_m: float = 20.0
-    speed_1_m_s: float = 200.0
-    temperature_1_k: float = 200.0
+    speed_1_m_s: float = 50.0
+    temperature_1_k: float = 20.0
 
 
 DEFAULT_PENALTIES = PenaltyWeights()

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.transcription import Transcription, transcribe
 from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.cooling_probe import CoolingProbe
 from iptm_controller.solvers.interior_point import InteriorPointBackend, InteriorPointOptions
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import ModelParameters
@@ -42,7 +43,8 @@ def build_solver(
         raise SolverSetupError(
             f"solver '{options.name}' is unknown, allowed are {', '.join(SOLVER_NAMES)}"
         ) from None
-    return build(transcribe(horizon, parameters), parameters, options)
+    inner = build(transcribe(horizon, parameters), parameters, options)
+    return CoolingProbe(inner, horizon, parameters)
 
 
 def _interior_point(
