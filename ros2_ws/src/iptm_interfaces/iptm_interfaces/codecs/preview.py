@@ -13,7 +13,6 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from iptm_core.errors import MessageError
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview
 from iptm_interfaces.codecs._checks import all_finite, increasing, reject
 from iptm_interfaces.codecs.time import (
@@ -145,7 +144,7 @@ def build_leader_preview(
     all_finite(_TOPIC, "speeds", speeds_m_s)
     if float(speeds_m_s.min()) < 0.0:
         reject(_TOPIC, f"speed is {speeds_m_s.min()} m/s; allowed: at least 0")
-    if positions_m.size > 1 and float((positions_m[1:] - positions_m[:-1]).min()) < 0.0:
+    if (positions_m[1:] < positions_m[:-1]).any():
         reject(_TOPIC, "positions decrease; allowed: a leader that never drives backwards")
     return LeaderPreview(float(times_s[0]), times_s, positions_m, speeds_m_s)
 
@@ -181,7 +180,5 @@ def decode_slope(message: Float64MultiArray) -> SlopePreview:
     all_finite(topic, "slopes", slopes_rad)
     increasing(topic, "positions", positions_m)
     if float(np.abs(slopes_rad).max()) >= math.pi / 2.0:
-        raise MessageError(
-            f"{topic.value}: slope is {np.abs(slopes_rad).max()} rad; allowed: below pi/2"
-        )
+        reject(topic, f"slope is {np.abs(slopes_rad).max()} rad; allowed: below pi/2")
     return SlopePreview(positions_m, slopes_rad)

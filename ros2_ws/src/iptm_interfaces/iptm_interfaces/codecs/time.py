@@ -2,7 +2,7 @@
 
 Integer nanoseconds are the key by which messages of one tick are matched. A multiple of 1 ms
 survives the round trip float -> nanoseconds -> float unchanged, because both directions round to
-the nearest representable value.
+the nearest representable value; this holds for trips of up to 26 days (2^51 ns).
 """
 
 from __future__ import annotations

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from iptm_core.errors import MessageError
+from iptm_core.state import Command
+from iptm_interfaces.codecs import (
+    SolveReport,
+    decode_command,
+    decode_named_values,
+    decode_solve_report,
+    encode_command,
+    encode_named_values,
+    encode_solve_report,
+)
+from iptm_interfaces.topics import Topic
+
+REPORT = SolveReport(2, 0.004, 17, 0.5, 0.0, 0.1, 123.4, 1, limiter_active=True, preview_age_s=3.0)
+
+
+def test_command_round_trip_keeps_the_stamp() -> None:
+    command = Command(-0.75, 1500.0)
+    assert decode_command(encode_command(7_000_000_000, command)) == (7_000_000_000, command)
+
+
+def test_sign_errors_of_a_controller_stay_visible() -> None:
+    _, command = decode_command(encode_command(0, Command(-99.0, -5.0)))
+    assert command == Command(-99.0, -5.0)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_command_must_be_finite(value: float) -> None:
+    with pytest.raises(MessageError, match="controller/command: compressor_power_w"):
+        decode_command(encode_command(0, Command(0.0, value)))
+
+
+def test_order_of_names_does_not_matter_and_extra_names_are_ignored() -> None:
+    message = encode_command(0, Command(1.0, 2.0))
+    message.name = ["note", "compressor_power_w", "acceleration_m_s2"]
+    message.position = [math.nan, 2.0, 1.0]
+    assert decode_command(message)[1] == Command(1.0, 2.0)
+
+
+def test_missing_name_is_named() -> None:
+    message = encode_command(0, Command(1.0, 2.0))
+    message.name = ["acceleration_m_s2", "compressor_power"]
+    with pytest.raises(MessageError, match="missing compressor_power_w; got acceleration_m_s2"):
+        decode_command(message)
+
+
+def test_unequal_numbers_of_names_and_values() -> None:
+    message = encode_command(0, Command(1.0, 2.0))
+    message.position = [1.0]
+    with pytest.raises(MessageError, match="2 names but 1 values"):
+        decode_command(message)
+
+
+def test_empty_message_is_refused() -> None:
+    message = encode_command(0, Command(1.0, 2.0))
+    message.name, message.position = [], []
+    with pytest.raises(MessageError, match="got no names"):
+        decode_command(message)
+
+
+def test_wrong_number_of_values_cannot_be_sent() -> None:
+    with pytest.raises(MessageError, match="1 values given; allowed: 2"):
+        encode_named_values(Topic.PLANT_CAPACITY_LOSS, 0, [1.0])
+
+
+def test_degradation_keeps_steps_that_single_precision_would_lose() -> None:
+    values = (1e-3, 1e-3 + 1e-12)
+    message = encode_named_values(Topic.PLANT_CAPACITY_LOSS, 0, values)
+    assert decode_named_values(Topic.PLANT_CAPACITY_LOSS, message) == values
+
+
+def test_solve_report_round_trip() -> None:
+    assert decode_solve_report(encode_solve_report(5, REPORT)) == (5, REPORT)
+
+
+def test_failed_solve_can_be_reported() -> None:
+    report = SolveReport(
+        4, 0.1, 0, math.nan, math.nan, math.nan, math.nan, 2,
+        limiter_active=False, preview_age_s=math.inf,
+    )  # fmt: skip
+    _, back = decode_solve_report(encode_solve_report(0, report))
+    assert (back.status_code, back.fallback_rung, back.limiter_active) == (4, 2, False)
+    assert math.isnan(back.objective)
+    assert back.preview_age_s == math.inf
+
+
+def test_solve_report_without_a_status_is_refused() -> None:
+    message = encode_solve_report(0, REPORT)
+    message.position[0] = math.nan
+    with pytest.raises(MessageError, match="controller/solve: status_code is nan"):
+        decode_solve_report(message)

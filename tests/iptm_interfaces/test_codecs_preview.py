@@ -1,0 +1,250 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from trajectory_msgs.msg import JointTrajectory
+
+from iptm_core.errors import MessageError
+from iptm_core.state import LeaderPreview, SlopePreview
+from iptm_interfaces.codecs import (
+    decode_leader_preview,
+    decode_leader_preview_bytes,
+    decode_slope,
+    duration_from_ns,
+    empty_leader_preview,
+    encode_leader_preview,
+    encode_leader_preview_bytes,
+    encode_slope,
+    preview_wire,
+)
+
+
+def make_preview(generated_at_s: float, count: int, step_s: float = 1.0) -> LeaderPreview:
+    times = np.round((generated_at_s + step_s * np.arange(count)) * 1e3) / 1e3
+    speeds = 5.0 + np.sin(times)
+    positions = 20.0 + 5.0 * times - np.cos(times)
+    return LeaderPreview(float(times[0]), times, positions, speeds)
+
+
+def assert_same(first: LeaderPreview, second: LeaderPreview) -> None:
+    assert first.generated_at_s == second.generated_at_s
+    np.testing.assert_array_equal(first.times_s, second.times_s)
+    np.testing.assert_array_equal(first.positions_m, second.positions_m)
+    np.testing.assert_array_equal(first.speeds_m_s, second.speeds_m_s)
+
+
+@pytest.mark.parametrize("count", [1, 2, 61, 301])
+@pytest.mark.parametrize("age_s", [0.0, 0.25, 3.0])
+def test_both_encodings_carry_the_same_preview_exactly(count: int, age_s: float) -> None:
+    preview = make_preview(7.0, count)
+    stamp_ns = round((7.0 + age_s) * 1e9)
+    message = encode_leader_preview(preview, stamp_ns)
+    data = encode_leader_preview_bytes(preview, stamp_ns)
+    assert deserialize_message(data, JointTrajectory) == message
+    for got_ns, got in (
+        decode_leader_preview(message),
+        decode_leader_preview_bytes(data),
+        decode_leader_preview_bytes(bytes(serialize_message(message))),
+    ):
+        assert got_ns == stamp_ns
+        assert_same(got, preview)
+
+
+@given(st.integers(0, 10**7), st.integers(0, 5000), st.integers(1, 5000), st.integers(1, 40))
+def test_generation_time_survives_any_delay(
+    generated_ms: int, age_ms: int, step_ms: int, count: int
+) -> None:
+    preview = make_preview(generated_ms / 1e3, count, step_ms / 1e3)
+    data = encode_leader_preview_bytes(preview, (generated_ms + age_ms) * 10**6)
+    assert_same(decode_leader_preview_bytes(data)[1], preview)
+
+
+def test_generation_is_the_first_point_before_the_stamp() -> None:
+    message = encode_leader_preview(make_preview(5.0, 3), 6_500_000_000)
+    first = message.points[0].time_from_start
+    assert (first.sec, first.nanosec) == (-2, 500_000_000)
+
+
+def test_empty_preview_means_nothing_received_yet() -> None:
+    for data in (
+        encode_leader_preview_bytes(empty_leader_preview(), 4_000_000_000),
+        bytes(serialize_message(encode_leader_preview(empty_leader_preview(), 4_000_000_000))),
+    ):
+        stamp_ns, preview = decode_leader_preview_bytes(data)
+        assert stamp_ns == 4_000_000_000
+        assert preview.times_s.size == preview.positions_m.size == preview.speeds_m_s.size == 0
+        assert preview.generated_at_s == -math.inf
+
+
+def test_points_lie_where_cdr_aligns_float64() -> None:
+    assert (preview_wire._POINTS_OFFSET - preview_wire._STAMP_OFFSET) % 8 == 0
+    assert preview_wire._POINT.itemsize % 8 == 0
+
+
+def test_usual_messages_take_the_fast_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    preview = make_preview(0.0, 61)
+    slow = bytes(serialize_message(encode_leader_preview(preview, 0)))
+    fast = encode_leader_preview_bytes(preview, 0)
+    monkeypatch.setattr(preview_wire, "_deserialize", None)
+    for data in (slow, fast):
+        assert_same(decode_leader_preview_bytes(data)[1], preview)
+
+
+def test_other_frames_are_decoded_the_ordinary_way() -> None:
+    preview = make_preview(0.0, 5)
+    message = encode_leader_preview(preview, 0)
+    message.header.frame_id = "map"
+    assert_same(decode_leader_preview_bytes(bytes(serialize_message(message)))[1], preview)
+
+
+def encode_ways(preview: LeaderPreview, stamp_ns: int) -> list[bytes]:
+    return [
+        encode_leader_preview_bytes(preview, stamp_ns),
+        bytes(serialize_message(encode_leader_preview(preview, stamp_ns))),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("change", "stamp_ns", "reason"),
+    [
+        ({"speeds_m_s": np.array([1.0, -0.5, 1.0])}, 0, "speed is -0.5"),
+        ({"speeds_m_s": np.array([1.0, math.nan, 1.0])}, 0, r"speeds\[1\] is nan"),
+        ({"positions_m": np.array([1.0, math.inf, 2.0])}, 0, r"positions\[1\] is inf"),
+        ({"positions_m": np.array([3.0, 2.0, 4.0])}, 0, "never drives backwards"),
+        ({"times_s": np.array([0.0, 2.0, 1.0])}, 0, "times do not increase: 2.0 is followed"),
+        ({"times_s": np.array([0.0, 2.0, 2.0])}, 0, "times do not increase"),
+        (
+            {"times_s": np.array([1.0, 2.0, 3.0]), "generated_at_s": 1.0},
+            500_000_000,
+            "generated 500000000 ns after its publication",
+        ),
+    ],
+)
+def test_broken_preview_is_refused(change: dict[str, Any], stamp_ns: int, reason: str) -> None:
+    preview = dataclasses.replace(make_preview(0.0, 3), **change)
+    for data in encode_ways(preview, stamp_ns):
+        with pytest.raises(MessageError, match=f"v2x/leader_preview: .*{reason}"):
+            decode_leader_preview_bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"speeds_m_s": np.zeros(2)}, "have 3, 3, 2 entries"),
+        ({"times_s": np.array([0.0, math.nan, 2.0])}, r"times\[1\] is nan"),
+        ({"generated_at_s": 0.5}, "first node lies at 0.0 s; allowed: the instant of generation"),
+    ],
+)
+def test_inconsistent_preview_cannot_be_sent(change: dict[str, Any], reason: str) -> None:
+    preview = dataclasses.replace(make_preview(0.0, 3), **change)
+    for encode in (encode_leader_preview, encode_leader_preview_bytes):
+        with pytest.raises(MessageError, match=reason):
+            encode(preview, 0)
+
+
+def test_foreign_trajectories_are_refused() -> None:
+    message = encode_leader_preview(make_preview(0.0, 3), 0)
+    message.joint_names = ["elbow"]
+    with pytest.raises(MessageError, match=r"joint_names are \['elbow'\]"):
+        decode_leader_preview_bytes(bytes(serialize_message(message)))
+
+
+def test_point_without_speed_is_refused() -> None:
+    message = encode_leader_preview(make_preview(0.0, 3), 0)
+    message.points[1].velocities = []
+    for decode, given_ in (
+        (decode_leader_preview, message),
+        (decode_leader_preview_bytes, bytes(serialize_message(message))),
+    ):
+        with pytest.raises(MessageError, match="point 1 has 1 positions and 0 velocities"):
+            decode(given_)
+
+
+def test_accelerations_are_welcome_and_ignored() -> None:
+    preview = make_preview(0.0, 4)
+    message = encode_leader_preview(preview, 0)
+    for point in message.points:
+        point.accelerations = [0.5]
+    assert_same(decode_leader_preview_bytes(bytes(serialize_message(message)))[1], preview)
+
+
+def test_nanoseconds_beyond_a_second_are_understood_the_same_way() -> None:
+    message = encode_leader_preview(make_preview(0.0, 2), 0)
+    message.points[1].time_from_start = duration_from_ns(0)
+    message.points[1].time_from_start.nanosec = 1_500_000_000
+    _, slow = decode_leader_preview(message)
+    _, fast = decode_leader_preview_bytes(bytes(serialize_message(message)))
+    assert slow.times_s[1] == 1.5
+    assert_same(slow, fast)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@given(st.binary(max_size=400))
+def test_random_bytes_never_do_more_than_raise_message_errors(data: bytes) -> None:
+    with pytest.raises(MessageError):
+        decode_leader_preview_bytes(data)
+
+
+@given(st.lists(st.tuples(st.integers(0, 283), st.integers(0, 255)), min_size=1, max_size=4))
+def test_damaged_bytes_decode_to_a_sound_preview_or_not_at_all(
+    damage: list[tuple[int, int]],
+) -> None:
+    data = bytearray(encode_leader_preview_bytes(make_preview(0.0, 5), 0))
+    for place, value in damage:
+        data[place] = value
+    try:
+        _, preview = decode_leader_preview_bytes(bytes(data))
+    except MessageError:
+        return
+    assert np.isfinite(preview.positions_m).all()
+    assert (np.diff(preview.times_s) > 0.0).all()
+    assert (preview.speeds_m_s >= 0.0).all()
+
+
+SLOPE = SlopePreview(np.array([0.0, 100.0, 250.0]), np.array([0.0, 0.05, -0.02]))
+
+
+def test_slope_round_trip() -> None:
+    message = encode_slope(SLOPE)
+    assert [(d.label, d.size, d.stride) for d in message.layout.dim] == [
+        ("position_m, slope_rad", 2, 6),
+        ("node", 3, 3),
+    ]
+    back = decode_slope(message)
+    np.testing.assert_array_equal(back.positions_m, SLOPE.positions_m)
+    np.testing.assert_array_equal(back.slopes_rad, SLOPE.slopes_rad)
+
+
+def test_level_road_is_one_node() -> None:
+    back = decode_slope(encode_slope(SlopePreview(np.zeros(1), np.zeros(1))))
+    assert back.slopes_rad.tolist() == [0.0]
+
+
+@pytest.mark.parametrize(
+    ("positions", "slopes", "reason"),
+    [
+        ([0.0, 0.0], [0.0, 0.0], "positions do not increase"),
+        ([0.0, math.nan], [0.0, 0.0], r"positions\[1\] is nan"),
+        ([0.0, 1.0], [0.0, math.inf], r"slopes\[1\] is inf"),
+        ([0.0, 1.0], [0.0, 1.6], "slope is 1.6 rad"),
+        ([], [], "layout is"),
+    ],
+)
+def test_broken_slope_is_refused(positions: list[float], slopes: list[float], reason: str) -> None:
+    message = encode_slope(SlopePreview(np.array(positions), np.array(slopes)))
+    with pytest.raises(MessageError, match=f"v2x/slope: {reason}"):
+        decode_slope(message)
+
+
+def test_slope_with_missing_data_is_refused() -> None:
+    message = encode_slope(SLOPE)
+    message.data = message.data[:-1]
+    with pytest.raises(MessageError, match="5 values; allowed: 6"):
+        decode_slope(message)

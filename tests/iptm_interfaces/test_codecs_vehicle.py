@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iptm_core.errors import MessageError
+from iptm_core.state import LeaderState, VehicleState
+from iptm_interfaces.codecs import (
+    IntervalPowers,
+    decode_leader,
+    decode_temperature,
+    decode_vehicle_state,
+    encode_acceleration,
+    encode_capacity_loss,
+    encode_host_odometry,
+    encode_leader,
+    encode_powers,
+    encode_temperature,
+    time_from_s,
+)
+from iptm_interfaces.topics import Topic
+
+STATE = VehicleState(
+    time_s=12.0,
+    position_m=345.6789,
+    speed_m_s=7.25,
+    acceleration_m_s2=-0.3,
+    compressor_power_w=1234.5,
+    cell_1_temperature_k=301.25,
+    cell_n_temperature_k=303.5,
+    cell_1_capacity_loss=0.001 + 1e-12,
+    cell_n_capacity_loss=0.001 + 3e-12,
+)
+
+
+def encode_all(state: VehicleState) -> dict[str, Any]:
+    powers = IntervalPowers(state.time_s, 5000.0, state.compressor_power_w, 300.0, 6534.5, 2900.0)
+    return {
+        "odometry": encode_host_odometry(state),
+        "acceleration": encode_acceleration(state),
+        "cell_1_temperature": encode_temperature(state.time_s, state.cell_1_temperature_k),
+        "cell_n_temperature": encode_temperature(state.time_s, state.cell_n_temperature_k),
+        "powers": encode_powers(powers),
+        "capacity_loss": encode_capacity_loss(state),
+    }
+
+
+numbers = st.floats(-1e6, 1e6)
+positive = st.floats(0.0, 1e6)
+
+
+@given(numbers, positive, numbers, positive, st.floats(200.0, 400.0), st.floats(0.0, 1.0))
+def test_state_survives_the_six_messages(
+    position: float, speed: float, acceleration: float, power: float, kelvin: float, loss: float
+) -> None:
+    state = VehicleState(3.0, position, speed, acceleration, power, kelvin, kelvin, loss, loss)
+    back = decode_vehicle_state(**encode_all(state))
+    for field in dataclasses.fields(state):
+        tolerance = 1e-13 if field.name.endswith("_k") else 0.0
+        expected = getattr(state, field.name)
+        assert getattr(back, field.name) == pytest.approx(expected, abs=tolerance, rel=0.0)
+
+
+def test_frames_and_units_on_the_wire() -> None:
+    messages = encode_all(STATE)
+    odometry = messages["odometry"]
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("road", "host")
+    assert odometry.pose.pose.orientation.w == 1.0
+    assert messages["acceleration"].header.frame_id == "host"
+    assert messages["cell_1_temperature"].temperature == pytest.approx(28.1, abs=1e-12)
+
+
+def test_numpy_scalars_are_sent_as_plain_numbers() -> None:
+    single: Any = np.float32(2.5)
+    state = dataclasses.replace(STATE, position_m=single, speed_m_s=3)
+    odometry = encode_host_odometry(state)
+    assert type(odometry.pose.pose.position.x) is float
+    assert odometry.pose.pose.position.x == 2.5
+    assert odometry.twist.twist.linear.x == 3.0
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"position_m": math.nan}, r"plant/odometry: position is nan"),
+        ({"speed_m_s": -0.1}, r"plant/odometry: speed is -0.1; allowed: .*at least 0"),
+        ({"speed_m_s": math.inf}, r"plant/odometry: speed is inf"),
+        ({"acceleration_m_s2": math.nan}, r"plant/acceleration: acceleration is nan"),
+        ({"compressor_power_w": -1.0}, r"plant/powers: compressor_power_w is -1.0"),
+        ({"compressor_power_w": math.nan}, r"plant/powers: compressor_power_w is nan"),
+        ({"cell_1_temperature_k": math.nan}, r"plant/cell_1_temperature: absolute temperature"),
+        ({"cell_n_temperature_k": -1.0}, r"plant/cell_n_temperature: absolute temperature"),
+        ({"cell_1_capacity_loss": -1e-9}, r"plant/capacity_loss: cell_1_capacity_loss"),
+        ({"cell_n_capacity_loss": 1.5}, r"plant/capacity_loss: cell_n_capacity_loss is 1.5"),
+    ],
+)
+def test_broken_promise_names_topic_and_value(change: dict[str, float], reason: str) -> None:
+    with pytest.raises(MessageError, match=reason):
+        decode_vehicle_state(**encode_all(dataclasses.replace(STATE, **change)))
+
+
+@pytest.mark.parametrize("name", ["acceleration", "powers", "cell_n_temperature", "capacity_loss"])
+def test_messages_of_different_ticks_are_not_mixed(name: str) -> None:
+    messages = encode_all(STATE)
+    messages[name].header.stamp = time_from_s(11.0)
+    with pytest.raises(MessageError, match="stamp is 11000000000 ns"):
+        decode_vehicle_state(**messages)
+
+
+def test_leader_round_trip() -> None:
+    leader = LeaderState(4.5, 123.4, 5.6)
+    message = encode_leader(leader)
+    assert (message.header.frame_id, message.child_frame_id) == ("road", "leader")
+    assert decode_leader(message) == leader
+
+
+def test_leader_driving_backwards_is_refused() -> None:
+    with pytest.raises(MessageError, match=r"v2x/leader: speed is -1\.0"):
+        decode_leader(encode_leader(LeaderState(0.0, 0.0, -1.0)))
+
+
+def test_temperature_below_absolute_zero_is_refused() -> None:
+    message = encode_temperature(0.0, 300.0)
+    message.temperature = -300.0
+    with pytest.raises(MessageError, match="coolant_inlet"):
+        decode_temperature(Topic.PLANT_COOLANT_INLET_TEMPERATURE, message)

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from iptm_core.errors import MessageError
+from iptm_interfaces.diagnostics import (
+    DiagnosticsReporter,
+    Level,
+    build_status,
+    find_status,
+    format_value,
+    level_of,
+    stamp_of,
+    status_values,
+)
+
+
+class Bench:
+    """A reporter on a clock that the test moves."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.sent: list[Any] = []
+        self.changes: list[tuple[Level, str]] = []
+        self.reporter = DiagnosticsReporter(
+            self.sent.append,
+            "/car/node: part",
+            steady_time_s=lambda: self.now_s,
+            on_change=lambda level, reason: self.changes.append((level, reason)),
+        )
+
+    def report(self, level: Level, reason: str, **values: object) -> bool:
+        return self.reporter.report(5_000_000_000, level, reason, values)
+
+
+def test_first_status_goes_out_at_once() -> None:
+    bench = Bench()
+    assert bench.report(Level.OK, "running", gap_m=12.3456789, ticks=3, active=True)
+    message = bench.sent[0]
+    assert stamp_of(message) == 5_000_000_000
+    status = message.status[0]
+    assert (status.name, status.message) == ("/car/node: part", "running")
+    assert status_values(status) == {"gap_m": "12.3457", "ticks": "3", "active": "true"}
+
+
+def test_same_reason_is_published_once_a_second_whatever_the_tick_rate() -> None:
+    bench = Bench()
+    for _ in range(1000):
+        bench.report(Level.OK, "running", tick=len(bench.sent))
+        bench.now_s += 0.0101
+    assert len(bench.sent) == pytest.approx(1000 * 0.0101, abs=1)
+    assert len(bench.changes) == 1
+
+
+def test_change_of_reason_or_level_goes_out_at_once() -> None:
+    bench = Bench()
+    assert bench.report(Level.OK, "running")
+    assert bench.report(Level.WARN, "running")
+    assert bench.report(Level.WARN, "preview is old")
+    assert not bench.report(Level.WARN, "preview is old")
+    assert bench.report(Level.OK, "running")
+    assert bench.changes == [
+        (Level.OK, "running"),
+        (Level.WARN, "running"),
+        (Level.WARN, "preview is old"),
+        (Level.OK, "running"),
+    ]
+
+
+@pytest.mark.parametrize("level", list(Level))
+def test_levels_survive_the_message(level: Level) -> None:
+    assert level_of(build_status("/n", level, "x", {})) is level
+
+
+def test_unknown_level_is_refused() -> None:
+    with pytest.raises(MessageError, match="level of /n is"):
+        level_of(DiagnosticStatus(name="/n", level=b"\x09"))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(True, "true"), (False, "false"), (1.0, "1"), (float("inf"), "inf"), (7, "7"), ("x", "x")],
+)
+def test_values_as_text(value: object, text: str) -> None:
+    assert format_value(value) == text
+
+
+def test_status_of_a_node_is_found_by_its_qualified_name() -> None:
+    other = build_status("/car/node_2: part", Level.OK, "b", {})
+    mine = build_status("/car/node: part", Level.OK, "a", {})
+    message = DiagnosticArray(status=[other, mine])
+    assert find_status(message, "/car/node") is mine
+    assert find_status(message, "/car/node: part") is mine
+    assert find_status(message, "/car") is None
+
+
+def test_reporter_of_a_node_names_it_in_full(make_node: Any) -> None:
+    node = make_node("-r", "__ns:=/car_1")
+    reporter = DiagnosticsReporter.of_node(node, "preview")
+    for level in Level:
+        assert reporter.report(0, level, "a reason for the log", {})
+    assert reporter._name == "/car_1/test_node: preview"

@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import re
+
+import pytest
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from iptm_interfaces.qos import LATCHED_QOS, STREAM_QOS, describe_qos
+from iptm_interfaces.topics import TOPICS, Topic, TopicSpec, find_topic, topic_table_markdown
+
+ALL = list(TOPICS.values())
+
+
+def spec_id(spec: TopicSpec) -> str:
+    return spec.name
+
+
+def test_every_key_has_a_specification() -> None:
+    assert set(TOPICS) == set(Topic)
+
+
+@pytest.mark.parametrize("spec", ALL, ids=spec_id)
+def test_names_are_relative_unless_global(spec: TopicSpec) -> None:
+    if spec.topic in {Topic.CLOCK, Topic.DIAGNOSTICS}:
+        assert spec.name.startswith("/")
+    else:
+        assert re.fullmatch(r"(plant|v2x|controller)/[a-z0-9_]+", spec.name)
+
+
+@pytest.mark.parametrize("spec", ALL, ids=spec_id)
+def test_types_come_from_standard_packages(spec: TopicSpec) -> None:
+    assert re.fullmatch(
+        r"(rosgraph|nav|geometry|sensor|std|trajectory|diagnostic)_msgs/msg/[A-Z]\w+",
+        spec.type_name,
+    )
+
+
+@pytest.mark.parametrize("spec", ALL, ids=spec_id)
+def test_every_specification_is_complete(spec: TopicSpec) -> None:
+    assert all((spec.unit, spec.frame, spec.meaning, spec.rate, spec.publisher))
+    assert len(set(spec.field_names)) == len(spec.fields)
+    if spec.message_type is JointState:
+        assert spec.fields
+
+
+@pytest.mark.parametrize("spec", ALL, ids=spec_id)
+def test_only_static_data_is_latched(spec: TopicSpec) -> None:
+    expected = LATCHED_QOS if spec.topic is Topic.SLOPE else STREAM_QOS
+    assert spec.qos is expected
+
+
+def test_profiles() -> None:
+    assert STREAM_QOS.reliability is ReliabilityPolicy.RELIABLE
+    assert STREAM_QOS.history is HistoryPolicy.KEEP_LAST
+    assert (STREAM_QOS.depth, LATCHED_QOS.depth) == (10, 1)
+    assert LATCHED_QOS.durability is DurabilityPolicy.TRANSIENT_LOCAL
+    assert describe_qos(STREAM_QOS) == "reliable, keep last 10"
+    assert describe_qos(LATCHED_QOS) == "reliable, keep last 1, transient-local"
+
+
+@pytest.mark.parametrize(
+    ("name", "namespace", "expected"),
+    [
+        ("/plant/odometry", "/", Topic.PLANT_ODOMETRY),
+        ("/car_1/plant/odometry", "/car_1", Topic.PLANT_ODOMETRY),
+        ("/car_1/plant/odometry", "car_1/", Topic.PLANT_ODOMETRY),
+        ("/clock", "/car_1", Topic.CLOCK),
+        ("/plant/odometry", "/car_1", None),
+        ("/rosout", "/", None),
+    ],
+)
+def test_find_topic(name: str, namespace: str, expected: Topic | None) -> None:
+    found = find_topic(name, namespace)
+    assert (found.topic if found else None) is expected
+
+
+def test_markdown_table_has_one_row_per_topic_and_per_field() -> None:
+    table = topic_table_markdown()
+    rows = [line for line in table.splitlines() if line.startswith("| `")]
+    assert len(rows) == len(ALL) + sum(len(spec.fields) for spec in ALL)
+    for spec in ALL:
+        assert f"| `{spec.name}` |" in table
+    columns = {row.count("|") for row in rows[: len(ALL)]}
+    assert columns == {9}
