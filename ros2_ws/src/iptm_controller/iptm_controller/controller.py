@@ -56,16 +56,18 @@ class Measurements:
     """What the controller acts on at one tick, all of the same instant.
 
     Attributes:
-        state: host and pack.
+        state: host and pack, None if not measured.
         leader: the preceding vehicle by range sensor, None if not measured.
         preview: newest received prediction, possibly empty.
         slope: road slope over position.
+        fault: why something is not measured; empty if all is.
     """
 
-    state: VehicleState
+    state: VehicleState | None
     leader: LeaderState | None
     preview: LeaderPreview
     slope: SlopePreview
+    fault: str = ""
 
 
 @dataclass(frozen=True)
@@ -122,13 +124,16 @@ class Controller:
 
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""
+        if measured.state is None:
+            return self._without_state(measured.fault or "no measurement of the state")
         try:
             check_state(measured.state)
         except StateError as error:
-            return self._without_state(measured, str(error))
+            return self._without_state(str(error))
         self._last_trusted = measured.state
         if measured.leader is None:
-            return self._fall_back(measured.state, None, "no measurement of the leader")
+            reason = measured.fault or "no measurement of the leader"
+            return self._fall_back(measured.state, None, reason)
         try:
             check_leader(measured.leader, measured.state)
         except StateError as error:
@@ -156,14 +161,13 @@ class Controller:
         choice = self._ladder.accept(plan)
         return self._limited(choice, state, forecast.reason, plan, result, forecast)
 
-    def _without_state(self, measured: Measurements, reason: str) -> Decision:
+    def _without_state(self, reason: str) -> Decision:
         choice = self._ladder.fall_back(None, None)
         # The limiter needs something to hold rates against: the last state that could be trusted.
         reference = self._last_trusted
         if reference is None:
             limited = LimitedCommand(Command(0.0, 0.0), ("no state was ever trusted",))
             return Decision(limited.command, choice.rung, reason, limited, None, None, None)
-        del measured
         return self._limited(choice, reference, reason, None, None, None)
 
     def _fall_back(

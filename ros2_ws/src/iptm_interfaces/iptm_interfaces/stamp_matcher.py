@@ -108,6 +108,20 @@ class StampMatcher:
         values = self._pending[newest]
         return newest, tuple(slot for slot in self._slots if slot not in values)
 
+    def take_incomplete(self) -> tuple[int, Mapping[str, Any]] | None:
+        """Hand out the newest incomplete set with its stamp, for an answer with what there is.
+
+        Older sets are given up; what still arrives for this stamp counts as late.
+        """
+        if not self._pending:
+            return None
+        newest = max(self._pending)
+        values = self._pending[newest]
+        self._counts["abandoned"] += len(self._pending)
+        self._pending.clear()
+        self._last_ns = newest
+        return newest, values
+
     def reset(self) -> None:
         """Forget everything but the counts, for a trip that starts again at an earlier time."""
         self._pending.clear()

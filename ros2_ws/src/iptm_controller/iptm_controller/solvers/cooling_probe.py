@@ -32,9 +32,7 @@ MINIMUM_GAIN = 1e-4
 class CoolingProbe:
     """Wraps a back end; deterministic, because it counts solves and not seconds."""
 
-    def __init__(
-        self, inner: SolverBackend, horizon: Horizon, parameters: ModelParameters
-    ) -> None:
+    def __init__(self, inner: SolverBackend, horizon: Horizon, parameters: ModelParameters) -> None:
         self._inner = inner
         self._steps = horizon.steps
         rate = parameters.limits.max_compressor_rate_w_s

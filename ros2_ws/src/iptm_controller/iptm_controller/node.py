@@ -1,0 +1,238 @@
+"""The controller as a node: answers every state that it can match with a decision of the same stamp."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+from std_msgs.msg import Float64, Float64MultiArray
+
+from iptm_controller.controller import Decision, Measurements
+from iptm_controller.forecast import PreviewQuality
+from iptm_controller.ladder import Rung
+from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_controller.node_reports import plan_trajectory, situation, solve_report
+from iptm_controller.solvers.result import SolveStatus
+from iptm_core.errors import MessageError
+from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_interfaces.codecs import (
+    decode_leader,
+    decode_leader_preview_bytes,
+    decode_slope,
+    decode_vehicle_state,
+    empty_leader_preview,
+    encode_command,
+    encode_plan,
+    encode_solve_report,
+    ns_from_time,
+)
+from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.parameters import declare_parameters
+from iptm_interfaces.process import run_node
+from iptm_interfaces.stamp_matcher import StampMatcher
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
+
+STATE_SLOTS = {
+    Topic.PLANT_ODOMETRY: "odometry",
+    Topic.PLANT_ACCELERATION: "acceleration",
+    Topic.PLANT_CELL_1_TEMPERATURE: "cell_1_temperature",
+    Topic.PLANT_CELL_N_TEMPERATURE: "cell_n_temperature",
+    Topic.PLANT_POWERS: "powers",
+    Topic.PLANT_CAPACITY_LOSS: "capacity_loss",
+}
+LEADER_SLOT = "leader"
+PREVIEW_SLOT = "preview"
+CHECKS_PER_TIMEOUT = 5.0
+REPORT_PERIOD_S = 1.0
+FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
+
+
+class ControllerNode(SuiteNode):
+    """Matches state, leader and preview by stamp, decides, and publishes the decision."""
+
+    def __init__(self) -> None:
+        super().__init__("controller")
+        self._options = declare_parameters(self, ControllerNodeParameters)
+        self.reject_unknown_parameters()
+        self._controller = self._options.build_controller()
+        self._slope: SlopePreview | None = None
+        self._slope_fault = ""
+        self._matcher = StampMatcher([*STATE_SLOTS.values(), LEADER_SLOT, PREVIEW_SLOT])
+        self._waiting_since_s: float | None = None
+        self._held: tuple[int, Mapping[str, Any]] | None = None
+        self._solves: Counter[str] = Counter()
+        self._rungs: Counter[str] = Counter()
+        self._limited_ticks = 0
+        self._last: Decision | None = None
+        self._last_ns = 0
+        self._command_publisher = self.advertise(Topic.COMMAND)
+        self._acceleration_publisher = self.advertise(Topic.ACCELERATION_COMMAND)
+        self._power_publisher = self.advertise(Topic.COMPRESSOR_POWER_COMMAND)
+        self._plan_publisher = self.advertise(Topic.PLAN)
+        self._solve_publisher = self.advertise(Topic.SOLVE)
+        self._reporter = DiagnosticsReporter.of_node(self, "optimal control")
+        self.listen(Topic.SLOPE, self._on_slope)
+        self.listen(Topic.LEADER, partial(self._on_stamped, LEADER_SLOT))
+        self.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
+        for topic, slot in STATE_SLOTS.items():
+            self.listen(topic, partial(self._on_stamped, slot))
+        self.every(self._options.input_timeout_s / CHECKS_PER_TIMEOUT, self._check_inputs)
+        self.every(REPORT_PERIOD_S, self._report)
+        self._report()
+
+    # --- inputs
+
+    def _on_slope(self, message: Float64MultiArray) -> None:
+        try:
+            self._slope = decode_slope(message)
+            self._slope_fault = ""
+        except MessageError as error:
+            self._slope_fault = str(error)
+        if self._held is not None:
+            self._answer(*self._held)
+
+    def _on_stamped(self, slot: str, message: Any) -> None:
+        self._put(slot, ns_from_time(message.header.stamp), message)
+
+    def _on_preview(self, data: bytes) -> None:
+        try:
+            stamp_ns, preview = decode_leader_preview_bytes(data)
+        except MessageError as error:
+            # Without a stamp it cannot be matched: the tick is answered when the inputs time out,
+            # unless a newer state arrives first.
+            self.get_logger().warning(str(error), throttle_duration_sec=5.0)
+            return
+        self._put(PREVIEW_SLOT, stamp_ns, preview)
+
+    def _put(self, slot: str, stamp_ns: int, value: Any) -> None:
+        last_ns = self._matcher.last_ns
+        if stamp_ns == 0 and last_ns:
+            self._matcher.reset()  # a new trip has begun
+        if self._waiting_since_s is None:
+            self._waiting_since_s = time.monotonic()
+        values = self._matcher.put(slot, stamp_ns, value)
+        if values is None:
+            return
+        if self._slope is None and not self._slope_fault and self._last is None:
+            self._held = (stamp_ns, values)  # the road comes once, but maybe after the first state
+        else:
+            self._answer(stamp_ns, values)
+
+    def _check_inputs(self) -> None:
+        """Answer a tick whose inputs do not arrive with what there is."""
+        if self._waiting_since_s is None:
+            return
+        if time.monotonic() - self._waiting_since_s < self._options.input_timeout_s:
+            return
+        late = self._held or self._matcher.take_incomplete()
+        # Without any part of the state there is no tick to answer.
+        if late is not None and not late[1].keys().isdisjoint(STATE_SLOTS.values()):
+            self._answer(*late)
+
+    # --- answers
+
+    def _answer(self, stamp_ns: int, values: Mapping[str, Any]) -> None:
+        self._waiting_since_s = None
+        self._held = None
+        decision = self._controller.decide(self._measurements(values))
+        self._publish(stamp_ns, decision)
+        self._count(decision)
+        self._last, self._last_ns = decision, stamp_ns
+        self._report()
+
+    def _measurements(self, values: Mapping[str, Any]) -> Measurements:
+        """Decode what arrived; what is missing or malformed is left out, with the reason."""
+        faults = []
+        state: VehicleState | None = None
+        leader: LeaderState | None = None
+        missing = [slot for slot in STATE_SLOTS.values() if slot not in values]
+        try:
+            if missing:
+                faults.append(f"no {', '.join(missing)} received")
+            else:
+                state = decode_vehicle_state(*(values[slot] for slot in STATE_SLOTS.values()))
+        except MessageError as error:
+            faults.append(str(error))
+        try:
+            if LEADER_SLOT in values:
+                leader = decode_leader(values[LEADER_SLOT])
+            else:
+                faults.append("no measurement of the leader received")
+        except MessageError as error:
+            faults.append(str(error))
+        preview: LeaderPreview = values.get(PREVIEW_SLOT) or empty_leader_preview()
+        return Measurements(state, leader, preview, self._slope or FLAT_ROAD, "; ".join(faults))
+
+    def _publish(self, stamp_ns: int, decision: Decision) -> None:
+        """Publish the command last: whoever has it has everything of this tick."""
+        command = decision.command
+        self._solve_publisher.publish(encode_solve_report(stamp_ns, solve_report(decision)))
+        if decision.plan is not None:
+            self._plan_publisher.publish(encode_plan(plan_trajectory(decision.plan), stamp_ns))
+        self._acceleration_publisher.publish(Float64(data=float(command.acceleration_m_s2)))
+        self._power_publisher.publish(Float64(data=float(command.compressor_power_w)))
+        self._command_publisher.publish(encode_command(stamp_ns, command))
+
+    def _count(self, decision: Decision) -> None:
+        status = "none" if decision.result is None else decision.result.status.name.lower()
+        self._solves[status] += 1
+        self._rungs[decision.rung.name.lower()] += 1
+        self._limited_ticks += decision.limited.active
+
+    # --- diagnostics
+
+    def _report(self) -> None:
+        level, reason = situation(
+            self._last, road_known=self._slope is not None, road_fault=self._slope_fault
+        )
+        if self._last is None and self._matcher.missing() is not None:
+            level, reason = Level.WARN, "inputs of a tick are incomplete"
+        values: dict[str, object] = {
+            "strategy": self._options.strategy,
+            "horizon": self._options.horizon,
+            "solver": self._options.solver,
+            "machine_code": self._controller.backend.compiled,
+            "limited_ticks": self._limited_ticks,
+            "late_messages": self._matcher.counts.late,
+        }
+        values.update({f"solves_{status.name.lower()}": 0 for status in SolveStatus})
+        values.update({f"solves_{name}": count for name, count in self._solves.items()})
+        values.update({f"ticks_{rung.name.lower()}": 0 for rung in Rung})
+        values.update({f"ticks_{name}": count for name, count in self._rungs.items()})
+        if self._last is not None:
+            values.update(_details(self._last))
+        self._reporter.report(self._last_ns, level, reason, values)
+
+
+def _details(decision: Decision) -> dict[str, object]:
+    details: dict[str, object] = {
+        "reason": decision.reason or "none",
+        "rung": decision.rung.name.lower(),
+        "limiter": ", ".join(decision.limited.reasons) or "inactive",
+    }
+    result, forecast = decision.result, decision.forecast
+    if result is not None:
+        details.update(
+            status=result.status.name.lower(),
+            solve_time_ms=1e3 * result.time_s,
+            iterations=result.iterations,
+        )
+    if forecast is not None:
+        details["preview"] = PreviewQuality(forecast.quality).name.lower()
+        details["preview_age_s"] = forecast.age_s
+    return details
+
+
+def main() -> None:
+    """Run the node."""
+    sys.exit(run_node(ControllerNode))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,114 @@
+"""Parameters of the controller node and what is built from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.horizon import MULTI_HORIZON, Horizon
+from iptm_controller.ladder import LadderOptions
+from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions
+from iptm_controller.solvers.interior_point import InteriorPointOptions
+from iptm_controller.strategy import STRATEGIES, Strategy, strategy_by_name
+from iptm_core.parameters import DEFAULT_SET, load_parameters
+from iptm_core.parameters.override_text import parse_overrides
+from iptm_interfaces.parameters import parameter
+
+FROM_STRATEGY = -1.0
+
+
+@dataclass(frozen=True)
+class ControllerNodeParameters:
+    """Parameters of the node; ranges and units are in the declarations."""
+
+    strategy: str = parameter(
+        "aging", "cost terms and weights, one of the paper's strategies", choices=tuple(STRATEGIES)
+    )
+    speed_weight: float = parameter(
+        FROM_STRATEGY, "Q of J1, -1 takes that of the strategy", "1/(m/s)^2", -1.0, 1e15
+    )
+    temperature_weight: float = parameter(
+        FROM_STRATEGY, "R of J2, -1 takes that of the strategy", "1/K^2", -1.0, 1e15
+    )
+    energy_weight: float = parameter(
+        FROM_STRATEGY, "lambda_P of J3, -1 takes that of the strategy", "1/J", -1.0, 1e15
+    )
+    aging_weight: float = parameter(
+        FROM_STRATEGY, "lambda_Q of J4, -1 takes that of the strategy", "", -1.0, 1e15
+    )
+    horizon: str = parameter(
+        str(MULTI_HORIZON), "prediction grid, <steps>x<seconds> parts joined by +"
+    )
+    solver: str = parameter("fatrop", "solver back end", choices=SOLVER_NAMES)
+    compile_code: bool = parameter(
+        default=True,
+        description="compile the problem where a C compiler is found (cached between starts)",
+    )
+    max_iterations: int = parameter(150, "iterations of one solve at most", "", 1, 10000)
+    tolerance: float = parameter(1e-5, "optimality tolerance of the scaled problem", "", 1e-10, 1.0)
+    parameter_set: str = parameter(
+        DEFAULT_SET, "parameters of the vehicle: name of a shipped set, or the path of a .yaml file"
+    )
+    parameter_overrides: str = parameter(
+        "", "single model parameters to change, e.g. 'body.mass_kg=1600, gap.max_gap_m=80'"
+    )
+    period_s: float = parameter(1.0, "sampling time of the loop", "s", 0.01, 10.0)
+    max_preview_age_s: float = parameter(
+        10.0,
+        "older previews are not used; the leader is then taken to keep its speed",
+        "s",
+        0.0,
+        1e4,
+    )
+    shifted_plan_ticks: int = parameter(
+        3, "ticks that the last plan may be driven on after a failed solve", "", 0, 1000
+    )
+    safe_law_ticks: int = parameter(
+        120, "ticks of the safe car-following law before the controlled stop", "", 0, 100000
+    )
+    input_timeout_s: float = parameter(
+        2.0,
+        "wall time after which a tick with missing inputs is answered all the same",
+        "s",
+        0.05,
+        60.0,
+    )
+
+    def build_controller(self) -> Controller:
+        """Return the controller, its problem compiled.
+
+        Raises:
+            IptmError: a parameter, the horizon or the solver is not usable.
+        """
+        model = load_parameters(
+            self.parameter_set, parse_overrides(self.parameter_overrides)
+        ).values
+        options = ControllerOptions(
+            strategy=self._strategy(),
+            horizon=Horizon.parse(self.horizon),
+            solver=SolverOptions(
+                name=self.solver,
+                compile_code=self.compile_code,
+                interior_point=InteriorPointOptions(
+                    tolerance=self.tolerance, max_iterations=self.max_iterations
+                ),
+            ),
+            ladder=LadderOptions(self.shifted_plan_ticks, self.safe_law_ticks),
+            max_preview_age_s=self.max_preview_age_s,
+            tick_s=self.period_s,
+        )
+        return Controller(model, options)
+
+    def _strategy(self) -> Strategy:
+        base = strategy_by_name(self.strategy)
+
+        def chosen(given: float, of_strategy: float) -> float:
+            return given if given >= 0.0 else of_strategy
+
+        return replace(
+            base,
+            speed_weight=chosen(self.speed_weight, base.speed_weight),
+            temperature_weight=chosen(self.temperature_weight, base.temperature_weight),
+            energy_weight_1_j=chosen(self.energy_weight, base.energy_weight_1_j),
+            aging_weight=chosen(self.aging_weight, base.aging_weight),
+        )
