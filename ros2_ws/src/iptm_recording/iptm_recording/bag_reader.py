@@ -71,7 +71,8 @@ class BagReader:
         self._metadata = _metadata_of(path)
         self._files = [BagFile(file) for file in find_files(path, self._metadata)]
         self.topics: Mapping[str, TopicRecord] = _merge_topics(path, self._files)
-        self._decoder = Decoder(_definitions(self._files))
+        self._definitions = _definitions(self._files)
+        self._decoder = Decoder(self._definitions)
 
     @property
     def message_count(self) -> int:
@@ -106,6 +107,11 @@ class BagReader:
     def run_information(self) -> RunInformation:
         """Return what the run depended on (defaults where another recorder stored nothing)."""
         return RunInformation.from_custom_data(self.custom_data)
+
+    def definition_text(self, type_name: str) -> str:
+        """Return the definition of a message type as the bag stores it, "" if it does not."""
+        definition = self._definitions.get(type_name)
+        return definition.text if definition else ""
 
     def resolve(self, name: str, type_name: str | None = None) -> TopicRecord:
         """Find a topic.

@@ -14,8 +14,10 @@ from collections.abc import Collection
 
 # Time for the publishers to learn of the subscriptions made last.
 SETTLE_S = 0.1
-# Time in which the other topics of the suite show up, if there are any.
-PATIENCE_S = 2.0
+# Time in which the other topics of the suite begin to show up, if there are any.
+PATIENCE_ALONE_S = 2.0
+# Time in which an incomplete suite grows further, if it does: nodes may start slowly.
+PATIENCE_INCOMPLETE_S = 30.0
 
 
 class Gate:
@@ -29,8 +31,8 @@ class Gate:
     def __init__(self, gate_topics: Collection[str], awaited: Collection[str]) -> None:
         self._gate_topics = frozenset(gate_topics)
         self._awaited = frozenset(awaited) - self._gate_topics
-        self._first_seen_s: float | None = None
-        self._complete_s: float | None = None
+        self._seen: frozenset[str] = frozenset()
+        self._last_change_s: float | None = None
         self._is_running = False
 
     def holds(self, topic: str) -> bool:
@@ -53,13 +55,15 @@ class Gate:
         """
         if self._is_running:
             return True
-        if self._first_seen_s is None and self._gate_topics.intersection(published):
-            self._first_seen_s = now_s
+        seen = frozenset((*published, *subscribed))
+        if seen != self._seen:
+            self._seen = seen
+            self._last_change_s = now_s
+        if self._last_change_s is None:
+            return False
+        unchanged_s = now_s - self._last_change_s
         if self._awaited.issubset(subscribed):
-            if self._complete_s is None:
-                self._complete_s = now_s
-            return now_s - self._complete_s >= SETTLE_S
-        is_alone = not self._awaited.intersection(published)
-        return (
-            is_alone and self._first_seen_s is not None and now_s - self._first_seen_s >= PATIENCE_S
-        )
+            return unchanged_s >= SETTLE_S
+        if self._awaited.isdisjoint(seen):
+            return not self._gate_topics.isdisjoint(seen) and unchanged_s >= PATIENCE_ALONE_S
+        return unchanged_s >= PATIENCE_INCOMPLETE_S

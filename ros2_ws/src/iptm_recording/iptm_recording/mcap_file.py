@@ -142,9 +142,8 @@ class McapFileWriter:
             )
             + data
         )
-        chunk = self._chunk_for(len(record))
-        chunk.index.setdefault(channel_id, []).append((log_time_ns, chunk.used))
-        self._append(record)
+        chunk = self._append(record)
+        chunk.index.setdefault(channel_id, []).append((log_time_ns, chunk.used - len(record)))
         chunk.start_ns = min(chunk.start_ns, log_time_ns)
         chunk.end_ns = max(chunk.end_ns, log_time_ns)
         self._counts[channel_id] = sequence
@@ -173,20 +172,21 @@ class McapFileWriter:
             chunk = None
         if chunk is None:
             chunk = Chunk(self._position, max(self._chunk_bytes, record_bytes))
-            self._chunk = chunk
             if not self._compression:
                 self._write(chunk.header(chunk.room, ""))
+            self._chunk = chunk
         return chunk
 
-    def _append(self, record: bytes) -> None:
+    def _append(self, record: bytes) -> Chunk:
         """Add a record to the chunk in progress, or to a new one when it does not fit."""
         chunk = self._chunk_for(len(record))
-        chunk.used += len(record)
         if self._compression:
             chunk.collected += record
         else:
-            chunk.crc = zlib.crc32(record, chunk.crc)
             self._write(record)
+            chunk.crc = zlib.crc32(record, chunk.crc)
+        chunk.used += len(record)
+        return chunk
 
     def _close_chunk(self) -> None:
         chunk, self._chunk = self._chunk, None
@@ -197,12 +197,9 @@ class McapFileWriter:
             chunk.crc = zlib.crc32(chunk.collected)
             self._write(chunk.header(len(stored), self._compression) + stored)
         else:
-            stored_end = self._position
             self._file.seek(chunk.offset)
-            self._position = chunk.offset
-            self._write(chunk.header(chunk.used, ""))
-            self._file.seek(stored_end)
-            self._position = stored_end
+            self._file.write(chunk.header(chunk.used, ""))
+            self._file.seek(self._position)
         stored_bytes = self._position - chunk.offset
         index_offset = self._position
         offsets: dict[int, int] = {}
@@ -268,8 +265,13 @@ class McapFileWriter:
         return bytes(content) + encode(footer) + MAGIC
 
     def _write(self, data: bytes) -> None:
+        """Append to the file, all or nothing: after an error (disk full) it ends where it did."""
         view = memoryview(data)
-        while view:
-            written = self._file.write(view) or 0
-            self._position += written
-            view = view[written:]
+        try:
+            while view:
+                view = view[self._file.write(view) or 0 :]
+        except OSError:
+            self._file.seek(self._position)
+            self._file.truncate()
+            raise
+        self._position += len(data)

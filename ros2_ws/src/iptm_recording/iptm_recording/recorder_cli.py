@@ -125,7 +125,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal.signal(signal.SIGTERM, stop)
         return node
 
-    return run_node(recorder, command)
+    return run_node(recorder, ["record", *command[1:]])
 
 
 if __name__ == "__main__":

@@ -173,7 +173,10 @@ def git_revision(folder: Path | None = None) -> str:
 
 def installed_versions() -> dict[str, str]:
     """Return the versions of Python, the platform and the libraries a run depends on."""
-    versions = {"python": platform.python_version(), "platform": platform.platform()}
+    versions = {
+        "python": platform.python_version(),
+        "platform": f"{platform.system()} {platform.machine()}",
+    }
     installed = {name: _installed_version(name) for name in _PACKAGES}
     return {**versions, **{name: version for name, version in installed.items() if version}}
 

@@ -1,0 +1,141 @@
+"""What is played when: the part of a bag that was asked for, on a time axis of its own; free of ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from iptm_core.errors import BagError
+from iptm_recording.bag_reader import BagReader, RawMessage
+from iptm_recording.metadata import TopicRecord
+from iptm_recording.selection import TopicSelection
+
+CLOCK_TOPIC = "/clock"
+
+
+@dataclass(frozen=True)
+class PlaybackOptions:
+    """What to play, and how.
+
+    Attributes:
+        bag: bag folder or .mcap file.
+        rate: playback speed over recorded speed, positive.
+        start_s: offset into the bag at which to begin.
+        duration_s: length of the part to play, recorded time; None up to the end.
+        selection: topics wanted.
+        clock_hz: publish ``/clock`` at this rate (of the computer's time) instead of the recorded
+            one; None plays the recorded clock like any other topic.
+        wait_for_subscribers: subscriptions, over all topics, to wait for before beginning.
+        delay_s: time for subscribers to find the player before it begins.
+    """
+
+    bag: Path
+    rate: float = 1.0
+    start_s: float = 0.0
+    duration_s: float | None = None
+    selection: TopicSelection = field(default_factory=TopicSelection)
+    clock_hz: float | None = None
+    wait_for_subscribers: int = 0
+    delay_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("rate", self.rate, "greater than 0", is_allowed=self.rate > 0.0)
+        _check("start", self.start_s, "at least 0 s", is_allowed=self.start_s >= 0.0)
+        if self.duration_s is not None:
+            allowed = self.duration_s > 0.0
+            _check("duration", self.duration_s, "greater than 0 s", is_allowed=allowed)
+        if self.clock_hz is not None:
+            allowed = self.clock_hz > 0.0
+            _check("clock rate", self.clock_hz, "greater than 0 Hz", is_allowed=allowed)
+        _check("delay", self.delay_s, "at least 0 s", is_allowed=self.delay_s >= 0.0)
+
+
+class Playback:
+    """The part of an opened bag that is to be played.
+
+    Args:
+        reader: the bag.
+        options: what to play.
+
+    Raises:
+        BagError: the bag is empty, a pattern matches no topic, or the part holds no message.
+    """
+
+    def __init__(self, reader: BagReader, options: PlaybackOptions) -> None:
+        if reader.message_count == 0:
+            raise BagError(f"{options.bag} holds no messages: there is nothing to play")
+        unused = options.selection.unused(reader.topics)
+        if unused:
+            raise BagError(
+                f"{options.bag} has no topic {', '.join(map(repr, unused))};"
+                f" its topics are: {', '.join(sorted(reader.topics))}"
+            )
+        length_s = reader.duration_s
+        if options.start_s > length_s:
+            raise BagError(
+                f"start is {options.start_s:g} s, but {options.bag} is only {length_s:g} s long"
+            )
+        self._reader = reader
+        self._options = options
+        self.start_ns = reader.start_ns + round(options.start_s * 1e9)
+        self.end_ns = reader.end_ns
+        if options.duration_s is not None:
+            self.end_ns = min(self.end_ns, self.start_ns + round(options.duration_s * 1e9))
+        self.topics: list[TopicRecord] = [
+            topic
+            for topic in reader.topics.values()
+            if topic.message_count and options.selection.takes(topic.name) and self._is_kept(topic)
+        ]
+        if not self.topics:
+            raise BagError(f"{options.bag} holds no message on the topics asked for")
+
+    @property
+    def length_s(self) -> float:
+        """Recorded time from begin to end of the part."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+    def due_s(self, log_time_ns: int) -> float:
+        """Return how long after the begin something is due, in seconds of the computer's time.
+
+        Args:
+            log_time_ns: recorded time.
+        """
+        return max(0.0, (log_time_ns - self.start_ns) * 1e-9 / self._options.rate)
+
+    def recorded_ns(self, elapsed_s: float) -> int:
+        """Return the recorded time that corresponds to a time since the begin (for ``/clock``)."""
+        passed_ns = round(elapsed_s * self._options.rate * 1e9)
+        return min(self.start_ns + passed_ns, self.end_ns)
+
+    def messages(self) -> Iterator[RawMessage]:
+        """Yield the messages of the part in order of their log times.
+
+        Before the first one come the last earlier messages of latched topics: a subscriber that
+        joins in the middle of a run has them as well.
+        """
+        names = [topic.name for topic in self.topics]
+        yield from self._latched_before()
+        yield from self._reader.raw_messages(names, self.start_ns, self.end_ns + 1)
+
+    def _latched_before(self) -> Iterator[RawMessage]:
+        latched = [
+            topic.name
+            for topic in self.topics
+            if any(qos.durability == "transient_local" for qos in topic.offered_qos)
+        ]
+        if not latched or self._options.start_s == 0.0:
+            return
+        last: dict[str, RawMessage] = {}
+        for message in self._reader.raw_messages(latched, end_ns=self.start_ns):
+            last[message.topic] = message
+        yield from last.values()
+
+    def _is_kept(self, topic: TopicRecord) -> bool:
+        """Leave out the recorded clock where another one is published."""
+        return self._options.clock_hz is None or topic.name != CLOCK_TOPIC
+
+
+def _check(name: str, value: float, allowed: str, *, is_allowed: bool) -> None:
+    if not is_allowed:
+        raise BagError(f"{name} is {value:g}, must be {allowed}")
