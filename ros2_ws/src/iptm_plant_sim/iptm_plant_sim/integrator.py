@@ -8,6 +8,7 @@ that the rest of the project uses, and evaluated on a fixed pair of buffers.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -15,7 +16,7 @@ import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell_thermal import cell_heat_w
-from iptm_core.physics.coolant import Channel, reduce_channel
+from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.ops import Scalar, maximum
 from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
 from iptm_core.physics.resistance import cell_resistance_ohm
@@ -76,9 +77,7 @@ class IntervalIntegrator:
             sub_steps: number of Runge-Kutta steps n per interval.
         """
         self._n = sub_steps
-        self._function = _build(
-            parameters, reduce_channel(parameters.cooling, parameters.pack), sub_steps
-        )
+        self._function = _build(parameters, sub_steps)
         self._arguments = np.zeros(self._function.size1_in(0))
         self._results = np.zeros(self._function.size1_out(0))
         # CasADi's stubs do not know that a memoryview carries its own size.
@@ -114,8 +113,13 @@ class IntervalIntegrator:
         return IntervalResult(CellPair(*values[:_CELLS]), *values[_CELLS:])
 
 
-def _build(parameters: ModelParameters, channel: Channel, n: int) -> ca.Function:
-    """One function from the packed arguments of ``integrate`` to the packed ``IntervalResult``."""
+@lru_cache(maxsize=16)
+def _build(parameters: ModelParameters, n: int) -> ca.Function:
+    """One function from the packed arguments of ``integrate`` to the packed ``IntervalResult``.
+
+    Kept for the next vehicle with the same parameters, because building takes much longer than a step.
+    """
+    channel = reduce_channel(parameters.cooling, parameters.pack)
     arguments = ca.SX.sym("arguments", 6 + 7 * n)
     state = [arguments[i] for i in range(_CELLS)]
     compressor = arguments[4]

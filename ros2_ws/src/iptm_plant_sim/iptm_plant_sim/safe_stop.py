@@ -18,9 +18,9 @@ def controlled_stop_command(
 ) -> Command:
     """Next command of a comfortable stop with the compressor run down.
 
-    The deceleration builds up within the jerk limit, stays at the comfortable value and fades out like
-    ``sqrt(2 J v)`` so that the vehicle comes to rest without a jolt. The compressor ramps to its lower
-    bound. Applied interval after interval this brings the vehicle to standstill from any state.
+    The deceleration builds up within the jerk limit, stays at the comfortable value and fades out so that
+    the vehicle comes to rest without a jolt. The compressor ramps to its lower bound. Applied interval
+    after interval this brings the vehicle to standstill from any state.
 
     Args:
         state: present state; its inputs are the values last actuated.
@@ -32,7 +32,9 @@ def controlled_stop_command(
         A command inside all bounds and rates.
     """
     jerk_step = limits.max_jerk_m_s3 * duration_s
-    fading = math.sqrt(2.0 * limits.max_jerk_m_s3 * max(state.speed_m_s, 0.0))
+    # Reduced by one jerk step per interval from here on, the deceleration ends together with the speed.
+    fading = math.sqrt(0.25 * jerk_step**2 + 2.0 * limits.max_jerk_m_s3 * state.speed_m_s)
+    fading -= 0.5 * jerk_step
     wanted = max(-deceleration_m_s2, -fading, limits.min_acceleration_m_s2)
     last = state.acceleration_m_s2
     acceleration = min(max(wanted, last - jerk_step), last + jerk_step)

@@ -1,0 +1,222 @@
+"""The plant as a node: the simulated vehicle, master of time for everybody else.
+
+Exit codes beyond those of every node: 3, the controller was lost and the trip ended with the controlled
+stop.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+from sensor_msgs.msg import JointState
+
+from iptm_core.errors import MessageError
+from iptm_core.state import Command
+from iptm_interfaces.codecs import decode_command, ns_from_time
+from iptm_interfaces.command_line import node_main
+from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.parameters import declare_parameters
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
+from iptm_interfaces.watchdog import Watchdog
+from iptm_plant_sim.node_parameters import REAL_TIME, WAIT, PlantNodeParameters
+from iptm_plant_sim.node_publishers import PlantPublishers
+from iptm_plant_sim.schedule import Schedule
+from iptm_plant_sim.trip import CommandHold, Phase
+
+EXIT_CONTROLLER_LOST = 3
+
+MATCHING_PERIOD_S = 0.02
+REPORT_PERIOD_S = 1.0
+STOP_TICK_WALL_S = 0.02
+"""Pace of the controlled stop in lock-step mode: nobody is waited for, but listeners can follow."""
+
+
+class PlantNode(SuiteNode):
+    """Publishes the state of every tick and drives on when it has the command that answers it.
+
+    In lock-step mode trip time advances only with commands; in real-time mode it advances with the
+    wall clock, and a command is held until it is too old.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("plant")
+        self._options = declare_parameters(self, PlantNodeParameters)
+        self.reject_unknown_parameters()
+        self._trip = self._options.build_trip()
+        self._phase = Phase.WAITING
+        self._controller_lost = False
+        self._ignored_commands = 0
+        self._rejected_commands = 0
+        self._awaited: tuple[str, ...] = ()
+        self._hold = CommandHold(self._options.command_timeout_s)
+        self._schedule: Schedule | None = None
+        self._publishers = PlantPublishers(self, self._trip.parameters)
+        self._reporter = DiagnosticsReporter.of_node(self, "vehicle")
+        self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
+        self._watchdog.attach(self)
+        self._commands = self.listen(Topic.COMMAND, self._on_command)
+        self.every(REPORT_PERIOD_S, self._report)
+        self._start_timer = self.every(MATCHING_PERIOD_S, self._start_when_matched)
+        self._report()
+
+    @property
+    def _is_real_time(self) -> bool:
+        return self._options.mode == REAL_TIME
+
+    # --- start
+
+    def _start_when_matched(self) -> None:
+        """Publish the first state as soon as it would reach everyone."""
+        self._awaited = self._missing_peers()
+        if self._awaited:
+            self._report()
+            return
+        self._start_timer.cancel()
+        self._phase = Phase.RUNNING
+        self._publish()
+        if self._is_real_time:
+            wall_period_s = self._options.period_s / self._options.rate_factor
+            self._schedule = Schedule(wall_period_s)
+            self._tick_timer = self.every(wall_period_s, self._on_wall_tick)
+
+    def _missing_peers(self) -> tuple[str, ...]:
+        expected = self._options.expected_peers
+        missing = self._publishers.missing_subscribers(expected)
+        needs_controller = expected > 0 or not self._is_real_time
+        if needs_controller and self._commands.get_publisher_count() == 0:
+            missing = (*missing, Topic.COMMAND.value)
+        return missing
+
+    # --- commands
+
+    def _on_command(self, message: JointState) -> None:
+        stamp_ns, command = self._read(message)
+        if self._phase is Phase.WAITING or self._phase is Phase.FINISHED:
+            return
+        answers_now = stamp_ns == self._trip.stamp_ns and self._phase is Phase.RUNNING
+        usable = self._is_real_time or answers_now
+        if not (usable and self._hold.offer(stamp_ns, command, self._trip.stamp_ns)):
+            self._ignored_commands += 1
+            self._report()
+        elif not self._is_real_time:
+            self._advance(command)
+
+    def _read(self, message: JointState) -> tuple[int, Command]:
+        """Return stamp and decision; one that cannot be read counts as one without numbers.
+
+        The plant answers such a command with the controlled stop for this tick, so a controller that
+        sends nonsense once neither hangs the lock-step nor ends the trip.
+        """
+        try:
+            return decode_command(message)
+        except MessageError:
+            self._rejected_commands += 1
+            return ns_from_time(message.header.stamp), Command(math.nan, math.nan)
+
+    # --- time
+
+    def _advance(self, command: Command) -> None:
+        self._trip.advance(command)
+        self._publish()
+
+    def _publish(self) -> None:
+        """Publish the present state and expect an answer to it, or end with it."""
+        over = self._trip.is_over
+        if over:
+            self._finish()
+        self._publishers.publish(self._trip.step)
+        if not over and not self._is_real_time:
+            self._watchdog.feed()
+        self._report()
+
+    def _on_wall_tick(self) -> None:
+        if self._phase is Phase.FINISHED or self._schedule is None:
+            return
+        self._schedule.keep()
+        now_ns = self._trip.stamp_ns
+        self._controller_lost = self._hold.is_lost(now_ns)
+        self._phase = Phase.STOPPING if self._controller_lost else Phase.RUNNING
+        self._advance(self._hold.command_at(now_ns) or self._trip.stop_command())
+
+    def _on_silence(self, _: float) -> None:
+        """Lock-step: the controller does not answer."""
+        if self._options.on_lost_controller == WAIT:
+            self._report()
+            return
+        self._controller_lost = True
+        self._phase = Phase.STOPPING
+        self._watchdog.disarm()
+        self._report()
+        self._stop_timer = self.every(STOP_TICK_WALL_S, self._on_stop_tick)
+
+    def _on_stop_tick(self) -> None:
+        """Lock-step: one interval of the controlled stop.
+
+        A late answer does not resume the trip: its results could not be repeated any more.
+        """
+        if self._phase is Phase.FINISHED:
+            return
+        if self._trip.step.standstill:
+            self._finish()
+            self._report()
+            return
+        self._advance(self._trip.stop_command())
+
+    # --- end
+
+    def _finish(self) -> None:
+        """End the process a little later, so that the last messages arrive."""
+        self._phase = Phase.FINISHED
+        self._watchdog.disarm()
+        code = EXIT_CONTROLLER_LOST if self._controller_lost else 0
+        self.every(max(self._options.linger_s, 1e-3), lambda: self.finish(code))
+
+    # --- diagnostics
+
+    def _report(self) -> None:
+        trip = self._trip
+        level, reason = self._situation()
+        values: dict[str, object] = {
+            "phase": self._phase.value,
+            "mode": self._options.mode,
+            "tick": trip.tick,
+            "ticks": trip.ticks,
+            "standstill": trip.step.standstill,
+            "command_age_s": self._hold.age_s(trip.stamp_ns),
+            "ignored_commands": self._ignored_commands,
+            "rejected_commands": self._rejected_commands,
+            "limited_ticks": trip.limited_ticks,
+            **{f"limited_{kind.value}": count for kind, count in trip.clamps.items()},
+            "last_limit": trip.last_reason,
+        }
+        if self._schedule is not None:
+            values["overruns"] = self._schedule.overruns
+            values["worst_lateness_s"] = self._schedule.worst_lateness_s
+        self._reporter.report(trip.stamp_ns, level, reason, values)
+
+    def _situation(self) -> tuple[Level, str]:
+        if self._phase is Phase.WAITING:
+            names = ", ".join(self._awaited)
+            return Level.OK, f"waiting for peers on {names}" if names else "waiting for peers"
+        if self._phase is Phase.FINISHED:
+            if self._controller_lost:
+                return Level.ERROR, "finished without a controller"
+            return Level.OK, "finished"
+        if self._phase is Phase.STOPPING:
+            return Level.ERROR, "no commands arrive: controlled stop"
+        if self._watchdog.is_silent:
+            return Level.STALE, "no commands arrive: waiting"
+        if self._trip.is_limited:
+            return Level.WARN, "commands exceed what the vehicle can do and are limited"
+        return Level.OK, "running"
+
+
+def main() -> None:
+    """Run the node."""
+    sys.exit(node_main("plant", PlantNode, PlantNodeParameters))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""What the plant says: the messages of one state, in the order that the others rely on."""
+
+from __future__ import annotations
+
+import math
+
+from rosgraph_msgs.msg import Clock
+
+from iptm_core.parameters.model import ModelParameters
+from iptm_interfaces.codecs import (
+    BatteryReading,
+    IntervalPowers,
+    encode_acceleration,
+    encode_battery,
+    encode_capacity_loss,
+    encode_host_odometry,
+    encode_powers,
+    encode_temperature,
+    time_from_s,
+)
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
+from iptm_plant_sim.plant import PlantStep
+
+# A command depends on all of these, so a start before they are matched would be a start into silence.
+_NEEDED_BY_A_CONTROLLER = (
+    Topic.PLANT_ACCELERATION,
+    Topic.PLANT_CELL_1_TEMPERATURE,
+    Topic.PLANT_CELL_N_TEMPERATURE,
+    Topic.PLANT_POWERS,
+    Topic.PLANT_CAPACITY_LOSS,
+)
+_COUNTED = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
+
+
+class PlantPublishers:
+    """All publishers of the plant but the diagnostics."""
+
+    def __init__(self, node: SuiteNode, parameters: ModelParameters) -> None:
+        """Advertise the topics.
+
+        Args:
+            node: the plant node.
+            parameters: model parameters; the pack's capacity is published.
+        """
+        pack, cell = parameters.pack, parameters.cell
+        self._design_capacity_ah = cell.nominal_capacity_ah * pack.parallel
+        self._publishers = {
+            topic: node.advertise(topic)
+            for topic in (
+                *_COUNTED,
+                *_NEEDED_BY_A_CONTROLLER,
+                Topic.PLANT_COOLANT_INLET_TEMPERATURE,
+                Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
+                Topic.PLANT_BATTERY,
+            )
+        }
+
+    def missing_subscribers(self, expected_peers: int) -> tuple[str, ...]:
+        """Names of the topics that not everyone expected listens to yet.
+
+        Args:
+            expected_peers: subscribers of odometry and clock to wait for; 0 waits for nobody.
+        """
+        if expected_peers == 0:
+            return ()
+        needed = dict.fromkeys(_NEEDED_BY_A_CONTROLLER, 1) | dict.fromkeys(_COUNTED, expected_peers)
+        return tuple(
+            topic.value
+            for topic, count in needed.items()
+            if self._publishers[topic].get_subscription_count() < count
+        )
+
+    def publish(self, step: PlantStep) -> None:
+        """Publish one state: the clock last, the odometry last but one."""
+        state = step.state
+        powers = IntervalPowers(
+            time_s=state.time_s,
+            traction_power_w=step.traction_power_w,
+            compressor_power_w=step.compressor_power_w,
+            auxiliary_power_w=step.auxiliary_power_w,
+            battery_power_w=step.battery_power_w,
+            chiller_heat_w=step.chiller_heat_w,
+        )
+        for topic, temperature_k in (
+            (Topic.PLANT_CELL_1_TEMPERATURE, state.cell_1_temperature_k),
+            (Topic.PLANT_CELL_N_TEMPERATURE, state.cell_n_temperature_k),
+            (Topic.PLANT_COOLANT_INLET_TEMPERATURE, step.coolant_inlet_k),
+            (Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, step.coolant_outlet_k),
+        ):
+            self._publishers[topic].publish(encode_temperature(state.time_s, temperature_k))
+        self._publishers[Topic.PLANT_BATTERY].publish(encode_battery(self._reading(step)))
+        self._publishers[Topic.PLANT_POWERS].publish(encode_powers(powers))
+        self._publishers[Topic.PLANT_CAPACITY_LOSS].publish(encode_capacity_loss(state))
+        self._publishers[Topic.PLANT_ACCELERATION].publish(encode_acceleration(state))
+        self._publishers[Topic.PLANT_ODOMETRY].publish(encode_host_odometry(state))
+        self._publishers[Topic.CLOCK].publish(Clock(clock=time_from_s(state.time_s)))
+
+    def _reading(self, step: PlantStep) -> BatteryReading:
+        state = step.state
+        mean_loss = 0.5 * (state.cell_1_capacity_loss + state.cell_n_capacity_loss)
+        return BatteryReading(
+            time_s=state.time_s,
+            pack_voltage_v=step.pack_voltage_v,
+            pack_current_a=step.pack_current_a,
+            cell_voltages_v=(step.cell_1_voltage_v, step.cell_n_voltage_v),
+            cell_temperatures_k=(state.cell_1_temperature_k, state.cell_n_temperature_k),
+            charge_ah=math.nan,  # the model has no state of charge
+            capacity_ah=self._design_capacity_ah * (1.0 - mean_loss),
+            design_capacity_ah=self._design_capacity_ah,
+        )

@@ -1,0 +1,152 @@
+"""One trip of the simulated vehicle: where it stands in it, what happened so far, what is left."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from enum import Enum
+
+from iptm_core.state import Command, VehicleState
+from iptm_plant_sim.actuators import Clamp
+from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_plant_sim.safe_stop import controlled_stop_command
+
+NS_PER_S = 1_000_000_000
+RECENT_TICKS = 10
+"""A limited command stays worth mentioning for so many ticks."""
+
+
+class Phase(Enum):
+    """Where the trip stands; the value is what diagnostics show."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    STOPPING = "stopping"
+    FINISHED = "finished"
+
+
+class Trip:
+    """Advances the plant tick by tick and keeps the books.
+
+    Attributes:
+        parameters: model parameters of the plant.
+        step: the latest observation, at trip time `stamp_ns`.
+        tick: number of intervals driven.
+        ticks: number of intervals of the whole trip.
+        clamps: how often each limit changed a command.
+        limited_ticks: number of intervals in which any did.
+        last_reason: the latest correction in words, empty if there was none.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        duration_s: float,
+        period_s: float = 1.0,
+        start: VehicleState | None = None,
+    ) -> None:
+        """Place the vehicle at the start.
+
+        Args:
+            plant: the vehicle on its road.
+            duration_s: length of the trip, rounded up to whole periods.
+            period_s: time between two states.
+            start: state at the start, at time 0; by default the plant's initial state.
+
+        Raises:
+            StateError: the start state is not possible.
+        """
+        self._plant = plant
+        self._period_s = period_s
+        self._period_ns = round(period_s * NS_PER_S)
+        self.parameters = plant.parameters
+        self.ticks = max(1, -(-round(duration_s * NS_PER_S) // self._period_ns))
+        self.tick = 0
+        self.step: PlantStep = plant.observe(plant.initial_state() if start is None else start)
+        self.clamps: Counter[Clamp] = Counter()
+        self.limited_ticks = 0
+        self.last_reason = ""
+        self._last_limited_tick = -RECENT_TICKS
+
+    @property
+    def stamp_ns(self) -> int:
+        """Trip time of the latest state in integer nanoseconds, free of accumulated rounding."""
+        return self.tick * self._period_ns
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the last interval has been driven."""
+        return self.tick >= self.ticks
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether a command was limited a short while ago."""
+        return self.tick - self._last_limited_tick < RECENT_TICKS
+
+    def warm_up(self) -> None:
+        """Let the plant build its integrator now instead of in the first interval."""
+        self._plant.advance(self.step.state, self.stop_command(), self._period_s)
+
+    def stop_command(self) -> Command:
+        """Next command of the controlled stop from here."""
+        return controlled_stop_command(self.step.state, self.parameters.limits, self._period_s)
+
+    def advance(self, command: Command) -> PlantStep:
+        """Drive one interval and return what is observed at its end."""
+        step = self._plant.advance(self.step.state, command, self._period_s)
+        self.tick += 1
+        exact_time = replace(step.state, time_s=self.stamp_ns / NS_PER_S)
+        self.step = replace(step, state=exact_time)
+        if step.report.clamps:
+            self.clamps.update(step.report.clamps)
+            self.limited_ticks += 1
+            self.last_reason = step.report.reason
+            self._last_limited_tick = self.tick
+        return self.step
+
+
+class CommandHold:
+    """The newest command and its age in trip time, for a plant that does not wait.
+
+    A command ages from the stamp of the state it answers, not from its arrival: a controller that repeats
+    an old answer does not make it fresh.
+    """
+
+    def __init__(self, timeout_s: float) -> None:
+        """Set up an empty hold.
+
+        Args:
+            timeout_s: age up to which a command is carried out.
+        """
+        self._timeout_ns = round(timeout_s * NS_PER_S)
+        self._stamp_ns = 0
+        self._command: Command | None = None
+
+    def offer(self, stamp_ns: int, command: Command, now_ns: int) -> bool:
+        """Take a command if it is newer than the held one and not from the future.
+
+        Args:
+            stamp_ns: stamp of the state that the command answers.
+            command: the decision.
+            now_ns: present trip time.
+
+        Returns:
+            Whether it was taken.
+        """
+        newer = self._command is None or stamp_ns > self._stamp_ns
+        if not newer or not 0 <= stamp_ns <= now_ns:
+            return False
+        self._stamp_ns, self._command = stamp_ns, command
+        return True
+
+    def age_s(self, now_ns: int) -> float:
+        """Trip time since the state that the held command answers; since the start without one."""
+        return (now_ns - self._stamp_ns) / NS_PER_S
+
+    def is_lost(self, now_ns: int) -> bool:
+        """Whether the age exceeds the timeout."""
+        return now_ns - self._stamp_ns > self._timeout_ns
+
+    def command_at(self, now_ns: int) -> Command | None:
+        """The command to carry out now; None if there is none or it is too old."""
+        return None if self.is_lost(now_ns) else self._command

@@ -1,0 +1,37 @@
+"""What the node's parameters build."""
+
+import pytest
+
+from iptm_core.errors import ParameterError, RouteError
+from iptm_plant_sim.node_parameters import PlantNodeParameters, parse_overrides
+
+
+def test_overrides_are_read() -> None:
+    text = " body.mass_kg = 1600, gap.max_gap_m=80.5 ,"
+    assert parse_overrides(text) == {"body.mass_kg": 1600.0, "gap.max_gap_m": 80.5}
+    assert parse_overrides("") == {}
+
+
+@pytest.mark.parametrize("text", ["body.mass_kg", "body.mass_kg=heavy", "=3", "a=1, a=2"])
+def test_malformed_overrides_are_refused(text: str) -> None:
+    with pytest.raises(ParameterError, match="parameter_overrides"):
+        parse_overrides(text)
+
+
+def test_trip_has_the_length_of_the_cycle_unless_told_otherwise() -> None:
+    assert PlantNodeParameters(cycle="nycc").build_trip().ticks == 598
+    assert PlantNodeParameters(cycle="nycc", duration_s=20.0).build_trip().ticks == 20
+
+
+def test_overrides_reach_the_model() -> None:
+    trip = PlantNodeParameters(parameter_overrides="body.mass_kg=2000").build_trip()
+    assert trip.parameters.body.mass_kg == 2000.0
+
+
+def test_errors_are_the_projects_own() -> None:
+    with pytest.raises(RouteError):
+        PlantNodeParameters(cycle="nowhere").build_trip()
+    with pytest.raises(ParameterError):
+        PlantNodeParameters(parameter_set="unheard_of").build_trip()
+    with pytest.raises(ParameterError):
+        PlantNodeParameters(parameter_overrides="body.mas_kg=2000").build_trip()

@@ -1,0 +1,47 @@
+"""Overruns are judged by the schedule, not by how long the work took."""
+
+import pytest
+
+from iptm_plant_sim.schedule import Schedule
+
+
+class FakeClock:
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def test_punctual_activity_has_no_overruns() -> None:
+    clock = FakeClock()
+    schedule = Schedule(0.5, clock)
+    for _ in range(10):
+        clock.now_s += 0.5
+        schedule.keep()
+    assert schedule.overruns == 0
+    assert schedule.worst_lateness_s == pytest.approx(0.0)
+
+
+def test_small_lateness_does_not_add_up() -> None:
+    clock = FakeClock()
+    schedule = Schedule(1.0, clock)
+    for slot in range(1, 6):
+        clock.now_s = 100.0 + slot + 0.4
+        schedule.keep()
+    assert schedule.overruns == 0
+    assert schedule.worst_lateness_s == pytest.approx(0.4)
+
+
+def test_missed_slots_are_counted_once_and_not_made_up_for() -> None:
+    clock = FakeClock()
+    schedule = Schedule(1.0, clock)
+    clock.now_s += 1.0
+    schedule.keep()
+    clock.now_s += 3.5  # due at +1: slots +2 and +3 pass by as well
+    schedule.keep()
+    assert schedule.overruns == 2
+    clock.now_s = 105.0  # the next slot in the old grid
+    schedule.keep()
+    assert schedule.overruns == 2
+    assert schedule.worst_lateness_s == pytest.approx(2.5)

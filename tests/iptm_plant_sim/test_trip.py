@@ -1,0 +1,98 @@
+"""The books of a trip, and the command held by a plant that does not wait."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from iptm_core.state import Command
+from iptm_plant_sim.actuators import Clamp
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.trip import RECENT_TICKS, CommandHold, Trip
+
+S = 1_000_000_000
+
+
+def test_starts_at_rest_and_ends_after_the_last_interval(plant: Plant) -> None:
+    trip = Trip(plant, 3.0)
+    assert trip.step.standstill
+    assert trip.step.state.time_s == 0.0
+    stamps = []
+    while not trip.is_over:
+        stamps.append(trip.stamp_ns)
+        trip.advance(Command(0.5, 100.0))
+    assert stamps == [0, S, 2 * S]
+    assert trip.step.state.time_s == 3.0
+
+
+@pytest.mark.parametrize(
+    ("duration", "period", "ticks"), [(2.5, 1.0, 3), (0.3, 0.1, 3), (0.05, 1.0, 1), (10.0, 1.0, 10)]
+)
+def test_duration_is_rounded_up_to_whole_periods(
+    plant: Plant, duration: float, period: float, ticks: int
+) -> None:
+    assert Trip(plant, duration, period).ticks == ticks
+
+
+def test_time_does_not_accumulate_rounding(plant: Plant) -> None:
+    trip = Trip(plant, 100.0, 0.1)
+    for _ in range(300):
+        trip.advance(Command(0.0, 0.0))
+    assert trip.step.state.time_s == 30.0
+    assert trip.stamp_ns == 30 * S
+
+
+def test_follows_the_plant_bit_for_bit(make_plant: Callable[..., Plant]) -> None:
+    plant = make_plant("hills")
+    trip = Trip(plant, 50.0)
+    trip.warm_up()
+    state = plant.initial_state()
+    for tick in range(50):
+        command = Command(math.sin(tick / 5.0), 300.0 * (tick % 7))
+        state = plant.advance(state, command).state
+        assert trip.advance(command).state == state
+
+
+def test_keeps_count_of_what_was_limited(plant: Plant) -> None:
+    trip = Trip(plant, 100.0)
+    trip.advance(Command(0.1, 0.0))
+    assert not trip.is_limited
+    trip.advance(Command(5.0, 0.0))
+    trip.advance(Command(math.nan, 0.0))
+    assert trip.limited_ticks == 2
+    assert trip.clamps == {Clamp.ACCELERATION_BOUND: 1, Clamp.JERK: 1, Clamp.NON_FINITE: 1}
+    assert "non_finite_command" in trip.last_reason
+    for _ in range(RECENT_TICKS):
+        assert trip.is_limited
+        trip.advance(Command(0.0, 0.0))
+    assert not trip.is_limited
+
+
+def test_hold_keeps_the_newest_command_until_it_is_too_old() -> None:
+    hold = CommandHold(3.0)
+    assert hold.command_at(0) is None
+    first, second = Command(1.0, 0.0), Command(0.5, 10.0)
+    assert hold.offer(0, first, 0)
+    assert hold.offer(S, second, 2 * S)
+    assert not hold.offer(0, first, 2 * S)
+    assert not hold.offer(S, first, 2 * S)
+    assert hold.age_s(4 * S) == 3.0
+    assert hold.command_at(4 * S) == second
+    assert hold.command_at(4 * S + 1) is None
+    assert hold.is_lost(4 * S + 1)
+    # It recovers as soon as something current arrives.
+    assert hold.offer(5 * S, first, 5 * S)
+    assert hold.command_at(5 * S) == first
+
+
+def test_hold_without_any_command_is_lost_in_the_end() -> None:
+    hold = CommandHold(3.0)
+    assert not hold.is_lost(3 * S)
+    assert hold.is_lost(4 * S)
+
+
+@pytest.mark.parametrize("stamp", [-1, 3 * S])
+def test_hold_refuses_the_future_and_the_impossible(stamp: int) -> None:
+    hold = CommandHold(3.0)
+    assert not hold.offer(stamp, Command(0.0, 0.0), 2 * S)
+    assert hold.command_at(2 * S) is None
