@@ -25,7 +25,7 @@ def test_workspace_builds_and_executables_run() -> None:
     assert build.returncode == 0, build.stdout + build.stderr
     for executable in (
         "iptm_plant_sim/plant",
-        "iptm_v2x_bridge/v2x_bridge",
+        "iptm_v2x_bridge/bridge",
         "iptm_controller/controller",
     ):
         package, name = executable.split("/")

@@ -31,9 +31,9 @@ from iptm_interfaces.codecs import (
     encode_solve_report,
     ns_from_time,
 )
+from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
-from iptm_interfaces.process import run_node
 from iptm_interfaces.stamp_matcher import StampMatcher
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
@@ -231,7 +231,7 @@ def _details(decision: Decision) -> dict[str, object]:
 
 def main() -> None:
     """Run the node."""
-    sys.exit(run_node(ControllerNode))
+    sys.exit(node_main("controller", ControllerNode, ControllerNodeParameters))
 
 
 if __name__ == "__main__":

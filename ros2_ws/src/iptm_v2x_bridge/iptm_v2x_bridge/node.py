@@ -14,9 +14,9 @@ from iptm_interfaces.codecs import (
     encode_slope,
     ns_from_time,
 )
+from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters, parameter
-from iptm_interfaces.process import run_node
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_interfaces.watchdog import Watchdog
@@ -185,7 +185,7 @@ class BridgeNode(SuiteNode):
 
 def main() -> None:
     """Run the node."""
-    sys.exit(run_node(BridgeNode))
+    sys.exit(node_main("v2x_bridge", BridgeNode, BridgeParameters))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,83 @@
+"""The command line of a node: everything is a ROS argument, but for a plea for help."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+from rclpy.utilities import remove_ros_args
+
+from iptm_interfaces.parameters import ParameterSpec, parameter_specs
+from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, run_node
+from iptm_interfaces.suite_node import SuiteNode
+
+_WIDTH = 100
+
+
+def node_main(
+    program: str,
+    node: type[SuiteNode],
+    parameters: type[Any],
+    arguments: Sequence[str] | None = None,
+) -> int:
+    """Run a node as a program, or explain it.
+
+    ROS itself ignores arguments that it does not know, so that `--help` would start the node and a
+    forgotten `--ros-args` would start it without its parameters. Both are caught here.
+
+    Args:
+        program: name in the usage line.
+        node: class to run, built without arguments; its docstring is the description.
+        parameters: dataclass of `parameter` fields that the node declares.
+        arguments: command line with the program name; None takes that of the process.
+
+    Returns:
+        Exit code of the process, see `iptm_interfaces.process`.
+    """
+    command = list(sys.argv if arguments is None else arguments)
+    own = remove_ros_args(command)[1:]
+    if "-h" in own or "--help" in own:
+        print(help_text(program, inspect.getdoc(node) or "", parameter_specs(parameters)))
+        return EXIT_OK
+    if own:
+        print(
+            f"{program}: argument {own[0]!r} is unknown; allowed: --help, and behind --ros-args "
+            "-p NAME:=VALUE, --params-file FILE, -r FROM:=TO",
+            file=sys.stderr,
+        )
+        return EXIT_USER_ERROR
+    return run_node(node, command)
+
+
+def help_text(program: str, description: str, specs: Sequence[ParameterSpec]) -> str:
+    """Return usage, description and parameters for a terminal.
+
+    Args:
+        program: name in the usage line.
+        description: what the program does, paragraphs separated by empty lines.
+        specs: the parameters in the order to show.
+    """
+    lines = [
+        f"usage: {program} [--help] [--ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO]]",
+        "",
+        *description.splitlines(),
+        "",
+        "parameters:",
+    ]
+    for spec in specs:
+        unit = f" {spec.unit}" if spec.unit else ""
+        lines.append(f"  {spec.name} (default: {_shown(spec.default)}{unit})")
+        text = f"{spec.description}; {spec.allowed}"
+        lines += textwrap.wrap(text, _WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6)
+    return "\n".join(lines)
+
+
+def _shown(default: object) -> str:
+    if isinstance(default, bool):
+        return str(default).lower()
+    if isinstance(default, tuple):
+        return "[" + ", ".join(_shown(entry) for entry in default) + "]"
+    return repr(default)
