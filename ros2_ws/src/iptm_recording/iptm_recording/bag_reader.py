@@ -69,8 +69,14 @@ class BagReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._metadata = _metadata_of(path)
-        self._files = [BagFile(file) for file in find_files(path, self._metadata)]
-        self.topics: Mapping[str, TopicRecord] = _merge_topics(path, self._files)
+        self._files: list[BagFile] = []
+        try:
+            for file in find_files(path, self._metadata):
+                self._files.append(BagFile(file))
+            self.topics: Mapping[str, TopicRecord] = _merge_topics(path, self._files)
+        except BagError:
+            self.close()
+            raise
         self._definitions = _definitions(self._files)
         self._decoder = Decoder(self._definitions)
 

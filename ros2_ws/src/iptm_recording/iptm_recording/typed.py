@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,6 +12,10 @@ from rosbags.typesys.store import Typestore
 
 from iptm_core.errors import BagError
 from iptm_recording.definitions import MessageDefinition, standard_typestore
+
+_ENCAPSULATION_BYTES = 4
+_ENCAPSULATIONS = (b"\x00\x00", b"\x00\x01")
+_MISFIT = (SerdeError, struct.error, UnicodeDecodeError, ValueError, IndexError)
 
 
 class Decoder:
@@ -37,10 +42,17 @@ class Decoder:
         if store is None:
             store = self._store_for(type_name)
             self._stores[type_name] = store
+        if len(data) < _ENCAPSULATION_BYTES or data[:2] not in _ENCAPSULATIONS:
+            raise BagError(f"{len(data)} bytes are no {type_name}: they are not plain CDR")
+        msgdef = store.get_msgdef(type_name)
+        read = msgdef.deserialize_cdr_le if data[1] else msgdef.deserialize_cdr_be
+        # Not through the store's own function: it refuses the unused bytes that ROS's serialiser
+        # leaves behind a message, when its estimate of the length was generous.
         try:
-            return store.deserialize_cdr(data, type_name)
-        except (SerdeError, IndexError) as error:
+            message, _ = read(memoryview(data)[_ENCAPSULATION_BYTES:], 0, msgdef.cls, store)
+        except _MISFIT as error:
             raise BagError(f"{len(data)} bytes are no {type_name}: {error}") from None
+        return message
 
     def _store_for(self, type_name: str) -> Typestore:
         definition = self._definitions.get(type_name)

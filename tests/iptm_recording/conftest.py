@@ -1,0 +1,131 @@
+"""Bags to test with: small, written by the project's own writer, with known content."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64
+
+from iptm_core.state import LeaderState, VehicleState
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_interfaces.codecs import (
+    IntervalPowers,
+    SolveReport,
+    encode_acceleration,
+    encode_capacity_loss,
+    encode_host_odometry,
+    encode_leader,
+    encode_powers,
+    encode_solve_report,
+    encode_temperature,
+)
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_writer import BagWriter
+from iptm_recording.qos import RecordedQos
+
+SECOND_NS = 10**9
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let ROS's message generator import the parser it brings along, which is a little dated."""
+    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
+
+
+def float_bytes(value: float) -> bytes:
+    return bytes(serialize_message(Float64(data=float(value))))
+
+
+@pytest.fixture
+def encode() -> Callable[[float], bytes]:
+    """Serialise a Float64."""
+    return float_bytes
+
+
+@pytest.fixture
+def small_bag(tmp_path: Path) -> Path:
+    """Two topics, 20 messages each, one per second from 0 s on; /a carries 0, 1, ..., /b 0, -1, ..."""
+    folder = tmp_path / "small"
+    with BagWriter(folder, custom_data={"scenario": "small", "seed": "7"}) as writer:
+        a = writer.add_topic("/a", "std_msgs/msg/Float64", offered_qos=[RecordedQos()])
+        b = writer.add_topic("/b", "std_msgs/msg/Float64")
+        for k in range(20):
+            writer.write(a, float_bytes(k), k * SECOND_NS)
+            writer.write(b, float_bytes(-k), k * SECOND_NS + 1)
+    return folder
+
+
+@pytest.fixture
+def trajectory() -> Trajectory:
+    """A run of 30 ticks whose columns are all different and use all 53 bits."""
+    generator = np.random.default_rng(3)
+    rows = 30
+    columns: dict[str, Any] = {
+        name: generator.uniform(0.1, 0.9, rows) for name in TRAJECTORY_COLUMNS
+    }
+    columns["time_s"] = np.arange(rows, dtype=float)
+    columns["position_m"] = np.cumsum(columns["position_m"])
+    columns["leader_position_m"] = columns["position_m"] + 20.0 + columns["leader_position_m"]
+    for name, column in columns.items():
+        if name.endswith("temperature_k"):
+            columns[name] = column + 300.0
+        if name.endswith("capacity_loss"):
+            columns[name] = column * 1e-9 + 0.002
+    return Trajectory.from_arrays(columns)
+
+
+@pytest.fixture
+def write_run() -> Callable[..., Path]:
+    """Write the bag that a run leaves; `drop` leaves out messages by (topic, row)."""
+    return _write_run
+
+
+def _write_run(
+    folder: Path,
+    run: Trajectory,
+    *,
+    namespace: str = "",
+    drop: frozenset[tuple[Topic, int]] = frozenset(),
+    custom_data: dict[str, str] | None = None,
+    solve_time_s: float = 0.01,
+) -> Path:
+    with BagWriter(folder, custom_data=custom_data) as writer:
+        ids: dict[Topic, int] = {}
+        for row in range(len(run)):
+            for topic, message in _tick(run, row, solve_time_s):
+                if topic not in ids:
+                    spec = TOPICS[topic]
+                    ids[topic] = writer.add_topic(f"{namespace}/{spec.name}", spec.type_name)
+                if (topic, row) not in drop:
+                    # The log times say nothing about the ticks: the stamps must do.
+                    data = bytes(serialize_message(message))
+                    writer.write(ids[topic], data, 5 * SECOND_NS + row)
+    return folder
+
+
+def _tick(run: Trajectory, row: int, solve_time_s: float) -> list[tuple[Topic, Any]]:
+    values = {name: float(column[row]) for name, column in run.to_arrays().items()}
+    time_s = values["time_s"]
+    state = VehicleState(**{name: values[name] for name in VehicleState.__dataclass_fields__})
+    powers = IntervalPowers(**{name: values[name] for name in IntervalPowers.__dataclass_fields__})
+    leader = LeaderState(time_s, values["leader_position_m"], values["leader_speed_m_s"])
+    report = SolveReport(0, solve_time_s, 12 + row, 0.0, 0.0, 0.0, 1.5, 0, row == 3, 0.0)
+    temperatures = (
+        (Topic.PLANT_CELL_1_TEMPERATURE, "cell_1_temperature_k"),
+        (Topic.PLANT_CELL_N_TEMPERATURE, "cell_n_temperature_k"),
+        (Topic.PLANT_COOLANT_INLET_TEMPERATURE, "coolant_inlet_temperature_k"),
+        (Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, "coolant_outlet_temperature_k"),
+    )
+    return [
+        (Topic.PLANT_ODOMETRY, encode_host_odometry(state)),
+        (Topic.PLANT_ACCELERATION, encode_acceleration(state)),
+        *((topic, encode_temperature(time_s, values[name])) for topic, name in temperatures),
+        (Topic.PLANT_POWERS, encode_powers(powers)),
+        (Topic.PLANT_CAPACITY_LOSS, encode_capacity_loss(state)),
+        (Topic.LEADER, encode_leader(leader)),
+        (Topic.SOLVE, encode_solve_report(round(time_s * 1e9), report)),
+    ]

@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from iptm_core.errors import BagError
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.bag_writer import BagWriter
+from iptm_recording.playback import Playback, PlaybackOptions
+from iptm_recording.player_cli import build_parser, options_from
+from iptm_recording.qos import RecordedQos
+from iptm_recording.selection import TopicSelection
+
+S = 10**9
+Encode = Callable[[float], bytes]
+
+
+def played(options: PlaybackOptions) -> list[tuple[str, float]]:
+    with BagReader(options.bag) as reader:
+        playback = Playback(reader, options)
+        return [(m.topic, playback.due_s(m.log_time_ns)) for m in playback.messages()]
+
+
+def test_everything_is_due_at_its_recorded_time(small_bag: Path) -> None:
+    due = played(PlaybackOptions(small_bag))
+    assert len(due) == 40
+    assert due[:3] == [("/a", 0.0), ("/b", 1e-9), ("/a", 1.0)]
+
+
+def test_rate_start_duration_and_topics(small_bag: Path) -> None:
+    options = PlaybackOptions(
+        small_bag, rate=2.0, start_s=5.0, duration_s=3.0, selection=TopicSelection(("/a",))
+    )
+    assert played(options) == [("/a", 0.0), ("/a", 0.5), ("/a", 1.0), ("/a", 1.5)]
+
+
+def test_latched_messages_come_first_when_starting_late(tmp_path: Path, encode: Encode) -> None:
+    bag = tmp_path / "bag"
+    with BagWriter(bag) as writer:
+        slope = writer.add_topic(
+            "/slope",
+            "std_msgs/msg/Float64",
+            offered_qos=[RecordedQos(durability="transient_local")],
+        )
+        state = writer.add_topic("/state", "std_msgs/msg/Float64")
+        for k in range(2):
+            writer.write(slope, encode(k), k * S)
+        for k in range(10):
+            writer.write(state, encode(k), k * S)
+    assert played(PlaybackOptions(bag, start_s=7.5)) == [
+        ("/slope", 0.0),
+        ("/state", 0.5),
+        ("/state", 1.5),
+    ]
+
+
+def test_own_clock_replaces_the_recorded_one(tmp_path: Path, encode: Encode) -> None:
+    bag = tmp_path / "bag"
+    with BagWriter(bag) as writer:
+        for name in ("/clock", "/a"):
+            topic = writer.add_topic(name, "std_msgs/msg/Float64")
+            for k in range(3):
+                writer.write(topic, encode(k), (100 + k) * S)
+    with BagReader(bag) as reader:
+        assert len(Playback(reader, PlaybackOptions(bag)).topics) == 2
+        own = Playback(reader, PlaybackOptions(bag, rate=4.0, clock_hz=10.0))
+        assert [topic.name for topic in own.topics] == ["/a"]
+        assert own.recorded_ns(0.0) == 100 * S
+        assert own.recorded_ns(0.25) == 101 * S
+        assert own.recorded_ns(99.0) == 102 * S
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"rate": 0.0}, "rate is 0, must be greater than 0"),
+        ({"rate": math.nan}, "rate is nan"),
+        ({"start_s": -1.0}, "start is -1"),
+        ({"duration_s": 0.0}, "duration is 0"),
+        ({"clock_hz": -1.0}, "clock rate is -1"),
+        ({"delay_s": -0.1}, "delay is -0.1"),
+    ],
+)
+def test_numbers_out_of_range(change: dict[str, float], message: str, small_bag: Path) -> None:
+    with pytest.raises(BagError, match=message):
+        PlaybackOptions(small_bag, **change)  # type: ignore[arg-type]
+
+
+def test_nothing_to_play(small_bag: Path, tmp_path: Path) -> None:
+    BagWriter(tmp_path / "empty").close()
+    for options, message in (
+        (PlaybackOptions(tmp_path / "empty"), "holds no messages"),
+        (PlaybackOptions(small_bag, start_s=60.0), "only 19 s long"),
+        (PlaybackOptions(small_bag, selection=TopicSelection(("/x",))), "no topic '/x'"),
+        (PlaybackOptions(small_bag, selection=TopicSelection(exclude=("*",))), "topics asked for"),
+    ):
+        with pytest.raises(BagError, match=message):
+            played(options)
+
+
+def test_arguments_become_options() -> None:
+    text = "bag --rate 5 --start 1 --duration 2 --topics a b --exclude c --clock"
+    options = options_from(
+        build_parser().parse_args([*text.split(), "--wait-for-subscribers", "3"])
+    )
+    assert options == PlaybackOptions(
+        Path("bag"), 5.0, 1.0, 2.0, TopicSelection(("a", "b"), ("c",)), 40.0, 3, 1.0
+    )

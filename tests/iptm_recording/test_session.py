@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from iptm_core.errors import BagError
+from iptm_recording import session as session_module
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.bag_writer import BagWriter
+from iptm_recording.qos import RecordedQos
+from iptm_recording.session import RecordingSession
+from iptm_recording.timeline import Timeline, TimeSource
+
+S = 10**9
+FLOAT, TEMPERATURE = "std_msgs/msg/Float64", "sensor_msgs/msg/Temperature"
+Encode = Callable[[float], bytes]
+
+
+def clock(time_ns: int) -> bytes:
+    return b"\x00\x01\x00\x00" + struct.pack("<iI", *divmod(time_ns, S))
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Iterator[RecordingSession]:
+    with BagWriter(tmp_path / "bag") as writer:
+        yield RecordingSession(writer, Timeline(TimeSource.SIMULATED))
+
+
+def recorded(tmp_path: Path) -> list[tuple[str, int]]:
+    with BagReader(tmp_path / "bag") as reader:
+        return [(m.topic, m.log_time_ns) for m in reader.raw_messages()]
+
+
+def test_messages_before_the_clock_are_kept_in_order(
+    session: RecordingSession, tmp_path: Path, encode: Encode
+) -> None:
+    slope = session.channel("/slope", FLOAT, list)
+    state = session.channel("/state", TEMPERATURE, list)
+    take_clock = session.channel("/clock", "rosgraph_msgs/msg/Clock", list)
+    slope(encode(1.0))
+    state(clock(100 * S) + bytes(32))
+    assert session.held_count == 2
+    assert session.now_ns is None
+    take_clock(clock(100 * S))
+    assert session.held_count == 0
+    state(clock(101 * S) + bytes(32))
+    take_clock(clock(101 * S))
+    slope(encode(2.0))
+    session.close()
+    assert recorded(tmp_path) == [
+        ("/slope", 100 * S),
+        ("/state", 100 * S),
+        ("/clock", 100 * S),
+        ("/state", 101 * S),
+        ("/clock", 101 * S),
+        ("/slope", 101 * S),
+    ]
+
+
+def test_without_any_clock_the_bag_is_written_in_wall_time(
+    session: RecordingSession, tmp_path: Path, encode: Encode
+) -> None:
+    take = session.channel("/a", FLOAT, list)
+    before = time.time_ns()
+    for k in range(3):
+        take(encode(k))
+    session.close()
+    assert all(time_ns >= before for _, time_ns in recorded(tmp_path))
+    assert len(recorded(tmp_path)) == 3
+
+
+def test_memory_is_bounded_without_a_clock(
+    session: RecordingSession,
+    tmp_path: Path,
+    encode: Encode,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(session_module, "MAX_HELD_MESSAGES", 5)
+    take = session.channel("/a", FLOAT, list)
+    for k in range(8):
+        take(encode(k))
+    assert session.held_count == 0
+    session.close()
+    assert len(recorded(tmp_path)) == 8
+
+
+def test_topic_enters_the_bag_with_its_first_message(
+    session: RecordingSession, tmp_path: Path, encode: Encode
+) -> None:
+    asked = []
+
+    def offered() -> list[RecordedQos]:
+        asked.append(1)
+        return [RecordedQos(depth=77)]
+
+    session.channel("/silent", FLOAT, list)
+    take_clock = session.channel("/clock", "rosgraph_msgs/msg/Clock", list)
+    take = session.channel("/a", FLOAT, offered)
+    take_clock(clock(0))
+    for k in range(3):
+        take(encode(k))
+    session.close()
+    assert asked == [1]
+    with BagReader(tmp_path / "bag") as reader:
+        assert set(reader.topics) == {"/a", "/clock"}
+        assert reader.topics["/a"].offered_qos == (RecordedQos(depth=77),)
+
+
+def test_unknown_type_is_refused(session: RecordingSession) -> None:
+    with pytest.raises(BagError, match="unknown"):
+        session.channel("/a", "own_msgs/msg/Thing", list)

@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iptm_core.errors import BagError
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_writer import BagWriter
+from iptm_recording.trajectory_reader import read_solve_series, read_trajectory
+
+WriteRun = Callable[..., Path]
+
+
+def test_run_comes_back_exactly(
+    trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
+) -> None:
+    read = read_trajectory(write_run(tmp_path / "bag", trajectory))
+    for name in TRAJECTORY_COLUMNS:
+        expected, found = getattr(trajectory, name), getattr(read, name)
+        assert found.dtype == np.float64
+        if name.endswith("temperature_k"):  # degrees Celsius on the wire
+            np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12)
+        else:
+            np.testing.assert_array_equal(found, expected, err_msg=name)
+
+
+def test_single_file_serves_as_well(
+    trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
+) -> None:
+    bag = write_run(tmp_path / "bag", trajectory)
+    assert len(read_trajectory(bag / "bag_0.mcap")) == len(trajectory)
+
+
+def test_partly_recorded_ends_are_left_out(
+    trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
+) -> None:
+    last = len(trajectory) - 1
+    drop = frozenset({(Topic.LEADER, 0), (Topic.PLANT_POWERS, last)})
+    read = read_trajectory(write_run(tmp_path / "bag", trajectory, drop=drop))
+    np.testing.assert_array_equal(read.time_s, trajectory.time_s[1:-1])
+
+
+def test_lost_message_inside_the_run_is_an_error(
+    trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
+) -> None:
+    bag = write_run(tmp_path / "bag", trajectory, drop=frozenset({(Topic.PLANT_POWERS, 12)}))
+    with pytest.raises(BagError, match=r"lacks plant/powers at 12 s: messages were lost"):
+        read_trajectory(bag)
+
+
+def test_namespaces(trajectory: Trajectory, write_run: WriteRun, tmp_path: Path) -> None:
+    bag = write_run(tmp_path / "bag", trajectory, namespace="/car_1")
+    assert len(read_trajectory(bag)) == len(read_trajectory(bag, "/car_1")) == len(trajectory)
+    with pytest.raises(BagError, match="no topic '/car_2/plant/odometry'"):
+        read_trajectory(bag, "car_2")
+
+
+def test_missing_topic(small_bag: Path) -> None:
+    with pytest.raises(BagError, match=r"no topic 'plant/odometry'; its topics are: /a, /b"):
+        read_trajectory(small_bag)
+
+
+def test_wrong_type(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        topic = writer.add_topic("/plant/odometry", "std_msgs/msg/Float64")
+        writer.write(topic, b"\x00\x01\x00\x00" + bytes(8), 0)
+    with pytest.raises(BagError, match="must be nav_msgs/msg/Odometry"):
+        read_trajectory(tmp_path / "bag")
+
+
+def test_empty_bag(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        for spec in TOPICS.values():
+            writer.add_topic("/" + spec.name.lstrip("/"), spec.type_name)
+    with pytest.raises(BagError, match="holds no messages"):
+        read_trajectory(tmp_path / "bag")
+
+
+def test_bag_without_a_complete_tick(
+    trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
+) -> None:
+    drop = frozenset((Topic.LEADER, row) for row in range(len(trajectory)))
+    bag = write_run(tmp_path / "bag", trajectory, drop=drop)
+    with pytest.raises(BagError, match=r"no complete tick.*v2x/leader 0"):
+        read_trajectory(bag)
+
+
+def test_broken_promise_names_bag_and_topic(
+    trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
+) -> None:
+    columns = trajectory.to_arrays()
+    loss = columns["cell_1_capacity_loss"].copy()
+    loss[7] = 1.5
+    bag = write_run(
+        tmp_path / "bag", Trajectory.from_arrays({**columns, "cell_1_capacity_loss": loss})
+    )
+    with pytest.raises(BagError, match=r"bag: plant/capacity_loss: .*1\.5"):
+        read_trajectory(bag)
+
+
+def test_solve_series(trajectory: Trajectory, write_run: WriteRun, tmp_path: Path) -> None:
+    series = read_solve_series(write_run(tmp_path / "bag", trajectory))
+    np.testing.assert_array_equal(series.time_s, trajectory.time_s)
+    np.testing.assert_array_equal(series.values["iterations"], 12 + np.arange(len(trajectory)))
+    assert series.values["limiter_active"].sum() == 1
+    assert set(series.values) == set(TOPICS[Topic.SOLVE].field_names)
