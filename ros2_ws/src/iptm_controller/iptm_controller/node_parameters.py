@@ -9,6 +9,7 @@ from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import LadderOptions
 from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions
 from iptm_controller.solvers.interior_point import InteriorPointOptions
+from iptm_controller.solvers.nlpsol_backend import SolveBudget
 from iptm_controller.strategy import STRATEGIES, Strategy, strategy_by_name
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.override_text import parse_overrides
@@ -45,6 +46,13 @@ class ControllerNodeParameters:
         description="compile the problem where a C compiler is found (cached between starts)",
     )
     max_iterations: int = parameter(150, "iterations of one solve at most", "", 1, 10000)
+    deadline_ms: float = parameter(
+        0.0,
+        "wall time of one solve at most, 0 for none; runs with a deadline are not exactly repeatable",
+        "ms",
+        0.0,
+        60000.0,
+    )
     tolerance: float = parameter(1e-5, "optimality tolerance of the scaled problem", "", 1e-10, 1.0)
     parameter_set: str = parameter(
         DEFAULT_SET, "parameters of the vehicle: name of a shipped set, or the path of a .yaml file"
@@ -89,9 +97,8 @@ class ControllerNodeParameters:
             solver=SolverOptions(
                 name=self.solver,
                 compile_code=self.compile_code,
-                interior_point=InteriorPointOptions(
-                    tolerance=self.tolerance, max_iterations=self.max_iterations
-                ),
+                budget=SolveBudget(self.max_iterations, 1e-3 * self.deadline_ms),
+                interior_point=InteriorPointOptions(tolerance=self.tolerance),
             ),
             ladder=LadderOptions(self.shifted_plan_ticks, self.safe_law_ticks),
             max_preview_age_s=self.max_preview_age_s,

@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 from iptm_controller.horizon import Horizon
-from iptm_controller.ocp.transcription import Transcription, transcribe
+from iptm_controller.ocp.transcription import transcribe
 from iptm_controller.solvers.backend import SolverBackend
 from iptm_controller.solvers.cooling_probe import CoolingProbe
-from iptm_controller.solvers.interior_point import InteriorPointBackend, InteriorPointOptions
+from iptm_controller.solvers.interior_point import (
+    InteriorPointOptions,
+    fatrop_plugin,
+    ipopt_plugin,
+)
+from iptm_controller.solvers.nlpsol_backend import NlpsolBackend, Plugin, SolveBudget
+from iptm_controller.solvers.sequential_quadratic import (
+    QP_SOLVERS,
+    SequentialQuadraticOptions,
+    sqp_plugin,
+)
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import ModelParameters
 
@@ -21,46 +32,70 @@ class SolverOptions:
     Attributes:
         name: one of ``SOLVER_NAMES``.
         compile_code: generate and compile C where a compiler is found.
+        budget: bounds on iterations and time.
         interior_point: settings of the interior-point back ends.
+        sequential_quadratic: settings of the SQP back ends.
     """
 
     name: str = "fatrop"
     compile_code: bool = True
+    budget: SolveBudget = field(default_factory=SolveBudget)
     interior_point: InteriorPointOptions = field(default_factory=InteriorPointOptions)
+    sequential_quadratic: SequentialQuadraticOptions = field(
+        default_factory=SequentialQuadraticOptions
+    )
 
 
 def build_solver(
     horizon: Horizon, parameters: ModelParameters, options: SolverOptions
 ) -> SolverBackend:
-    """Transcribe the horizon and set a solver up for it.
+    """Transcribe the horizon and set a solver up for it, with the probe of the cooling valley.
+
+    Raises:
+        SolverSetupError: unknown name, or the set-up fails.
+    """
+    return CoolingProbe(build_plain_solver(horizon, parameters, options), horizon, parameters)
+
+
+def build_plain_solver(
+    horizon: Horizon, parameters: ModelParameters, options: SolverOptions
+) -> SolverBackend:
+    """The solver without the probe: stateless between solves, so that it can be shared.
 
     Raises:
         SolverSetupError: unknown name, or the set-up fails.
     """
     try:
-        build = _BUILDERS[options.name]
+        plugin_of = _PLUGINS[options.name]
     except KeyError:
         raise SolverSetupError(
             f"solver '{options.name}' is unknown, allowed are {', '.join(SOLVER_NAMES)}"
         ) from None
-    inner = build(transcribe(horizon, parameters), parameters, options)
-    return CoolingProbe(inner, horizon, parameters)
-
-
-def _interior_point(
-    transcription: Transcription, parameters: ModelParameters, options: SolverOptions
-) -> SolverBackend:
-    return InteriorPointBackend(
-        options.name,
-        transcription,
+    return NlpsolBackend(
+        plugin_of(horizon.steps, options),
+        transcribe(horizon, parameters),
         parameters.limits,
-        options.interior_point,
+        options.budget,
         compile_code=options.compile_code,
     )
 
 
-_BUILDERS: dict[str, Callable[[Transcription, ModelParameters, SolverOptions], SolverBackend]] = {
-    "fatrop": _interior_point,
-    "ipopt": _interior_point,
+def _fatrop(steps: int, options: SolverOptions) -> Plugin:
+    return fatrop_plugin(steps, options.interior_point)
+
+
+def _ipopt(steps: int, options: SolverOptions) -> Plugin:
+    return ipopt_plugin(steps, options.interior_point)
+
+
+def _sqp(qp_solver: str, steps: int, options: SolverOptions) -> Plugin:
+    del steps
+    return sqp_plugin(qp_solver, options.sequential_quadratic)
+
+
+_PLUGINS: dict[str, Callable[[int, SolverOptions], Plugin]] = {
+    "fatrop": _fatrop,
+    "ipopt": _ipopt,
+    **{f"sqp_{qp_solver}": partial(_sqp, qp_solver) for qp_solver in QP_SOLVERS},
 }
-SOLVER_NAMES = tuple(_BUILDERS)
+SOLVER_NAMES = tuple(_PLUGINS)

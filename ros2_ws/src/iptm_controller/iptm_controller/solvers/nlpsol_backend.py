@@ -1,0 +1,209 @@
+"""A CasADi ``nlpsol`` on the transcription, compiled where a C compiler is at hand.
+
+What differs between plug-ins (functions looked up, options, use of multipliers) comes as data. A time
+limit is kept without interrupting the solver: iterations are bounded by what fits, judged by the slowest
+recent iteration.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.compilation import compile_functions, find_compiler
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.oracle import OracleSignature, oracle_expressions, oracle_functions
+from iptm_controller.ocp.transcription import Transcription, problem_bounds
+from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus
+from iptm_core.errors import SolverSetupError
+from iptm_core.parameters.model import LimitParameters
+from iptm_core.state import FloatArray
+
+LOGGER = logging.getLogger(__name__)
+FEASIBILITY_TOLERANCE = 1e-4
+SHORTER_CAPS = (60, 25, 10)
+PACE_MEMORY = 0.9
+PACE_MARGIN = 1.5
+
+
+@dataclass(frozen=True)
+class SolveBudget:
+    """How long a solve may take.
+
+    Attributes:
+        max_iterations: bound on the iterations.
+        deadline_s: bound on the wall time, 0 for none. With a bound the iterations depend on the
+            machine's pace, so runs are no longer exactly repeatable.
+    """
+
+    max_iterations: int = 150
+    deadline_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """What a plug-in of ``nlpsol`` needs.
+
+    Attributes:
+        name: name of the back end.
+        plugin: name of the CasADi plug-in.
+        signature: functions that it looks up in a compiled problem.
+        options: from the bound on the iterations to the plug-in's options.
+        keeps_multipliers: start from the multipliers of the previous solve.
+    """
+
+    name: str
+    plugin: str
+    signature: OracleSignature
+    options: Callable[[int], dict[str, Any]]
+    keeps_multipliers: bool = False
+
+
+class NlpsolBackend:
+    """Solves problem after problem; see ``SolverBackend``."""
+
+    def __init__(
+        self,
+        plugin: Plugin,
+        transcription: Transcription,
+        limits: LimitParameters,
+        budget: SolveBudget,
+        *,
+        compile_code: bool = True,
+    ) -> None:
+        self.name = plugin.name
+        self._plugin = plugin
+        self._bounds = problem_bounds(transcription.horizon.steps, limits)
+        self._budget = budget
+        compiler = find_compiler() if compile_code else None
+        if compile_code and compiler is None:
+            LOGGER.warning(
+                "no C compiler found: the problem runs interpreted, several times slower"
+            )
+        self.compiled = compiler is not None
+        oracle: Any = (
+            oracle_expressions(transcription)
+            if compiler is None
+            else str(compile_functions(oracle_functions(transcription, plugin.signature), compiler))
+        )
+        self._solvers = {cap: self._set_up(oracle, cap) for cap in self._caps()}
+        self._multipliers: dict[str, ca.DM] = {}
+        self._iteration_s = 0.0
+
+    def _caps(self) -> tuple[int, ...]:
+        longest = self._budget.max_iterations
+        if self._budget.deadline_s <= 0.0:
+            return (longest,)
+        return (longest, *(cap for cap in SHORTER_CAPS if cap < longest))
+
+    def _set_up(self, oracle: Any, cap: int) -> ca.Function:
+        options: dict[str, Any] = {
+            "print_time": False,
+            "record_time": False,
+            "error_on_fail": False,
+            **self._plugin.options(cap),
+        }
+        try:
+            return ca.nlpsol("iptm", self._plugin.plugin, oracle, options)
+        except RuntimeError as error:
+            raise SolverSetupError(f"solver '{self.name}' cannot be set up: {error}") from error
+
+    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+        """Solve one problem; see ``SolverBackend``."""
+        bounds = self._bounds
+        low, high = bounds.variables_low.copy(), bounds.variables_high.copy()
+        low[: layout.STATES] = high[: layout.STATES] = data.initial_state
+        cap = self._affordable_cap()
+        solver = self._solvers[cap]
+        start = time.perf_counter()
+        try:
+            solution = solver(
+                x0=guess,
+                p=data.parameters,
+                lbx=low,
+                ubx=high,
+                lbg=bounds.rows_low,
+                ubg=bounds.rows_high,
+                **self._multipliers,
+            )
+        except RuntimeError as error:
+            self._multipliers = {}
+            last_line = str(error).strip().splitlines()[-1]
+            return _broken(guess, time.perf_counter() - start, last_line)
+        elapsed = time.perf_counter() - start
+        stats = solver.stats()
+        variables = solution["x"].full().ravel()
+        rows = solution["g"].full().ravel()
+        violation = max(
+            _largest_violation(variables, low, high),
+            _largest_violation(rows, bounds.rows_low, bounds.rows_high),
+        )
+        iterations = int(stats["iter_count"])
+        self._note_pace(elapsed, iterations)
+        status = self._status(
+            succeeded=bool(stats["success"]),
+            iterations=iterations,
+            cap=cap,
+            violation=violation,
+            late=0.0 < self._budget.deadline_s < elapsed,
+        )
+        self._keep_multipliers(solution, status)
+        reason = STATUS_TEXT[status]
+        if status is not SolveStatus.SOLVED:
+            reason = f"{reason} ({self.name}: {stats['return_status']}, {iterations} iterations)"
+        return SolveResult(
+            status, reason, variables, float(solution["f"]), iterations, elapsed, violation
+        )
+
+    def _affordable_cap(self) -> int:
+        """The largest bound on the iterations that fits the time limit."""
+        caps = sorted(self._solvers)
+        deadline_s = self._budget.deadline_s
+        if deadline_s <= 0.0 or self._iteration_s <= 0.0:
+            return caps[-1]
+        fitting = [cap for cap in caps if cap * self._iteration_s * PACE_MARGIN <= deadline_s]
+        return fitting[-1] if fitting else caps[0]
+
+    def _note_pace(self, elapsed_s: float, iterations: int) -> None:
+        """Remember the slowest recent iteration, forgetting it slowly."""
+        pace = elapsed_s / max(iterations, 1)
+        faded = PACE_MEMORY * self._iteration_s + (1.0 - PACE_MEMORY) * pace
+        self._iteration_s = max(pace, faded)
+
+    def _keep_multipliers(self, solution: dict[str, ca.DM], status: SolveStatus) -> None:
+        if not self._plugin.keeps_multipliers:
+            return
+        if status is SolveStatus.SOLVED:
+            self._multipliers = {"lam_x0": solution["lam_x"], "lam_g0": solution["lam_g"]}
+        else:
+            self._multipliers = {}
+
+    def _status(
+        self, *, succeeded: bool, iterations: int, cap: int, violation: float, late: bool
+    ) -> SolveStatus:
+        # The negated comparison also catches a violation that is not a number.
+        if not violation <= FEASIBILITY_TOLERANCE:
+            if late or (iterations >= cap and cap < self._budget.max_iterations):
+                return SolveStatus.DEADLINE
+            if iterations >= cap:
+                return SolveStatus.ITERATION_LIMIT
+            return SolveStatus.NUMERICAL_ERROR
+        return SolveStatus.SOLVED if succeeded else SolveStatus.FEASIBLE
+
+
+def _largest_violation(values: FloatArray, low: FloatArray, high: FloatArray) -> float:
+    return float(max(np.max(low - values), np.max(values - high), 0.0))
+
+
+def _broken(guess: FloatArray, elapsed: float, message: str) -> SolveResult:
+    reason = f"{STATUS_TEXT[SolveStatus.NUMERICAL_ERROR]}: {message}"
+    return SolveResult(
+        SolveStatus.NUMERICAL_ERROR, reason, guess, float("nan"), 0, elapsed, float("inf")
+    )
