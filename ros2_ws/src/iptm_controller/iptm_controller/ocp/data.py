@@ -14,7 +14,7 @@ from iptm_controller.strategy import Strategy
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
-SLOPE_DIFFERENCE_M = 5.0
+SLOPE_DIFFERENCE_M = 25.0
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class ProblemDataBuilder:
             leader: leader's past and predicted motion in trip time.
             slope: road slope over position.
             expected_positions_m: where the host is expected at the sample times (absolute); the
-                slope is linearised there.
+                slope is expanded to second order there.
         """
         now_s, origin_m = state.time_s, state.position_m
         vector = np.empty(self._size)
@@ -96,6 +96,9 @@ class ProblemDataBuilder:
         vector[samples + layout.SampleIndex.SLOPE_GRADIENT] = (slopes[2] - slopes[1]) / (
             2.0 * SLOPE_DIFFERENCE_M
         )
+        vector[samples + layout.SampleIndex.SLOPE_CURVATURE] = (
+            slopes[1] - 2.0 * slopes[0] + slopes[2]
+        ) / SLOPE_DIFFERENCE_M**2
         vector[samples + layout.SampleIndex.POSITION] = expected_positions_m - origin_m
         vector[samples + layout.SampleIndex.SPEED_REFERENCE] = reference
         return ProblemData(self._scaled_state(state), vector)

@@ -72,12 +72,13 @@ class StepIndex(IntEnum):
 
 
 class SampleIndex(IntEnum):
-    """Parameters of one sample inside a step; the slope is linear around a reference position."""
+    """Parameters of one sample inside a step; the slope is quadratic around a reference position."""
 
     SLOPE = 0
     SLOPE_GRADIENT = 1
-    POSITION = 2
-    SPEED_REFERENCE = 3
+    SLOPE_CURVATURE = 2
+    POSITION = 3
+    SPEED_REFERENCE = 4
 
 
 STATES = len(StateIndex)

@@ -172,8 +172,9 @@ def _integrate(
         sample = p[offset : offset + layout.SAMPLE_PARAMETERS]
         sample_position = advance_position_m(position, speed, acceleration, elapsed_s)
         sample_speed = advance_speed_m_s(speed, acceleration, elapsed_s)
-        slope = sample[SampleIndex.SLOPE] + sample[SampleIndex.SLOPE_GRADIENT] * (
-            sample_position - sample[SampleIndex.POSITION]
+        ahead = sample_position - sample[SampleIndex.POSITION]
+        slope = sample[SampleIndex.SLOPE] + ahead * (
+            sample[SampleIndex.SLOPE_GRADIENT] + 0.5 * ahead * sample[SampleIndex.SLOPE_CURVATURE]
         )
         cells = CellPair(sample_1, sample_n, g[GlobalIndex.CELL_1_LOSS], g[GlobalIndex.CELL_N_LOSS])
         rates = power_thermal_rates(
