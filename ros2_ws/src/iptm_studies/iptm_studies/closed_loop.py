@@ -80,37 +80,35 @@ def run_closed_loop(
     bridge = V2xBridge(source, bridge_settings)
     slope = source.slope_ahead()
     step = plant.observe(plant.initial_state())
-    recorder = _Recorder()
+    recorder, answers = TripRecorder(), _DecisionRecorder()
     for tick in range(ticks):
-        measured = _measure(bridge, slope, step.state, tick, tick_s)
+        leader, measured = _measure(bridge, slope, step.state, tick, tick_s)
         decision = controller.decide(measured)
-        recorder.row(step, measured.leader)
-        recorder.decision(decision)
+        recorder.row(step, leader)
+        answers.add(decision)
         if on_tick is not None:
             on_tick(tick, measured, decision)
         step = plant.advance(step.state, decision.command, tick_s)
-    last = _measure(bridge, slope, step.state, ticks, tick_s)
-    recorder.row(step, last.leader)
-    return recorder.finish()
+    leader, _ = _measure(bridge, slope, step.state, ticks, tick_s)
+    recorder.row(step, leader)
+    return ClosedLoopRun(recorder.trajectory(), answers.log())
 
 
 def _measure(
     bridge: V2xBridge, slope: SlopePreview, state: VehicleState, tick: int, tick_s: float
-) -> Measurements:
+) -> tuple[LeaderState, Measurements]:
     answer = bridge.answer(round(tick * tick_s * NS_PER_S))
-    return Measurements(state, answer.leader, answer.preview, slope)
+    return answer.leader, Measurements(state, answer.leader, answer.preview, slope)
 
 
-class _Recorder:
-    """Collects rows and answers."""
+class TripRecorder:
+    """Collects the rows of a trajectory."""
 
     def __init__(self) -> None:
         self._rows: list[dict[str, float]] = []
-        self._answers: list[tuple[float, ...]] = []
 
-    def row(self, step: PlantStep, leader: LeaderState | None) -> None:
-        if leader is None:
-            raise AssertionError("the bridge always measures the leader")
+    def row(self, step: PlantStep, leader: LeaderState) -> None:
+        """Add what is observed at one instant."""
         state = step.state
         self._rows.append(
             {
@@ -134,7 +132,20 @@ class _Recorder:
             }
         )
 
-    def decision(self, decision: Decision) -> None:
+    def trajectory(self) -> Trajectory:
+        """The rows so far, as arrays."""
+        return Trajectory.from_arrays(
+            {key: [row[key] for row in self._rows] for key in self._rows[0]}
+        )
+
+
+class _DecisionRecorder:
+    """Collects the controller's answers."""
+
+    def __init__(self) -> None:
+        self._answers: list[tuple[float, ...]] = []
+
+    def add(self, decision: Decision) -> None:
         result, plan = decision.result, decision.plan
         slacks = plan.slacks if plan is not None else None
         nan = float("nan")
@@ -151,10 +162,9 @@ class _Recorder:
             )
         )
 
-    def finish(self) -> ClosedLoopRun:
-        columns = {key: [row[key] for row in self._rows] for key in self._rows[0]}
+    def log(self) -> DecisionLog:
         answers = np.array(self._answers, dtype=float).reshape(len(self._answers), -1).T
-        log = DecisionLog(
+        return DecisionLog(
             status=answers[0].astype(int),
             rung=answers[1].astype(int),
             iterations=answers[2].astype(int),
@@ -164,4 +174,3 @@ class _Recorder:
             temperature_slack_k=answers[6],
             limiter_active=answers[7].astype(bool),
         )
-        return ClosedLoopRun(Trajectory.from_arrays(columns), log)
