@@ -56,16 +56,17 @@ def test_follows_the_plant_bit_for_bit(make_plant: Callable[..., Plant]) -> None
 def test_keeps_count_of_what_was_limited(plant: Plant) -> None:
     trip = Trip(plant, 100.0)
     trip.advance(Command(0.1, 0.0))
-    assert not trip.is_limited
+    recent = [trip.is_limited]
     trip.advance(Command(5.0, 0.0))
     trip.advance(Command(math.nan, 0.0))
     assert trip.limited_ticks == 2
     assert trip.clamps == {Clamp.ACCELERATION_BOUND: 1, Clamp.JERK: 1, Clamp.NON_FINITE: 1}
     assert "non_finite_command" in trip.last_reason
     for _ in range(RECENT_TICKS):
-        assert trip.is_limited
+        recent.append(trip.is_limited)
         trip.advance(Command(0.0, 0.0))
-    assert not trip.is_limited
+    recent.append(trip.is_limited)
+    assert recent == [False, *[True] * RECENT_TICKS, False]
 
 
 def test_hold_keeps_the_newest_command_until_it_is_too_old() -> None:

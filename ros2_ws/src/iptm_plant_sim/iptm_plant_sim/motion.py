@@ -82,7 +82,7 @@ def _stages(
     position_m: float, speed_m_s: float, acceleration_m_s2: float, duration_s: float, count: int
 ) -> tuple[FloatArray, FloatArray]:
     """Speeds (2 count + 1,) and positions (2 count + 1,) over a stretch of constant acceleration."""
-    times = np.linspace(0.0, duration_s, 2 * count + 1)
+    times = np.linspace(0.0, duration_s, 2 * count + 1, dtype=np.float64)
     speeds = speed_m_s + acceleration_m_s2 * times
     positions = position_m + times * (speed_m_s + 0.5 * acceleration_m_s2 * times)
     return speeds, positions

@@ -52,7 +52,7 @@ class PlantNode(SuiteNode):
         self._awaited: tuple[str, ...] = ()
         self._hold = CommandHold(self._options.command_timeout_s)
         self._schedule: Schedule | None = None
-        self._publishers = PlantPublishers(self, self._trip.parameters)
+        self._outputs = PlantPublishers(self, self._trip.parameters)
         self._reporter = DiagnosticsReporter.of_node(self, "vehicle")
         self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
         self._watchdog.attach(self)
@@ -83,7 +83,7 @@ class PlantNode(SuiteNode):
 
     def _missing_peers(self) -> tuple[str, ...]:
         expected = self._options.expected_peers
-        missing = self._publishers.missing_subscribers(expected)
+        missing = self._outputs.missing_subscribers(expected)
         needs_controller = expected > 0 or not self._is_real_time
         if needs_controller and self._commands.get_publisher_count() == 0:
             missing = (*missing, Topic.COMMAND.value)
@@ -126,7 +126,7 @@ class PlantNode(SuiteNode):
         over = self._trip.is_over
         if over:
             self._finish()
-        self._publishers.publish(self._trip.step)
+        self._outputs.publish(self._trip.step)
         if not over and not self._is_real_time:
             self._watchdog.feed()
         self._report()

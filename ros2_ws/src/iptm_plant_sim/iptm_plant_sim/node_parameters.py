@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET, load_parameters
+from iptm_core.parameters.override_text import parse_overrides
 from iptm_core.routes import SLOPE_CHOICES, build_route
 from iptm_interfaces.parameters import parameter
 from iptm_plant_sim.plant import DEFAULT_STEP_S, Plant
@@ -88,25 +88,3 @@ class PlantNodeParameters:
         trip = Trip(plant, route.duration_s, self.period_s)
         trip.warm_up()
         return trip
-
-
-def parse_overrides(text: str) -> dict[str, float]:
-    """Read ``key=value`` pairs separated by commas.
-
-    Raises:
-        ParameterError: an entry is no such pair or appears twice.
-    """
-    overrides: dict[str, float] = {}
-    for entry in filter(None, (part.strip() for part in text.split(","))):
-        key, separator, value = (part.strip() for part in entry.partition("="))
-        try:
-            number = float(value)
-        except ValueError:
-            separator = ""
-        if not separator or not key or key in overrides:
-            raise ParameterError(
-                f"parameter parameter_overrides has the entry {entry!r}; allowed: "
-                "different entries key=number, separated by commas"
-            )
-        overrides[key] = number
-    return overrides

@@ -1,0 +1,374 @@
+"""The plant as a process of its own: lock-step, real time, lost controllers, and how it ends."""
+
+from __future__ import annotations
+
+import math
+import signal
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from rosgraph_msgs.msg import Clock
+
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import build_route
+from iptm_core.state import Command, VehicleState
+from iptm_interfaces.codecs import (
+    IntervalPowers,
+    decode_battery,
+    decode_powers,
+    decode_temperature,
+    decode_vehicle_state,
+    encode_acceleration,
+    encode_capacity_loss,
+    encode_command,
+    encode_host_odometry,
+    encode_powers,
+    encode_temperature,
+    ns_from_time,
+)
+from iptm_interfaces.diagnostics import find_status, status_values
+from iptm_interfaces.topics import Topic
+from iptm_plant_sim.plant import Plant, PlantStep
+
+MODULE = "iptm_plant_sim.node"
+EXIT_CONTROLLER_LOST = 3
+S = 1_000_000_000
+
+STATE_TOPICS = (
+    Topic.PLANT_ODOMETRY,
+    Topic.PLANT_ACCELERATION,
+    Topic.PLANT_CELL_1_TEMPERATURE,
+    Topic.PLANT_CELL_N_TEMPERATURE,
+    Topic.PLANT_POWERS,
+    Topic.PLANT_CAPACITY_LOSS,
+)
+OTHER_TOPICS = (
+    Topic.PLANT_BATTERY,
+    Topic.PLANT_COOLANT_INLET_TEMPERATURE,
+    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
+)
+Script = Callable[[int], Command | None]
+
+
+class Driver:
+    """A scripted controller that answers every clock, and notes everything the plant says."""
+
+    def __init__(self, peer: Any, script: Script) -> None:
+        self.peer = peer
+        self.script = script
+        self.messages: dict[Topic, dict[int, Any]] = {
+            topic: {} for topic in (*STATE_TOPICS, *OTHER_TOPICS)
+        }
+        self.ticks: list[int] = []
+        self.missing_at_clock: list[int] = []
+        self.diagnostics: list[Any] = []
+        node = peer.node
+        self.commands = node.advertise(Topic.COMMAND)
+        for topic, heard in self.messages.items():
+            node.listen(
+                topic, lambda message, heard=heard: heard.update({_stamp(message): message})
+            )
+        node.listen(Topic.DIAGNOSTICS, self.diagnostics.append)
+        node.listen(Topic.CLOCK, self._on_clock)
+
+    def _on_clock(self, message: Clock) -> None:
+        stamp_ns = ns_from_time(message.clock)
+        self.ticks.append(stamp_ns)
+        command = self.script(stamp_ns // S)
+        if command is not None:
+            self.send(stamp_ns, command)
+
+    def send(self, stamp_ns: int, command: Command) -> None:
+        self.commands.publish(encode_command(stamp_ns, command))
+
+    def state(self, stamp_ns: int) -> VehicleState:
+        return decode_vehicle_state(*(self.messages[topic][stamp_ns] for topic in STATE_TOPICS))
+
+    def has_all(self, stamp_ns: int) -> bool:
+        """Whether all of a tick has arrived that the plant makes sure of: the state and the clock."""
+        return stamp_ns in self.ticks and all(
+            stamp_ns in self.messages[topic] for topic in STATE_TOPICS
+        )
+
+    def wait(self, condition: Callable[[], object], what: str) -> None:
+        self.peer.wait_until(condition, what=what)
+
+    def end(self, process: Any) -> int:
+        """Listen to the last words of the plant and return its exit code."""
+        self.wait(lambda: self.phases()[-1:] == ["finished"], "the report of the end")
+        self.wait(lambda: not process.is_running, "the end of the plant")
+        return int(process.wait())
+
+    def values(self) -> dict[str, str]:
+        """Key values of the latest diagnostics of the plant."""
+        found = [find_status(message, "/plant") for message in self.diagnostics]
+        return status_values(found[-1]) if found and found[-1] else {}
+
+    def reasons(self) -> list[str]:
+        found = [find_status(message, "/plant") for message in self.diagnostics]
+        return [status.message for status in found if status is not None]
+
+    def phases(self) -> list[str]:
+        found = [find_status(message, "/plant") for message in self.diagnostics]
+        return [status_values(status)["phase"] for status in found if status is not None]
+
+
+def _stamp(message: Any) -> int:
+    return ns_from_time(message.header.stamp)
+
+
+def lively(tick: int) -> Command:
+    """Start, speed up, brake to a stop, start again."""
+    return Command(1.2 * math.sin(tick / 9.0) - 0.1, 1000.0 + 900.0 * math.sin(tick / 5.0))
+
+
+def as_seen(step: PlantStep) -> VehicleState:
+    """The state as it arrives: temperatures travel in degrees Celsius."""
+    state = step.state
+    powers = IntervalPowers(
+        state.time_s,
+        step.traction_power_w,
+        step.compressor_power_w,
+        step.auxiliary_power_w,
+        step.battery_power_w,
+        step.chiller_heat_w,
+    )
+    return decode_vehicle_state(
+        encode_host_odometry(state),
+        encode_acceleration(state),
+        encode_temperature(state.time_s, state.cell_1_temperature_k),
+        encode_temperature(state.time_s, state.cell_n_temperature_k),
+        encode_powers(powers),
+        encode_capacity_loss(state),
+    )
+
+
+def start(launcher: Any, *arguments: str, **parameters: object) -> Any:
+    defaults: dict[str, object] = {"cycle": "nycc", "slope": "large", "linger_s": 0.5}
+    return launcher.start_node(MODULE, *arguments, parameters={**defaults, **parameters})
+
+
+def test_lock_step_follows_the_pure_plant_bit_for_bit(launcher: Any, peer: Any) -> None:
+    driver = Driver(peer, lively)
+    process = start(launcher, duration_s=80.0)
+    driver.wait(lambda: driver.has_all(80 * S), "the final state")
+    assert driver.ticks == [tick * S for tick in range(81)]
+
+    parameters = load_parameters().values
+    route = build_route("nycc", "large", initial_gap_m=15.0)
+    plant = Plant(parameters, route.slope.slope_at)
+    step = plant.observe(plant.initial_state())
+    for tick in range(81):
+        stamp_ns = tick * S
+        assert driver.state(stamp_ns) == as_seen(step), f"tick {tick}"
+        powers = decode_powers(driver.messages[Topic.PLANT_POWERS][stamp_ns])
+        assert powers.battery_power_w == step.battery_power_w
+        assert powers.traction_power_w == step.traction_power_w
+        assert powers.chiller_heat_w == step.chiller_heat_w
+        check_plots(driver, stamp_ns, step)
+        step = plant.advance(step.state, lively(tick))
+    assert any(driver.state(stamp).speed_m_s == 0.0 for stamp in driver.ticks[20:])
+
+    assert driver.end(process) == 0
+    assert driver.phases()[-1] == "finished"
+    assert driver.values()["tick"] == "80"
+    assert "Traceback" not in process.stderr
+
+
+def check_plots(driver: Driver, stamp_ns: int, step: PlantStep) -> None:
+    """Compare the messages that no decision depends on; the first ones may precede their listener."""
+    if not all(stamp_ns in driver.messages[topic] for topic in OTHER_TOPICS):
+        assert stamp_ns < 10 * S
+        return
+    inlet = driver.messages[Topic.PLANT_COOLANT_INLET_TEMPERATURE][stamp_ns]
+    inlet_k = decode_temperature(Topic.PLANT_COOLANT_INLET_TEMPERATURE, inlet)
+    assert inlet_k == pytest.approx(step.coolant_inlet_k, abs=1e-12)
+    outlet = driver.messages[Topic.PLANT_COOLANT_OUTLET_TEMPERATURE][stamp_ns]
+    outlet_k = decode_temperature(Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, outlet)
+    assert outlet_k == pytest.approx(step.coolant_outlet_k, abs=1e-12)
+    battery = decode_battery(driver.messages[Topic.PLANT_BATTERY][stamp_ns])
+    assert battery.pack_current_a == pytest.approx(step.pack_current_a, rel=1e-6)
+    assert battery.pack_voltage_v == pytest.approx(step.pack_voltage_v, rel=1e-6)
+    assert battery.cell_voltages_v[0] == pytest.approx(step.cell_1_voltage_v, rel=1e-6)
+    assert battery.cell_voltages_v[1] == pytest.approx(step.cell_n_voltage_v, rel=1e-6)
+
+
+def test_waits_for_the_peers_and_says_for_whom(launcher: Any, peer: Any) -> None:
+    driver = Driver(peer, lambda _: None)
+    start(launcher, expected_peers=2)
+    driver.wait(
+        lambda: "waiting for peers on plant/odometry, /clock" in driver.reasons(),
+        "the wait reported",
+    )
+    assert driver.ticks == []
+    for topic in (Topic.PLANT_ODOMETRY, Topic.CLOCK):
+        peer.node.listen(topic, lambda _: None)
+    driver.wait(lambda: driver.has_all(0), "the first state")
+    assert driver.state(0).speed_m_s == 0.0
+
+
+def test_only_the_command_of_the_present_tick_counts(launcher: Any, peer: Any) -> None:
+    driver = Driver(peer, lambda _: None)
+    process = start(launcher, duration_s=3.0)
+    driver.wait(lambda: driver.has_all(0), "the first state")
+    for stamp_ns in (S, 5 * S, 1):
+        driver.send(stamp_ns, Command(0.5, 0.0))
+    driver.wait(lambda: driver.values().get("ignored_commands") == "3", "three commands ignored")
+    assert driver.ticks == [0]
+    driver.send(0, Command(0.3, 0.0))
+    driver.wait(lambda: driver.has_all(S), "the state after the right one")
+    assert driver.state(S).acceleration_m_s2 == 0.3
+    driver.send(0, Command(-0.1, 0.0))
+    driver.send(S, Command(0.4, 0.0))
+    driver.wait(lambda: driver.has_all(2 * S), "the next state")
+    assert driver.state(2 * S).acceleration_m_s2 == 0.4
+    driver.send(2 * S, Command(0.4, 0.0))
+    assert driver.end(process) == 0
+
+
+def test_limits_and_nonsense_are_reported(launcher: Any, peer: Any) -> None:
+    answers = [Command(5.0, 0.0), Command(math.nan, 0.0), Command(0.0, 9000.0)]
+    driver = Driver(peer, lambda tick: answers[tick] if tick < 3 else None)
+    process = start(launcher, duration_s=3.0)
+    driver.wait(lambda: driver.has_all(3 * S), "the final state")
+    assert driver.end(process) == 0
+    values = driver.values()
+    assert values["limited_ticks"] == "3"
+    assert values["rejected_commands"] == "1"
+    assert values["limited_acceleration_bound"] == "1"
+    assert values["limited_jerk"] == "1"
+    assert values["limited_non_finite_command"] == "1"
+    assert values["limited_compressor_bound"] == "1"
+    assert values["last_limit"].startswith("compressor_bound, compressor_rate: ")
+    assert [driver.state(tick * S).acceleration_m_s2 for tick in range(4)] == [0.0, 0.5, 0.0, 0.0]
+
+
+def test_lost_controller_ends_in_a_controlled_stop(launcher: Any, peer: Any) -> None:
+    driver = Driver(peer, lambda tick: Command(1.0, 400.0) if tick < 8 else None)
+    process = start(launcher, command_timeout_wall_s=0.5)
+    assert driver.end(process) == EXIT_CONTROLLER_LOST
+    assert "stopping" in driver.phases()
+    assert driver.phases()[-1] == "finished"
+    assert driver.reasons()[-1] == "finished without a controller"
+    # Nothing is left out, the stop is comfortable and complete, the compressor is off.
+    assert driver.ticks == [tick * S for tick in range(len(driver.ticks))]
+    states = [driver.state(stamp) for stamp in driver.ticks]
+    assert states[8].speed_m_s > 5.0
+    assert states[-1].speed_m_s == 0.0
+    assert states[-1].compressor_power_w == 0.0
+    accelerations = [state.acceleration_m_s2 for state in states]
+    assert min(accelerations) >= -1.0
+    steps = [b - a for a, b in pairwise(accelerations[:-1])]
+    assert max(map(abs, steps)) <= 0.5 + 1e-12
+
+
+def test_a_controller_under_the_debugger_is_waited_for(launcher: Any, peer: Any) -> None:
+    driver = Driver(peer, lambda tick: Command(0.5, 0.0) if tick != 2 else None)
+    process = start(launcher, duration_s=4.0, command_timeout_wall_s=0.2, on_lost_controller="wait")
+    driver.wait(lambda: "no commands arrive: waiting" in driver.reasons(), "the silence reported")
+    assert driver.ticks[-1] == 2 * S
+    driver.send(2 * S, Command(0.5, 0.0))
+    driver.wait(lambda: driver.has_all(4 * S), "the final state")
+    assert driver.end(process) == 0
+
+
+def test_real_time_stops_without_answers_and_recovers(launcher: Any, peer: Any) -> None:
+    speaking = True
+    driver = Driver(peer, lambda _: Command(0.5, 0.0) if speaking else None)
+    process = start(launcher, mode="real_time", rate_factor=20.0, slope="flat")
+
+    def latest() -> VehicleState | None:
+        complete = [stamp for stamp in driver.ticks if driver.has_all(stamp)]
+        return driver.state(complete[-1]) if complete else None
+
+    def moves(faster_than: float = 0.0, accelerating: float = -1.0) -> bool:
+        state = latest()
+        return (
+            state is not None
+            and state.speed_m_s > faster_than
+            and state.acceleration_m_s2 >= accelerating
+        )
+
+    driver.wait(lambda: moves(3.0), "a moving vehicle")
+    speaking = False
+    driver.wait(lambda: driver.phases()[-1:] == ["stopping"], "the controlled stop")
+    stopped = driver.reasons()[-1]
+    driver.wait(lambda: not moves(accelerating=-0.2), "the vehicle slowing down")
+    speaking = True
+    driver.wait(lambda: driver.phases()[-1:] == ["running"], "the end of the stop")
+    driver.wait(lambda: moves(1.0, 0.5), "the vehicle speeding up again")
+    assert stopped == "no commands arrive: controlled stop"
+    assert process.stop(signal.SIGINT) == 0
+    # Time went on all the while, and whoever drove, the actuators kept their limits.
+    assert driver.ticks == [tick * S for tick in range(len(driver.ticks))]
+    states = [driver.state(stamp) for stamp in driver.ticks if driver.has_all(stamp)]
+    for before, after in pairwise(states):
+        change = abs(after.acceleration_m_s2 - before.acceleration_m_s2)
+        assert change <= 0.5 + 1e-12 or after.speed_m_s == 0.0
+
+
+def test_real_time_trip_ends_by_itself(launcher: Any, peer: Any) -> None:
+    driver = Driver(peer, lambda _: Command(0.5, 0.0))
+    process = start(
+        launcher, mode="real_time", rate_factor=20.0, duration_s=10.0, command_timeout_s=60.0
+    )
+    assert driver.end(process) == 0
+    assert driver.ticks == [tick * S for tick in range(11)]
+    assert {"overruns", "worst_lateness_s", "command_age_s"} <= driver.values().keys()
+
+
+def test_real_time_without_any_peer_just_runs(launcher: Any, peer: Any) -> None:
+    ticks: list[int] = []
+    peer.node.listen(Topic.CLOCK, lambda message: ticks.append(ns_from_time(message.clock)))
+    process = start(
+        launcher, mode="real_time", rate_factor=50.0, duration_s=200.0, expected_peers=0
+    )
+    peer.wait_until(lambda: ticks and ticks[-1] == 200 * S, what="the last tick")
+    assert process.wait() == EXIT_CONTROLLER_LOST
+
+
+def test_shorter_period(launcher: Any, peer: Any) -> None:
+    driver = Driver(peer, lambda _: Command(0.2, 0.0))
+    process = start(launcher, duration_s=1.0, period_s=0.1)
+    driver.wait(lambda: driver.has_all(S), "the final state")
+    assert driver.end(process) == 0
+    assert driver.ticks == [tick * S // 10 for tick in range(11)]
+    assert driver.state(S).acceleration_m_s2 == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("mode", ["lock_step", "real_time"])
+def test_stops_cleanly_on_signals(
+    launcher: Any, peer: Any, number: signal.Signals, mode: str
+) -> None:
+    driver = Driver(peer, lively)
+    process = start(launcher, mode=mode, rate_factor=20.0)
+    driver.wait(lambda: len(driver.ticks) > 3, "a running plant")
+    process.send(number)
+    process.send(number)
+    assert process.wait() == 0
+    assert "Traceback" not in process.stderr
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        ({"cycle": "no_such_cycle"}, "unknown driving cycle 'no_such_cycle'"),
+        ({"mode": "fast"}, "parameter mode is 'fast'"),
+        ({"rate_factor": 0.0}, "parameter rate_factor is 0.0"),
+        ({"parameter_set": "no_such_set"}, "no_such_set"),
+        ({"parameter_overrides": "body.mass_kg=-3"}, "body.mass_kg"),
+        ({"expected_peers": -1}, "parameter expected_peers is -1"),
+        ({"rate_factr": 2.0}, "did you mean rate_factor?"),
+    ],
+)
+def test_user_mistake_is_one_line_and_exit_code_2(
+    launcher: Any, parameters: dict[str, object], expected: str
+) -> None:
+    process = launcher.start_node(MODULE, parameters=parameters)
+    assert process.wait() == 2
+    lines = process.stderr.strip().splitlines()
+    assert len(lines) == 1
+    assert expected in lines[0]
