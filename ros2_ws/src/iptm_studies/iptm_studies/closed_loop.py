@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_core.routes.route import Route
@@ -37,14 +38,14 @@ class DecisionLog:
         limiter_active: whether the last limiter changed the command.
     """
 
-    status: np.ndarray
-    rung: np.ndarray
-    iterations: np.ndarray
+    status: NDArray[np.int64]
+    rung: NDArray[np.int64]
+    iterations: NDArray[np.int64]
     solve_time_s: FloatArray
     gap_slack_m: FloatArray
     speed_slack_m_s: FloatArray
     temperature_slack_k: FloatArray
-    limiter_active: np.ndarray
+    limiter_active: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

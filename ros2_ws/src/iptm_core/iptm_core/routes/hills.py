@@ -63,7 +63,8 @@ class Hills:
             raise RouteError(f"hills of grade {self.peak_grade}; allowed is 0 to 0.3")
         if self.variant < 0:
             raise RouteError(f"hills of variant {self.variant}; allowed is an integer >= 0")
-        dense = np.linspace(0.0, 1.0, 8 * _NODES_PER_SHORTEST_WAVE * self.wave_numbers[-1])
+        count = 8 * _NODES_PER_SHORTEST_WAVE * self.wave_numbers[-1]
+        dense = np.linspace(0.0, 1.0, count, dtype=np.float64)
         highest = float(np.max(np.abs(self._shape(dense))))
         object.__setattr__(self, "_scale_rad", float(np.arctan(self.peak_grade)) / highest)
 
@@ -88,7 +89,7 @@ class Hills:
     def grid_m(self) -> FloatArray:
         """Positions, shape (n,); between them lines stay within 1e-4 rad for grades up to 6 %."""
         nodes = _NODES_PER_SHORTEST_WAVE * self.wave_numbers[-1] + 1
-        return self.start_m + self.length_m * np.linspace(0.0, 1.0, nodes)
+        return self.start_m + self.length_m * np.linspace(0.0, 1.0, nodes, dtype=np.float64)
 
     def _shape(self, x: FloatArray) -> FloatArray:
         waves = np.zeros_like(x)

@@ -66,8 +66,8 @@ class SlopeProfile:
         Returns:
             The profile; level road before the first and after the last stretch.
         """
-        positions = np.zeros(0)
-        slopes = np.zeros(0)
+        positions: FloatArray = np.zeros(0)
+        slopes: FloatArray = np.zeros(0)
         for hills in stretches:
             grid = hills.grid_m()
             # The slope is zero at every joint, which therefore needs one node only.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -66,7 +67,7 @@ def encode_leader_preview(preview: LeaderPreview, stamp_ns: int) -> JointTraject
     return message
 
 
-def offsets_ns(preview: LeaderPreview, stamp_ns: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def offsets_ns(preview: LeaderPreview, stamp_ns: int) -> NDArray[np.int64]:
     """Return the node times relative to the stamp in integer nanoseconds, shape (n,).
 
     Raises:
@@ -86,9 +87,7 @@ def offsets_ns(preview: LeaderPreview, stamp_ns: int) -> np.ndarray[tuple[int], 
             f"first node lies at {preview.times_s[0]} s; allowed: the instant of generation, "
             f"{preview.generated_at_s} s",
         )
-    absolute: np.ndarray[tuple[int], np.dtype[np.int64]] = np.rint(preview.times_s * 1e9).astype(
-        np.int64
-    )
+    absolute: NDArray[np.int64] = np.rint(preview.times_s * 1e9).astype(np.int64)
     return absolute - stamp_ns
 
 
@@ -122,7 +121,7 @@ def decode_leader_preview(message: JointTrajectory) -> tuple[int, LeaderPreview]
 
 def build_leader_preview(
     stamp_ns: int,
-    node_offsets_ns: np.ndarray[tuple[int], np.dtype[np.int64]],
+    node_offsets_ns: NDArray[np.int64],
     positions_m: FloatArray,
     speeds_m_s: FloatArray,
 ) -> LeaderPreview:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import struct
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 from trajectory_msgs.msg import JointTrajectory
 
@@ -113,7 +114,7 @@ def decode_leader_preview_bytes(data: bytes) -> tuple[int, LeaderPreview]:
     return stamp_ns, preview
 
 
-def _points_if_plain(data: bytes) -> np.ndarray[tuple[int], np.dtype[np.void]] | None:
+def _points_if_plain(data: bytes) -> NDArray[np.void] | None:
     """Return a view of the points, shape (n,), if the bytes have the usual shape, else None."""
     if len(data) < _POINTS_OFFSET or data[:2] != _LITTLE_ENDIAN_CDR[:2]:
         return None
