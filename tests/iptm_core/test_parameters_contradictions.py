@@ -1,0 +1,113 @@
+"""Parameters that are nonsense together, wrong overrides, and sets that do not exist."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from iptm_core.errors import ParameterError
+from iptm_core.parameters import load_parameters
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            {
+                "limits.min_acceleration_m_s2": -0.1,
+                "limits.max_speed_m_s": 5.0,
+                "limits.min_speed_m_s": 5.0,
+            },
+            "limits.min_speed_m_s = 5.0 must be below limits.max_speed_m_s = 5.0",
+        ),
+        (
+            {"limits.min_compressor_power_w": 4500.0},
+            "limits.min_compressor_power_w = 4500.0 must be below limits.max_compressor_power_w = 4500.0",
+        ),
+        (
+            {"limits.min_temperature_k": 314.0},
+            "limits.min_temperature_k = 314.0 must be below limits.max_temperature_k = 313.15",
+        ),
+        (
+            {"gap.max_gap_m": 20.0, "gap.standstill_gap_m": 30.0},
+            "gap.standstill_gap_m = 30.0 must be below gap.max_gap_m = 20.0",
+        ),
+        (
+            {"gap.initial_gap_m": 4.0},
+            "gap.initial_gap_m = 4.0; permitted: from gap.standstill_gap_m to gap.max_gap_m, 5.0 to 120.0 m",
+        ),
+        ({"gap.initial_gap_m": 130.0}, "gap.initial_gap_m = 130.0; permitted: "),
+        (
+            {"cooling.convective_coefficient_w_k": 30.0},
+            "is not below the heat-capacity rate of one coolant channel, 29.97 W/K",
+        ),
+        ({"cooling.coolant_mass_flow_kg_s": 0.002}, "h/C_f = 1.17742, permitted: below 1"),
+        (
+            {"cooling.coolant_mass_flow_kg_s": 0.13},
+            "the coefficients belong to the coolant flow that they were fitted at",
+        ),
+        (
+            {
+                "cell.resistance_temperature_coefficient_1_k": -0.03,
+                "environment.initial_cell_temperature_k": 330.0,
+            },
+            "makes the cell resistance vanish at environment.initial_cell_temperature_k = 330.0",
+        ),
+        ({"pack.open_circuit_voltage_v": 11.0}, "gives an entropic voltage of 11.4"),
+    ],
+)
+def test_parameters_that_contradict_each_other(overrides: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        load_parameters(overrides=overrides)
+    assert message in str(caught.value)
+    assert "paper_calibrated.yaml with overrides: " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            {"gap.max_gap": 80.0},
+            "overrides: unknown parameter 'gap.max_gap'; did you mean 'gap.max_gap_m'?",
+        ),
+        ({"zzz": 1.0}, "overrides: unknown parameter 'zzz'; known: body.mass_kg, "),
+        (
+            {"gap.max_gap_m": "80"},
+            "overrides: gap.max_gap_m = '80': a number is needed; permitted: 20 to 1000 m",
+        ),
+        ({"gap.max_gap_m": True}, "overrides: gap.max_gap_m = True: a number is needed"),
+        (
+            {"pack.modules": 1.5},
+            "overrides: pack.modules = 1.5: must be a whole number; permitted: whole numbers from 1 to 1000",
+        ),
+        (
+            [("gap.max_gap_m", 80.0)],
+            "overrides: dotted keys with values are needed, got [('gap.max_gap_m', 80.0)]",
+        ),
+    ],
+)
+def test_wrong_overrides(overrides: Any, message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        load_parameters(overrides=overrides)
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (
+            "textbook",
+            "parameter set 'textbook': no shipped set and no file; did you mean 'textbook_cell'?",
+        ),
+        ("", "parameter set '': a name or a path is needed; shipped sets: paper_calibrated, "),
+        (7, "parameter set 7: a name or a path is needed"),
+        ("nowhere.yaml", "nowhere.yaml: no such file"),
+        ("x" * 300, "no shipped set and no file; shipped sets: paper_calibrated, "),
+        ("y" * 300 + ".yaml", "cannot be read as UTF-8 text"),
+    ],
+)
+def test_sets_that_do_not_exist(name: Any, message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        load_parameters(name)
+    assert message in str(caught.value)

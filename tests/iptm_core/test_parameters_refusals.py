@@ -1,0 +1,265 @@
+"""Every way to get a parameter file wrong, and the sentence it ends in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from iptm_core.errors import ParameterError
+from iptm_core.parameters import load_parameters
+
+BASE = "base: paper_calibrated\n"
+Refuse = Callable[..., str]
+
+
+@pytest.fixture
+def refuse(tmp_path: Path) -> Refuse:
+    """Write a file, load it, and return the message after the file name."""
+
+    def load(text: str, overrides: dict[str, float] | None = None) -> str:
+        path = tmp_path / "mine.yaml"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(ParameterError) as caught:
+            load_parameters(path, overrides)
+        message = str(caught.value)
+        assert message.startswith(str(path)), message
+        return message.removeprefix(str(path))
+
+    return load
+
+
+def mass(entry: str) -> str:
+    return f"{BASE}body:\n  mass_kg: {entry}\n"
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        (
+            "{value: heavy, unit: kg, source: chosen}",
+            "body.mass_kg = 'heavy': a number is needed; permitted: 100 to 60000 kg",
+        ),
+        ("{value: true, unit: kg, source: chosen}", "body.mass_kg = True: a number is needed"),
+        ("{value: null, unit: kg, source: chosen}", "body.mass_kg = None: a number is needed"),
+        (
+            "{value: [1432.0], unit: kg, source: chosen}",
+            "body.mass_kg = [1432.0]: a number is needed",
+        ),
+        (
+            "{value: .nan, unit: kg, source: chosen}",
+            "body.mass_kg = nan: must be finite; permitted: 100 to 60000 kg",
+        ),
+        ("{value: -.inf, unit: kg, source: chosen}", "body.mass_kg = -inf: must be finite"),
+        (
+            f"{{value: {10**400}, unit: kg, source: chosen}}",
+            "must be finite; permitted: 100 to 60000 kg",
+        ),
+        (
+            "{value: 99.9, unit: kg, source: chosen}",
+            "body.mass_kg = 99.9: out of range; permitted: 100 to 60000 kg",
+        ),
+        (
+            "{value: 1432.0, unit: g, source: chosen}",
+            "body.mass_kg = 1432.0: unit 'g'; permitted: 'kg'",
+        ),
+        (
+            "{value: 1432.0, unit: 1, source: chosen}",
+            "body.mass_kg.unit = 1: text is needed (quote it)",
+        ),
+        (
+            "{value: 1432.0, source: chosen}",
+            "body.mass_kg: 'unit' is missing; permitted: 100 to 60000 kg",
+        ),
+        ("{unit: kg, source: chosen}", "body.mass_kg: 'value' is missing"),
+        (
+            "{value: 1432.0, unit: kg}",
+            "body.mass_kg: 'source' is missing; permitted: paper, derived, published, chosen",
+        ),
+        (
+            "{value: 1432.0, unit: kg, source: guessed}",
+            "body.mass_kg: source 'guessed'; permitted: paper, ",
+        ),
+        (
+            "{value: 1432.0, unit: kg, source: override}",
+            "body.mass_kg: source 'override'; permitted: paper, ",
+        ),
+        (
+            "{value: 1432.0, unit: kg, source: [paper]}",
+            "body.mass_kg: source ['paper']; permitted: paper, ",
+        ),
+        (
+            "{value: 1432.0, unit: kg, source: paper, note: 3}",
+            "body.mass_kg: note = 3: text is needed",
+        ),
+        (
+            "{value: 1432.0, units: kg, source: paper}",
+            "body.mass_kg: unknown entry 'units'; did you mean 'unit'?",
+        ),
+        (
+            "1432.0",
+            "body.mass_kg = 1432.0: write {value: ..., unit: kg, source: ...}; permitted: 100 to ",
+        ),
+    ],
+)
+def test_a_wrong_entry(refuse: Refuse, entry: str, message: str) -> None:
+    assert message in refuse(mass(entry))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", ": the file is empty; a mapping of groups is needed"),
+        ("# only a comment\n", ": the file is empty"),
+        ("- 1\n- 2\n", ": a mapping of groups is needed, got [1, 2]"),
+        ("just words", ": a mapping of groups is needed, got 'just words'"),
+        (BASE + "bodi:\n  mass_kg: 1\n", ": unknown group 'bodi'; did you mean 'body'?"),
+        (BASE + "body: 5\n", ": body = 5: a mapping of parameters is needed"),
+        (BASE + "body:\n", ": body = None: a mapping of parameters is needed"),
+        (
+            BASE + "body:\n  mas_kg: 1\n",
+            ": unknown parameter 'body.mas_kg'; did you mean 'body.mass_kg'?",
+        ),
+        (BASE + "description: [a]\n", ": description = ['a']: text is needed"),
+        ("base: 3\n", ": base = 3: text is needed"),
+        (
+            "base: paper_calibratet\n",
+            ": base 'paper_calibratet': no shipped set and no file; did you mean 'paper_calibrated'?",
+        ),
+        (mass("{value: 1432.0, unit: kg, source: paper"), ": not valid YAML: "),
+        ("body: {\t}\n\tx", ": not valid YAML: "),
+        ("body: &a [*a]\nbase: *b\n", ": not valid YAML: "),
+        ("!!python/object:os.system {}\n", ": not valid YAML: "),
+        ("a: 1\n---\nb: 2\n", ": not valid YAML: "),
+        ("\x00", ": not valid YAML: "),
+        ("[" * 5000, ": not valid YAML: nested too deeply"),
+        (f"{BASE}{BASE}", "the key 'base' occurs twice"),
+        (mass("{value: 1.0, value: 2.0, unit: kg, source: paper}"), "the key 'value' occurs twice"),
+        (BASE + "? [a]\n: 1\n", "a key must be plain text, got ['a']"),
+        (
+            BASE + "gap:\n  max_gap_m: {value: " + "9" * 5000 + ", unit: m, source: chosen}\n",
+            ": not valid YAML: ",
+        ),
+    ],
+)
+def test_a_wrong_file(refuse: Refuse, text: str, message: str) -> None:
+    assert message in refuse(text)
+
+
+@pytest.mark.parametrize("written", ["1_000", "010", "1:30", "0x10", "'1432'", "yes", "1.5.2"])
+def test_numbers_that_yaml_1_1_would_guess_are_refused(refuse: Refuse, written: str) -> None:
+    assert "a number is needed" in refuse(mass(f"{{value: {written}, unit: kg, source: paper}}"))
+
+
+@pytest.mark.parametrize("written", ["2e3", "2E+3", "2000", "2000.", "+2000.0", "2.e3"])
+def test_numbers_in_every_usual_notation_are_read(tmp_path: Path, written: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(mass(f"{{value: {written}, unit: kg, source: chosen}}"))
+    loaded = load_parameters(path)
+    assert (loaded.name, loaded.values.body.mass_kg) == ("mine", 2000.0)
+
+
+def test_a_converted_value_is_shown_in_both_units(refuse: Refuse) -> None:
+    hot = "limits:\n  max_temperature_k: {value: 100.0, unit: degC, source: chosen}\n"
+    assert (
+        "limits.max_temperature_k = 100.0 degC = 373.15 K: out of range; permitted: 263.15 to 353.15 K"
+        in refuse(BASE + hot)
+    )
+    knots = "limits:\n  max_speed_m_s: {value: 60.0, unit: kn, source: chosen}\n"
+    assert "unit 'kn'; permitted: 'm/s' or 'km/h'" in refuse(BASE + knots)
+    slope = "cell:\n  entropic_coefficient_v_k: {value: 1e-4, unit: degC, source: chosen}\n"
+    assert "unit 'degC'; permitted: 'V/K'" in refuse(BASE + slope)
+
+
+def test_a_set_without_base_must_be_complete(refuse: Refuse) -> None:
+    text = mass("{value: 1432.0, unit: kg, source: paper}").removeprefix(BASE)
+    message = refuse(text)
+    assert ": missing body.gravity_m_s2, body.rolling_resistance, " in message
+    assert message.endswith(" more")
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="not a regular file"):
+        load_parameters(tmp_path)
+    latin = tmp_path / "latin.yaml"
+    latin.write_bytes(b"description: \xff\xfe\n")
+    with pytest.raises(ParameterError, match=r"latin\.yaml: cannot be read as UTF-8 text"):
+        load_parameters(latin)
+    huge = tmp_path / "huge.yaml"
+    huge.write_bytes(b" " * 4_000_001)
+    with pytest.raises(ParameterError, match="4000001 bytes; at most 4000000 are read"):
+        load_parameters(huge)
+
+
+def test_a_file_may_build_on_another_file_but_not_on_itself(tmp_path: Path) -> None:
+    (tmp_path / "inner.yaml").write_text(mass("{value: 1500.0, unit: kg, source: chosen}"))
+    outer = tmp_path / "outer.yaml"
+    outer.write_text(
+        "base: inner.yaml\ngap:\n  max_gap_m: {value: 80.0, unit: m, source: chosen}\n"
+    )
+    values = load_parameters(str(outer)).values
+    assert (values.body.mass_kg, values.gap.max_gap_m) == (1500.0, 80.0)
+    (tmp_path / "inner.yaml").write_text("base: outer.yaml\n")
+    with pytest.raises(ParameterError, match="build on each other in a circle"):
+        load_parameters(outer)
+    for level in range(9):
+        (tmp_path / f"level_{level}.yaml").write_text(f"base: level_{level + 1}.yaml\n")
+    with pytest.raises(ParameterError, match="more than 8 deep"):
+        load_parameters(tmp_path / "level_0.yaml")
+
+
+JUNK = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(
+                [
+                    "body",
+                    "chiller",
+                    "mass_kg",
+                    "xi_1",
+                    "by_ambient_temperature",
+                    "rows",
+                    "value",
+                    "unit",
+                ]
+            )
+            | st.text(max_size=5),
+            inner,
+            max_size=4,
+        )
+    ),
+    max_leaves=12,
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(document=JUNK, with_base=st.booleans())
+def test_whatever_the_file_holds_it_loads_or_is_refused(
+    tmp_path: Path, document: Any, with_base: bool
+) -> None:
+    if with_base and isinstance(document, dict):
+        document = {"base": "paper_calibrated", **document}
+    path = tmp_path / "junk.yaml"
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    message = ""
+    try:
+        load_parameters(path)
+    except ParameterError as error:
+        message = str(error)
+    assert not message or str(path) in message
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(text=st.text(max_size=60))
+def test_whatever_the_text_is_it_loads_or_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "text.yaml"
+    path.write_bytes(text.encode("utf-8", errors="surrogatepass"))
+    with pytest.raises(ParameterError):
+        load_parameters(path)
