@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 
+from iptm_core.controlled_stop import controlled_stop_command
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.state import Command, LeaderState, VehicleState
 
-COMFORT_DECELERATION_M_S2 = 1.5
 THERMOSTAT_ON_K = 305.15  # full cooling is asked for 6 K above
 THERMOSTAT_SPAN_K = 6.0
 THERMOSTAT_POWER_W = 1500.0
@@ -44,9 +44,6 @@ def thermostat_power_w(state: VehicleState, parameters: ModelParameters) -> floa
 
 
 def controlled_stop(state: VehicleState, parameters: ModelParameters, tick_s: float) -> Command:
-    """Brake comfortably to standstill, easing off so that the vehicle halts without a jolt."""
-    easing = -state.speed_m_s / max(2.0 * tick_s, 1e-6)
-    hardest = math.sqrt(2.0 * parameters.limits.max_jerk_m_s3 * state.speed_m_s)
-    wanted = max(-COMFORT_DECELERATION_M_S2, -hardest, easing)
-    power = thermostat_power_w(state, parameters)
-    return Command(max(wanted, parameters.limits.min_acceleration_m_s2), power)
+    """Brake comfortably to standstill without a jolt, the thermostat still cooling."""
+    braking = controlled_stop_command(state, parameters.limits, tick_s)
+    return replace(braking, compressor_power_w=thermostat_power_w(state, parameters))

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
+from iptm_core.controlled_stop import controlled_stop_command
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import Command, VehicleState
-from iptm_plant_sim.safe_stop import controlled_stop_command
 
 ACCELERATION_RESOLUTION_M_S2 = 1e-9
 COMPRESSOR_RESOLUTION_W = 1e-6

@@ -6,10 +6,10 @@ from collections import Counter
 from dataclasses import replace
 from enum import Enum
 
+from iptm_core.controlled_stop import controlled_stop_command
 from iptm_core.state import Command, VehicleState
 from iptm_plant_sim.actuators import Clamp
 from iptm_plant_sim.plant import Plant, PlantStep
-from iptm_plant_sim.safe_stop import controlled_stop_command
 
 NS_PER_S = 1_000_000_000
 RECENT_TICKS = 10

@@ -1,4 +1,4 @@
-"""The controlled stop: what the vehicle does by itself when no usable command arrives."""
+"""The controlled stop: the one braking law of plant and controller when there is nothing better."""
 
 from __future__ import annotations
 

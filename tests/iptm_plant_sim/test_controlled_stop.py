@@ -7,9 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from iptm_core.controlled_stop import COMFORTABLE_DECELERATION_M_S2, controlled_stop_command
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.safe_stop import COMFORTABLE_DECELERATION_M_S2, controlled_stop_command
 
 
 def stop(
