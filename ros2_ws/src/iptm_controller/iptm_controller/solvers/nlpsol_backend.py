@@ -31,6 +31,7 @@ FEASIBILITY_TOLERANCE = 1e-4
 SHORTER_CAPS = (60, 25, 10)
 PACE_MEMORY = 0.9
 PACE_MARGIN = 1.5
+_PROBLEM = (["x", "p"], ["f", "g"])
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,9 @@ class NlpsolBackend:
             else str(compile_functions(oracle_functions(transcription, plugin.signature), compiler))
         )
         self._solvers = {cap: self._set_up(oracle, cap) for cap in self._caps()}
+        self._problem = (
+            ca.external("nlp", oracle) if self.compiled else ca.Function("nlp", oracle, *_PROBLEM)
+        )
         self._multipliers: dict[str, ca.DM] = {}
         self._iteration_s = 0.0
 
@@ -123,6 +127,9 @@ class NlpsolBackend:
         cap = self._affordable_cap()
         solver = self._solvers[cap]
         start = time.perf_counter()
+        if not self._can_start(data, guess):
+            message = "data or model are not finite at the initial iterate"
+            return _broken(guess, time.perf_counter() - start, message)
         try:
             solution = solver(
                 x0=guess,
@@ -141,9 +148,10 @@ class NlpsolBackend:
         stats = solver.stats()
         variables = solution["x"].full().ravel()
         rows = solution["g"].full().ravel()
-        violation = max(
-            _largest_violation(variables, low, high),
-            _largest_violation(rows, bounds.rows_low, bounds.rows_high),
+        violation = _largest_violation(
+            np.concatenate([variables, rows]),
+            np.concatenate([low, bounds.rows_low]),
+            np.concatenate([high, bounds.rows_high]),
         )
         iterations = int(stats["iter_count"])
         self._note_pace(elapsed, iterations)
@@ -161,6 +169,14 @@ class NlpsolBackend:
         return SolveResult(
             status, reason, variables, float(solution["f"]), iterations, elapsed, violation
         )
+
+    def _can_start(self, data: ProblemData, guess: FloatArray) -> bool:
+        """Whether the solver can begin: Fatrop regularises forever if its first matrix is not finite."""
+        start = np.concatenate([data.initial_state, guess[layout.STATES :]])
+        if not (np.isfinite(start).all() and np.isfinite(data.parameters).all()):
+            return False
+        cost, rows = self._problem(start, data.parameters)
+        return bool(np.isfinite(float(cost)) and np.isfinite(rows.full()).all())
 
     def _affordable_cap(self) -> int:
         """The largest bound on the iterations that fits the time limit."""
@@ -199,7 +215,8 @@ class NlpsolBackend:
 
 
 def _largest_violation(values: FloatArray, low: FloatArray, high: FloatArray) -> float:
-    return float(max(np.max(low - values), np.max(values - high), 0.0))
+    """Largest distance to the bounds; not a number if one of the values is not."""
+    return float(np.max([low - values, values - high], initial=0.0))
 
 
 def _broken(guess: FloatArray, elapsed: float, message: str) -> SolveResult:
