@@ -6,7 +6,7 @@ raises for bad measurements or failed solves: both are outcomes, reported in the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from iptm_controller.forecast import LeaderForecast, LeaderForecaster
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
@@ -23,7 +23,7 @@ from iptm_controller.plan import (
 from iptm_controller.solvers.backend import SolverBackend
 from iptm_controller.solvers.factory import SolverOptions, build_solver
 from iptm_controller.solvers.result import SolveResult
-from iptm_controller.state_check import check_leader, check_state
+from iptm_controller.state_check import check_leader, check_slope, check_state
 from iptm_controller.strategy import STRATEGIES, Strategy
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
@@ -138,6 +138,10 @@ class Controller:
             check_leader(measured.leader, measured.state)
         except StateError as error:
             return self._fall_back(measured.state, None, str(error))
+        try:
+            check_slope(measured.slope)
+        except StateError as error:
+            return self._fall_back(measured.state, measured.leader, str(error))
         return self._optimise(measured.state, measured.leader, measured)
 
     def _optimise(
@@ -168,7 +172,14 @@ class Controller:
         if reference is None:
             limited = LimitedCommand(Command(0.0, 0.0), ("no state was ever trusted",))
             return Decision(limited.command, choice.rung, reason, limited, None, None, None)
-        return self._limited(choice, reference, reason, None, None, None)
+        decision = self._limited(choice, reference, reason, None, None, None)
+        # The rates count from this command next time, or braking would never get beyond one step.
+        self._last_trusted = replace(
+            reference,
+            acceleration_m_s2=decision.command.acceleration_m_s2,
+            compressor_power_w=decision.command.compressor_power_w,
+        )
+        return decision
 
     def _fall_back(
         self,

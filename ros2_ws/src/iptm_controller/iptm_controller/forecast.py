@@ -63,6 +63,10 @@ def check_preview(preview: LeaderPreview) -> None:
         raise PreviewError(
             f"preview has {sizes} times, positions and speeds, expected equal numbers"
         )
+    if not np.isfinite(preview.generated_at_s):
+        raise PreviewError(
+            f"preview was generated at {preview.generated_at_s} s, allowed are finite times"
+        )
     for label, values in (
         ("times", preview.times_s),
         ("positions", preview.positions_m),

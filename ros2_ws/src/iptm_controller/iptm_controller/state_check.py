@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from iptm_core.errors import StateError
-from iptm_core.state import LeaderState, VehicleState
+from iptm_core.state import LeaderState, SlopePreview, VehicleState
 
 _RANGES: dict[str, tuple[float, float]] = {
     "time_s": (0.0, 1e9),
@@ -38,8 +40,26 @@ def check_leader(leader: LeaderState, host: VehicleState) -> None:
     Raises:
         StateError: names the quantity, its value and what is allowed.
     """
+    if not math.isfinite(leader.time_s):
+        raise StateError(f"measured leader time = {leader.time_s} s, allowed are finite values")
     if not (math.isfinite(leader.speed_m_s) and 0.0 <= leader.speed_m_s <= 100.0):
         raise StateError(f"measured leader speed = {leader.speed_m_s} m/s, allowed are 0 to 100")
     gap_m = leader.position_m - host.position_m
     if not (math.isfinite(gap_m) and gap_m >= -1.0):
         raise StateError(f"measured gap = {gap_m} m, allowed are finite values from -1 m")
+
+
+def check_slope(slope: SlopePreview) -> None:
+    """Refuse a road without nodes, with unequal numbers of them or with values that are not finite.
+
+    Raises:
+        StateError: says what is wrong.
+    """
+    sizes = (slope.positions_m.size, slope.slopes_rad.size)
+    if sizes[0] != sizes[1] or not sizes[0]:
+        raise StateError(
+            f"slope has {sizes[0]} positions and {sizes[1]} slopes, "
+            "allowed are equal numbers from 1"
+        )
+    if not (np.isfinite(slope.positions_m).all() and np.isfinite(slope.slopes_rad).all()):
+        raise StateError("slope has positions or slopes that are not finite numbers")
