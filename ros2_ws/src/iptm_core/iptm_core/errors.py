@@ -42,5 +42,9 @@ class ScenarioError(IptmError):
     """A scenario or study description is malformed."""
 
 
+class StoreError(IptmError):
+    """A stored study result is missing or damaged, or the store cannot be written."""
+
+
 class SolverSetupError(IptmError):
     """An optimal control problem or its solver cannot be built as asked."""

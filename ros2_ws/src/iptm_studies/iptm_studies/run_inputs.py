@@ -1,0 +1,123 @@
+"""From the names in a specification to the numbers that a run works on.
+
+The numbers travel to the worker that performs the run, so that a worker needs no files of its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from iptm_controller.horizon import Horizon
+from iptm_core.errors import ScenarioError
+from iptm_core.parameters import load_parameters, to_flat_dict
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.routes import Route, build_route
+from iptm_studies.fingerprint import code_fingerprint, library_versions
+from iptm_studies.run_spec import RunSpec, canonical_json
+
+KEY_FORMAT = 1
+KEY_LENGTH = 32
+
+
+@dataclass(frozen=True, eq=False)
+class RunInputs:
+    """A run with everything it needs.
+
+    Attributes:
+        spec: the specification.
+        parameters: parameters of vehicle and controller.
+        route: leader and slope.
+        fingerprint: of the code that it is meant for.
+    """
+
+    spec: RunSpec
+    parameters: ModelParameters
+    route: Route
+    fingerprint: str
+
+    @property
+    def ticks(self) -> int:
+        """Number of decisions in the run."""
+        return round(self.route.duration_s / self.spec.tick_s)
+
+
+def resolve_inputs(spec: RunSpec) -> RunInputs:
+    """Look up parameters and route.
+
+    Raises:
+        IptmError: a name, a key, a value or a file is not usable.
+    """
+    parameters = _parameters(spec.parameter_set, spec.overrides)
+    route = _route(spec.cycle, spec.slope, parameters.gap.initial_gap_m, spec.duration_s)
+    ticks = route.duration_s / spec.tick_s
+    if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
+        raise ScenarioError(
+            f"trip of {route.duration_s:g} s with ticks of {spec.tick_s:g} s; "
+            "allowed is a whole number of ticks, at least one"
+        )
+    return RunInputs(spec, parameters, route, code_fingerprint(spec.kind))
+
+
+def run_key(inputs: RunInputs) -> str:
+    """Key of everything that the numbers of a run depend on.
+
+    Parameter sets and routes count with their values, not with their names or files: a change in one
+    set leaves the runs of the others alone. Code counts without comments and docstrings.
+    """
+    spec = inputs.spec
+    strategy = asdict(spec.strategy)
+    del strategy["name"]
+    content = {
+        "format": KEY_FORMAT,
+        "kind": spec.kind.value,
+        "parameters": to_flat_dict(inputs.parameters),
+        "route": route_digest(inputs.route),
+        "strategy": strategy,
+        "horizon": spec.horizon,
+        "solver": asdict(spec.solver),
+        "preview": _preview_content(spec),
+        "tick_s": spec.tick_s,
+        "plant_step_s": spec.plant_step_s,
+        "code": inputs.fingerprint,
+        "libraries": library_versions(),
+    }
+    return hashlib.sha256(canonical_json(content).encode()).hexdigest()[:KEY_LENGTH]
+
+
+def route_digest(route: Route) -> str:
+    """Digest of the numbers of a route."""
+    digest = hashlib.sha256()
+    scalars = np.array([route.duration_s, route.leader.start_position_m])
+    leader, slope = route.leader, route.slope
+    for values in (
+        scalars,
+        leader.times_s,
+        leader.speeds_m_s,
+        slope.positions_m,
+        slope.slopes_rad,
+    ):
+        array = np.ascontiguousarray(values, dtype="<f8")
+        digest.update(str(array.shape).encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def _preview_content(spec: RunSpec) -> dict[str, Any]:
+    content = asdict(spec.preview)
+    content["length_s"] = spec.preview.reach_s(Horizon.parse(spec.horizon).duration_s)
+    return content
+
+
+@lru_cache(maxsize=256)
+def _parameters(name: str, overrides: tuple[tuple[str, float], ...]) -> ModelParameters:
+    return load_parameters(name, dict(overrides)).values
+
+
+@lru_cache(maxsize=32)
+def _route(cycle: str, slope: str, initial_gap_m: float, duration_s: float | None) -> Route:
+    return build_route(cycle, slope, initial_gap_m=initial_gap_m, duration_s=duration_s)
