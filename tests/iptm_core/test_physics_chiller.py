@@ -1,0 +1,134 @@
+"""The chiller map and the gate that switches it off with the compressor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.chiller import (
+    ChillerLine,
+    air_mass_flow_kg_s,
+    chiller_line,
+    compressor_gate,
+)
+
+Agree = Callable[..., None]
+CALIBRATED = load_parameters().values
+PUBLISHED = load_parameters("published_chiller").values
+
+
+def line(values: ModelParameters, power_w: float, speed_m_s: float = 10.0) -> ChillerLine:
+    return chiller_line(power_w, speed_m_s, values.chiller, values.cooling, values.environment)
+
+
+def test_the_air_flow_takes_its_speed_in_km_h() -> None:
+    # 10 m/s = 36 km/h: 0.07065 + 0.001683 * 36 = 0.131238 kg/s
+    assert air_mass_flow_kg_s(10.0, CALIBRATED.chiller) == pytest.approx(0.131238, rel=1e-12)
+    assert air_mass_flow_kg_s(0.0, CALIBRATED.chiller) == 0.07065
+    # the public model of the same system has 0.00606 per m/s
+    slope = air_mass_flow_kg_s(1.0, CALIBRATED.chiller) - 0.07065
+    assert slope == pytest.approx(0.00606, rel=5e-4)
+
+
+def test_the_gate_by_hand() -> None:
+    gate = {power: compressor_gate(power, CALIBRATED.chiller) for power in (0.0, 500.0, 1000.0)}
+    assert gate[0.0] == 0.0
+    assert gate[500.0] == pytest.approx(1.0 - math.exp(-1.0), rel=1e-14)
+    assert gate[1000.0] == pytest.approx(1.0 - math.exp(-4.0), rel=1e-14)
+    assert compressor_gate(4500.0, CALIBRATED.chiller) == pytest.approx(1.0, abs=1e-15)
+
+
+@given(st.floats(0.0, 4500.0), st.floats(0.0, 4500.0))
+def test_the_gate_opens_steadily_from_zero_to_one(first: float, second: float) -> None:
+    low, high = sorted((first, second))
+    gates = [compressor_gate(power, CALIBRATED.chiller) for power in (low, high)]
+    assert 0.0 <= gates[0] <= gates[1] <= 1.0
+
+
+def test_a_narrower_gate_opens_earlier() -> None:
+    narrow = replace(CALIBRATED.chiller, gate_power_w=100.0)
+    assert compressor_gate(300.0, narrow) > compressor_gate(300.0, CALIBRATED.chiller)
+
+
+def test_the_calibrated_map_by_hand() -> None:
+    """1000 W, 10 m/s, 35 degC air and 30 degC coolant, term by term."""
+    cooling = (
+        2.2 * 1000.0
+        - 1.6e-4 * 1e6
+        + 4.1710995 * 35.0 * 0.131238
+        - 1396.3143182
+        + (-1579.2336767 + 11348.8506087 * 0.144) * 30.0
+    )
+    gated = (1.0 - math.exp(-4.0)) * cooling
+    assert line(CALIBRATED, 1000.0).cooling_rate_w(303.15) == pytest.approx(gated, rel=1e-10)
+    assert gated == pytest.approx(2270.0, rel=1e-2)
+
+
+def test_the_published_map_by_hand() -> None:
+    cooling = (
+        1.860278870 * 1000.0
+        - 0.000307654 * 1e6
+        + 20.24473775 * 35.0 * 0.131238
+        - 4722.235131
+        + (-7665.026122 + 55083.19408 * 0.144) * 30.0
+    )
+    gated = (1.0 - math.exp(-4.0)) * cooling
+    assert line(PUBLISHED, 1000.0).cooling_rate_w(303.15) == pytest.approx(gated, rel=1e-10)
+
+
+def test_the_slope_over_the_outlet_temperature_keeps_its_digits() -> None:
+    # xi_3 + xi_5 m_c = -7665.026122 + 7931.97994752 = 266.95382552 W/K at 35 degC
+    slope = line(PUBLISHED, 1000.0).slope_w_k / (1.0 - math.exp(-4.0))
+    assert slope == pytest.approx(266.95382552, rel=1e-10)
+
+
+@pytest.mark.parametrize("values", [CALIBRATED, PUBLISHED], ids=["calibrated", "published"])
+@given(speed=st.floats(0.0, 37.5), outlet=st.floats(288.15, 318.15))
+def test_a_compressor_that_is_off_cools_nothing(
+    values: ModelParameters, speed: float, outlet: float
+) -> None:
+    assert line(values, 0.0, speed).cooling_rate_w(outlet) == 0.0
+    # at 2 % of the gate power it lets 0.04 % of the map (below 8 kW here) through
+    assert abs(line(values, 10.0, speed).cooling_rate_w(outlet)) < 4e-4 * 8000.0
+
+
+@given(
+    power=st.floats(100.0, 4400.0),
+    speed=st.floats(0.0, 37.0),
+    outlet=st.floats(298.15, 313.15),
+)
+def test_more_power_more_air_and_warmer_coolant_cool_more(
+    power: float, speed: float, outlet: float
+) -> None:
+    """Holds for the calibrated set over the whole operating range."""
+    here = line(CALIBRATED, power, speed).cooling_rate_w(outlet)
+    assert line(CALIBRATED, power + 50.0, speed).cooling_rate_w(outlet) > here
+    assert line(CALIBRATED, power, speed + 0.5).cooling_rate_w(outlet) > here
+    assert line(CALIBRATED, power, speed).cooling_rate_w(outlet + 0.5) > here
+
+
+def test_the_published_map_has_its_peak_inside_the_power_range() -> None:
+    """xi_1 + 2 xi_2 P = 0 near 3023 W: more power than that cools less, as published."""
+    peak = 1.860278870 / (2.0 * 0.000307654)
+    assert peak == pytest.approx(3023.3, abs=0.1)
+    at_peak, beyond = (line(PUBLISHED, p).cooling_rate_w(303.15) for p in (peak, peak + 500.0))
+    assert beyond < at_peak
+
+
+def test_all_backends_agree(each_set: ModelParameters, agree_in_all_backends: Agree) -> None:
+    random = np.random.default_rng(8)
+    power, speed = random.uniform(0.0, 4500.0, 40), random.uniform(0.0, 37.5, 40)
+    outlet = random.uniform(288.0, 318.0, 40)
+    agree_in_all_backends(lambda v: air_mass_flow_kg_s(v, each_set.chiller), speed)
+    agree_in_all_backends(lambda p: compressor_gate(p, each_set.chiller), power)
+    agree_in_all_backends(
+        lambda p, v, t: line(each_set, p, v).cooling_rate_w(t), power, speed, outlet
+    )

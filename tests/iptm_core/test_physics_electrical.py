@@ -1,0 +1,130 @@
+"""Pack current from terminal power, with every watt accounted for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iptm_core.errors import PowerLimitError
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.electrical import (
+    cell_current_a,
+    cell_voltage_v,
+    effective_source_voltage_v,
+    pack_current_a,
+    pack_entropic_coefficient_v_k,
+    pack_power_w,
+    pack_resistance_ohm,
+)
+
+Agree = Callable[..., None]
+VALUES = load_parameters().values
+CELL, PACK = VALUES.cell, VALUES.pack
+ISOTHERMAL_OCV = replace(CELL, entropic_coefficient_v_k=0.0)
+POWERS = st.floats(-60e3, 100e3)
+TEMPERATURES = st.floats(298.15, 313.15)
+RESISTANCES = st.floats(0.05, 0.2)
+
+
+def test_layout_by_hand() -> None:
+    # 96 cells in series, 38 strings: 0.0608 ohm * 96 / 38 = 0.1536 ohm; 96 * 4e-4 = 0.0384 V/K
+    assert PACK.cells_in_series == 96
+    assert pack_resistance_ohm(0.0608, PACK) == pytest.approx(0.1536, rel=1e-12)
+    assert pack_entropic_coefficient_v_k(CELL, PACK) == pytest.approx(0.0384, rel=1e-12)
+    # 380 V - 300 K * 0.0384 V/K = 368.48 V
+    assert effective_source_voltage_v(300.0, CELL, PACK) == pytest.approx(368.48, rel=1e-12)
+    assert cell_current_a(76.0, PACK) == 2.0
+    # 380 / 96 - 2 * 0.05 = 3.858333 V
+    assert cell_voltage_v(2.0, 0.05, PACK) == pytest.approx(380.0 / 96.0 - 0.1, rel=1e-12)
+
+
+def test_power_and_current_by_hand() -> None:
+    # 380 V * 100 A - 0.2 ohm * 100^2 A^2 = 36 kW, and back; -100 A charge with -40 kW
+    assert pack_power_w(100.0, 0.2, 300.0, ISOTHERMAL_OCV, PACK) == pytest.approx(36e3, rel=1e-12)
+    assert pack_current_a(36e3, 0.2, 300.0, ISOTHERMAL_OCV, PACK) == pytest.approx(100.0, rel=1e-12)
+    assert pack_current_a(-40e3, 0.2, 300.0, ISOTHERMAL_OCV, PACK) == pytest.approx(
+        -100.0, rel=1e-12
+    )
+    assert pack_current_a(0.0, 0.2, 300.0, CELL, PACK) == 0.0
+
+
+@given(power=POWERS, temperature=TEMPERATURES, resistance=RESISTANCES)
+def test_chemical_power_is_terminal_power_plus_heat(
+    power: float, temperature: float, resistance: float
+) -> None:
+    """E I = P_b + I^2 R + I T dV/dT to round-off, discharging and charging."""
+    current = pack_current_a(power, resistance, temperature, CELL, PACK)
+    ohmic = current**2 * resistance
+    entropic = current * temperature * 96 * 4e-4
+    chemical = 380.0 * current
+    assert power + ohmic + entropic == pytest.approx(chemical, rel=1e-13, abs=1e-9)
+    assert math.copysign(1.0, current) == math.copysign(1.0, power) or current == 0.0
+
+
+@given(power=POWERS, temperature=TEMPERATURES, resistance=RESISTANCES)
+def test_power_undoes_current(power: float, temperature: float, resistance: float) -> None:
+    current = pack_current_a(power, resistance, temperature, CELL, PACK)
+    assert pack_power_w(current, resistance, temperature, CELL, PACK) == pytest.approx(
+        power, rel=1e-13, abs=1e-9
+    )
+
+
+@given(power=POWERS, temperature=TEMPERATURES, resistance=RESISTANCES)
+def test_of_the_two_roots_the_small_current_is_taken(
+    power: float, temperature: float, resistance: float
+) -> None:
+    voltage = effective_source_voltage_v(temperature, CELL, PACK)
+    current = pack_current_a(power, resistance, temperature, CELL, PACK)
+    assert current <= voltage / (2.0 * resistance)
+
+
+@pytest.mark.parametrize("power", [1e-6, -1e-6, 1e-12])
+def test_small_powers_lose_no_digits(power: float) -> None:
+    """The printed root (E - sqrt(E^2 - 4 R P)) / (2 R) would cancel to a few digits here."""
+    current = pack_current_a(power, 0.15, 300.0, CELL, PACK)
+    first_order = power / 368.48
+    assert current == pytest.approx(first_order, rel=1e-12)
+
+
+def test_the_entropic_term_draws_on_discharge_and_gives_on_charge() -> None:
+    for power in (20e3, -20e3):
+        with_entropy = pack_current_a(power, 0.15, 300.0, CELL, PACK)
+        without = pack_current_a(power, 0.15, 300.0, ISOTHERMAL_OCV, PACK)
+        assert abs(with_entropy) > abs(without)
+
+
+def test_more_than_the_pack_can_deliver_is_refused_with_the_limit() -> None:
+    # 380^2 / (4 * 0.2) = 180500 W
+    limit = 380.0**2 / (4.0 * 0.2)
+    assert pack_current_a(limit, 0.2, 300.0, ISOTHERMAL_OCV, PACK) == pytest.approx(
+        380.0 / 0.4, rel=1e-6
+    )
+    with pytest.raises(PowerLimitError, match=r"180600\.0 W .* at most 180500\.0 W at 300\.00 K"):
+        pack_current_a(limit + 100.0, 0.2, 300.0, ISOTHERMAL_OCV, PACK)
+    with np.errstate(invalid="ignore"):
+        both = pack_current_a(np.array([1e3, 2.0 * limit]), 0.2, 300.0, ISOTHERMAL_OCV, PACK)
+    assert np.isnan(both).tolist() == [False, True]
+
+
+def test_all_backends_agree(each_set: ModelParameters, agree_in_all_backends: Agree) -> None:
+    random = np.random.default_rng(5)
+    power, current = random.uniform(-60e3, 100e3, 40), random.uniform(-150.0, 300.0, 40)
+    resistance, temperature = random.uniform(0.05, 0.2, 40), random.uniform(298.0, 313.0, 40)
+    cell, pack = each_set.cell, each_set.pack
+    agree_in_all_backends(
+        lambda p, r, t: pack_current_a(p, r, t, cell, pack), power, resistance, temperature
+    )
+    agree_in_all_backends(
+        lambda i, r, t: pack_power_w(i, r, t, cell, pack), current, resistance, temperature
+    )
+    agree_in_all_backends(lambda r: pack_resistance_ohm(r, pack), resistance)
+    agree_in_all_backends(lambda t: effective_source_voltage_v(t, cell, pack), temperature)
+    agree_in_all_backends(lambda i: cell_current_a(i, pack), current)
+    agree_in_all_backends(lambda i, r: cell_voltage_v(i, r, pack), current, resistance)
