@@ -1,0 +1,118 @@
+"""What rules and plots read off a trajectory beyond its metrics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
+
+
+def celsius(temperature_k: FloatArray) -> FloatArray:
+    """Temperatures in degrees Celsius."""
+    shifted: FloatArray = temperature_k - CELSIUS_ZERO_K
+    return shifted
+
+
+def battery_power_kw(run: Trajectory) -> FloatArray:
+    """Pack power of every interval, shape (n - 1,); row 0 of a run ends no interval."""
+    power: FloatArray = 1e-3 * run.battery_power_w[1:]
+    return power
+
+
+def traction_power_kw(run: Trajectory) -> FloatArray:
+    """Traction power of every interval, shape (n - 1,)."""
+    power: FloatArray = 1e-3 * run.traction_power_w[1:]
+    return power
+
+
+@dataclass(frozen=True)
+class PowerRegions:
+    """Bounds between low, medium and high total power; the paper draws the regions without values.
+
+    Attributes:
+        low_kw: power up to this is low.
+        high_kw: power from this on is high.
+    """
+
+    low_kw: float
+    high_kw: float
+
+    @classmethod
+    def of_reference(
+        cls, run: Trajectory, low_percentile: float, high_percentile: float
+    ) -> PowerRegions:
+        """Take both bounds as percentiles of the power of the reference run."""
+        power = battery_power_kw(run)
+        low, high = np.percentile(power, [low_percentile, high_percentile])
+        return cls(float(low), float(high))
+
+    def shares(self, run: Trajectory) -> tuple[float, float, float]:
+        """Shares of time with low, medium and high power; they sum to one."""
+        power, steps = battery_power_kw(run), run.intervals_s
+        total = float(np.sum(steps))
+        low = float(np.sum(steps[power <= self.low_kw])) / total
+        high = float(np.sum(steps[power >= self.high_kw])) / total
+        return low, 1.0 - low - high, high
+
+
+@dataclass(frozen=True)
+class Window:
+    """A stretch of time.
+
+    Attributes:
+        start_row: first row.
+        end_row: last row.
+    """
+
+    start_row: int
+    end_row: int
+
+
+def busiest_window(run: Trajectory, length_s: float) -> Window:
+    """The stretch of a trip with the most traction energy drawn.
+
+    Args:
+        run: the trip.
+        length_s: length of the stretch; at most the trip.
+
+    Returns:
+        Rows of its start and end.
+    """
+    drawn = np.maximum(run.traction_power_w[1:], 0.0) * run.intervals_s
+    energy = np.concatenate([[0.0], np.cumsum(drawn)])
+    starts = np.arange(len(run))
+    ends = np.searchsorted(run.time_s, run.time_s + length_s - 1e-9)
+    inside = ends < len(run)
+    if not np.any(inside):
+        return Window(0, len(run) - 1)
+    gains = energy[ends[inside]] - energy[starts[inside]]
+    start = int(np.argmax(gains))
+    return Window(start, int(ends[inside][start]))
+
+
+def time_to_fall_s(times_s: FloatArray, values: FloatArray, share: float) -> float:
+    """Time until a quantity has fallen by a share of the way from its start to its lowest value."""
+    target = values[0] - share * (values[0] - np.min(values))
+    return float(times_s[int(np.argmax(values <= target))] - times_s[0])
+
+
+def thinned(run: Trajectory, values: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
+    """Block means of a series for a plot of limited width.
+
+    Args:
+        run: the trip.
+        values: shape (n,).
+        most: at most about this many points.
+
+    Returns:
+        Times and means, equal shapes.
+    """
+    block = max(1, len(run) // most)
+    whole = len(run) // block * block
+    times: FloatArray = run.time_s[:whole].reshape(-1, block).mean(axis=1)
+    means: FloatArray = np.asarray(values)[:whole].reshape(-1, block).mean(axis=1)
+    return times, means
