@@ -27,7 +27,7 @@ DEFAULT_DEPTH = 10_000
 _LOOK_PERIOD_S = 0.05
 _ADAPTION_PERIOD_S = 1.0
 _IDLE_BEFORE_CLOSING_S = 0.25
-_LONGEST_DRAIN_S = 2.0
+_LONGEST_DRAIN_S = 1.0
 _PROGRESS_PERIOD_S = 10.0
 # Before a trip only latched data and diagnostics arrive; more than that means a missing clock.
 _MANY_HELD = 1000
@@ -84,6 +84,7 @@ class RecorderNode(SuiteNode):
             on_error=self._fail,
         )
         self._stop_time_s: float | None = None
+        self._looks_since_stop = 0
         self._closed = False
         self._seen_count = 0
         self._last_arrival_s = time.monotonic()
@@ -112,8 +113,8 @@ class RecorderNode(SuiteNode):
             self._seen_count = self._session.message_count
             self._last_arrival_s = now_s
         if self._stop_time_s is not None:
-            idle_s = now_s - max(self._last_arrival_s, self._stop_time_s)
-            if idle_s > _IDLE_BEFORE_CLOSING_S or now_s - self._stop_time_s > _LONGEST_DRAIN_S:
+            self._looks_since_stop += 1
+            if self._is_drained(now_s - self._stop_time_s, now_s - self._last_arrival_s):
                 self._close()
                 self.finish(self.exit_code)
             return
@@ -125,6 +126,17 @@ class RecorderNode(SuiteNode):
             self._next_progress_s = now_s + _PROGRESS_PERIOD_S
             print(self._progress(), flush=True)
         self._report()
+
+    def _is_drained(self, stopping_s: float, idle_s: float) -> bool:
+        """Tell whether everything that was received before the request to stop has been written.
+
+        The executor works in the order of arrival: by the second look after the request, all that
+        was queued at the first one is done, however large the backlog. A moment more is given to
+        what was on its way between processes, as long as it does not go on for ever.
+        """
+        if self._looks_since_stop < 2:
+            return False
+        return min(idle_s, stopping_s) > _IDLE_BEFORE_CLOSING_S or stopping_s > _LONGEST_DRAIN_S
 
     def _report(self) -> None:
         values: dict[str, object] = {
