@@ -149,8 +149,11 @@ class Controller:
     ) -> Decision:
         forecast = self._forecaster.forecast(leader, measured.preview)
         last = self._ladder.last_good_plan
+        # Past its end a plan only repeats its last input, which leads to absurd speeds.
         guess = (
-            self._shifter.cold_start(state) if last is None else self._shifter.shift(last, state)
+            self._shifter.shift(last, state)
+            if last is not None and last.covers(state.time_s)
+            else self._shifter.cold_start(state)
         )
         data = self._builder.build(
             state,

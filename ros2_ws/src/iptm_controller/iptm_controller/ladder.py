@@ -74,10 +74,9 @@ class FallbackLadder:
             # Nothing is known about the vehicle: brake gently, the limiter keeps the jerk.
             return LadderDecision(Command(-1.0, 0.0), Rung.STOP)
         plan = self._last_good
-        if self._failures <= options.shifted_plan_ticks and plan is not None:
-            covered_s = plan.start_s + float(plan.node_times_s[-1])
-            if state.time_s < covered_s:
-                return LadderDecision(plan.command_at(state.time_s), Rung.SHIFTED_PLAN)
+        recent = self._failures <= options.shifted_plan_ticks
+        if recent and plan is not None and plan.covers(state.time_s):
+            return LadderDecision(plan.command_at(state.time_s), Rung.SHIFTED_PLAN)
         last_safe_tick = options.shifted_plan_ticks + options.safe_law_ticks
         if leader is not None and self._failures <= last_safe_tick:
             return LadderDecision(safe_following(state, leader, self._parameters), Rung.SAFE_LAW)

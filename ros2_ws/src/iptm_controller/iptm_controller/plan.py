@@ -37,6 +37,10 @@ class Plan:
     states: FloatArray
     inputs: FloatArray
 
+    def covers(self, time_s: float) -> bool:
+        """Whether a trip time lies inside the plan."""
+        return 0.0 <= time_s - self.start_s < float(self.node_times_s[-1])
+
     def command_at(self, time_s: float) -> Command:
         """The planned inputs of the step that holds at a trip time; the last step is held on."""
         elapsed = time_s - self.start_s
