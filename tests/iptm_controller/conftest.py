@@ -1,0 +1,219 @@
+"""Scenes, problems and solvers for the tests of the controller; compiled once per session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iptm_controller.controller import Measurements
+from iptm_controller.forecast import LeaderForecaster
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp.compilation import CACHE_VARIABLE
+from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.transcription import Transcription, transcribe
+from iptm_controller.plan import PlanShifter, sample_positions_m, variables_from_plan
+from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.cooling_probe import CoolingProbe
+from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
+from iptm_controller.strategy import strategy_by_name
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
+
+FLAT = SlopePreview(np.zeros(1), np.zeros(1))
+NOW_S = 100.0
+HERE_M = 1000.0
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let ROS's message generator import the parser it brings along, which is a little dated."""
+    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compile_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Keep compiled problems out of the user's cache, and share them between the tests."""
+    folder = tmp_path_factory.mktemp("compiled")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(CACHE_VARIABLE, str(folder))
+        yield folder
+
+
+@pytest.fixture(scope="session")
+def parameters() -> ModelParameters:
+    return load_parameters().values
+
+
+def state_with(**changes: float) -> VehicleState:
+    """A host in the middle of a trip, with some values changed."""
+    state = VehicleState(
+        time_s=NOW_S,
+        position_m=HERE_M,
+        speed_m_s=15.0,
+        acceleration_m_s2=0.0,
+        compressor_power_w=0.0,
+        cell_1_temperature_k=307.15,
+        cell_n_temperature_k=308.15,
+        cell_1_capacity_loss=1e-3,
+        cell_n_capacity_loss=1e-3,
+    )
+    return replace(state, **changes)
+
+
+def leader_with(
+    gap_m: float = 40.0, speed_m_s: float = 15.0, time_s: float = NOW_S, host_m: float = HERE_M
+) -> LeaderState:
+    return LeaderState(time_s, host_m + gap_m, speed_m_s)
+
+
+def preview_of(
+    leader: LeaderState,
+    acceleration_m_s2: float = 0.0,
+    length_s: float = 60.0,
+    target_m_s: float | None = None,
+) -> LeaderPreview:
+    """What a leader predicts that accelerates evenly, down to standstill or up to a target speed."""
+    ahead = np.arange(0.0, length_s + 0.5)
+    low, high = 0.0, 40.0
+    if target_m_s is not None:
+        low, high = min(target_m_s, leader.speed_m_s), max(target_m_s, leader.speed_m_s)
+    speeds = np.clip(leader.speed_m_s + acceleration_m_s2 * ahead, low, high)
+    moved = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
+    times = leader.time_s + ahead
+    return LeaderPreview(leader.time_s, times, leader.position_m + moved, speeds)
+
+
+def scene(
+    *,
+    gap_m: float = 40.0,
+    leader_speed_m_s: float = 15.0,
+    leader_acceleration_m_s2: float = 0.0,
+    slope: SlopePreview = FLAT,
+    **state: float,
+) -> Measurements:
+    """One tick's measurements, everything measured and consistent."""
+    host = state_with(**state)
+    leader = leader_with(gap_m, leader_speed_m_s, host.time_s, host.position_m)
+    return Measurements(host, leader, preview_of(leader, leader_acceleration_m_s2), slope)
+
+
+def hills(amplitude: float = 0.06) -> SlopePreview:
+    """Waves in the road around where the host is."""
+    positions = np.arange(0.0, 4000.0, 10.0)
+    return SlopePreview(positions, amplitude * np.sin(positions / 90.0))
+
+
+SCENES: dict[str, Measurements] = {
+    "cruise": scene(),
+    "hills": scene(slope=hills(), speed_m_s=20.0, leader_speed_m_s=21.0, gap_m=60.0),
+    "leader_brakes": scene(leader_acceleration_m_s2=-1.5, gap_m=45.0),
+    "leader_pulls_away": scene(
+        speed_m_s=2.0, leader_speed_m_s=3.0, leader_acceleration_m_s2=1.5, gap_m=12.0
+    ),
+    "standstill": scene(speed_m_s=0.0, leader_speed_m_s=0.0, gap_m=15.0),
+    "cooling": scene(
+        compressor_power_w=900.0, cell_1_temperature_k=309.0, cell_n_temperature_k=311.0
+    ),
+    "fast": scene(
+        speed_m_s=33.0, leader_speed_m_s=34.0, gap_m=90.0, acceleration_m_s2=0.4, slope=hills(0.02)
+    ),
+}
+"""Ordinary situations; what is out of the ordinary is built in the test that needs it."""
+
+
+@pytest.fixture(params=sorted(SCENES))
+def ordinary_scene(request: pytest.FixtureRequest) -> Measurements:
+    """One ordinary situation after the other."""
+    return SCENES[request.param]
+
+
+@pytest.fixture(scope="session")
+def scenes() -> dict[str, Measurements]:
+    return SCENES
+
+
+@pytest.fixture(scope="session")
+def make_scene() -> Callable[..., Measurements]:
+    return scene
+
+
+@pytest.fixture(scope="session")
+def make_state() -> Callable[..., VehicleState]:
+    return state_with
+
+
+@pytest.fixture(scope="session")
+def make_leader() -> Callable[..., LeaderState]:
+    return leader_with
+
+
+@pytest.fixture(scope="session")
+def make_preview() -> Callable[..., LeaderPreview]:
+    return preview_of
+
+
+@pytest.fixture(scope="session")
+def road_with_hills() -> SlopePreview:
+    return hills()
+
+
+@pytest.fixture(scope="session")
+def problem_of() -> Callable[..., tuple[ProblemData, FloatArray]]:
+    """Pose the problem of a scene on a horizon: its data and a cold guess."""
+
+    def pose(
+        measured: Measurements, horizon: str = "3x1+5x5", strategy: str = "aging"
+    ) -> tuple[ProblemData, FloatArray]:
+        assert measured.state is not None
+        assert measured.leader is not None
+        grid = Horizon.parse(horizon)
+        builder = ProblemDataBuilder(grid, strategy_by_name(strategy))
+        guess = PlanShifter(grid).cold_start(measured.state)
+        forecast = LeaderForecaster(grid.duration_s, 10.0).forecast(
+            measured.leader, measured.preview
+        )
+        expected = sample_positions_m(guess, builder.sample_times_s)
+        data = builder.build(measured.state, forecast.motion, measured.slope, expected)
+        return data, variables_from_plan(guess, measured.state)
+
+    return pose
+
+
+@pytest.fixture(scope="session")
+def plain_solver(parameters: ModelParameters) -> Callable[..., SolverBackend]:
+    """Solvers without the cooling probe; each kind is built once."""
+
+    @lru_cache
+    def build(
+        horizon: str = "3x1+5x5", name: str = "fatrop", *, compile_code: bool = True
+    ) -> SolverBackend:
+        options = SolverOptions(name=name, compile_code=compile_code)
+        return build_plain_solver(Horizon.parse(horizon), parameters, options)
+
+    return build
+
+
+@pytest.fixture
+def probing_solver(
+    parameters: ModelParameters, plain_solver: Callable[..., SolverBackend]
+) -> Callable[..., SolverBackend]:
+    """Solvers as the controller uses them; the probe counts ticks, so each test gets its own."""
+
+    def build(horizon: str = "3x1+5x5", name: str = "fatrop") -> SolverBackend:
+        return CoolingProbe(plain_solver(horizon, name), Horizon.parse(horizon), parameters)
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def transcription_of(parameters: ModelParameters) -> Callable[[str], Transcription]:
+    @lru_cache
+    def build(horizon: str) -> Transcription:
+        return transcribe(Horizon.parse(horizon), parameters)
+
+    return build

@@ -1,0 +1,248 @@
+"""What the leader is expected to do, and how well it is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iptm_controller.forecast import (
+    HISTORY_S,
+    LeaderForecaster,
+    PreviewQuality,
+    check_preview,
+)
+from iptm_core.errors import PreviewError
+from iptm_core.state import LeaderPreview, LeaderState
+
+HORIZON_S = 28.0
+MAX_AGE_S = 10.0
+NONE_YET = LeaderPreview(-math.inf, np.empty(0), np.empty(0), np.empty(0))
+
+
+@pytest.fixture
+def forecaster() -> LeaderForecaster:
+    return LeaderForecaster(HORIZON_S, MAX_AGE_S)
+
+
+@pytest.fixture
+def leader(make_leader: Callable[..., LeaderState]) -> LeaderState:
+    return make_leader(gap_m=40.0, speed_m_s=15.0, time_s=100.0)
+
+
+def moved(preview: LeaderPreview, seconds: float) -> LeaderPreview:
+    """The same prediction, made earlier or later."""
+    return replace(
+        preview,
+        generated_at_s=preview.generated_at_s + seconds,
+        times_s=preview.times_s + seconds,
+    )
+
+
+def expect_constant_speed(forecast_motion: object, leader: LeaderState) -> None:
+    times = leader.time_s + np.array([0.0, 1.0, 28.0])
+    positions, speeds = forecast_motion.at(times)  # type: ignore[attr-defined]
+    assert speeds.tolist() == [leader.speed_m_s] * 3
+    np.testing.assert_allclose(
+        positions, leader.position_m + leader.speed_m_s * (times - leader.time_s)
+    )
+
+
+def test_full_preview_is_followed_exactly(
+    forecaster: LeaderForecaster,
+    leader: LeaderState,
+    make_preview: Callable[..., LeaderPreview],
+) -> None:
+    preview = make_preview(leader, acceleration_m_s2=-1.0)
+    forecast = forecaster.forecast(leader, preview)
+    assert forecast.quality is PreviewQuality.FULL
+    assert forecast.reason == ""
+    assert forecast.age_s == 0.0
+    positions, speeds = forecast.motion.at(preview.times_s)
+    np.testing.assert_allclose(positions, preview.positions_m, atol=1e-9)
+    np.testing.assert_allclose(speeds, preview.speeds_m_s, atol=1e-12)
+
+
+def test_a_preview_that_just_reaches_the_horizon_is_full(
+    forecaster: LeaderForecaster,
+    leader: LeaderState,
+    make_preview: Callable[..., LeaderPreview],
+) -> None:
+    forecast = forecaster.forecast(leader, make_preview(leader, length_s=HORIZON_S))
+    assert forecast.quality is PreviewQuality.FULL
+
+
+def test_short_preview_goes_on_at_its_last_speed(
+    forecaster: LeaderForecaster,
+    leader: LeaderState,
+    make_preview: Callable[..., LeaderPreview],
+) -> None:
+    preview = make_preview(leader, acceleration_m_s2=-1.0, length_s=5.0)
+    forecast = forecaster.forecast(leader, preview)
+    assert forecast.quality is PreviewQuality.SHORT
+    assert forecast.reason == "preview covers 5.0 s of a 28 s horizon"
+    positions, speeds = forecast.motion.at(np.array([105.0, 110.0]))
+    assert speeds.tolist() == [10.0, 10.0]
+    assert positions[1] - positions[0] == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize(
+    ("age_s", "quality"),
+    [(0.0, 0), (3.0, 0), (MAX_AGE_S, 0), (MAX_AGE_S + 0.1, 2), (59.0, 2), (200.0, 2)],
+)
+def test_old_previews_are_used_up_to_the_permitted_age(
+    forecaster: LeaderForecaster,
+    leader: LeaderState,
+    make_preview: Callable[..., LeaderPreview],
+    age_s: float,
+    quality: int,
+) -> None:
+    forecast = forecaster.forecast(leader, moved(make_preview(leader), -age_s))
+    assert forecast.quality == quality
+    assert forecast.age_s == pytest.approx(age_s)
+    if quality == PreviewQuality.STALE:
+        assert forecast.reason == f"preview is {age_s:.1f} s old, allowed are 10 s"
+        expect_constant_speed(forecast.motion, leader)
+
+
+def test_a_preview_that_has_ended_is_stale_however_young(
+    forecaster: LeaderForecaster,
+    leader: LeaderState,
+    make_preview: Callable[..., LeaderPreview],
+) -> None:
+    preview = moved(make_preview(leader, length_s=2.0), -3.0)
+    forecast = forecaster.forecast(leader, preview)
+    assert forecast.quality is PreviewQuality.STALE
+    assert forecast.reason == "preview ended 1.0 s ago"
+    expect_constant_speed(forecast.motion, leader)
+
+
+def test_no_preview_yet(forecaster: LeaderForecaster, leader: LeaderState) -> None:
+    forecast = forecaster.forecast(leader, NONE_YET)
+    assert forecast.quality is PreviewQuality.MISSING
+    assert forecast.reason
+    assert math.isnan(forecast.age_s)
+    expect_constant_speed(forecast.motion, leader)
+
+
+@given(offset_m=st.floats(-500.0, 500.0), age_s=st.floats(0.0, 9.0))
+def test_prediction_starts_where_the_leader_is_seen(
+    make_leader: Callable[..., LeaderState],
+    make_preview: Callable[..., LeaderPreview],
+    offset_m: float,
+    age_s: float,
+) -> None:
+    """Neither delay nor an error of position moves the leader that the range sensor measures."""
+    leader = make_leader()
+    preview = make_preview(leader, acceleration_m_s2=-0.7)
+    preview = replace(moved(preview, -age_s), positions_m=preview.positions_m + offset_m)
+    forecast = LeaderForecaster(HORIZON_S, MAX_AGE_S).forecast(leader, preview)
+    assert forecast.quality is PreviewQuality.FULL
+    now = np.array([leader.time_s])
+    assert forecast.motion.at(now)[0][0] == leader.position_m
+    # From there on it moves as predicted.
+    ahead = preview.times_s[preview.times_s > leader.time_s]
+    positions, speeds = forecast.motion.at(ahead)
+    later = preview.times_s > leader.time_s
+    np.testing.assert_allclose(np.diff(positions), np.diff(preview.positions_m[later]), atol=1e-8)
+    np.testing.assert_allclose(speeds, preview.speeds_m_s[later])
+
+
+def test_history_is_measured_and_forgotten(
+    forecaster: LeaderForecaster, make_leader: Callable[..., LeaderState]
+) -> None:
+    """The mean speed over the last seconds comes from what was seen, not from the prediction."""
+    for tick in range(8):
+        leader = make_leader(gap_m=40.0 + tick**2, speed_m_s=2.0 * tick, time_s=100.0 + tick)
+        forecast = forecaster.forecast(leader, NONE_YET)
+    past = forecast.motion.times_s[forecast.motion.times_s < 107.0]
+    assert past.tolist() == [104.0, 105.0, 106.0]
+    assert past[0] == 107.0 - HISTORY_S
+    positions, speeds = forecast.motion.at(np.array([105.0, 105.5]))
+    assert positions[0] == 1040.0 + 25.0
+    assert speeds.tolist() == [10.0, 11.0]
+
+
+def test_going_back_in_time_starts_a_new_history(
+    forecaster: LeaderForecaster, make_leader: Callable[..., LeaderState]
+) -> None:
+    forecaster.forecast(make_leader(time_s=100.0), NONE_YET)
+    forecaster.forecast(make_leader(time_s=101.0), NONE_YET)
+    leader = make_leader(time_s=0.0)
+    forecast = forecaster.forecast(leader, NONE_YET)
+    assert forecast.motion.times_s.tolist() == [0.0]
+
+
+def test_the_same_tick_again_gives_the_same_forecast(
+    forecaster: LeaderForecaster,
+    leader: LeaderState,
+    make_preview: Callable[..., LeaderPreview],
+) -> None:
+    preview = make_preview(leader)
+    first = forecaster.forecast(leader, preview)
+    again = forecaster.forecast(leader, preview)
+    assert again.motion.times_s.tolist() == first.motion.times_s.tolist()
+
+
+def spoil(preview: LeaderPreview, name: str, index: int, value: float) -> LeaderPreview:
+    values = getattr(preview, name).copy()
+    values[index] = value
+    return replace(preview, **{name: values})
+
+
+MALFORMED: dict[str, tuple[Callable[[LeaderPreview], LeaderPreview], str]] = {
+    "nan_time": (lambda p: spoil(p, "times_s", 3, math.nan), "times are not finite at node 3"),
+    "inf_position": (lambda p: spoil(p, "positions_m", 5, math.inf), "positions are not finite"),
+    "nan_speed": (lambda p: spoil(p, "speeds_m_s", 0, math.nan), "speeds are not finite at node 0"),
+    "same_time": (lambda p: spoil(p, "times_s", 4, 103.0), "do not increase after node 3"),
+    "time_back": (lambda p: spoil(p, "times_s", 4, 90.0), "do not increase after node 3"),
+    "backwards": (lambda p: spoil(p, "positions_m", 7, 0.0), "backwards after node 6"),
+    "negative_speed": (lambda p: spoil(p, "speeds_m_s", 2, -0.1), "allowed are 0 to 100 m/s"),
+    "too_fast": (lambda p: spoil(p, "speeds_m_s", 2, 101.0), "allowed are 0 to 100 m/s"),
+    "short_speeds": (lambda p: replace(p, speeds_m_s=p.speeds_m_s[:-1]), "equal numbers"),
+    "no_positions": (lambda p: replace(p, positions_m=np.empty(0)), "equal numbers"),
+    "nan_generated": (lambda p: replace(p, generated_at_s=math.nan), "generated at nan s"),
+    "future": (lambda p: moved(p, 5.0), "generated 5.000 s in the future"),
+}
+
+
+@pytest.mark.parametrize("kind", sorted(MALFORMED))
+def test_malformed_previews_are_named_and_not_used(
+    forecaster: LeaderForecaster,
+    leader: LeaderState,
+    make_preview: Callable[..., LeaderPreview],
+    kind: str,
+) -> None:
+    change, complaint = MALFORMED[kind]
+    forecast = forecaster.forecast(leader, change(make_preview(leader)))
+    assert forecast.quality is PreviewQuality.INVALID
+    assert complaint in forecast.reason
+    expect_constant_speed(forecast.motion, leader)
+
+
+@pytest.mark.parametrize("kind", sorted(set(MALFORMED) - {"future"}))
+def test_check_raises_what_the_forecast_reports(
+    leader: LeaderState, make_preview: Callable[..., LeaderPreview], kind: str
+) -> None:
+    change, complaint = MALFORMED[kind]
+    with pytest.raises(PreviewError) as caught:
+        check_preview(change(make_preview(leader)))
+    assert complaint in str(caught.value)
+
+
+def test_recovers_at_once(
+    forecaster: LeaderForecaster,
+    make_leader: Callable[..., LeaderState],
+    make_preview: Callable[..., LeaderPreview],
+) -> None:
+    for tick, change in enumerate(change for change, _ in MALFORMED.values()):
+        leader = make_leader(time_s=100.0 + 2 * tick)
+        forecaster.forecast(leader, change(make_preview(leader)))
+        leader = make_leader(time_s=101.0 + 2 * tick)
+        forecast = forecaster.forecast(leader, make_preview(leader))
+        assert forecast.quality is PreviewQuality.FULL

@@ -1,0 +1,161 @@
+"""The last limiter: whatever comes in, what goes out can be actuated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iptm_controller.limiter import CommandLimiter
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import Command, VehicleState
+
+ANYTHING = st.floats(allow_nan=True, allow_infinity=True)
+ACCELERATIONS = st.floats(-3.0, 3.0) | ANYTHING
+POWERS = st.floats(-500.0, 6000.0) | ANYTHING
+TICKS = st.sampled_from([0.1, 0.5, 1.0, 2.0])
+SLACK = 1e-9
+
+
+@pytest.fixture
+def limiter(parameters: ModelParameters) -> CommandLimiter:
+    return CommandLimiter(parameters.limits, 1.0)
+
+
+@given(
+    acceleration=ACCELERATIONS,
+    power=POWERS,
+    last_acceleration=st.floats(-2.0, 2.0),
+    last_power=st.floats(0.0, 4500.0),
+    speed=st.floats(0.0, 37.5),
+    tick_s=TICKS,
+)
+def test_any_command_leaves_within_bounds_and_rates(
+    parameters: ModelParameters,
+    make_state: Callable[..., VehicleState],
+    acceleration: float,
+    power: float,
+    last_acceleration: float,
+    last_power: float,
+    speed: float,
+    tick_s: float,
+) -> None:
+    limits = parameters.limits
+    limiter = CommandLimiter(limits, tick_s)
+    state = make_state(
+        acceleration_m_s2=last_acceleration, compressor_power_w=last_power, speed_m_s=speed
+    )
+    limited = limiter.limit(Command(acceleration, power), state)
+    out = limited.command
+    assert limits.min_acceleration_m_s2 <= out.acceleration_m_s2 <= limits.max_acceleration_m_s2
+    jerk_step = limits.max_jerk_m_s3 * tick_s
+    assert abs(out.acceleration_m_s2 - last_acceleration) <= jerk_step + SLACK
+    assert limits.min_compressor_power_w <= out.compressor_power_w <= limits.max_compressor_power_w
+    rate_step = limits.max_compressor_rate_w_s * tick_s
+    assert abs(out.compressor_power_w - last_power) <= rate_step + SLACK
+    # Beyond its top speed the vehicle only gets by momentum that the jerk limit cannot take away.
+    next_speed = speed + tick_s * out.acceleration_m_s2
+    if next_speed > limits.max_speed_m_s + SLACK:
+        assert out.acceleration_m_s2 == pytest.approx(last_acceleration - jerk_step)
+    # What was changed is said, and what is said was changed.
+    changed = not (
+        abs(out.acceleration_m_s2 - acceleration) <= 1e-6
+        and abs(out.compressor_power_w - power) <= 1e-3
+    )
+    assert limited.active == changed
+    again = limiter.limit(out, state)
+    assert again.command == out
+
+
+@given(acceleration=st.floats(-0.5, 0.5), power=st.floats(800.0, 1200.0))
+def test_what_can_be_actuated_passes_untouched(
+    parameters: ModelParameters,
+    make_state: Callable[..., VehicleState],
+    acceleration: float,
+    power: float,
+) -> None:
+    limiter = CommandLimiter(parameters.limits, 1.0)
+    command = Command(acceleration, power)
+    limited = limiter.limit(command, make_state(compressor_power_w=1000.0))
+    assert limited.command == command
+    assert limited.reasons == ()
+
+
+@pytest.mark.parametrize(
+    ("command", "state", "expected", "reasons"),
+    [
+        (Command(2.5, 0.0), {"acceleration_m_s2": 1.8}, Command(2.0, 0.0), ["acceleration bound"]),
+        (Command(1.0, 0.0), {}, Command(0.5, 0.0), ["jerk"]),
+        (Command(-2.0, 0.0), {"acceleration_m_s2": 1.0}, Command(0.5, 0.0), ["jerk"]),
+        (Command(0.4, 0.0), {"speed_m_s": 37.4}, Command(0.1, 0.0), ["top speed"]),
+        (
+            Command(1.0, 0.0),
+            {"speed_m_s": 37.4, "acceleration_m_s2": 1.0},
+            Command(0.5, 0.0),
+            ["top speed", "jerk"],
+        ),
+        (
+            Command(0.0, 5000.0),
+            {"compressor_power_w": 4400.0},
+            Command(0.0, 4500.0),
+            ["compressor power bound"],
+        ),
+        (Command(0.0, 900.0), {}, Command(0.0, 200.0), ["compressor rate"]),
+        (
+            Command(-9.0, -1.0),
+            {"compressor_power_w": 900.0},
+            Command(-0.5, 700.0),
+            ["acceleration bound", "jerk", "compressor power bound", "compressor rate"],
+        ),
+    ],
+)
+def test_reasons_name_what_bit(
+    limiter: CommandLimiter,
+    make_state: Callable[..., VehicleState],
+    command: Command,
+    state: dict[str, float],
+    expected: Command,
+    reasons: list[str],
+) -> None:
+    limited = limiter.limit(command, make_state(**state))
+    assert limited.command.acceleration_m_s2 == pytest.approx(expected.acceleration_m_s2)
+    assert limited.command.compressor_power_w == pytest.approx(expected.compressor_power_w)
+    assert list(limited.reasons) == reasons
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(("last", "coasting"), [(1.0, 0.5), (-0.7, -0.7), (0.0, 0.0)])
+def test_nonsense_coasts_down_and_holds_the_compressor(
+    limiter: CommandLimiter,
+    make_state: Callable[..., VehicleState],
+    wrong: float,
+    last: float,
+    coasting: float,
+) -> None:
+    state = make_state(acceleration_m_s2=last, compressor_power_w=700.0)
+    limited = limiter.limit(Command(wrong, wrong), state)
+    assert limited.command == Command(coasting, 700.0)
+    assert limited.reasons[:2] == ("acceleration not finite", "compressor power not finite")
+
+
+def test_half_a_nonsense_command_leaves_the_other_half_alone(
+    limiter: CommandLimiter, make_state: Callable[..., VehicleState]
+) -> None:
+    limited = limiter.limit(Command(0.3, math.nan), make_state(compressor_power_w=700.0))
+    assert limited.command == Command(0.3, 700.0)
+    assert limited.reasons == ("compressor power not finite",)
+
+
+def test_actuated_values_outside_the_bounds_do_not_pull_the_command_out(
+    parameters: ModelParameters,
+    limiter: CommandLimiter,
+    make_state: Callable[..., VehicleState],
+) -> None:
+    state = make_state(acceleration_m_s2=5.0, compressor_power_w=9000.0)
+    limited = limiter.limit(Command(5.0, 9000.0), state)
+    limits = parameters.limits
+    assert limited.command.acceleration_m_s2 <= limits.max_acceleration_m_s2
+    assert limited.command.compressor_power_w <= limits.max_compressor_power_w
