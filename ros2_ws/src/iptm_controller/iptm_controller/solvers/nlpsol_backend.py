@@ -178,6 +178,11 @@ class NlpsolBackend:
         cost, rows = self._problem(start, data.parameters)
         return bool(np.isfinite(float(cost)) and np.isfinite(rows.full()).all())
 
+    def forget(self) -> None:
+        """Drop what is carried from solve to solve, as at the start of a trip."""
+        self._multipliers = {}
+        self._iteration_s = 0.0
+
     def _affordable_cap(self) -> int:
         """The largest bound on the iterations that fits the time limit."""
         caps = sorted(self._solvers)

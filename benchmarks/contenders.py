@@ -1,0 +1,113 @@
+"""Everything that solves recorded problems, behind one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from benchmarks.clock import Elapsed, timed
+from benchmarks.peer_opti import OptiPeer
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions, build_plain_solver
+from iptm_controller.solvers.nlpsol_backend import NlpsolBackend
+from iptm_controller.solvers.result import SolveStatus
+from iptm_core.errors import ScenarioError
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FloatArray
+
+PEER = "peer_plain"
+PEER_EXPANDED = "peer_expanded"
+INTERPRETED = "fatrop_interpreted"
+CONTENDER_NAMES = (*SOLVER_NAMES, INTERPRETED, PEER, PEER_EXPANDED)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One solve.
+
+    Attributes:
+        converged: by the solver's own word.
+        usable: dynamics and limits are kept.
+        variables: solution in the controller's order.
+        objective: cost.
+        iterations: iterations of the solver.
+        elapsed: time.
+    """
+
+    converged: bool
+    usable: bool
+    variables: FloatArray
+    objective: float
+    iterations: int
+    elapsed: Elapsed
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A solver with a name.
+
+    Attributes:
+        name: one of ``CONTENDER_NAMES``.
+        solve: solves one problem.
+        forget: drops what is carried from solve to solve, at the start of a stretch.
+    """
+
+    name: str
+    solve: Callable[[ProblemData, FloatArray], Outcome]
+    forget: Callable[[], None]
+
+
+def build_contender(name: str, horizon: Horizon, parameters: ModelParameters) -> Contender:
+    """Set a contender up for a grid.
+
+    Raises:
+        ScenarioError: the name is unknown.
+        SolverSetupError: the set-up fails.
+    """
+    if name in {PEER, PEER_EXPANDED}:
+        return _peer(name, horizon, parameters)
+    if name not in CONTENDER_NAMES:
+        raise ScenarioError(f"'{name}' is unknown, allowed are {', '.join(CONTENDER_NAMES)}")
+    options = (
+        SolverOptions(name="fatrop", compile_code=False)
+        if name == INTERPRETED
+        else SolverOptions(name=name)
+    )
+    backend = build_plain_solver(horizon, parameters, options)
+
+    def solve(data: ProblemData, guess: FloatArray) -> Outcome:
+        result, elapsed = timed(lambda: backend.solve(data, guess))
+        return Outcome(
+            converged=result.status is SolveStatus.SOLVED,
+            usable=result.status.usable,
+            variables=result.variables,
+            objective=result.objective,
+            iterations=result.iterations,
+            elapsed=elapsed,
+        )
+
+    return Contender(
+        name, solve, backend.forget if isinstance(backend, NlpsolBackend) else _nothing
+    )
+
+
+def _peer(name: str, horizon: Horizon, parameters: ModelParameters) -> Contender:
+    peer = OptiPeer(horizon, parameters, expand=name == PEER_EXPANDED)
+
+    def solve(data: ProblemData, guess: FloatArray) -> Outcome:
+        answer, elapsed = timed(lambda: peer.solve(data, guess))
+        return Outcome(
+            converged=answer.succeeded,
+            usable=answer.succeeded,
+            variables=answer.variables,
+            objective=answer.objective,
+            iterations=answer.iterations,
+            elapsed=elapsed,
+        )
+
+    return Contender(name, solve, _nothing)
+
+
+def _nothing() -> None:
+    """Nothing is carried over."""

@@ -1,0 +1,293 @@
+"""The peer: the same optimal control problem as a careful user writes it with CasADi's Opti and IPOPT.
+
+Same physics functions, limits, slacks, scaling and quadrature; one symbolic function per step length,
+multiple shooting, scalar expansion, primal warm start. What it leaves out is what the controller adds:
+stage structure, stage-wise mapped derivatives and compiled code.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from benchmarks.problem_sets import ProblemSet
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, StateIndex, StepIndex
+from iptm_controller.ocp.stage import (
+    DEFAULT_PENALTIES,
+    DEFAULT_SMOOTHING,
+    quadrature,
+    sample_count,
+)
+from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
+from iptm_core.errors import IptmError
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.longitudinal import advance_position_m, advance_speed_m_s
+from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
+from iptm_core.state import FloatArray
+
+POSITION_SCALE_M = 10.0
+POWER_SCALE_W = 1000.0
+WARM_K = 303.15
+MOTION = 4  # position, speed and the two cell temperatures
+
+
+@dataclass(frozen=True)
+class PeerAnswer:
+    """What the peer found.
+
+    Attributes:
+        succeeded: IPOPT's own word.
+        variables: solution in the controller's order and scaling.
+        objective: cost.
+        iterations: IPOPT's iterations.
+        time_s: wall time.
+    """
+
+    succeeded: bool
+    variables: FloatArray
+    objective: float
+    iterations: int
+    time_s: float
+
+
+class OptiPeer:
+    """The problem of one grid in Opti."""
+
+    def __init__(
+        self,
+        horizon: Horizon,
+        parameters: ModelParameters,
+        tolerance: float = 1e-5,
+        *,
+        expand: bool = True,
+    ) -> None:
+        """Write the problem down.
+
+        Args:
+            horizon: the grid.
+            parameters: vehicle, pack, limits.
+            tolerance: IPOPT's ``tol``.
+            expand: let CasADi expand the whole problem into scalar operations, an option that a
+                user has to know; without it the step functions are called as functions.
+        """
+        self._horizon = horizon
+        steps = horizon.steps
+        opti = ca.Opti()
+        self._states = opti.variable(MOTION, steps + 1)
+        self._acceleration = opti.variable(1, steps)
+        self._power = opti.variable(1, steps)
+        self._slacks = opti.variable(layout.SLACKS, steps)
+        self._start = opti.parameter(layout.STATES)
+        size = layout.GLOBALS + sum(
+            layout.step_parameter_count(sample_count(float(length)))
+            for length in horizon.step_lengths_s
+        )
+        self._parameters = opti.parameter(size)
+        self._opti = opti
+        self._write(parameters)
+        opti.solver(
+            "ipopt",
+            {"expand": expand, "print_time": False, "detect_simple_bounds": True},
+            {"print_level": 0, "sb": "yes", "tol": tolerance, "max_iter": 500},
+        )
+
+    def _write(self, parameters: ModelParameters) -> None:
+        opti, start, slacks = self._opti, self._start, self._slacks
+        acceleration, power = self._acceleration, self._power
+        limits, gap_policy = parameters.limits, parameters.gap
+        steps = {
+            float(length): _step_function(float(length), parameters)
+            for length in set(self._horizon.step_lengths_s.tolist())
+        }
+        shared = self._parameters[: layout.GLOBALS]
+        opti.subject_to(self._states[:, 0] == start[:MOTION])
+        opti.subject_to(opti.bounded(0.0, ca.vec(slacks), np.inf))
+        opti.subject_to(
+            opti.bounded(limits.min_acceleration_m_s2, acceleration, limits.max_acceleration_m_s2)
+        )
+        opti.subject_to(
+            opti.bounded(
+                limits.min_compressor_power_w / POWER_SCALE_W,
+                power,
+                limits.max_compressor_power_w / POWER_SCALE_W,
+            )
+        )
+        weights = DEFAULT_PENALTIES
+        last_acceleration, last_power = start[StateIndex.LAST_ACCELERATION], start[-1]
+        cost = ca.MX(0.0)
+        offset = layout.GLOBALS
+        for k, length in enumerate(self._horizon.step_lengths_s.tolist()):
+            count = layout.step_parameter_count(sample_count(length))
+            p = self._parameters[offset : offset + count]
+            offset += count
+            now, after = self._states[:, k], self._states[:, k + 1]
+            end, stage_cost, outlet_k = steps[length](
+                now, acceleration[k], power[k], p[layout.STEP_PARAMETERS :], shared
+            )
+            opti.subject_to(after == end)
+            rate_s = p[StepIndex.RATE_INTERVAL]
+            opti.subject_to(
+                opti.bounded(
+                    -1.0,
+                    (acceleration[k] - last_acceleration) / (limits.max_jerk_m_s3 * rate_s),
+                    1.0,
+                )
+            )
+            largest = limits.max_compressor_rate_w_s / POWER_SCALE_W
+            opti.subject_to(opti.bounded(-1.0, (power[k] - last_power) / (largest * rate_s), 1.0))
+            last_acceleration, last_power = acceleration[k], power[k]
+            speed = after[1]
+            gap = p[StepIndex.LEADER_POSITION] - POSITION_SCALE_M * after[0]
+            shortest = minimum_gap_m(speed, p[StepIndex.LEADER_SPEED], gap_policy, limits)
+            short, long, fast, warm = (slacks[i, k] for i in range(layout.SLACKS))
+            opti.subject_to(gap + short >= shortest)
+            opti.subject_to(gap + short >= gap_policy.standstill_gap_m)
+            opti.subject_to(gap - long <= gap_policy.max_gap_m)
+            opti.subject_to(speed + fast >= limits.min_speed_m_s)
+            opti.subject_to(speed - fast <= limits.max_speed_m_s)
+            for temperature_k in (WARM_K + after[2], WARM_K + after[3], outlet_k):
+                opti.subject_to(temperature_k + warm >= limits.min_temperature_k)
+                opti.subject_to(temperature_k - warm <= limits.max_temperature_k)
+            cost += stage_cost + length * (
+                weights.gap_short_1_m * short
+                + weights.gap_long_1_m * long
+                + weights.speed_1_m_s * fast
+                + weights.temperature_1_k * warm
+            )
+        opti.minimize(cost)
+        self._cost = cost
+
+    def solve(self, data: ProblemData, guess: FloatArray) -> PeerAnswer:
+        """Solve one problem from the same shifted guess that the controller uses."""
+        steps = self._horizon.steps
+        table = guess[: -layout.STATES].reshape(steps, -1)
+        states = np.vstack([table[:, :MOTION], guess[-layout.STATES :][:MOTION]])
+        began = time.perf_counter()
+        opti = self._opti
+        opti.set_value(self._parameters, data.parameters)
+        opti.set_value(self._start, data.initial_state)
+        opti.set_initial(self._states, states.T)
+        opti.set_initial(self._acceleration, table[:, layout.STATES + InputIndex.ACCELERATION])
+        opti.set_initial(self._power, table[:, layout.STATES + InputIndex.COMPRESSOR_POWER])
+        opti.set_initial(self._slacks, table[:, layout.STATES + InputIndex.GAP_SHORT :].T)
+        answer = opti.solve_limited()
+        values = [
+            np.asarray(answer.value(part), dtype=float)
+            for part in (self._states, self._acceleration, self._power, self._slacks)
+        ]
+        elapsed = time.perf_counter() - began
+        return PeerAnswer(
+            succeeded=bool(opti.stats()["success"]),
+            variables=_in_controller_order(data, values, steps),
+            objective=float(answer.value(self._cost)),
+            iterations=int(opti.stats()["iter_count"]),
+            time_s=elapsed,
+        )
+
+
+def _step_function(step_s: float, parameters: ModelParameters) -> ca.Function:
+    """One step: state, inputs, samples and weights to state at its end, cost and outlet temperature."""
+    x, a, kilowatt = ca.SX.sym("x", MOTION), ca.SX.sym("a"), ca.SX.sym("p_cp")
+    count = sample_count(step_s)
+    samples = ca.SX.sym("samples", layout.SAMPLE_PARAMETERS * count)
+    g = ca.SX.sym("g", layout.GLOBALS)
+    channel = reduce_channel(parameters.cooling, parameters.pack)
+    position, speed = POSITION_SCALE_M * x[0], x[1]
+    first_k, last_k = WARM_K + x[2], WARM_K + x[3]
+    now_1, now_n, end_1, end_n = first_k, last_k, first_k, last_k
+    cost, outlet = ca.SX(0.0), ca.SX(0.0)
+    rates = None
+    nodes, weights = quadrature(count)
+    for i in range(count):
+        elapsed_s, share_s = float(nodes[i]) * step_s, float(weights[i]) * step_s
+        if rates is not None:
+            now_1 = first_k + elapsed_s * rates.cell_1_temperature_rate_k_s
+            now_n = last_k + elapsed_s * rates.cell_n_temperature_rate_k_s
+        s = samples[layout.SAMPLE_PARAMETERS * i : layout.SAMPLE_PARAMETERS * (i + 1)]
+        ahead = advance_position_m(position, speed, a, elapsed_s) - s[SampleIndex.POSITION]
+        slope = (
+            s[SampleIndex.SLOPE]
+            + s[SampleIndex.SLOPE_GRADIENT] * ahead
+            + 0.5 * s[SampleIndex.SLOPE_CURVATURE] * ahead * ahead
+        )
+        v = advance_speed_m_s(speed, a, elapsed_s)
+        cells = CellPair(now_1, now_n, g[GlobalIndex.CELL_1_LOSS], g[GlobalIndex.CELL_N_LOSS])
+        rates = power_thermal_rates(
+            v, a, slope, POWER_SCALE_W * kilowatt, cells, parameters, channel, DEFAULT_SMOOTHING
+        )
+        reference = g[GlobalIndex.REFERENCE_TEMPERATURE]
+        cost += share_s * (
+            g[GlobalIndex.SPEED_WEIGHT] * (v - s[SampleIndex.SPEED_REFERENCE]) ** 2
+            + g[GlobalIndex.TEMPERATURE_WEIGHT]
+            * ((now_1 - reference) ** 2 + (now_n - reference) ** 2)
+            + g[GlobalIndex.ENERGY_WEIGHT] * rates.battery_power_w
+            + g[GlobalIndex.AGING_WEIGHT]
+            * (rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s)
+        )
+        end_1 += share_s * rates.cell_1_temperature_rate_k_s
+        end_n += share_s * rates.cell_n_temperature_rate_k_s
+        outlet = rates.coolant.outlet_k
+    end = ca.vertcat(
+        advance_position_m(position, speed, a, step_s) / POSITION_SCALE_M,
+        advance_speed_m_s(speed, a, step_s),
+        end_1 - WARM_K,
+        end_n - WARM_K,
+    )
+    return ca.Function("step", [x, a, kilowatt, samples, g], [end, cost, outlet])
+
+
+def _in_controller_order(data: ProblemData, values: list[FloatArray], steps: int) -> FloatArray:
+    states, acceleration, power, slacks = (
+        value.reshape(rows, -1)
+        for value, rows in zip(values, (MOTION, 1, 1, layout.SLACKS), strict=True)
+    )
+    inputs = np.vstack([acceleration, power])
+    last = np.hstack([data.initial_state[StateIndex.LAST_ACCELERATION :][:, None], inputs])
+    full = np.vstack([states, last]).T
+    head = np.hstack([full[:steps], inputs.T, slacks.T]).ravel()
+    return np.concatenate([head, full[steps]])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Check on recorded problems that both formulations have the same optima."""
+    parser = argparse.ArgumentParser(prog="peer_opti", description=__doc__)
+    parser.add_argument("problems", type=Path, help="recorded problems (.npz)")
+    parser.add_argument("--count", type=int, default=50, help="problems used (%(default)s)")
+    given = parser.parse_args(arguments)
+    try:
+        problems = ProblemSet.load(given.problems)
+        horizon, parameters = Horizon.parse(problems.horizon), load_parameters().values
+        peer = OptiPeer(horizon, parameters, tolerance=1e-8)
+        ours = build_plain_solver(horizon, parameters, SolverOptions())
+    except IptmError as error:
+        print(f"peer_opti: {error}", file=sys.stderr)
+        return 2
+    differences = []
+    for index in range(min(given.count, len(problems))):
+        data, guess = problems.problem(index)
+        theirs, mine = peer.solve(data, guess), ours.solve(data, guess)
+        differences.append((theirs.objective - mine.objective) / max(1.0, abs(mine.objective)))
+        print(
+            f"{index:5d}  cost {mine.objective:14.8f}  peer - ours, relative {differences[-1]:+.1e}"
+            f"  iterations {mine.iterations:3d} {theirs.iterations:3d}"
+            f"  peer/ours time {theirs.time_s / mine.time_s:6.1f}"
+        )
+    print(f"largest relative difference: {np.max(np.abs(differences)):.1e}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
