@@ -163,6 +163,25 @@ def test_smoothing_with_zero_widths_is_the_exact_model() -> None:
     assert Smoothing() == EXACT
 
 
+@pytest.mark.parametrize(
+    ("width", "moved"),
+    [
+        ({"force_n": 150.0}, "traction_power_w"),
+        ({"speed_m_s": 0.3}, "traction_power_w"),
+        ({"power_w": 500.0}, "battery_power_w"),
+        ({"current_a": 0.05}, "cell_1_capacity_loss_rate_1_s"),
+    ],
+)
+def test_every_width_smooths_its_own_kink(width: dict[str, float], moved: str) -> None:
+    """At gentle coasting all kinks are near; what comes before the smoothed one stays exact."""
+    chain = ["traction_power_w", "battery_power_w", "cell_1_capacity_loss_rate_1_s"]
+    point = (2.0, -0.14, 0.0, 0.0, 303.15, 303.15)
+    exact, smooth = evaluate(*point), evaluate(*point, smoothing=Smoothing(**width))
+    for name in chain[: chain.index(moved)]:
+        assert getattr(smooth, name) == getattr(exact, name)
+    assert getattr(smooth, moved) != pytest.approx(getattr(exact, moved), rel=1e-4)
+
+
 def test_the_error_of_the_widths_in_use_over_the_operating_range() -> None:
     """From 1 m/s on, the exact model against 150 N, 500 W, 0.05 A and 0.3 m/s of smoothing.
 
