@@ -1,0 +1,236 @@
+"""Driving without an optimiser: the law keeps off the leader, the stop ends softly, the pack is cooled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from iptm_controller.limiter import CommandLimiter
+from iptm_controller.safe_driving import (
+    THERMOSTAT_ON_K,
+    THERMOSTAT_POWER_W,
+    controlled_stop,
+    safe_following,
+    thermostat_power_w,
+)
+from iptm_core.parameters.model import LimitParameters, ModelParameters
+from iptm_core.routes import CYCLE_NAMES, build_route
+from iptm_core.state import Command, LeaderState, VehicleState
+
+LEADER_BRAKING_M_S2 = 2.0
+"""A leader that brakes no harder than the host can."""
+
+TOO_LATE = pytest.mark.xfail(
+    strict=True, reason="the law knows no jerk limit and starts to brake too late"
+)
+
+
+def roll(position_m: float, speed_m_s: float, acceleration_m_s2: float) -> tuple[float, float]:
+    """One second of constant acceleration; near standstill the brakes hold."""
+    end = speed_m_s + acceleration_m_s2
+    if max(speed_m_s, end) < 1e-3:
+        return position_m, 0.0
+    if end >= 0.0:
+        return position_m + speed_m_s + 0.5 * acceleration_m_s2, end
+    return position_m - 0.5 * speed_m_s**2 / acceleration_m_s2, 0.0
+
+
+def actuate(state: VehicleState, wanted: Command, limiter: CommandLimiter) -> VehicleState:
+    """Carry out a command for a second, within the limits of the actuators."""
+    command = limiter.limit(wanted, state).command
+    position, speed = roll(state.position_m, state.speed_m_s, command.acceleration_m_s2)
+    return replace(
+        state,
+        time_s=state.time_s + 1.0,
+        position_m=position,
+        speed_m_s=speed,
+        acceleration_m_s2=command.acceleration_m_s2 if speed > 0.0 else 0.0,
+        compressor_power_w=command.compressor_power_w,
+    )
+
+
+def follow(
+    state: VehicleState, leaders: Iterator[LeaderState], parameters: ModelParameters
+) -> Iterator[float]:
+    """Gap at the end of every second behind a leader."""
+    limiter = CommandLimiter(parameters.limits, 1.0)
+    leader = next(leaders)
+    for after in leaders:
+        state = actuate(state, safe_following(state, leader, parameters), limiter)
+        leader = after
+        yield leader.position_m - state.position_m
+
+
+def stopping_distance_m(speed_m_s: float, acceleration_m_s2: float, limits: LimitParameters) -> float:
+    """Way to standstill with the brakes applied as fast as the jerk limit permits."""
+    position, speed, acceleration = 0.0, speed_m_s, acceleration_m_s2
+    while speed > 0.0:
+        acceleration = max(acceleration - limits.max_jerk_m_s3, limits.min_acceleration_m_s2)
+        position, speed = roll(position, speed, acceleration)
+    return position
+
+
+@given(
+    speed=st.floats(0.0, 35.0),
+    leader_speed=st.floats(0.0, 35.0),
+    gap=st.floats(0.5, 200.0),
+)
+def test_is_the_intelligent_driver_model(
+    parameters: ModelParameters,
+    make_state: Callable[..., VehicleState],
+    make_leader: Callable[..., LeaderState],
+    speed: float,
+    leader_speed: float,
+    gap: float,
+) -> None:
+    """Never more than the model's acceleration; exactly that where it does not brake."""
+    limits, policy = parameters.limits, parameters.gap
+    command = safe_following(make_state(speed_m_s=speed), make_leader(gap, leader_speed), parameters)
+    braking = 2.0 * math.sqrt(-limits.min_acceleration_m_s2 * limits.max_acceleration_m_s2)
+    desired = policy.standstill_gap_m + max(
+        0.0, speed * policy.time_headway_s + speed * (speed - leader_speed) / braking
+    )
+    free = 1.0 - (speed / limits.max_speed_m_s) ** 4
+    model = limits.max_acceleration_m_s2 * (free - (desired / gap) ** 2)
+    assert command.acceleration_m_s2 >= limits.min_acceleration_m_s2
+    assert command.acceleration_m_s2 <= max(model, limits.min_acceleration_m_s2) + 1e-6
+
+
+def test_free_road_and_tight_gap(
+    parameters: ModelParameters,
+    make_state: Callable[..., VehicleState],
+    make_leader: Callable[..., LeaderState],
+) -> None:
+    state = make_state(speed_m_s=10.0)
+    free = safe_following(state, make_leader(1e6, 20.0), parameters)
+    assert free.acceleration_m_s2 == pytest.approx(2.0 * (1.0 - (10.0 / 37.5) ** 4), abs=1e-6)
+    for gap in (3.0, 0.0, -0.5):
+        tight = safe_following(state, make_leader(gap, 10.0), parameters)
+        assert tight.acceleration_m_s2 == parameters.limits.min_acceleration_m_s2
+    at_top = safe_following(make_state(speed_m_s=37.5), make_leader(1e6, 37.5), parameters)
+    assert at_top.acceleration_m_s2 <= 0.0
+
+
+@pytest.mark.parametrize(
+    "cycle",
+    [
+        cycle if cycle == "hwfet" else pytest.param(cycle, marks=TOO_LATE)
+        for cycle in sorted(CYCLE_NAMES)
+    ],
+)
+def test_drives_the_published_cycles_without_touching(
+    parameters: ModelParameters, make_state: Callable[..., VehicleState], cycle: str
+) -> None:
+    route = build_route(cycle, "flat", initial_gap_m=parameters.gap.initial_gap_m)
+    leaders = (route.leader.state_at(float(t)) for t in range(int(route.duration_s) + 1))
+    start = make_state(time_s=0.0, position_m=0.0, speed_m_s=0.0)
+    assert min(follow(start, leaders, parameters)) > 0.0
+
+
+def erratic_leader(
+    rng: np.random.Generator, gap_m: float, speed_m_s: float
+) -> Iterator[LeaderState]:
+    """Speeds up and brakes at random, down to the hardest braking, for three minutes."""
+    position, speed, acceleration = gap_m, speed_m_s, 0.0
+    for tick in range(180):
+        yield LeaderState(float(tick), position, speed)
+        if rng.random() < 0.2:
+            acceleration = float(rng.uniform(-LEADER_BRAKING_M_S2, 2.0))
+        if rng.random() < 0.03:
+            acceleration = -LEADER_BRAKING_M_S2
+        position, speed = roll(position, speed, min(acceleration, 36.0 - speed))
+
+
+@TOO_LATE
+def test_never_touches_a_leader_that_brakes_no_harder_than_itself(
+    parameters: ModelParameters, make_state: Callable[..., VehicleState]
+) -> None:
+    """From any situation in which a stop behind the stopping leader is possible at all."""
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        speed, leader_speed = (float(rng.uniform(0.0, 33.0)) for _ in range(2))
+        way = stopping_distance_m(speed, 0.0, parameters.limits)
+        gap = max(way - leader_speed**2 / (2.0 * LEADER_BRAKING_M_S2), 0.0) + rng.uniform(3.0, 30.0)
+        start = make_state(time_s=0.0, position_m=0.0, speed_m_s=speed)
+        leader = erratic_leader(rng, gap, leader_speed)
+        assert min(follow(start, leader, parameters)) > 0.0, f"seed {seed}"
+
+
+@given(speed=st.floats(1.0, 30.0))
+@settings(max_examples=20)
+def test_settles_behind_a_steady_leader(
+    parameters: ModelParameters, make_state: Callable[..., VehicleState], speed: float
+) -> None:
+    leaders = (LeaderState(float(t), 100.0 + speed * t, speed) for t in range(400))
+    start = make_state(time_s=0.0, position_m=0.0, speed_m_s=speed)
+    gaps = list(follow(start, leaders, parameters))
+    assert max(gaps[-20:]) - min(gaps[-20:]) < 0.1
+    assert gaps[-1] >= parameters.gap.standstill_gap_m
+
+
+def test_thermostat_rises_with_the_warmer_cell(
+    parameters: ModelParameters, make_state: Callable[..., VehicleState]
+) -> None:
+    powers = []
+    for excess_k in (-10.0, 0.0, 1.5, 3.0, 6.0, 20.0):
+        warm = THERMOSTAT_ON_K + excess_k
+        one = thermostat_power_w(make_state(cell_1_temperature_k=warm - 2.0,
+                                            cell_n_temperature_k=warm), parameters)  # fmt: skip
+        other = thermostat_power_w(make_state(cell_1_temperature_k=warm,
+                                              cell_n_temperature_k=warm - 2.0), parameters)  # fmt: skip
+        assert one == other
+        powers.append(one)
+    expected = [0.0, 0.0, 0.25, 0.5, 1.0, 1.0]
+    assert powers == pytest.approx([share * THERMOSTAT_POWER_W for share in expected])
+
+
+def test_thermostat_respects_a_small_compressor(
+    parameters: ModelParameters, make_state: Callable[..., VehicleState]
+) -> None:
+    small = replace(parameters, limits=replace(parameters.limits, max_compressor_power_w=800.0))
+    assert thermostat_power_w(make_state(cell_n_temperature_k=330.0), small) == 800.0
+
+
+@given(speed=st.floats(0.0, 37.5), acceleration=st.floats(-2.0, 2.0))
+@settings(max_examples=50)
+def test_controlled_stop_halts_within_the_jerk_limit(
+    parameters: ModelParameters,
+    make_state: Callable[..., VehicleState],
+    speed: float,
+    acceleration: float,
+) -> None:
+    limiter = CommandLimiter(parameters.limits, 1.0)
+    state = make_state(speed_m_s=speed, acceleration_m_s2=acceleration)
+    speeds = [speed]
+    for _ in range(120):
+        wanted = controlled_stop(state, parameters, 1.0)
+        # The stop keeps the rates by itself; only the top speed may cut it short.
+        assert set(limiter.limit(wanted, state).reasons) <= {"top speed", "compressor rate"}
+        state = actuate(state, wanted, limiter)
+        speeds.append(state.speed_m_s)
+        if state.speed_m_s == 0.0:
+            break
+    assert speeds[-1] == 0.0
+    # Once it brakes it goes on braking.
+    slower = np.diff(speeds) <= 0.0
+    assert slower[int(np.argmax(slower)) :].all()
+
+
+def test_controlled_stop_stays_stopped(
+    parameters: ModelParameters, make_state: Callable[..., VehicleState]
+) -> None:
+    command = controlled_stop(make_state(speed_m_s=0.0), parameters, 1.0)
+    assert command.acceleration_m_s2 == pytest.approx(0.0, abs=1e-12)
+
+
+def test_controlled_stop_goes_on_cooling(
+    parameters: ModelParameters, make_state: Callable[..., VehicleState]
+) -> None:
+    hot = make_state(cell_n_temperature_k=320.0)
+    assert controlled_stop(hot, parameters, 1.0).compressor_power_w == THERMOSTAT_POWER_W
