@@ -1,0 +1,197 @@
+"""The numbers of a problem: where they stand in the parameter vector and where they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iptm_controller.controller import Measurements
+from iptm_controller.forecast import LeaderForecaster
+from iptm_controller.horizon import Horizon
+from iptm_controller.motion import Motion
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StepIndex
+from iptm_controller.ocp.stage import quadrature, sample_count
+from iptm_controller.ocp.transcription import Transcription
+from iptm_controller.strategy import strategy_by_name
+from iptm_core.state import FloatArray, SlopePreview, VehicleState
+
+HORIZON = Horizon.parse("3x1+5x5")
+FLAT = SlopePreview(np.zeros(1), np.zeros(1))
+
+
+def steps_of(data: ProblemData, horizon: Horizon) -> list[tuple[FloatArray, FloatArray]]:
+    """Cut the vector into each step's own parameters and its samples, one row each."""
+    steps, offset = [], layout.GLOBALS
+    for length in horizon.step_lengths_s:
+        count = sample_count(float(length))
+        own = data.parameters[offset : offset + layout.STEP_PARAMETERS]
+        offset += layout.STEP_PARAMETERS
+        end = offset + count * layout.SAMPLE_PARAMETERS
+        steps.append((own, data.parameters[offset:end].reshape(count, -1)))
+        offset = end
+    assert offset == data.parameters.size
+    return steps
+
+
+def sample_times(horizon: Horizon) -> FloatArray:
+    times = [
+        start + quadrature(sample_count(float(length)))[0] * length
+        for start, length in zip(horizon.node_times_s[:-1], horizon.step_lengths_s, strict=True)
+    ]
+    return np.concatenate(times)
+
+
+def build(
+    state: VehicleState,
+    leader: Motion,
+    slope: SlopePreview = FLAT,
+    expected_m: FloatArray | None = None,
+    horizon: Horizon = HORIZON,
+) -> ProblemData:
+    builder = ProblemDataBuilder(horizon, strategy_by_name("reference_energy_aging"))
+    np.testing.assert_allclose(builder.sample_times_s, sample_times(horizon))
+    if expected_m is None:
+        expected_m = state.position_m + state.speed_m_s * builder.sample_times_s
+    return builder.build(state, leader, slope, expected_m)
+
+
+@pytest.fixture
+def steady() -> Motion:
+    return Motion(np.array([0.0]), np.array([0.0]), np.array([10.5]))
+
+
+@pytest.mark.parametrize("text", ["15x1", "3x1+5x5", "1x0.5+2x2+4x10"])
+def test_vector_is_as_long_as_the_problem_wants(
+    make_state: Callable[..., VehicleState],
+    transcription_of: Callable[[str], Transcription],
+    steady: Motion,
+    text: str,
+) -> None:
+    horizon = Horizon.parse(text)
+    data = build(make_state(), steady, horizon=horizon)
+    transcription = transcription_of(text)
+    assert data.parameters.size == transcription.parameters.numel()
+    assert np.isfinite(data.parameters).all()
+    starts = [own.size for own, _ in steps_of(data, horizon)]
+    assert starts == [layout.STEP_PARAMETERS] * horizon.steps
+    sizes = [own.size + samples.size for own, samples in steps_of(data, horizon)]
+    offsets = layout.GLOBALS + np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    assert transcription.step_offsets.tolist() == offsets.tolist()
+
+
+def test_globals(make_state: Callable[..., VehicleState], steady: Motion) -> None:
+    data = build(make_state(cell_1_capacity_loss=2e-3, cell_n_capacity_loss=3e-3), steady)
+    expected = {
+        GlobalIndex.CELL_1_LOSS: 2e-3,
+        GlobalIndex.CELL_N_LOSS: 3e-3,
+        GlobalIndex.SPEED_WEIGHT: 0.5,
+        GlobalIndex.TEMPERATURE_WEIGHT: 0.1,
+        GlobalIndex.ENERGY_WEIGHT: 1e-4,
+        GlobalIndex.AGING_WEIGHT: 1e8,
+        GlobalIndex.REFERENCE_TEMPERATURE: 299.15,
+    }
+    assert len(expected) == layout.GLOBALS
+    for index, value in expected.items():
+        assert data.parameters[index] == value
+
+
+def test_initial_state_is_scaled_and_starts_at_position_zero(
+    make_state: Callable[..., VehicleState], steady: Motion
+) -> None:
+    state = make_state(acceleration_m_s2=-0.7, compressor_power_w=1250.0)
+    data = build(state, steady)
+    np.testing.assert_allclose(
+        data.initial_state, [0.0, 15.0, 4.0, 5.0, -0.7, 1.25], rtol=0.0, atol=1e-12
+    )
+
+
+def test_leader_at_the_end_of_every_step(
+    make_state: Callable[..., VehicleState], make_scene: Callable[..., Measurements]
+) -> None:
+    """Off by one here would mean a gap to where the leader was, or will be, a step away."""
+    measured = make_scene(leader_acceleration_m_s2=-0.5, gap_m=40.0)
+    assert measured.leader is not None
+    motion = LeaderForecaster(28.0, 10.0).forecast(measured.leader, measured.preview).motion
+    state = make_state()
+    for (own, _), time in zip(
+        steps_of(build(state, motion), HORIZON), HORIZON.node_times_s[1:], strict=True
+    ):
+        assert own[StepIndex.LEADER_POSITION] == pytest.approx(40.0 + 15.0 * time - 0.25 * time**2)
+        assert own[StepIndex.LEADER_SPEED] == pytest.approx(15.0 - 0.5 * time)
+
+
+def test_rates_count_between_the_middles_of_two_steps(
+    make_state: Callable[..., VehicleState], steady: Motion
+) -> None:
+    data = build(make_state(), steady)
+    intervals = [own[StepIndex.RATE_INTERVAL] for own, _ in steps_of(data, HORIZON)]
+    assert intervals == [1.0, 1.0, 1.0, 3.0, 5.0, 5.0, 5.0, 5.0]
+
+
+def test_reference_is_the_mean_speed_over_the_last_two_seconds(
+    make_state: Callable[..., VehicleState],
+) -> None:
+    """Seen from every sample: partly measured past, partly prediction."""
+    times = np.arange(97.0, 131.0)
+    speeds = 12.0 + 4.0 * np.sin(times / 3.0)
+    positions = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
+    data = build(make_state(), Motion(times, 1040.0 + positions, speeds))
+    found = np.concatenate([s[:, SampleIndex.SPEED_REFERENCE] for _, s in steps_of(data, HORIZON)])
+    for reference, sample in zip(found, 100.0 + sample_times(HORIZON), strict=True):
+        fine = np.linspace(sample - REFERENCE_WINDOW_S, sample, 20001)
+        assert reference == pytest.approx(np.mean(np.interp(fine, times, speeds)), abs=1e-4)
+
+
+def test_slope_is_expanded_where_the_host_is_expected(
+    make_state: Callable[..., VehicleState], steady: Motion
+) -> None:
+    """A road of the second degree comes back exactly, wherever the host then is."""
+    nodes = np.arange(0.0, 3000.0, 5.0)
+
+    def road(position: FloatArray) -> FloatArray:
+        from_here = position - 1200.0
+        return 0.02 + 1e-4 * from_here - 2e-7 * from_here**2
+
+    state = make_state()
+    expected = np.round((1000.0 + 14.0 * sample_times(HORIZON)) / 5.0) * 5.0
+    data = build(state, steady, SlopePreview(nodes, road(nodes)), expected)
+    samples = np.concatenate([samples for _, samples in steps_of(data, HORIZON)])
+    np.testing.assert_allclose(samples[:, SampleIndex.POSITION], expected - 1000.0)
+    np.testing.assert_allclose(samples[:, SampleIndex.SLOPE], road(expected), atol=1e-12)
+    for away in (-20.0, 20.0):
+        expanded = samples[:, SampleIndex.SLOPE] + away * (
+            samples[:, SampleIndex.SLOPE_GRADIENT]
+            + 0.5 * away * samples[:, SampleIndex.SLOPE_CURVATURE]
+        )
+        np.testing.assert_allclose(expanded, road(expected + away), atol=1e-9)
+
+
+def test_ends_of_the_road_are_held(
+    make_state: Callable[..., VehicleState], steady: Motion
+) -> None:
+    ahead_of_all = SlopePreview(np.array([0.0, 500.0]), np.array([0.0, 0.03]))
+    for _, samples in steps_of(build(make_state(), steady, ahead_of_all), HORIZON):
+        assert (samples[:, SampleIndex.SLOPE] == 0.03).all()
+        assert (samples[:, SampleIndex.SLOPE_GRADIENT] == 0.0).all()
+        assert (samples[:, SampleIndex.SLOPE_CURVATURE] == 0.0).all()
+
+
+def test_only_relative_positions_count(make_scene: Callable[..., Measurements]) -> None:
+    """Far along the road the same situation gives the same numbers."""
+    road = SlopePreview(np.arange(0.0, 4000.0, 10.0), np.sin(np.arange(400) / 7.0) / 20.0)
+    here = make_scene(slope=road)
+    far = make_scene(
+        slope=replace(road, positions_m=road.positions_m + 1e5), position_m=1000.0 + 1e5
+    )
+    numbers = []
+    for measured in (here, far):
+        assert measured.state is not None
+        assert measured.leader is not None
+        forecast = LeaderForecaster(28.0, 10.0).forecast(measured.leader, measured.preview)
+        numbers.append(build(measured.state, forecast.motion, measured.slope).parameters)
+    np.testing.assert_allclose(numbers[0], numbers[1], rtol=0.0, atol=1e-8)
