@@ -21,6 +21,7 @@ from iptm_controller.ocp.compilation import compile_functions, find_compiler
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.oracle import OracleSignature, oracle_expressions, oracle_functions
 from iptm_controller.ocp.transcription import Transcription, problem_bounds
+from iptm_controller.solvers.buffered import BufferedFunction
 from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import LimitParameters
@@ -95,10 +96,13 @@ class NlpsolBackend:
             else str(compile_functions(oracle_functions(transcription, plugin.signature), compiler))
         )
         self._solvers = {cap: self._set_up(oracle, cap) for cap in self._caps()}
-        self._problem = (
+        self._problem = BufferedFunction(
             ca.external("nlp", oracle) if self.compiled else ca.Function("nlp", oracle, *_PROBLEM)
         )
-        self._multipliers: dict[str, ca.DM] = {}
+        bounds = self._bounds
+        self._low = np.concatenate([bounds.variables_low, bounds.rows_low])
+        self._high = np.concatenate([bounds.variables_high, bounds.rows_high])
+        self._multipliers: dict[str, FloatArray] = {}
         self._iteration_s = 0.0
 
     def _caps(self) -> tuple[int, ...]:
@@ -107,7 +111,7 @@ class NlpsolBackend:
             return (longest,)
         return (longest, *(cap for cap in SHORTER_CAPS if cap < longest))
 
-    def _set_up(self, oracle: Any, cap: int) -> ca.Function:
+    def _set_up(self, oracle: Any, cap: int) -> BufferedFunction:
         options: dict[str, Any] = {
             "print_time": False,
             "record_time": False,
@@ -115,44 +119,34 @@ class NlpsolBackend:
             **self._plugin.options(cap),
         }
         try:
-            return ca.nlpsol("iptm", self._plugin.plugin, oracle, options)
+            solver = BufferedFunction(ca.nlpsol("iptm", self._plugin.plugin, oracle, options))
         except RuntimeError as error:
             raise SolverSetupError(f"solver '{self.name}' cannot be set up: {error}") from error
+        bounds, given = self._bounds, solver.arguments
+        given["lbx"][:], given["ubx"][:] = bounds.variables_low, bounds.variables_high
+        given["lbg"][:], given["ubg"][:] = bounds.rows_low, bounds.rows_high
+        return solver
 
     def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
         """Solve one problem; see ``SolverBackend``."""
-        bounds = self._bounds
-        low, high = bounds.variables_low.copy(), bounds.variables_high.copy()
-        low[: layout.STATES] = high[: layout.STATES] = data.initial_state
         cap = self._affordable_cap()
         solver = self._solvers[cap]
         start = time.perf_counter()
         if not self._can_start(data, guess):
             message = "data or model are not finite at the initial iterate"
             return _broken(guess, time.perf_counter() - start, message)
+        self._write(solver.arguments, data, guess)
         try:
-            solution = solver(
-                x0=guess,
-                p=data.parameters,
-                lbx=low,
-                ubx=high,
-                lbg=bounds.rows_low,
-                ubg=bounds.rows_high,
-                **self._multipliers,
-            )
+            solver()
         except RuntimeError as error:
             self._multipliers = {}
             last_line = str(error).strip().splitlines()[-1]
             return _broken(guess, time.perf_counter() - start, last_line)
         elapsed = time.perf_counter() - start
         stats = solver.stats()
-        variables = solution["x"].full().ravel()
-        rows = solution["g"].full().ravel()
-        violation = _largest_violation(
-            np.concatenate([variables, rows]),
-            np.concatenate([low, bounds.rows_low]),
-            np.concatenate([high, bounds.rows_high]),
-        )
+        variables, rows = solver.results["x"].copy(), solver.results["g"]
+        self._low[: layout.STATES] = self._high[: layout.STATES] = data.initial_state
+        violation = _largest_violation(np.concatenate([variables, rows]), self._low, self._high)
         iterations = int(stats["iter_count"])
         self._note_pace(elapsed, iterations)
         status = self._status(
@@ -162,21 +156,41 @@ class NlpsolBackend:
             violation=violation,
             late=0.0 < self._budget.deadline_s < elapsed,
         )
-        self._keep_multipliers(solution, status)
+        self._keep_multipliers(solver.results, status)
         reason = STATUS_TEXT[status]
         if status is not SolveStatus.SOLVED:
             reason = f"{reason} ({self.name}: {stats['return_status']}, {iterations} iterations)"
         return SolveResult(
-            status, reason, variables, float(solution["f"]), iterations, elapsed, violation
+            status,
+            reason,
+            variables,
+            float(solver.results["f"][0]),
+            iterations,
+            elapsed,
+            violation,
         )
+
+    def _write(
+        self, arguments: dict[str, FloatArray], data: ProblemData, guess: FloatArray
+    ) -> None:
+        arguments["x0"][:] = guess
+        arguments["p"][:] = data.parameters
+        for bound in ("lbx", "ubx"):
+            arguments[bound][: layout.STATES] = data.initial_state
+        if self._plugin.keeps_multipliers:
+            for name in ("lam_x0", "lam_g0"):
+                arguments[name][:] = self._multipliers.get(name, 0.0)
 
     def _can_start(self, data: ProblemData, guess: FloatArray) -> bool:
         """Whether the solver can begin: Fatrop regularises forever if its first matrix is not finite."""
         start = np.concatenate([data.initial_state, guess[layout.STATES :]])
         if not (np.isfinite(start).all() and np.isfinite(data.parameters).all()):
             return False
-        cost, rows = self._problem(start, data.parameters)
-        return bool(np.isfinite(float(cost)) and np.isfinite(rows.full()).all())
+        problem = self._problem
+        problem.arguments["x"][:] = start
+        problem.arguments["p"][:] = data.parameters
+        problem()
+        return all(bool(np.isfinite(values).all()) for values in problem.results.values())
 
     def forget(self) -> None:
         """Drop what is carried from solve to solve, as at the start of a trip."""
@@ -198,11 +212,14 @@ class NlpsolBackend:
         faded = PACE_MEMORY * self._iteration_s + (1.0 - PACE_MEMORY) * pace
         self._iteration_s = max(pace, faded)
 
-    def _keep_multipliers(self, solution: dict[str, ca.DM], status: SolveStatus) -> None:
+    def _keep_multipliers(self, solution: dict[str, FloatArray], status: SolveStatus) -> None:
         if not self._plugin.keeps_multipliers:
             return
         if status is SolveStatus.SOLVED:
-            self._multipliers = {"lam_x0": solution["lam_x"], "lam_g0": solution["lam_g"]}
+            self._multipliers = {
+                "lam_x0": solution["lam_x"].copy(),
+                "lam_g0": solution["lam_g"].copy(),
+            }
         else:
             self._multipliers = {}
 
