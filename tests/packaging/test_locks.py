@@ -1,5 +1,6 @@
 """The lock files pin everything, fit one another, and betray no index and no machine."""
 
+import functools
 import re
 from pathlib import Path
 
@@ -11,6 +12,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "requirements"
 PIN = re.compile(r"(?P<name>[a-z0-9][a-z0-9-]*)==(?P<version>[\w.!+]+)(?: ; (?P<marker>[^\\]+?))?")
 
 
+@functools.cache
 def pins(lock: str) -> dict[tuple[str, str], str]:
     """Version by (name, marker); fails on any line that is neither a pin nor a hash."""
     text = (FOLDER / f"{lock}.txt").read_text(encoding="utf-8").replace("\\\n", "\\")
