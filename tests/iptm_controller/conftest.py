@@ -7,22 +7,32 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from iptm_controller.controller import Measurements
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import CACHE_VARIABLE
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.stage import (
+    DEFAULT_SMOOTHING,
+    StageSpec,
+    build_stage,
+    quadrature,
+    sample_count,
+)
 from iptm_controller.ocp.transcription import Transcription, transcribe
 from iptm_controller.plan import PlanShifter, sample_positions_m, variables_from_plan
 from iptm_controller.solvers.backend import SolverBackend
 from iptm_controller.solvers.cooling_probe import CoolingProbe
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
-from iptm_controller.strategy import strategy_by_name
+from iptm_controller.strategy import REFERENCE_TEMPERATURE_K, strategy_by_name
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.power_thermal import Smoothing
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 
 FLAT = SlopePreview(np.zeros(1), np.zeros(1))
@@ -217,3 +227,55 @@ def transcription_of(parameters: ModelParameters) -> Callable[[str], Transcripti
         return transcribe(Horizon.parse(horizon), parameters)
 
     return build
+
+
+@pytest.fixture(scope="session")
+def run_stage(parameters: ModelParameters) -> Callable[..., tuple[FloatArray, float, FloatArray]]:
+    """One step of the optimal control problem in physical units.
+
+    Takes a state, acceleration and compressor power, the step and the weights of J1 to J4; returns the
+    next state with an absolute position, the cost and the rows of the limits.
+    """
+
+    @lru_cache
+    def function(step_s: float, samples: int, smoothing: Smoothing) -> ca.Function:
+        stage = build_stage(StageSpec(step_s, samples, smoothing), parameters)
+        inputs = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
+        return ca.Function("stage", inputs, [stage.next_state, stage.cost, stage.limits])
+
+    def run(
+        state: VehicleState,
+        acceleration_m_s2: float,
+        compressor_power_w: float,
+        step_s: float,
+        weights: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+        *,
+        slacks: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+        leader: tuple[float, float] = (0.0, 0.0),
+        speed_reference_m_s: float = 0.0,
+        slope: Callable[[float], tuple[float, float, float]] = lambda _: (0.0, 0.0, 0.0),
+        smoothing: Smoothing = DEFAULT_SMOOTHING,
+        samples: int | None = None,
+    ) -> tuple[FloatArray, float, FloatArray]:
+        count = samples or sample_count(step_s)
+        physical = np.array(
+            [0.0, state.speed_m_s, state.cell_1_temperature_k, state.cell_n_temperature_k,
+             state.acceleration_m_s2, state.compressor_power_w]
+        )  # fmt: skip
+        step_parameters = [leader[0] - state.position_m, leader[1], step_s]
+        for node in quadrature(count)[0] * step_s:
+            moved = state.speed_m_s * node + 0.5 * acceleration_m_s2 * node**2
+            around = slope(state.position_m + moved)
+            step_parameters += [*around, moved, speed_reference_m_s]
+        losses = [state.cell_1_capacity_loss, state.cell_n_capacity_loss]
+        following, cost, limits = function(step_s, count, smoothing)(
+            (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,
+            np.array([acceleration_m_s2, compressor_power_w, *slacks]) / layout.INPUT_SCALE,
+            step_parameters,
+            [*losses, *weights, REFERENCE_TEMPERATURE_K],
+        )
+        following = following.full().ravel() * layout.STATE_SCALE + layout.STATE_OFFSET
+        following[0] += state.position_m
+        return following, float(cost), limits.full().ravel()
+
+    return run

@@ -42,7 +42,7 @@ def test_names_are_those_of_the_table() -> None:
 
 
 def test_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(ParameterError, match="'ageing' is unknown.*reference_energy_aging, "):
+    with pytest.raises(ParameterError, match=r"'ageing' is unknown.*reference_energy_aging, "):
         strategy_by_name("ageing")
 
 

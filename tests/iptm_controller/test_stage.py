@@ -1,0 +1,199 @@
+"""One step of the problem: motion, cost terms and limits, each against its definition."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from iptm_controller.ocp.layout import LimitIndex, StateIndex
+from iptm_controller.ocp.stage import DEFAULT_PENALTIES, quadrature, sample_count
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
+from iptm_core.state import FloatArray, VehicleState
+
+RunStage = Callable[..., tuple[FloatArray, float, FloatArray]]
+STEP_LENGTHS = st.sampled_from([0.2, 1.0, 2.0, 5.0, 10.0])
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 4])
+def test_quadrature_is_exact_up_to_its_degree(samples: int) -> None:
+    nodes, weights = quadrature(samples)
+    assert weights.sum() == pytest.approx(1.0)
+    assert ((nodes > 0.0) & (nodes < 1.0)).all()
+    for degree in range(2 * samples):
+        assert weights @ nodes**degree == pytest.approx(1.0 / (degree + 1))
+    too_high = 2 * samples
+    assert weights @ nodes**too_high != pytest.approx(1.0 / (too_high + 1), abs=1e-9)
+
+
+def test_long_steps_take_more_samples() -> None:
+    lengths = [0.1, 1.0, 1.1, 2.5, 5.0, 5.1, 10.0, 60.0]
+    assert [sample_count(length) for length in lengths] == [1, 1, 2, 2, 2, 3, 4, 24]
+
+
+@settings(max_examples=50)
+@given(
+    speed=st.floats(0.0, 37.5),
+    acceleration=st.floats(-2.0, 2.0),
+    power=st.floats(0.0, 4500.0),
+    step_s=STEP_LENGTHS,
+)
+def test_motion_is_exact_and_inputs_are_remembered(
+    run_stage: RunStage,
+    make_state: Callable[..., VehicleState],
+    speed: float,
+    acceleration: float,
+    power: float,
+    step_s: float,
+) -> None:
+    state = make_state(speed_m_s=speed)
+    following, _, _ = run_stage(state, acceleration, power, step_s)
+    moved = speed * step_s + 0.5 * acceleration * step_s**2
+    assert following[StateIndex.POSITION] == pytest.approx(state.position_m + moved, abs=1e-9)
+    assert following[StateIndex.SPEED] == pytest.approx(speed + acceleration * step_s, abs=1e-9)
+    assert following[StateIndex.LAST_ACCELERATION] == pytest.approx(acceleration)
+    assert following[StateIndex.LAST_COMPRESSOR_POWER] == pytest.approx(power)
+
+
+def exact_rates(
+    state: VehicleState, acceleration: float, power: float, parameters: ModelParameters
+) -> PowerThermalRates:
+    cells = CellPair(
+        state.cell_1_temperature_k,
+        state.cell_n_temperature_k,
+        state.cell_1_capacity_loss,
+        state.cell_n_capacity_loss,
+    )
+    channel = reduce_channel(parameters.cooling, parameters.pack)
+    return power_thermal_rates(
+        state.speed_m_s, acceleration, 0.0, power, cells, parameters, channel
+    )
+
+
+def test_cost_terms_far_from_the_kinks(
+    parameters: ModelParameters, run_stage: RunStage, make_state: Callable[..., VehicleState]
+) -> None:
+    """Each term alone, on a steady stretch where one sample says it all."""
+    state = make_state(speed_m_s=25.0, cell_1_temperature_k=305.0, cell_n_temperature_k=309.0)
+    rates = exact_rates(state, 0.0, 800.0, parameters)
+
+    def cost(*weights: float) -> float:
+        return run_stage(state, 0.0, 800.0, 1.0, weights, speed_reference_m_s=22.0)[1]
+
+    assert cost(2.0, 0.0, 0.0, 0.0) == pytest.approx(2.0 * 3.0**2)
+    in_j2 = (305.0 - 299.15) ** 2 + (309.0 - 299.15) ** 2
+    assert cost(0.0, 0.1, 0.0, 0.0) == pytest.approx(0.1 * in_j2)
+    assert cost(0.0, 0.0, 1e-3, 0.0) == pytest.approx(1e-3 * rates.battery_power_w, rel=1e-2)
+    loss_rate = rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s
+    assert cost(0.0, 0.0, 0.0, 1e9) == pytest.approx(1e9 * loss_rate, rel=1e-2)
+    assert cost(2.0, 0.1, 1e-3, 1e9) == pytest.approx(
+        cost(2.0, 0, 0, 0) + cost(0, 0.1, 0, 0) + cost(0, 0, 1e-3, 0) + cost(0, 0, 0, 1e9)
+    )
+
+
+@pytest.mark.parametrize("term", range(4))
+def test_cost_counts_with_the_length_of_the_step(
+    run_stage: RunStage, make_state: Callable[..., VehicleState], term: int
+) -> None:
+    """A strategy means the same on every grid: a sum over seconds, not over steps."""
+    weights = np.zeros(4)
+    weights[term] = (1.0, 1.0, 1e-3, 1e9)[term]
+    costs = {
+        step_s: run_stage(make_state(speed_m_s=25.0), 0.0, 900.0, step_s, tuple(weights))[1]
+        for step_s in (0.5, 1.0, 5.0)
+    }
+    # Within the longer step the cells already cool down a little.
+    assert costs[0.5] == pytest.approx(0.5 * costs[1.0], rel=1e-3)
+    assert costs[5.0] == pytest.approx(5.0 * costs[1.0], rel=2e-2)
+
+
+def test_slacks_cost_their_penalty_per_second(
+    run_stage: RunStage, make_state: Callable[..., VehicleState]
+) -> None:
+    penalties = (
+        DEFAULT_PENALTIES.gap_short_1_m,
+        DEFAULT_PENALTIES.gap_long_1_m,
+        DEFAULT_PENALTIES.speed_1_m_s,
+        DEFAULT_PENALTIES.temperature_1_k,
+    )
+    for step_s in (1.0, 5.0):
+        for index, penalty in enumerate(penalties):
+            slacks = np.zeros(4)
+            slacks[index] = 2.0
+            _, cost, _ = run_stage(make_state(), 0.0, 0.0, step_s, slacks=tuple(slacks))
+            assert cost == pytest.approx(2.0 * penalty * step_s)
+
+
+@settings(max_examples=60)
+@given(
+    speed=st.floats(2.0, 37.5),
+    leader_speed=st.floats(0.0, 37.5),
+    gap=st.floats(0.0, 150.0),
+    acceleration=st.floats(-2.0, 2.0),
+    power=st.floats(0.0, 4500.0),
+    last=st.tuples(st.floats(-2.0, 2.0), st.floats(0.0, 4500.0)),
+    slacks=st.tuples(*[st.floats(0.0, 5.0)] * 4),
+    step_s=st.sampled_from([1.0, 5.0]),
+)
+def test_limits_are_those_of_the_paper(
+    parameters: ModelParameters,
+    run_stage: RunStage,
+    make_state: Callable[..., VehicleState],
+    speed: float,
+    leader_speed: float,
+    gap: float,
+    acceleration: float,
+    power: float,
+    last: tuple[float, float],
+    slacks: tuple[float, float, float, float],
+    step_s: float,
+) -> None:
+    limits, policy = parameters.limits, parameters.gap
+    state = make_state(speed_m_s=speed, acceleration_m_s2=last[0], compressor_power_w=last[1])
+    leader_m = state.position_m + gap
+    following, _, rows = run_stage(
+        state, acceleration, power, step_s, slacks=slacks, leader=(leader_m, leader_speed)
+    )
+    short, far, fast, warm = slacks
+    position, end_speed, cell_1, cell_n = following[:4]
+    braking = 2.0 * math.sqrt(-limits.min_acceleration_m_s2 * limits.max_acceleration_m_s2)
+    shortest = (
+        policy.standstill_gap_m
+        + policy.time_headway_s * end_speed
+        + end_speed * (end_speed - leader_speed) / braking
+    )
+    expected = {
+        LimitIndex.ACCELERATION_RATE: (acceleration - last[0]) / (limits.max_jerk_m_s3 * step_s),
+        LimitIndex.COMPRESSOR_RATE: (power - last[1]) / (limits.max_compressor_rate_w_s * step_s),
+        LimitIndex.GAP_MIN: leader_m - position - shortest + short,
+        LimitIndex.GAP_FLOOR: leader_m - position - policy.standstill_gap_m + short,
+        LimitIndex.GAP_MAX: policy.max_gap_m - (leader_m - position) + far,
+        LimitIndex.SPEED_MIN: end_speed - limits.min_speed_m_s + fast,
+        LimitIndex.SPEED_MAX: limits.max_speed_m_s - end_speed + fast,
+        LimitIndex.CELL_1_MIN: cell_1 - limits.min_temperature_k + warm,
+        LimitIndex.CELL_1_MAX: limits.max_temperature_k - cell_1 + warm,
+        LimitIndex.CELL_N_MIN: cell_n - limits.min_temperature_k + warm,
+        LimitIndex.CELL_N_MAX: limits.max_temperature_k - cell_n + warm,
+    }
+    for index, value in expected.items():
+        assert rows[index] == pytest.approx(value, rel=1e-9, abs=1e-8), index.name
+    # The outlet lies between the two bounds as one and the same temperature.
+    outlet_k = rows[LimitIndex.OUTLET_MIN] - warm + limits.min_temperature_k
+    assert rows[LimitIndex.OUTLET_MAX] == pytest.approx(limits.max_temperature_k - outlet_k + warm)
+    assert 280.0 < outlet_k < 315.0
+
+
+def test_outlet_is_that_of_the_coolant_loop(
+    parameters: ModelParameters, run_stage: RunStage, make_state: Callable[..., VehicleState]
+) -> None:
+    state = make_state(speed_m_s=20.0)
+    _, _, rows = run_stage(state, 0.0, 1500.0, 1.0)
+    rates = exact_rates(state, 0.0, 1500.0, parameters)
+    outlet_k = rows[LimitIndex.OUTLET_MIN] + parameters.limits.min_temperature_k
+    assert outlet_k == pytest.approx(rates.coolant.outlet_k, abs=1e-3)
