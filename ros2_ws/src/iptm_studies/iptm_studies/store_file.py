@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from iptm_core.errors import IptmError, StoreError
 from iptm_core.parameters import flat_to_parameters, to_flat_dict
@@ -135,7 +136,7 @@ def _run(content: dict[str, Any], columns: dict[str, pa.Array]) -> StoredRun:
 def _log(columns: dict[str, pa.Array]) -> DecisionLog | None:
     if LOG_PREFIX + LOG_COLUMNS[0] not in columns:
         return None
-    arrays: dict[str, np.ndarray] = {}
+    arrays: dict[str, NDArray[Any]] = {}
     for name in LOG_COLUMNS:
         column = columns[LOG_PREFIX + name]
         values = column.slice(0, len(column) - 1).to_numpy(zero_copy_only=False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iptm_controller.ladder import Rung
 from iptm_controller.solvers.result import SolveStatus
@@ -228,7 +229,7 @@ def summarise_log(log: DecisionLog) -> SolverSummary:
     )
 
 
-def _largest(values: np.ndarray) -> float:
+def _largest(values: NDArray[np.float64]) -> float:
     """Largest value of those that exist, 0 if none does."""
     known = values[np.isfinite(values)]
     return float(known.max()) if known.size else 0.0

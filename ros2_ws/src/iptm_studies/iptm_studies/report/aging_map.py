@@ -44,9 +44,12 @@ def aging_map(parameters: ModelParameters) -> AgingMap:
         The map.
     """
     capacity_ah = parameters.cell.nominal_capacity_ah
-    currents = np.linspace(0.0, LARGEST_RATE_1_H * capacity_ah, CURRENT_STEPS)
+    currents = np.linspace(0.0, LARGEST_RATE_1_H * capacity_ah, CURRENT_STEPS, dtype=np.float64)
     temperatures = np.linspace(
-        parameters.limits.min_temperature_k, parameters.limits.max_temperature_k, TEMPERATURE_STEPS
+        parameters.limits.min_temperature_k,
+        parameters.limits.max_temperature_k,
+        TEMPERATURE_STEPS,
+        dtype=np.float64,
     )
     rates = capacity_loss_rate_1_s(
         currents[np.newaxis, :],
