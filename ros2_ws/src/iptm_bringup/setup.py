@@ -4,6 +4,12 @@ from setuptools import find_packages, setup
 
 PACKAGE = "iptm_bringup"
 
+
+def files(folder: str, pattern: str) -> list[str]:
+    """The files of a folder, in a fixed order."""
+    return sorted(str(path) for path in Path(folder).glob(pattern))
+
+
 setup(
     name=PACKAGE,
     version="0.1.0",
@@ -12,10 +18,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (
-            f"share/{PACKAGE}/launch",
-            sorted(str(path) for path in Path("launch").glob("*.launch.py")),
-        ),
+        (f"share/{PACKAGE}/launch", files("launch", "*.launch.py")),
+        # The launch files look for them here, as every ROS 2 package does.
+        (f"share/{PACKAGE}/config/nodes", files(f"{PACKAGE}/config/nodes", "*.yaml")),
+        (f"share/{PACKAGE}/config/scenarios", files(f"{PACKAGE}/config/scenarios", "*.yaml")),
     ],
     install_requires=["setuptools", "numpy>=1.24", "PyYAML>=6.0", "matplotlib>=3.8", "rich>=13"],
     extras_require={"test": ["pytest"]},

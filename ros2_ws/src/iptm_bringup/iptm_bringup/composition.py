@@ -1,0 +1,175 @@
+"""Turns a scenario into the commands that start its processes; pure data, nothing is started here.
+
+The nodes are known by module and parameter names only, as for anyone who starts them by hand.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from iptm_bringup.preparation import PreparedScenario
+from iptm_bringup.scenario import Scalar
+from iptm_bringup.scenario_files import scenario_text
+from iptm_core.parameters import to_flat_dict
+from iptm_recording.run_parameters import MODEL_KEY
+
+PLANT = "plant"
+BRIDGE = "v2x_bridge"
+CONTROLLER = "controller"
+RECORDER = "recorder"
+
+MODULES = {
+    PLANT: "iptm_plant_sim.node",
+    BRIDGE: "iptm_v2x_bridge.node",
+    CONTROLLER: "iptm_controller.node",
+    RECORDER: "iptm_recording.recorder_cli",
+}
+
+_ROAD = ("cycle", "slope")
+_MODEL = ("parameter_set", "parameter_overrides")
+_FROM_SCENARIO = {
+    PLANT: (*_ROAD, "duration_s", *_MODEL, "mode", "rate_factor"),
+    BRIDGE: (
+        *_ROAD,
+        "preview_mode",
+        "preview_length_s",
+        "preview_step_s",
+        "latency_s",
+        "dropout_probability",
+        "dropout_burst",
+        "noise_std_m_s",
+        "noise_correlation_s",
+        "seed",
+    ),
+    CONTROLLER: ("strategy", "horizon", "solver", *_MODEL),
+}
+"""Which fields of a scenario each node takes as parameters of the same name."""
+
+
+@dataclass(frozen=True)
+class Listeners:
+    """Who else takes part in the run, beside the three nodes.
+
+    Attributes:
+        recorder: a recorder will join.
+        foreign_to_state: others (a viewer, say) that listen to the state and the clock already.
+        foreign_to_preview: others that listen to the leader and its preview already.
+    """
+
+    recorder: bool = True
+    foreign_to_state: int = 0
+    foreign_to_preview: int = 0
+
+
+@dataclass(frozen=True)
+class RecorderRequest:
+    """What the recorder is asked for.
+
+    Attributes:
+        output: bag folder to create.
+        information: file with the run information.
+        compression: none, lz4 or zstd.
+    """
+
+    output: Path
+    information: Path
+    compression: str = "none"
+
+
+def node_parameters(
+    prepared: PreparedScenario, listeners: Listeners
+) -> dict[str, dict[str, Scalar]]:
+    """Return the parameters of each node.
+
+    The first message counts as much as the last, so plant and bridge are told how many listeners to
+    wait for: the runner and the recorder, and the controller (to the odometry and the preview) or the
+    bridge (to the clock).
+
+    Args:
+        prepared: the scenario.
+        listeners: who else listens.
+    """
+    scenario = prepared.scenario
+    controller, recorder, runner = 1, int(listeners.recorder), 1
+    peers: dict[str, dict[str, Scalar]] = {
+        PLANT: {"expected_peers": controller + recorder + runner + listeners.foreign_to_state},
+        BRIDGE: {
+            "initial_gap_m": prepared.model.values.gap.initial_gap_m,
+            # The runner does not listen to previews.
+            "expected_peers": controller + recorder + listeners.foreign_to_preview,
+        },
+        CONTROLLER: {},
+    }
+    return {
+        node: {
+            **{name: getattr(scenario, name) for name in names},
+            **peers[node],
+            **scenario.node_parameters.get(node, {}),
+        }
+        for node, names in _FROM_SCENARIO.items()
+    }
+
+
+def node_command(node: str, parameter_file: Path, namespace: str) -> list[str]:
+    """Return the command that starts a node of the loop.
+
+    Args:
+        node: name of the node.
+        parameter_file: its parameters.
+        namespace: full namespace, ``/`` for none.
+    """
+    arguments = [f"__ns:={namespace}"] if namespace != "/" else []
+    remaps = [part for rule in arguments for part in ("-r", rule)]
+    start = [sys.executable, "-m", MODULES[node]]
+    return [*start, "--ros-args", *remaps, "--params-file", str(parameter_file)]
+
+
+def recorder_command(request: RecorderRequest, namespace: str) -> list[str]:
+    """Return the command that starts the recorder; see `node_command`."""
+    command = [
+        sys.executable,
+        "-m",
+        MODULES[RECORDER],
+        str(request.output),
+        "--run-information",
+        str(request.information),
+        "--compression",
+        request.compression,
+    ]
+    return command if namespace == "/" else [*command, "--ros-args", "-r", f"__ns:={namespace}"]
+
+
+def parameter_file_text(node: str, parameters: Mapping[str, Scalar]) -> str:
+    """Return a ROS 2 parameter file for a node in whatever namespace.
+
+    Texts are always quoted: ROS would take a bare ``1e3`` or ``on`` for a number or a truth value.
+    """
+    lines = [f"/**/{node}:", "  ros__parameters:"]
+    lines += [f"    {name}: {json.dumps(value)}" for name, value in parameters.items()]
+    return "\n".join(lines) + "\n"
+
+
+def run_information(
+    prepared: PreparedScenario, parameters: Mapping[str, Mapping[str, Scalar]]
+) -> dict[str, Any]:
+    """Return what the recorder shall store about the run; revision and versions it adds itself.
+
+    Args:
+        prepared: the scenario.
+        parameters: parameters of the nodes by node.
+    """
+    return {
+        "scenario": prepared.scenario.name,
+        "seed": prepared.scenario.seed,
+        "parameters": {
+            MODEL_KEY: to_flat_dict(prepared.model.values),
+            **{node: dict(given) for node, given in parameters.items()},
+        },
+        "scenario_file": scenario_text(prepared.scenario),
+        "route": f"{prepared.route.name}, {prepared.route.duration_s:g} s ({prepared.route.source})",
+    }

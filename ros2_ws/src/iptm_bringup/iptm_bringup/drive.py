@@ -1,0 +1,285 @@
+"""One run from the first process to the last: start, watch, and end in an order that loses nothing."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+from types import FrameType, TracebackType
+
+from rclpy.executors import Executor
+
+from iptm_bringup.composition import BRIDGE, CONTROLLER, PLANT, RECORDER
+from iptm_bringup.monitor import RunMonitor
+from iptm_bringup.progress import Progress
+from iptm_bringup.supervisor import Ending, Supervisor
+from iptm_interfaces.process import EXIT_USER_ERROR
+from iptm_interfaces.topics import Topic
+
+START_TIMEOUT_S = 180.0
+"""Enough for a slow machine to compile the controller's problem for the first time."""
+SILENCE_TIMEOUT_S = 30.0
+"""The plant reports once a second even when it waits; silence for so long means that it hangs."""
+_LAST_ANSWER_TIMEOUT_S = 2.0
+_REST_S = 0.05
+_SPIN_S = 0.001
+_SHOW_PERIOD_S = 0.2
+_QUIET_SPINS = 2
+_LAST_ANSWERS = (Topic.SOLVE, Topic.COMMAND, Topic.LEADER)
+
+
+class Outcome(Enum):
+    """How a run ended."""
+
+    FINISHED = "finished"
+    FAILED = "failed"
+    REFUSED = "refused"
+    """A process found a mistake of the user before anything was driven."""
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class DriveResult:
+    """End of a run.
+
+    Attributes:
+        outcome: how it ended.
+        message: what happened, empty if it finished as it should.
+        last_lines: what the process that caused the end said last.
+        wall_time_s: from the first to the last clock.
+    """
+
+    outcome: Outcome
+    message: str = ""
+    last_lines: tuple[str, ...] = ()
+    wall_time_s: float = 0.0
+
+
+class StopRequest:
+    """Notes SIGINT and SIGTERM; a second one changes nothing, so the end cannot be cut short.
+
+    Attributes:
+        number: the signal, None while there was none.
+    """
+
+    def __init__(self) -> None:
+        self.number: signal.Signals | None = None
+
+    def install(self) -> None:
+        """Take over both signals for the rest of the process."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
+        if self.number is None:
+            self.number = signal.Signals(number)
+
+
+class Drive:
+    """Runs the processes of one scenario; as a context manager it ends them all."""
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        monitor: RunMonitor,
+        executor: Executor,
+        progress: Progress,
+        stop: StopRequest,
+    ) -> None:
+        """Set up a drive.
+
+        Args:
+            supervisor: starts and ends the processes.
+            monitor: listens to them.
+            executor: runs the monitor.
+            progress: shows how far it is.
+            stop: tells that the user wants to stop.
+        """
+        self._supervisor = supervisor
+        self._monitor = monitor
+        self._executor = executor
+        self._progress = progress
+        self._stop = stop
+
+    def __enter__(self) -> Drive:  # noqa: PYI034  Self came with Python 3.11
+        """Return the drive itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End the recorder last: what the others say in the end belongs into the bag."""
+        self._progress.close()
+        started = self._supervisor.names
+        self._supervisor.stop(name for name in started if name != RECORDER)
+        try:
+            self._hear()
+        finally:
+            self._supervisor.stop(started)
+
+    def start(self, commands: Mapping[str, list[str]]) -> None:
+        """Start processes.
+
+        Args:
+            commands: command by process name.
+        """
+        for name, command in commands.items():
+            self._supervisor.start(name, command)
+
+    def look_around(self, duration_s: float) -> None:
+        """Give the middleware time to find who else is in the domain.
+
+        Args:
+            duration_s: least time; it goes on until the controller is found as well.
+        """
+        until_s = time.monotonic() + duration_s
+
+        def found() -> bool:
+            return time.monotonic() >= until_s and CONTROLLER not in self._monitor.awaited_nodes
+
+        self._spin_until(found, lambda: self._progress.waiting("looking for listeners"))
+
+    def run(self, on_start: Callable[[], None] | None = None) -> DriveResult:
+        """Wait for the trip to begin and to end; all processes must have been started.
+
+        Args:
+            on_start: called when the trip begins.
+        """
+        result = self._wait_for_start()
+        if result.outcome is Outcome.FINISHED:
+            if on_start is not None:
+                on_start()
+            result = self._wait_for_end()
+        return replace(result, wall_time_s=self._wall_time_s())
+
+    def _wait_for_start(self) -> DriveResult:
+        """Spin until the first clock; the result is FINISHED when it came."""
+        deadline_s = time.monotonic() + START_TIMEOUT_S
+
+        def show() -> DriveResult | None:
+            crowded = self._monitor.crowded_topics
+            if crowded:
+                return DriveResult(
+                    Outcome.REFUSED,
+                    f"{', '.join(crowded)} has several publishers: another run takes place in this "
+                    "ROS domain; allowed: one run per domain (see --domain)",
+                )
+            self._progress.waiting(self._awaited())
+            if time.monotonic() > deadline_s:
+                return DriveResult(
+                    Outcome.FAILED,
+                    f"the trip did not start within {START_TIMEOUT_S:g} s: {self._awaited()}",
+                )
+            return None
+
+        return self._spin_until(lambda: self._monitor.first_clock_s is not None, show)
+
+    def _awaited(self) -> str:
+        nodes = self._monitor.awaited_nodes
+        if nodes:
+            return f"waiting for {', '.join(nodes)}"
+        return self._monitor.plant_reason or "waiting for the plant"
+
+    def _wait_for_end(self) -> DriveResult:
+        """Spin until the plant has ended by itself."""
+
+        def show() -> DriveResult | None:
+            snapshot = self._monitor.snapshot()
+            now_s = time.monotonic()
+            if snapshot is not None and self._monitor.first_clock_s is not None:
+                self._progress.running(snapshot, now_s - self._monitor.first_clock_s)
+            if now_s - self._monitor.last_sign_s > SILENCE_TIMEOUT_S:
+                return DriveResult(
+                    Outcome.FAILED,
+                    f"nothing was heard of the plant for {SILENCE_TIMEOUT_S:g} s{self._at()}",
+                )
+            return None
+
+        result = self._spin_until(lambda: not self._supervisor.is_running(PLANT), show)
+        if result.outcome is Outcome.FINISHED:
+            self._await_last_answers()
+        return result
+
+    def _spin_until(
+        self, condition: Callable[[], bool], show: Callable[[], DriveResult | None]
+    ) -> DriveResult:
+        """Spin, look after the processes and show progress until a condition is true."""
+        next_show_s = time.monotonic()
+        while True:
+            self._hear()
+            now_s = time.monotonic()
+            if self._stop.number is not None:
+                return DriveResult(Outcome.INTERRUPTED, f"stopped by {self._stop.number.name}")
+            failure = self._failure()
+            if failure is not None:
+                return failure
+            if condition():
+                return DriveResult(Outcome.FINISHED)
+            if now_s >= next_show_s:
+                next_show_s = now_s + _SHOW_PERIOD_S
+                ended = show()
+                if ended is not None:
+                    return ended
+
+    def _failure(self) -> DriveResult | None:
+        """Return what went wrong, if a process ended that should not have."""
+        for ending in self._supervisor.endings():
+            if ending.name == PLANT and ending.code == 0 and self._monitor.time_ns is not None:
+                continue
+            started = self._monitor.time_ns is not None
+            if ending.code == EXIT_USER_ERROR and not started:
+                said = ending.last_lines[-1] if ending.last_lines else ""
+                return DriveResult(Outcome.REFUSED, said or f"{ending.name} {ending.how}")
+            return DriveResult(Outcome.FAILED, self._obituary(ending), ending.last_lines)
+        return None
+
+    def _obituary(self, ending: Ending) -> str:
+        reason = f" ({self._monitor.plant_reason})" if ending.name == PLANT and ending.code else ""
+        return f"{ending.name} {ending.how}{reason}{self._at()}; all other processes were stopped"
+
+    def _at(self) -> str:
+        now_ns = self._monitor.time_ns
+        return (
+            " before the trip began" if now_ns is None else f" at {now_ns * 1e-9:g} s of the trip"
+        )
+
+    def _await_last_answers(self) -> None:
+        """Give bridge and controller the time to answer the last state, so that every run ends alike."""
+        last_ns = self._monitor.time_ns
+        deadline_s = time.monotonic() + _LAST_ANSWER_TIMEOUT_S
+        while time.monotonic() < deadline_s:
+            newest = [self._monitor.newest_stamp_ns(topic) for topic in _LAST_ANSWERS]
+            if all(stamp_ns == last_ns for stamp_ns in newest):
+                return
+            self._hear()
+
+    def _hear(self) -> None:
+        """Rest a little, then take all that has arrived.
+
+        Woken by every single message the runner would need twice the time, at the cost of the nodes.
+        """
+        time.sleep(_REST_S)
+        quiet, before = 0, self._monitor.message_count
+        while quiet < _QUIET_SPINS:
+            self._executor.spin_once(timeout_sec=_SPIN_S)
+            heard = self._monitor.message_count
+            quiet, before = (quiet + 1 if heard == before else 0), heard
+
+    def _wall_time_s(self) -> float:
+        first_s, last_s = self._monitor.first_clock_s, self._monitor.last_clock_s
+        return 0.0 if first_s is None or last_s is None else last_s - first_s
+
+
+def unclean_ends(supervisor: Supervisor) -> list[str]:
+    """Return a sentence for every process that did not end well although the trip was finished."""
+    known = (BRIDGE, CONTROLLER, RECORDER, PLANT)
+    return [
+        f"{ending.name} {ending.how} when it was told to stop"
+        for ending in supervisor.endings()
+        if ending.name in known and ending.code != 0
+    ]

@@ -1,0 +1,163 @@
+"""Judges a finished run: figures from the bag, the same figures as heard live, and what is amiss."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from iptm_bringup.live_run import LiveRun, run_differences
+from iptm_bringup.preparation import PreparedScenario
+from iptm_bringup.results import RunResults, solver_statistics
+from iptm_core.metrics import RunMetrics, compute_metrics
+from iptm_core.trajectory import Trajectory
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.run_information import RunInformation
+from iptm_recording.run_parameters import read_model_parameters
+from iptm_recording.trajectory_reader import SolveSeries, read_solve_series, read_trajectory
+
+_OF_PLANT = (Topic.CLOCK, *(topic for topic in Topic if topic.name.startswith("PLANT_")))
+_OF_BRIDGE = (Topic.LEADER, Topic.LEADER_PREVIEW)
+_OF_CONTROLLER = (
+    Topic.COMMAND,
+    Topic.ACCELERATION_COMMAND,
+    Topic.COMPRESSOR_POWER_COMMAND,
+    Topic.SOLVE,
+)
+_SHOWN_DIFFERENCES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedRun:
+    """A run and its results.
+
+    Attributes:
+        trajectory: from the bag, or as heard where there is none.
+        solves: likewise.
+        results: figures and problems.
+    """
+
+    trajectory: Trajectory
+    solves: SolveSeries
+    results: RunResults
+
+
+def evaluate(
+    prepared: PreparedScenario,
+    live: LiveRun,
+    bag: Path | None,
+    information: RunInformation,
+    wall_time_s: float,
+    problems: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+) -> EvaluatedRun:
+    """Work out the results of a run.
+
+    Args:
+        prepared: what was to be driven.
+        live: what the runner heard.
+        bag: what was recorded, None if nothing was.
+        information: revision and versions, used without a bag.
+        wall_time_s: from the first to the last clock.
+        problems: what is known to be amiss already.
+        warnings: what the nodes complained about.
+
+    Raises:
+        BagError: the bag cannot be read.
+    """
+    found = list(problems)
+    trajectory, solves = live.trajectory, live.solves
+    parameters = prepared.model.values
+    namespace = prepared.scenario.namespace or None
+    equal: bool | None = None
+    counts: dict[str, int] | None = None
+    if live.incomplete_ticks:
+        found.append(f"the runner missed messages of {live.incomplete_ticks} ticks")
+    if bag is not None:
+        trajectory, solves = read_trajectory(bag, namespace), read_solve_series(bag, namespace)
+        parameters, _ = read_model_parameters(bag)
+        if parameters != prepared.model.values:
+            found.append("the model parameters in the bag are not those of the scenario")
+        with BagReader(bag) as reader:
+            counts = {name: topic.message_count for name, topic in sorted(reader.topics.items())}
+            information = reader.run_information()
+        found += _missing_messages(counts, len(trajectory), prepared)
+    metrics = compute_metrics(trajectory, parameters)
+    if bag is not None:
+        differences = run_differences(live, trajectory, solves)
+        if compute_metrics(live.trajectory, parameters) != metrics:
+            differences.insert(0, "the figures differ")
+        equal = not differences
+        if differences:
+            more = len(differences) - _SHOWN_DIFFERENCES
+            rest = f" (and {more} more)" if more > 0 else ""
+            found.append(
+                "the bag and what the runner heard differ: "
+                + "; ".join(differences[:_SHOWN_DIFFERENCES])
+                + rest
+            )
+    found += _unfinished(trajectory, prepared) + _broken_limits(metrics)
+    results = RunResults(
+        scenario=prepared.scenario,
+        metrics=metrics,
+        solver=solver_statistics(solves),
+        wall_time_s=wall_time_s,
+        live_equals_bag=equal,
+        bag_messages=counts,
+        problems=tuple(found),
+        warnings=tuple(warnings),
+        information=_information_texts(information),
+    )
+    return EvaluatedRun(trajectory, solves, results)
+
+
+def _missing_messages(
+    counts: Mapping[str, int], ticks: int, prepared: PreparedScenario
+) -> list[str]:
+    """Return a sentence per topic of which the bag does not hold a message for every tick."""
+    # On the wall clock nobody waits for an answer, so only the plant's own messages are certain.
+    complete = (*_OF_PLANT, *_OF_BRIDGE) if prepared.is_lock_step else _OF_PLANT
+    expected = dict.fromkeys(complete, ticks)
+    if prepared.is_lock_step:
+        # The last state ends the trip, whether it is answered or not.
+        expected |= dict.fromkeys(_OF_CONTROLLER, ticks - 1)
+    expected[Topic.SLOPE] = 1
+    prefix = prepared.scenario.full_namespace.rstrip("/")
+    sentences = []
+    for topic, least in expected.items():
+        name = TOPICS[topic].name
+        count = counts.get(name if name.startswith("/") else f"{prefix}/{name}", 0)
+        if count < least:
+            sentences.append(f"the bag holds {count} messages of {name}, {least} are needed")
+    return sentences
+
+
+def _unfinished(trajectory: Trajectory, prepared: PreparedScenario) -> list[str]:
+    start_s, end_s = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
+    duration_s = prepared.route.duration_s
+    if start_s == 0.0 and end_s >= duration_s - 1e-9:
+        return []
+    return [f"the run covers {start_s:g} s to {end_s:g} s of a trip of {duration_s:g} s"]
+
+
+def _broken_limits(metrics: RunMetrics) -> list[str]:
+    return [
+        f"hard limit broken: {check.label}, {check.violations} times, worst by "
+        f"{check.worst_excess:.3g} {check.unit} at {_time_text(check.worst_time_s)}"
+        for check in metrics.constraints
+        if check.hard and check.violations
+    ]
+
+
+def _time_text(time_s: float | None) -> str:
+    return "an unknown time" if time_s is None or math.isnan(time_s) else f"{time_s:g} s"
+
+
+def _information_texts(information: RunInformation) -> dict[str, str]:
+    return {
+        "git_revision": information.git_revision,
+        "started_at_utc": information.started_at_utc,
+        **information.versions,
+    }

@@ -1,0 +1,240 @@
+"""The runner's own ear: keeps the bytes of every message that the figures of a run need.
+
+A lock-step run passes some thousand messages a second, and the runner must not take time from the
+nodes. So messages stay bytes until the run is over; while it lasts, only the newest are decoded, a
+few times a second, to show how far it is.
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.context import Context
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+
+from iptm_bringup.composition import BRIDGE, CONTROLLER, PLANT, RECORDER
+from iptm_core.errors import MessageError
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_interfaces.codecs import decode_solve_report, decode_temperature
+from iptm_interfaces.diagnostics import Level, find_status, status_values
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import TOPICS, Topic
+
+NAME = "run_monitor"
+GATE = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
+"""Topics by which the plant counts who is there; they are subscribed last."""
+
+BEFORE_GATE = (
+    Topic.PLANT_ACCELERATION,
+    Topic.PLANT_CELL_1_TEMPERATURE,
+    Topic.PLANT_CELL_N_TEMPERATURE,
+    Topic.PLANT_COOLANT_INLET_TEMPERATURE,
+    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
+    Topic.PLANT_POWERS,
+    Topic.PLANT_CAPACITY_LOSS,
+    Topic.LEADER,
+    Topic.SOLVE,
+    Topic.COMMAND,
+)
+
+_DEPTH = 10_000  # the runner may be busy for a moment, the nodes do not wait for it
+_SETTLE_S = 0.1  # time for the publishers to learn of the subscriptions made last
+_LOOK_PERIOD_S = 0.05
+_STAMP = struct.Struct("<4xiI")  # first field of a clock and of every header, behind the CDR prefix
+# A node that was found a moment ago has no name yet; it may be one of the run.
+_NOT_FOREIGN = {PLANT, BRIDGE, CONTROLLER, RECORDER, NAME, "_NODE_NAME_UNKNOWN_"}
+_ONLY_ONE_PUBLISHES = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Where a run stands.
+
+    Attributes:
+        time_s: trip time.
+        speed_m_s: of the host.
+        gap_m: to the leader.
+        cell_1_temperature_c: of the first cell.
+        cell_n_temperature_c: of the last cell.
+        solve_time_s: wall time of the latest solve.
+        iterations: of the latest solve.
+        fallback_rung: of the latest decision, 0 for the solver.
+    """
+
+    time_s: float
+    speed_m_s: float
+    gap_m: float
+    cell_1_temperature_c: float
+    cell_n_temperature_c: float
+    solve_time_s: float
+    iterations: int
+    fallback_rung: int
+
+
+class RunMonitor(SuiteNode):
+    """Listens to one run, from before its first message to after its last.
+
+    Attributes:
+        recorded: bytes of the messages by topic, in order of arrival.
+        first_clock_s: steady time of the first clock, None before it.
+        last_clock_s: steady time of the newest clock, None before the first.
+        last_sign_s: steady time of the newest clock or diagnostics of the plant, else of the start.
+        warnings: reasons that the nodes gave in their diagnostics, worse than OK, once each.
+        plant_status: latest key values of the plant's diagnostics.
+        plant_reason: latest reason of the plant's diagnostics.
+    """
+
+    def __init__(self, namespace: str, context: Context) -> None:
+        super().__init__(NAME, namespace=namespace, context=context)
+        self.recorded: dict[Topic, list[bytes]] = {topic: [] for topic in (*BEFORE_GATE, *GATE)}
+        self.first_clock_s: float | None = None
+        self.last_clock_s: float | None = None
+        self.last_sign_s = time.monotonic()
+        self.warnings: dict[str, None] = {}
+        self.plant_status: Mapping[str, str] = {}
+        self.plant_reason = ""
+        self._diagnostics_count = 0
+        self._subscribed: set[Topic] = set()
+        self._complete_since_s: float | None = None
+        self._plant = f"{self.get_namespace().rstrip('/')}/{PLANT}"
+        self.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
+        self._timer = self.every(_LOOK_PERIOD_S, self._look)
+
+    @property
+    def is_listening(self) -> bool:
+        """Whether every topic is subscribed to."""
+        return self._timer.is_canceled()
+
+    @property
+    def awaited_nodes(self) -> tuple[str, ...]:
+        """Nodes that do not publish all of their topics yet."""
+        silent = (topic for topic in (*BEFORE_GATE, *GATE) if not self._publisher_count(topic))
+        return tuple(dict.fromkeys(TOPICS[topic].publisher for topic in silent))
+
+    @property
+    def crowded_topics(self) -> tuple[str, ...]:
+        """Topics with several publishers: another run takes place in the same domain."""
+        return tuple(
+            topic.value for topic in _ONLY_ONE_PUBLISHES if self._publisher_count(topic) > 1
+        )
+
+    def foreign_listeners(self, *topics: Topic) -> int:
+        """Return how many nodes that do not belong to the run listen to each of the topics."""
+        return min(self._foreign_listeners(topic) for topic in topics)
+
+    def _foreign_listeners(self, topic: Topic) -> int:
+        name = self.resolve_topic_name(TOPICS[topic].name)
+        listeners = self.get_subscriptions_info_by_topic(name)
+        return sum(info.node_name not in _NOT_FOREIGN for info in listeners)
+
+    @property
+    def message_count(self) -> int:
+        """Messages heard so far."""
+        return self._diagnostics_count + sum(map(len, self.recorded.values()))
+
+    @property
+    def time_ns(self) -> int | None:
+        """Trip time of the newest clock, None before the first."""
+        clocks = self.recorded[Topic.CLOCK]
+        return stamp_ns_of(clocks[-1]) if clocks else None
+
+    def newest_stamp_ns(self, topic: Topic) -> int | None:
+        """Return the stamp of the newest message of a stamped topic, None without one."""
+        messages = self.recorded[topic]
+        return stamp_ns_of(messages[-1]) if messages else None
+
+    def snapshot(self) -> Snapshot | None:
+        """Decode the newest messages; None while one is missing or cannot be read."""
+        now_ns = self.time_ns
+        try:
+            if now_ns is None:
+                return None
+            odometry = self._newest(Topic.PLANT_ODOMETRY)
+            leader = self._newest(Topic.LEADER)
+            _, solve = decode_solve_report(self._newest(Topic.SOLVE))
+            cell_1_k, cell_n_k = (
+                decode_temperature(topic, self._newest(topic))
+                for topic in (Topic.PLANT_CELL_1_TEMPERATURE, Topic.PLANT_CELL_N_TEMPERATURE)
+            )
+        except (IndexError, MessageError):
+            return None
+        position_m = odometry.pose.pose.position.x
+        return Snapshot(
+            time_s=now_ns * 1e-9,
+            speed_m_s=odometry.twist.twist.linear.x,
+            gap_m=leader.pose.pose.position.x - position_m,
+            cell_1_temperature_c=cell_1_k - CELSIUS_ZERO_K,
+            cell_n_temperature_c=cell_n_k - CELSIUS_ZERO_K,
+            solve_time_s=solve.solve_time_s,
+            iterations=solve.iterations,
+            fallback_rung=solve.fallback_rung,
+        )
+
+    def _newest(self, topic: Topic) -> Any:
+        return deserialize_message(self.recorded[topic][-1], TOPICS[topic].message_type)
+
+    def _publisher_count(self, topic: Topic) -> int:
+        return int(self.count_publishers(TOPICS[topic].name))
+
+    def _look(self) -> None:
+        """Subscribe to what has a publisher; to the gate when all else is in place."""
+        for topic in BEFORE_GATE:
+            if topic not in self._subscribed and self._publisher_count(topic):
+                self._subscribe(topic)
+        if len(self._subscribed) < len(BEFORE_GATE):
+            return
+        now_s = time.monotonic()
+        if self._complete_since_s is None:
+            self._complete_since_s = now_s
+        if now_s - self._complete_since_s >= _SETTLE_S and not self.crowded_topics:
+            self._timer.cancel()
+            for topic in GATE:
+                self._subscribe(topic)
+
+    def _subscribe(self, topic: Topic) -> None:
+        self._subscribed.add(topic)
+        spec = TOPICS[topic]
+        take = self._on_clock if topic is Topic.CLOCK else self.recorded[topic].append
+        qos = QoSProfile(
+            history=spec.qos.history,
+            depth=_DEPTH,
+            reliability=spec.qos.reliability,
+            durability=spec.qos.durability,
+        )
+        self.create_subscription(spec.message_type, spec.name, take, qos, raw=True)
+
+    def _on_clock(self, data: bytes) -> None:
+        self.last_clock_s = self.last_sign_s = time.monotonic()
+        if self.first_clock_s is None:
+            self.first_clock_s = self.last_clock_s
+        self.recorded[Topic.CLOCK].append(data)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self._diagnostics_count += 1
+        for status in message.status:
+            if status.level != Level.OK.value:
+                self.warnings[f"{status.name.split(':')[0].lstrip('/')}: {status.message}"] = None
+        plant = find_status(message, self._plant)
+        if plant is not None:
+            self.last_sign_s = time.monotonic()
+            self.plant_status = status_values(plant)
+            self.plant_reason = plant.message
+
+
+def stamp_ns_of(data: bytes) -> int:
+    """Return the stamp of a clock or of a message that starts with a header, from its bytes."""
+    seconds, nanoseconds = _STAMP.unpack_from(data)
+    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+
+
+def messages_by_stamp(topic: Topic, data: Sequence[bytes]) -> dict[int, Any]:
+    """Decode the messages of a stamped topic, keyed by their stamps."""
+    decode = partial(deserialize_message, message_type=TOPICS[topic].message_type)
+    return {stamp_ns_of(entry): decode(entry) for entry in data}

@@ -1,0 +1,282 @@
+"""The run as one picture: panels over a common time axis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from iptm_bringup.evaluation import EvaluatedRun
+from iptm_bringup.preparation import PreparedScenario
+from iptm_core.metrics.gap import gap_margins_m
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
+
+# Colours of Okabe and Ito, which colour-blind readers can tell apart.
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#D55E00",
+    "#CC79A7",
+    "#56B4E9",
+)
+GREY = "#8a8a8a"
+_KM_H = 3.6
+_WIDTH_INCHES = 12.0
+_INCHES_PER_HEIGHT = 1.72
+_HEADING_INCHES = 1.2
+_DOTS_PER_INCH = 100
+# Below these spans a curve is flat for the eye, whatever its digits say.
+_LEAST_TEMPERATURE_SPAN_K = 2.0
+_LEAST_COOLING_KW = 0.5
+_LEAST_CAPACITY_LOSS = 1e-12
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_STYLE: Any = {
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "lines.linewidth": 1.3,
+    "legend.frameon": False,
+    "legend.borderaxespad": 0.2,
+    "legend.handlelength": 1.6,
+    "legend.columnspacing": 1.4,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class _Content:
+    """What the panels draw."""
+
+    prepared: PreparedScenario
+    evaluated: EvaluatedRun
+
+    @property
+    def run(self) -> Trajectory:
+        return self.evaluated.trajectory
+
+    @property
+    def grades_percent(self) -> FloatArray:
+        """Road grade under the host at every instant."""
+        slopes_rad = np.asarray(self.prepared.route.slope.slope_at(self.run.position_m))
+        grades: FloatArray = 100.0 * np.tan(slopes_rad)
+        return grades
+
+    @property
+    def has_hills(self) -> bool:
+        return bool(np.any(self.grades_percent))
+
+
+_Draw = Callable[[Axes, _Content], None]
+
+
+def save_picture(path: Path, prepared: PreparedScenario, evaluated: EvaluatedRun) -> None:
+    """Draw a run.
+
+    Args:
+        path: PNG file to write.
+        prepared: what was driven.
+        evaluated: the run and its results.
+    """
+    content = _Content(prepared, evaluated)
+    panels = _panels(content)
+    heights = [height for _, height in panels]
+    size = (_WIDTH_INCHES, _HEADING_INCHES + _INCHES_PER_HEIGHT * sum(heights))
+    with rc_context(_STYLE):
+        layout = ConstrainedLayoutEngine(h_pad=0.06, hspace=0.03)
+        figure = Figure(figsize=size, dpi=_DOTS_PER_INCH, layout=layout)
+        FigureCanvasAgg(figure)
+        all_axes = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights)
+        for axes, (draw, _) in zip(all_axes, panels, strict=True):
+            draw(axes, content)
+            axes.margins(x=0.0)
+        all_axes[-1].set_xlabel("time (s)")
+        figure.align_ylabels(all_axes)
+        figure.suptitle(_headline(content), fontsize=13, fontweight="bold", x=0.01, ha="left")
+        figure.supxlabel(_footer(content), fontsize=9, color="#555555", x=0.01, ha="left")
+        figure.savefig(path, metadata={"Software": "iptm"})
+
+
+def _panels(content: _Content) -> list[tuple[_Draw, float]]:
+    """Return what to draw, from top to bottom, with relative heights."""
+    hills: list[tuple[_Draw, float]] = [(_grade, 0.6)] if content.has_hills else []
+    return [
+        (_speed, 1.25),
+        *hills,
+        (_gap, 1.25),
+        (_driving_power, 1.0),
+        (_cooling_power, 1.0),
+        (_temperature, 1.2),
+        (_aging, 1.0),
+        (_solver, 0.8),
+    ]
+
+
+def _headline(content: _Content) -> str:
+    scenario = content.prepared.scenario
+    results = content.evaluated.results
+    energy, loss = results.metrics.energy, results.metrics.degradation
+    return (
+        f"{content.prepared.route.name}: strategy {scenario.strategy}, horizon {scenario.horizon} s,"
+        f" {scenario.solver}\n"
+        f"cooling {1e-3 * energy.cooling_j:.0f} kJ, traction {1e-3 * energy.traction_j:.0f} kJ,"
+        f" degradation {1e5 * loss.cell_1:.4f} / {1e5 * loss.cell_n:.4f} ×10⁻⁵,"
+        f" inconsistency {1e7 * loss.inconsistency:.3f} ×10⁻⁷"
+    )
+
+
+def _footer(content: _Content) -> str:
+    results = content.evaluated.results
+    parts = [f"scenario {content.prepared.scenario.name}, model {content.prepared.model.name}"]
+    if math.isfinite(results.speed_up):
+        mode = content.prepared.scenario.mode.replace("_", "-")
+        parts.append(f"{mode} over ROS 2, {results.speed_up:.0f} × real time")
+    hard, soft = results.metrics.hard_violations, results.metrics.soft_violations
+    parts.append(f"limits broken: hard {hard}, soft {soft} rows")
+    return "; ".join(parts)
+
+
+def _titled(axes: Axes, title: str, unit: str, *more: Axes) -> None:
+    """Put title and legend above a panel, the legend with the lines of all its axes."""
+    axes.set_title(title)
+    axes.set_ylabel(unit)
+    handles = [line for each in (axes, *more) for line in each.get_legend_handles_labels()[0]]
+    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))
+
+
+def _speed(axes: Axes, content: _Content) -> None:
+    run = content.run
+    axes.plot(run.time_s, _KM_H * run.leader_speed_m_s, color=GREY, label="leader")
+    axes.plot(run.time_s, _KM_H * run.speed_m_s, color=BLUE, label="host")
+    axes.set_ylim(bottom=0.0)
+    _titled(axes, "Speed", "km/h")
+
+
+def _grade(axes: Axes, content: _Content) -> None:
+    axes.fill_between(content.run.time_s, content.grades_percent, color=GREY, alpha=0.5, lw=0)
+    axes.axhline(0.0, color="black", lw=0.6)
+    _titled(axes, "Road grade (positive: uphill)", "%")
+
+
+def _gap(axes: Axes, content: _Content) -> None:
+    run, parameters = content.run, content.prepared.model.values
+    smallest = run.gap_m - gap_margins_m(run, parameters)
+    largest = parameters.gap.max_gap_m
+    floor = np.maximum(smallest, 0.0)
+    axes.fill_between(run.time_s, floor, largest, color=GREEN, alpha=0.10, lw=0)
+    axes.plot(run.time_s, floor, color=RED, lw=0.9, label="s_min (safety)")
+    axes.axhline(largest, color=RED, lw=0.9, ls="--", label=f"s_max = {largest:g} m")
+    axes.plot(run.time_s, run.gap_m, color=BLUE, label="gap")
+    top = 1.05 * max(largest, float(np.max(run.gap_m)), float(np.max(smallest)))
+    axes.set_ylim(0.0, top)
+    _titled(axes, "Gap to the leader", "m")
+
+
+def _driving_power(axes: Axes, content: _Content) -> None:
+    run = content.run
+    axes.plot(run.time_s, 1e-3 * run.battery_power_w, color=SKY, lw=2.4, label="battery")
+    axes.plot(run.time_s, 1e-3 * run.traction_power_w, color=BLUE, lw=0.9, label="traction")
+    axes.axhline(0.0, color="black", lw=0.6)
+    _titled(axes, "Driving power (positive: drawn from the pack)", "kW")
+
+
+def _cooling_power(axes: Axes, content: _Content) -> None:
+    run = content.run
+    compressor_kw, heat_kw = 1e-3 * run.compressor_power_w, 1e-3 * run.chiller_heat_w
+    axes.fill_between(
+        run.time_s, compressor_kw, color=ORANGE, alpha=0.6, lw=0, step="pre", label="compressor"
+    )
+    axes.plot(run.time_s, heat_kw, color=GREEN, label="heat taken by the chiller")
+    highest = max(_LEAST_COOLING_KW, float(np.max(compressor_kw)), float(np.max(heat_kw)))
+    axes.set_ylim(min(0.0, 1.1 * float(np.min(heat_kw))), 1.1 * highest)
+    _titled(axes, "Cooling power", "kW")
+
+
+def _temperature(axes: Axes, content: _Content) -> None:
+    run, limits = content.run, content.prepared.model.values.limits
+    for values, color, style, width, label in (
+        (run.coolant_inlet_temperature_k, GREY, ":", 1.1, "coolant in"),
+        (run.coolant_outlet_temperature_k, GREY, "--", 1.1, "coolant out"),
+        (run.cell_n_temperature_k, RED, "-", 2.2, "cell N"),
+        (run.cell_1_temperature_k, BLUE, "-", 1.2, "cell 1"),
+    ):
+        values_c = values - CELSIUS_ZERO_K
+        axes.plot(run.time_s, values_c, color=color, ls=style, lw=width, label=label)
+    low, high = axes.get_ylim()
+    lacking = max(0.0, _LEAST_TEMPERATURE_SPAN_K - (high - low))
+    low, high = low - 0.5 * lacking, high + 0.5 * lacking
+    axes.set_ylim(low, high)
+    for limit_k in (limits.min_temperature_k, limits.max_temperature_k):
+        limit_c = limit_k - CELSIUS_ZERO_K
+        if low < limit_c < high:
+            axes.axhline(limit_c, color="black", lw=0.8, ls="-.")
+            axes.text(
+                0.005, limit_c, f"limit {limit_c:g} °C", va="bottom", fontsize=8,
+                transform=axes.get_yaxis_transform(),
+            )  # fmt: skip
+    _titled(axes, "Temperatures", "°C")
+
+
+def _aging(axes: Axes, content: _Content) -> None:
+    run = content.run
+    loss_1 = run.cell_1_capacity_loss - run.cell_1_capacity_loss[0]
+    loss_n = run.cell_n_capacity_loss - run.cell_n_capacity_loss[0]
+    unit, unit_text = _power_of_ten(loss_n)
+    axes.plot(run.time_s, loss_n / unit, color=RED, lw=2.2, label="cell N")
+    axes.plot(run.time_s, loss_1 / unit, color=BLUE, lw=1.2, label="cell 1")
+    axes.set_ylim(bottom=0.0)
+    difference = axes.twinx()
+    unit, difference_text = _power_of_ten(loss_n - loss_1)
+    difference.plot(
+        run.time_s, (loss_n - loss_1) / unit, color=PURPLE, ls="--", label="inconsistency (right)"
+    )
+    difference.set_ylabel(difference_text)
+    difference.grid(visible=False)
+    difference.spines["right"].set_visible(True)
+    _titled(axes, "Capacity lost since the start", f"{unit_text} of nominal", difference)
+
+
+def _power_of_ten(values: FloatArray) -> tuple[float, str]:
+    """Return a unit in which the largest value has one digit before the point, and its text."""
+    largest = float(np.max(np.abs(values)))
+    exponent = math.floor(math.log10(max(largest, _LEAST_CAPACITY_LOSS)))
+    return 10.0**exponent, f"10{str(exponent).translate(_SUPERSCRIPTS)}"
+
+
+def _solver(axes: Axes, content: _Content) -> None:
+    solves = content.evaluated.solves
+    milliseconds = 1e3 * solves.values["solve_time_s"]
+    rung = solves.values["fallback_rung"]
+    axes.plot(solves.time_s, milliseconds, ".", ms=2.2, color=BLUE, label="time of a solve")
+    if _has_positive(milliseconds):
+        axes.set_yscale("log")
+    fallback = solves.time_s[rung > 0.0]
+    if fallback.size:
+        axes.plot(
+            fallback, np.full(fallback.shape, 0.97), "v", ms=4, color=RED,
+            transform=axes.get_xaxis_transform(), label="fallback",
+        )  # fmt: skip
+    _titled(axes, "Solver", "ms")
+
+
+def _has_positive(values: FloatArray) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(known.size) and bool(np.all(known > 0.0))

@@ -1,0 +1,140 @@
+"""The command ``run_closed_loop``: drive a scenario over ROS 2, record it and report it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from iptm_bringup.preparation import PreparedScenario, prepare
+from iptm_bringup.run_folder import default_output
+from iptm_bringup.runner import RunOptions, run
+from iptm_bringup.scenario import scenario_specs
+from iptm_bringup.scenario_files import (
+    DEFAULT_SCENARIO,
+    load_scenario,
+    shipped_scenarios,
+    with_node_parameters,
+)
+from iptm_bringup.tables import TABLES_WIDTH
+from iptm_core.errors import IptmError
+from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
+
+PROGRAM = "run_closed_loop"
+_DESCRIPTION = """\
+Starts plant, V2X bridge, controller and recorder as processes of their own, drives one scenario, and ends
+with a table of results, a picture and results.json beside the bag.
+"""
+_EPILOG = """\
+exit code: 0 when the trip was finished, no hard limit was broken and the bag is complete and equal to
+what was heard live; 1 when not; 2 for a mistake in scenario or options; 130 after Ctrl-C.
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser; every field of a scenario is an option."""
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM,
+        usage=f"{PROGRAM} [scenario] [options]",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "scenario",
+        nargs="?",
+        default=DEFAULT_SCENARIO,
+        help=f"one of {', '.join(shipped_scenarios())}, or a .yaml file (default: %(default)s)",
+    )
+    parser.add_argument("--list", action="store_true", help="list the shipped scenarios and end")
+    parser.add_argument(
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="folder to create, which becomes the bag (default: bags/<scenario>_<date>_<time>)",
+    )
+    parser.add_argument("--no-record", action="store_true", help="do not record a bag")
+    parser.add_argument("--no-picture", action="store_true", help="do not draw a picture")
+    parser.add_argument(
+        "--compression",
+        choices=["none", "lz4", "zstd"],
+        default="none",
+        help="of the bag (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NODE.NAME=VALUE",
+        help="a parameter of plant, v2x_bridge or controller, e.g. controller.deadline_ms=50; repeatable",
+    )
+    fields = parser.add_argument_group("fields of the scenario")
+    for spec in scenario_specs():
+        allowed = "" if spec.allowed == "a text" else f"; {spec.allowed}"
+        said = f"{spec.description}{allowed} (default: {spec.default!r})"
+        fields.add_argument(
+            f"--{spec.name.replace('_', '-')}",
+            dest=f"field_{spec.name}",
+            metavar="VALUE",
+            help=said.replace("%", "%%"),
+        )
+    return parser
+
+
+def prepared_from(arguments: argparse.Namespace) -> PreparedScenario:
+    """Return the scenario that the arguments describe.
+
+    Raises:
+        ScenarioError: an argument or the scenario file is wrong.
+    """
+    given = {spec.name: getattr(arguments, f"field_{spec.name}") for spec in scenario_specs()}
+    options = {name: text for name, text in given.items() if text is not None}
+    scenario = load_scenario(arguments.scenario, options)
+    extra = with_node_parameters(scenario, arguments.set)
+    return prepare(replace(scenario, node_parameters=extra))
+
+
+def list_scenarios(console: Console) -> None:
+    """Print name and description of the shipped scenarios."""
+    for name in shipped_scenarios():
+        description = load_scenario(name).description
+        console.print(f"[bold]{name:<18}[/] {description}", highlight=False, soft_wrap=True)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Drive a scenario.
+
+    Args:
+        arguments: command line without the program's name; None takes that of the process.
+
+    Returns:
+        Exit code of the process, see the epilog of ``--help``.
+    """
+    parsed = build_parser().parse_args(arguments)
+    # A pipe has no width of its own.
+    console = Console(width=None if sys.stdout.isatty() else TABLES_WIDTH)
+    if parsed.list:
+        list_scenarios(console)
+        return EXIT_OK
+    try:
+        prepared = prepared_from(parsed)
+        output = parsed.output or default_output(prepared.scenario.name)
+        options = RunOptions(
+            output=output,
+            record=not parsed.no_record,
+            picture=not parsed.no_picture,
+            compression=parsed.compression,
+        )
+        return run(prepared, options, console, Console(stderr=True))
+    except IptmError as error:
+        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
+        return EXIT_USER_ERROR
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,248 @@
+"""One run with everything around it: folder, domain, processes, results, picture, exit code."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import rclpy
+import yaml
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+from rich.console import Console
+
+from iptm_bringup.composition import (
+    BRIDGE,
+    CONTROLLER,
+    PLANT,
+    RECORDER,
+    Listeners,
+    RecorderRequest,
+    node_command,
+    node_parameters,
+    parameter_file_text,
+    recorder_command,
+    run_information,
+)
+from iptm_bringup.drive import Drive, DriveResult, Outcome, StopRequest, unclean_ends
+from iptm_bringup.environment import RunDomain, domain_of_run, environment_of_run
+from iptm_bringup.evaluation import EvaluatedRun, evaluate
+from iptm_bringup.live_run import live_run
+from iptm_bringup.monitor import RunMonitor
+from iptm_bringup.preparation import PreparedScenario
+from iptm_bringup.progress import make_progress
+from iptm_bringup.results import results_json
+from iptm_bringup.run_folder import RunFolder
+from iptm_bringup.scenario import Scalar
+from iptm_bringup.supervisor import Supervisor
+from iptm_bringup.tables import print_results
+from iptm_core.errors import IptmError
+from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
+from iptm_interfaces.topics import Topic
+from iptm_recording.run_information import collect_run_information
+
+EXIT_RUN_FAILED = 1
+EXIT_SIGNAL = 128
+LOOK_AROUND_S = 2.0
+"""Time to find others in a domain that the user chose; the controller takes as long to start."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What the user wants beside the scenario.
+
+    Attributes:
+        output: folder to create.
+        record: whether to record a bag.
+        picture: whether to draw the run.
+        compression: of the bag: none, lz4 or zstd.
+    """
+
+    output: Path
+    record: bool = True
+    picture: bool = True
+    compression: str = "none"
+
+
+def run(prepared: PreparedScenario, options: RunOptions, console: Console, errors: Console) -> int:
+    """Drive, record and report a scenario.
+
+    Args:
+        prepared: the scenario.
+        options: output, recording, picture.
+        console: for progress and results.
+        errors: for what goes wrong.
+
+    Returns:
+        0 if the trip was finished, no hard limit was broken, and the bag is complete and equal to what
+        the runner heard; 1 if not; 2 for a mistake of the user; 128 + n after signal n.
+
+    Raises:
+        ScenarioError: the output exists, or no ROS domain can be had.
+    """
+    stop = StopRequest()
+    stop.install()
+    folder = RunFolder(options.output)
+    try:
+        return _run_in(folder, prepared, options, stop, console, errors)
+    finally:
+        if folder.logs.is_dir():
+            folder.settle()
+
+
+def _run_in(
+    folder: RunFolder,
+    prepared: PreparedScenario,
+    options: RunOptions,
+    stop: StopRequest,
+    console: Console,
+    errors: Console,
+) -> int:
+    with domain_of_run(prepared.scenario.domain) as domain:
+        environment = environment_of_run(domain.number, folder.logs / "ros")
+        os.environ.update(environment)  # the runner takes part in the graph itself
+        supervisor = Supervisor(environment, folder.log_path)
+        console.print(_introduction(prepared, domain.number), highlight=False, soft_wrap=True)
+        with _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor):
+            progress = make_progress(console, _title(prepared), prepared.route.duration_s)
+            with Drive(supervisor, monitor, executor, progress, stop) as drive:
+                start = _Start(folder, prepared, options)
+                drive.start(start.first())
+                if not domain.is_private:
+                    drive.look_around(LOOK_AROUND_S)
+                drive.start(start.then(monitor))
+                result = drive.run(folder.settle)
+    if result.outcome is not Outcome.FINISHED:
+        return _report_failure(result, folder, stop, errors)
+    return _report(folder, prepared, options, monitor, supervisor, result, console, errors)
+
+
+class _Start:
+    """Writes the files that the processes need and gives the commands to start them."""
+
+    def __init__(self, folder: RunFolder, prepared: PreparedScenario, options: RunOptions) -> None:
+        self._folder = folder
+        self._prepared = prepared
+        self._options = options
+        self._namespace = prepared.scenario.full_namespace
+
+    def first(self) -> dict[str, list[str]]:
+        """Return the commands that do not depend on who listens; they take longest to start."""
+        parameters = node_parameters(self._prepared, Listeners(self._options.record))
+        commands = {CONTROLLER: self._node(CONTROLLER, parameters)}
+        if self._options.record:
+            text = yaml.safe_dump(run_information(self._prepared, parameters), sort_keys=False)
+            path = self._folder.write_log("run_information.yaml", text)
+            request = RecorderRequest(self._folder.output, path, self._options.compression)
+            commands[RECORDER] = recorder_command(request, self._namespace)
+        return commands
+
+    def then(self, monitor: RunMonitor) -> dict[str, list[str]]:
+        """Return the commands of the nodes that are told how many listeners to wait for."""
+        listeners = Listeners(
+            self._options.record,
+            foreign_to_state=monitor.foreign_listeners(Topic.PLANT_ODOMETRY, Topic.CLOCK),
+            foreign_to_preview=monitor.foreign_listeners(Topic.LEADER, Topic.LEADER_PREVIEW),
+        )
+        parameters = node_parameters(self._prepared, listeners)
+        return {node: self._node(node, parameters) for node in (PLANT, BRIDGE)}
+
+    def _node(self, node: str, parameters: Mapping[str, Mapping[str, Scalar]]) -> list[str]:
+        text = parameter_file_text(node, parameters[node])
+        path = self._folder.write_log(f"{node}_parameters.yaml", text)
+        return node_command(node, path, self._namespace)
+
+
+@contextmanager
+def _monitor(namespace: str, domain: RunDomain) -> Iterator[tuple[RunMonitor, EventsExecutor]]:
+    context = Context()
+    rclpy.init(
+        args=[],
+        context=context,
+        domain_id=domain.number,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
+    try:
+        monitor = RunMonitor(namespace, context)
+        executor = EventsExecutor(context=context)
+        executor.add_node(monitor)
+        try:
+            yield monitor, executor
+        finally:
+            executor.remove_node(monitor)
+            monitor.destroy_node()
+            executor.shutdown()
+    finally:
+        context.try_shutdown()
+
+
+def _report(
+    folder: RunFolder,
+    prepared: PreparedScenario,
+    options: RunOptions,
+    monitor: RunMonitor,
+    supervisor: Supervisor,
+    result: DriveResult,
+    console: Console,
+    errors: Console,
+) -> int:
+    """Evaluate a finished trip, write its files and print its tables."""
+    try:
+        evaluated = evaluate(
+            prepared,
+            live_run(monitor.recorded),
+            folder.output if options.record else None,
+            collect_run_information(),
+            result.wall_time_s,
+            unclean_ends(supervisor),
+            tuple(monitor.warnings),
+        )
+    except IptmError as error:
+        errors.print(f"run_closed_loop: {error}", markup=False, highlight=False, soft_wrap=True)
+        return EXIT_RUN_FAILED
+    folder.results.write_text(results_json(evaluated.results), encoding="utf-8")
+    if options.picture:
+        _draw(folder, prepared, evaluated)
+    print_results(evaluated.results, folder.output, console)
+    return EXIT_RUN_FAILED if evaluated.results.problems else EXIT_OK
+
+
+def _draw(folder: RunFolder, prepared: PreparedScenario, evaluated: EvaluatedRun) -> None:
+    # Loaded only now: it takes half a second that the nodes can use better.
+    from iptm_bringup.picture import save_picture  # noqa: PLC0415
+
+    save_picture(folder.picture, prepared, evaluated)
+
+
+def _report_failure(
+    result: DriveResult, folder: RunFolder, stop: StopRequest, errors: Console
+) -> int:
+    if result.outcome is Outcome.REFUSED:
+        folder.discard()
+        errors.print(
+            f"run_closed_loop: {result.message}", markup=False, highlight=False, soft_wrap=True
+        )
+        return EXIT_USER_ERROR
+    folder.settle()
+    lines = [f"run_closed_loop: {result.message}", *(f"    {line}" for line in result.last_lines)]
+    lines.append(f"logs: {folder.logs}")
+    errors.print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)
+    if result.outcome is Outcome.INTERRUPTED and stop.number is not None:
+        return EXIT_SIGNAL + int(stop.number)
+    return EXIT_RUN_FAILED
+
+
+def _title(prepared: PreparedScenario) -> str:
+    scenario = prepared.scenario
+    return (
+        f"{prepared.route.name}, {prepared.route.duration_s:g} s: strategy {scenario.strategy},"
+        f" horizon {scenario.horizon}, {scenario.solver}, {scenario.mode.replace('_', '-')}"
+    )
+
+
+def _introduction(prepared: PreparedScenario, domain: int) -> str:
+    return f"{_title(prepared)}\n[dim]to watch: export ROS_DOMAIN_ID={domain}[/]"
