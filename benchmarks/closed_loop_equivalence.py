@@ -1,0 +1,115 @@
+"""Does the fast solver change what is driven? Closed loop with the default solver against a tight reference.
+
+The reference is IPOPT at 1e-8; energies and capacity losses should agree within 0.1 %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report_files import finish
+from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.horizon import Horizon
+from iptm_controller.solvers.factory import SolverOptions
+from iptm_controller.solvers.interior_point import InteriorPointOptions
+from iptm_controller.solvers.result import SolveStatus
+from iptm_controller.strategy import strategy_by_name
+from iptm_core.errors import IptmError
+from iptm_core.metrics import compute_metrics, metric_rows
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import build_route
+from iptm_plant_sim.plant import Plant
+from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
+
+KEYS = (
+    "cooling_energy",
+    "traction_energy",
+    "battery_energy",
+    "cell_1_degradation",
+    "cell_n_degradation",
+)
+REFERENCE = SolverOptions(name="ipopt", interior_point=InteriorPointOptions(tolerance=1e-8))
+
+
+def measure(cycle: str, horizon: str, strategy: str, duration_s: float | None) -> dict[str, Any]:
+    """Drive the same trip with both solvers.
+
+    Raises:
+        IptmError: a name is unknown or the set-up fails.
+    """
+    parameters = load_parameters().values
+    route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
+
+    def drive(solver: SolverOptions) -> ClosedLoopRun:
+        options = ControllerOptions(
+            strategy=strategy_by_name(strategy), horizon=Horizon.parse(horizon), solver=solver
+        )
+        plant = Plant(parameters, route.slope.slope_at)
+        return run_closed_loop(route, plant, Controller(parameters, options))
+
+    runs = {"default": drive(SolverOptions()), "reference": drive(REFERENCE)}
+    metrics = {name: compute_metrics(run.trajectory, parameters) for name, run in runs.items()}
+    tables = {
+        name: {row.key: row for row in metric_rows(figures)} for name, figures in metrics.items()
+    }
+    rows: list[dict[str, Any]] = []
+    for key in KEYS:
+        default, reference = tables["default"][key], tables["reference"][key]
+        change = (
+            None
+            if default.value is None or not reference.value
+            else default.value / reference.value - 1.0
+        )
+        rows.append(
+            {
+                "key": key,
+                "label": reference.label,
+                "unit": reference.unit,
+                "default": default.value,
+                "reference": reference.value,
+                "relative_change": change,
+            }
+        )
+    first, second = runs["default"].trajectory, runs["reference"].trajectory
+    return {
+        "cycle": cycle,
+        "horizon": horizon,
+        "strategy": strategy,
+        "ticks": int(runs["default"].log.status.size),
+        "rows": rows,
+        "largest_relative_change": float(
+            np.max(np.abs([row["relative_change"] or 0.0 for row in rows]))
+        ),
+        "largest_speed_difference_m_s": float(np.max(np.abs(first.speed_m_s - second.speed_m_s))),
+        "unconverged": {
+            name: int(np.count_nonzero(run.log.status != int(SolveStatus.SOLVED)))
+            for name, run in runs.items()
+        },
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="closed_loop_equivalence", description=__doc__)
+    parser.add_argument("--cycle", default="wltc_class3b", help="driving cycle (%(default)s)")
+    parser.add_argument("--horizon", default="3x1+5x5", help="grid (%(default)s)")
+    parser.add_argument("--strategy", default="aging", help="strategy (%(default)s)")
+    parser.add_argument("--duration", type=float, help="cut the trip, s")
+    parser.add_argument("--json", type=Path, help="also write the numbers here")
+    given = parser.parse_args(arguments)
+    try:
+        numbers = measure(given.cycle, given.horizon, given.strategy, given.duration)
+    except IptmError as error:
+        print(f"closed_loop_equivalence: {error}", file=sys.stderr)
+        return 2
+    return finish(numbers, given.json)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,175 @@
+"""Real time with other load: does any tick miss its schedule while two busy processes take the processor?
+
+Headless, a controller is paced by a schedule faster than the vehicle's, with a deadline on every solve;
+a tick counts as late if its command is not there when the next one is due (judged by the schedule, not
+by the duration of the call). Over ROS 2, the real-time scenario is driven with the same load.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report_files import finish
+from benchmarks.ros_speed import drive
+from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
+from iptm_controller.solvers.factory import SolverOptions
+from iptm_controller.solvers.nlpsol_backend import SolveBudget
+from iptm_controller.solvers.result import SolveStatus
+from iptm_core.errors import IptmError
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import build_route
+from iptm_plant_sim.plant import Plant
+from iptm_studies.closed_loop import run_closed_loop
+
+CYCLE = "comprehensive"
+
+
+@contextmanager
+def busy_processes(count: int) -> Iterator[None]:
+    """Keep so many processors busy while the context is open."""
+    context = multiprocessing.get_context("spawn")
+    workers = [context.Process(target=_burn, daemon=True) for _ in range(count)]
+    for worker in workers:
+        worker.start()
+    try:
+        yield
+    finally:
+        for worker in workers:
+            worker.terminate()
+            worker.join()
+
+
+def _burn() -> None:
+    values = np.linspace(0.0, 1.0, 20_000)
+    while True:
+        values = np.sqrt(values * values + 1e-9)
+
+
+class _Schedule:
+    """Waits for the next due time of a tick and notes how late ticks end."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._start_s = time.perf_counter()
+        self.answers_s: list[float] = []
+
+    def after_decision(self, tick: int, measured: Measurements, decision: Decision) -> None:
+        """Note when the command was there, then wait until the next tick is due."""
+        del measured, decision
+        now_s = time.perf_counter()
+        self.answers_s.append(now_s - self._start_s - tick * self._period_s)
+        wait_s = self._start_s + (tick + 1) * self._period_s - now_s
+        if wait_s > 0.0:
+            time.sleep(wait_s)
+
+
+def paced(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str, Any]:
+    """Run a paced closed loop with busy neighbours.
+
+    Args:
+        ticks: ticks driven.
+        period_s: schedule.
+        deadline_s: bound on a solve, 0 for none.
+        load: number of busy processes.
+
+    Raises:
+        IptmError: the set-up fails.
+    """
+    parameters = load_parameters().values
+    route = build_route(CYCLE, initial_gap_m=parameters.gap.initial_gap_m, duration_s=float(ticks))
+    budget = SolveBudget(deadline_s=deadline_s)
+    controller = Controller(parameters, ControllerOptions(solver=SolverOptions(budget=budget)))
+    plant = Plant(parameters, route.slope.slope_at)
+    with busy_processes(load):
+        schedule = _Schedule(period_s)
+        run = run_closed_loop(route, plant, controller, on_tick=schedule.after_decision)
+    answers = 1e3 * np.array(schedule.answers_s)
+    solves = 1e3 * run.log.solve_time_s
+    names = {int(status): status.name.lower() for status in SolveStatus}
+    return {
+        "ticks": ticks,
+        "period_ms": 1e3 * period_s,
+        "deadline_ms": 1e3 * deadline_s,
+        "busy_processes": load,
+        "overruns": int(np.count_nonzero(answers > 1e3 * period_s)),
+        "answer_ms": _quantiles(answers),
+        "solve_ms": _quantiles(solves),
+        "statuses": dict(Counter(names.get(int(code), "none") for code in run.log.status)),
+        "fallback_ticks": int(np.count_nonzero(run.log.rung)),
+        "smallest_gap_m": float(run.trajectory.gap_m.min()),
+    }
+
+
+def over_ros(duration_s: float, rate_factor: float, load: int) -> dict[str, Any]:
+    """Drive the real-time scenario with busy neighbours.
+
+    Raises:
+        ScenarioError: the run fails.
+    """
+    options = ["--duration-s", str(duration_s), "--rate-factor", str(rate_factor)]
+    with busy_processes(load):
+        results = drive("real_time", options)
+    solver = results["solver"]
+    return {
+        "trip_s": results["metrics"]["duration_s"],
+        "rate_factor": rate_factor,
+        "busy_processes": load,
+        "good": results["good"],
+        "problems": results["problems"],
+        "warnings": results["warnings"],
+        "decisions": solver["decisions"],
+        "solve_ms": solver["solve_time_ms"],
+        "statuses": solver["by_status"],
+        "rungs": solver["by_rung"],
+    }
+
+
+def _quantiles(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> dict[str, float]:
+    return {
+        "median": float(np.median(values)),
+        "p99": float(np.quantile(values, 0.99)),
+        "max": float(values.max()),
+    }
+
+
+def measure(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str, Any]:
+    """Measure both ways, without and with load.
+
+    Raises:
+        IptmError: a run fails.
+    """
+    return {
+        "headless": [paced(ticks, period_s, deadline_s, count) for count in (0, load)],
+        "ros": over_ros(min(60.0, float(ticks)), 2.0, load),
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="deadline_under_load", description=__doc__)
+    parser.add_argument("--ticks", type=int, default=600, help="ticks headless (%(default)s)")
+    parser.add_argument("--period", type=float, default=0.1, help="schedule, s (%(default)s)")
+    parser.add_argument("--deadline", type=float, default=0.05, help="solve, s (%(default)s)")
+    parser.add_argument("--load", type=int, default=2, help="busy processes (%(default)s)")
+    parser.add_argument("--json", type=Path, help="also write the numbers here")
+    given = parser.parse_args(arguments)
+    try:
+        numbers = measure(given.ticks, given.period, given.deadline, given.load)
+    except IptmError as error:
+        print(f"deadline_under_load: {error}", file=sys.stderr)
+        return 2
+    return finish(numbers, given.json)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

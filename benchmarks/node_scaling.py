@@ -1,0 +1,115 @@
+"""How the cost of a solve grows with the number of nodes: 8 to 1000, steps of 1 s beyond the paper's grids.
+
+Each grid drives its own closed loop for some ticks of the same stretch of road; its problems are then
+replayed. The time per iteration is fitted by a straight line through all grids of 1 s steps.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.contenders import build_contender
+from benchmarks.record_problems import record_problems
+from benchmarks.report_files import finish
+from iptm_controller.horizon import Horizon
+from iptm_core.errors import IptmError
+from iptm_core.parameters import load_parameters
+
+GRIDS = ("15x1", "60x1", "100x1", "200x1", "400x1", "700x1", "1000x1")
+CYCLE = "comprehensive"
+FIRST_TICK = 1250
+SOLVERS = ("fatrop", "ipopt")
+
+
+def measure(grids: Sequence[str], solvers: Sequence[str], count: int) -> dict[str, Any]:
+    """Record and replay every grid.
+
+    Args:
+        grids: grids of 1 s steps.
+        solvers: contenders.
+        count: problems per grid.
+
+    Returns:
+        Rows per grid and solver, and the straight line per solver.
+
+    Raises:
+        IptmError: a name is unknown or a set-up fails.
+    """
+    parameters = load_parameters().values
+    rows: list[dict[str, Any]] = []
+    for grid in grids:
+        problems = record_problems(CYCLE, "aging", grid, FIRST_TICK, count)
+        horizon = Horizon.parse(grid)
+        for name in solvers:
+            contender = build_contender(name, horizon, parameters)
+            outcomes = [contender.solve(*problems.problem(i)) for i in range(len(problems))]
+            # The first problem starts cold, and the caches are cold as well.
+            kept = outcomes[1:] or outcomes
+            times = 1e3 * np.array([outcome.elapsed.processor_s for outcome in kept])
+            iterations = np.array([outcome.iterations for outcome in kept])
+            rows.append(
+                {
+                    "solver": name,
+                    "grid": grid,
+                    "nodes": horizon.steps,
+                    "problems": len(kept),
+                    "median_ms": float(np.median(times)),
+                    "max_ms": float(times.max()),
+                    "iterations": float(np.median(iterations)),
+                    "ms_per_iteration": float(np.median(times / np.maximum(iterations, 1))),
+                    "unconverged": sum(not outcome.converged for outcome in kept),
+                }
+            )
+            print(f"{grid} {name}: {rows[-1]['median_ms']:.2f} ms", file=sys.stderr)
+    return {"rows": rows, "fits": {name: _fit(rows, name) for name in solvers}}
+
+
+def _fit(rows: Sequence[dict[str, Any]], solver: str) -> dict[str, float]:
+    """Straight line of the time per iteration over the nodes, with the exponent of a power law."""
+    own = [row for row in rows if row["solver"] == solver]
+    nodes = np.array([row["nodes"] for row in own], dtype=float)
+    times = np.array([row["ms_per_iteration"] for row in own])
+    if nodes.size < 2:
+        return {"offset_ms": float("nan"), "per_node_us": float("nan"), "exponent": float("nan")}
+    # Relative residuals: small grids count as much as large ones.
+    weights = 1.0 / times
+    slope, offset = np.polyfit(nodes, times, 1, w=weights)
+    large = nodes >= 60
+    exponent = (
+        np.polyfit(np.log(nodes[large]), np.log(times[large]), 1)[0]
+        if np.count_nonzero(large) > 1
+        else float("nan")
+    )
+    worst = float(np.max(np.abs(offset + slope * nodes - times) / times))
+    return {
+        "offset_ms": float(offset),
+        "per_node_us": float(1e3 * slope),
+        "largest_relative_residual": worst,
+        "exponent": float(exponent),
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="node_scaling", description=__doc__)
+    parser.add_argument("--grid", action="append", help=f"default: {', '.join(GRIDS)}")
+    parser.add_argument("--solver", action="append", help=f"default: {', '.join(SOLVERS)}")
+    parser.add_argument("--count", type=int, default=15, help="problems per grid (%(default)s)")
+    parser.add_argument("--json", type=Path, help="also write the numbers here")
+    given = parser.parse_args(arguments)
+    try:
+        numbers = measure(given.grid or GRIDS, given.solver or SOLVERS, given.count)
+    except IptmError as error:
+        print(f"node_scaling: {error}", file=sys.stderr)
+        return 2
+    return finish(numbers, given.json)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

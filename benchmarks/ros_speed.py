@@ -1,0 +1,90 @@
+"""Speed of the closed loop over ROS 2 with recording: real processes, real bag, driven by run_closed_loop."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.report_files import finish
+from iptm_core.errors import IptmError, ScenarioError
+
+TIMEOUT_S = 900.0
+
+
+def drive(scenario: str, options: Sequence[str]) -> dict[str, Any]:
+    """Drive a scenario and read its results.
+
+    Args:
+        scenario: shipped scenario or file.
+        options: further options of ``run_closed_loop``.
+
+    Returns:
+        The document of ``results.json``.
+
+    Raises:
+        ScenarioError: the run fails.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        output = Path(folder) / "run"
+        command = [sys.executable, "-m", "iptm_bringup.run_closed_loop", scenario]
+        done = subprocess.run(  # noqa: S603 - the project's own command
+            [*command, "--output", str(output), "--no-picture", *options],
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT_S,
+            check=False,
+        )
+        path = output / "results.json"
+        if not path.is_file():
+            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            raise ScenarioError(f"scenario '{scenario}' ended with {done.returncode}: {last}")
+        document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return document
+
+
+def measure(scenario: str, duration_s: float | None, *, record: bool) -> dict[str, Any]:
+    """Drive in lock-step and summarise.
+
+    Raises:
+        ScenarioError: the run fails.
+    """
+    options = [] if duration_s is None else ["--duration-s", str(duration_s)]
+    results = drive(scenario, options if record else [*options, "--no-record"])
+    return {
+        "scenario": scenario,
+        "recorded": record,
+        "good": results["good"],
+        "problems": results["problems"],
+        "trip_s": results["metrics"]["duration_s"],
+        "wall_s": results["wall_time_s"],
+        "speed_up": results["speed_up"],
+        "solve_time_ms": results["solver"]["solve_time_ms"],
+        "statuses": results["solver"]["by_status"],
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="ros_speed", description=__doc__)
+    parser.add_argument("--scenario", default="wltc", help="scenario (%(default)s)")
+    parser.add_argument("--duration", type=float, help="cut the trip, s")
+    parser.add_argument("--json", type=Path, help="also write the numbers here")
+    given = parser.parse_args(arguments)
+    try:
+        numbers = [
+            measure(given.scenario, given.duration, record=record) for record in (True, False)
+        ]
+    except IptmError as error:
+        print(f"ros_speed: {error}", file=sys.stderr)
+        return 2
+    return finish(numbers, given.json)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
