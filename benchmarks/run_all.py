@@ -1,0 +1,159 @@
+"""Runs the benchmarks one after the other and writes docs/solver-benchmarks.md from their numbers.
+
+Each part is a process of its own, so that none inherits the memory or threads of another. Numbers of
+parts that are not run again are kept from the last time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from benchmarks.closed_loop_equivalence import measure as measure_equivalence
+from benchmarks.closed_loop_speed import measure as measure_loop
+from benchmarks.compare_solvers import Replay, compare
+from benchmarks.contenders import CONTENDER_NAMES
+from benchmarks.machine import machine_description
+from benchmarks.page import write_page
+from benchmarks.problem_sets import ProblemSet
+from benchmarks.record_problems import record_problems
+from benchmarks.report_files import write_numbers
+from iptm_core.errors import IptmError
+
+ROOT = Path(__file__).resolve().parents[1]
+NUMBERS = ROOT / "benchmarks" / "results"
+PAGE = ROOT / "docs" / "solver-benchmarks.md"
+STRATEGY = "aging"
+CYCLES = ("wltc_class3b", "comprehensive")
+# Grid to the contenders that are of use on it; dense QP solvers are not on long ones.
+GRIDS: dict[str, tuple[str, ...]] = {
+    "3x1+5x5": CONTENDER_NAMES,
+    "15x1": CONTENDER_NAMES,
+    "5x1+20x5": ("fatrop", "ipopt", "sqp_piqp", "sqp_hpipm", "peer_plain", "peer_expanded"),
+    "60x1": ("fatrop", "ipopt", "sqp_piqp", "sqp_hpipm", "peer_plain", "peer_expanded"),
+}
+PARTS = ("comparisons", "scaling", "loops", "equivalence", "ros", "start_up", "deadline")
+
+
+def _say(text: str) -> None:
+    print(f"benchmark: {text}", file=sys.stderr, flush=True)
+
+
+def _comparisons(*, quick: bool) -> dict[str, Any]:
+    """Both cycles on the paper's grids, the comprehensive one on the long grids."""
+    numbers = {}
+    for cycle in CYCLES:
+        for grid, contenders in GRIDS.items():
+            long = grid not in {"3x1+5x5", "15x1"}
+            if long and cycle != "comprehensive":
+                continue
+            problems = _recorded(cycle, grid, quick=quick, long=long)
+            blocks = (3 if quick else 6) if long else (5 if quick else 15)
+            _say(f"comparing on {cycle}, {grid}")
+            replay = Replay(contenders, blocks, 10 if long else 20, 10 if long else 5)
+            numbers[f"{cycle}, {STRATEGY}, {problems.horizon}"] = [
+                asdict(summary) for summary in compare(problems, replay)
+            ]
+    return numbers
+
+
+def _recorded(cycle: str, grid: str, *, quick: bool, long: bool) -> ProblemSet:
+    count = 300 if quick or long else None
+    first = 1250 if long else 0
+    path = NUMBERS / f"problems_{cycle}_{grid}_{first}_{count}.npz"
+    if path.is_file():
+        return ProblemSet.load(path)
+    _say(f"recording {cycle}, {grid}")
+    problems = record_problems(cycle, STRATEGY, grid, first, count)
+    problems.save(path)
+    return problems
+
+
+def _loops(*, quick: bool) -> list[dict[str, Any]]:
+    duration = 300.0 if quick else None
+    return [measure_loop(cycle, "3x1+5x5", STRATEGY, "fatrop", duration) for cycle in CYCLES]
+
+
+def _equivalence(*, quick: bool) -> list[dict[str, Any]]:
+    durations = (300.0, 300.0) if quick else (None, 3600.0)
+    return [
+        measure_equivalence(cycle, "3x1+5x5", STRATEGY, duration)
+        for cycle, duration in zip(CYCLES, durations, strict=True)
+    ]
+
+
+def _measure(part: str, *, quick: bool) -> Any:
+    # The parts over ROS 2 are imported only when they run: the others work without it.
+    if part == "comparisons":
+        return _comparisons(quick=quick)
+    if part == "loops":
+        return _loops(quick=quick)
+    if part == "equivalence":
+        return _equivalence(quick=quick)
+    if part == "scaling":
+        from benchmarks.node_scaling import GRIDS as LENGTHS  # noqa: PLC0415
+        from benchmarks.node_scaling import SOLVERS, measure  # noqa: PLC0415
+
+        return measure(LENGTHS[:4] if quick else LENGTHS, SOLVERS, 6 if quick else 12)
+    if part == "ros":
+        from benchmarks.ros_speed import measure as measure_ros  # noqa: PLC0415
+
+        duration = 300.0 if quick else None
+        return [measure_ros("wltc", duration, record=record) for record in (True, False)]
+    if part == "start_up":
+        from benchmarks.start_up import measure as measure_start  # noqa: PLC0415
+
+        return measure_start(2 if quick else 5, 1)
+    from benchmarks.deadline_under_load import measure as measure_deadline  # noqa: PLC0415
+
+    return measure_deadline(100 if quick else 600, 0.1, 0.05, 2)
+
+
+def _run_part(part: str, *, quick: bool) -> bool:
+    """Run one part in a process of its own; True if it succeeded."""
+    command = [sys.executable, "-m", "benchmarks.run_all", "--inside", part]
+    began = time.monotonic()
+    _say(f"{part} ...")
+    done = subprocess.run([*command, *(["--quick"] if quick else [])], check=False)  # noqa: S603
+    _say(f"{part}: {time.monotonic() - began:.0f} s, exit code {done.returncode}")
+    return done.returncode == 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run all or some parts; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="benchmark", description=__doc__)
+    parser.add_argument(
+        "--only", action="append", choices=PARTS, help="run only these parts; repeatable"
+    )
+    parser.add_argument("--quick", action="store_true", help="short trips, for a first look")
+    parser.add_argument("--page-only", action="store_true", help="run nothing, write the page")
+    parser.add_argument("--page", type=Path, default=PAGE, help="page to write (%(default)s)")
+    parser.add_argument("--inside", choices=PARTS, help=argparse.SUPPRESS)
+    given = parser.parse_args(arguments)
+    if given.inside is not None:
+        try:
+            numbers = _measure(given.inside, quick=given.quick)
+        except IptmError as error:
+            print(f"benchmark: {given.inside}: {error}", file=sys.stderr)
+            return 2
+        write_numbers(NUMBERS / f"{given.inside}.json", numbers)
+        return 0
+    failed = []
+    if not given.page_only:
+        write_numbers(NUMBERS / "machine.json", machine_description())
+        failed = [part for part in given.only or PARTS if not _run_part(part, quick=given.quick)]
+    for target in write_page(NUMBERS, given.page):
+        print(f"{target.verdict:>6}  {target.text}: {target.measured}")
+    if failed:
+        print(f"benchmark: failed: {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
