@@ -49,8 +49,7 @@ def filled_in(
     """
 
     def value(run: str, key: str) -> str:
-        measure = _measure(run, key)
-        return f"{measure.text(results.measure(run, key))} {measure.unit}".strip()
+        return _measure(run, key).with_unit(results.measure(run, key))
 
     def change(run: str, base: str, key: str) -> str:
         _measure(run, key)
@@ -58,8 +57,7 @@ def filled_in(
         return change_text(relative_change(results.measure(run, key), results.measure(base, key)))
 
     def in_print(run: str, key: str) -> str:
-        measure = _measure(run, key)
-        return f"{measure.text(printed.value(run, key))} {measure.unit}".strip()
+        return _measure(run, key).with_unit(printed.value(run, key))
 
     # The texts are part of this package and go through the page's own escaping afterwards.
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)  # noqa: S701

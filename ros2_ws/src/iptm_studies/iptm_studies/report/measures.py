@@ -43,6 +43,11 @@ class Measure:
             return "–"
         return f"{value:,.{self.decimals}f}".replace(",", " ")
 
+    def with_unit(self, value: float | None) -> str:
+        """Print a value with its unit; powers of ten are factors."""
+        joint = "·" if self.unit.startswith("10") else " "
+        return f"{self.text(value)}{joint}{self.unit}" if self.unit else self.text(value)
+
 
 MEASURES: dict[str, Measure] = {
     measure.key: measure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 STRATEGY_NAMES = {
     "reference": "Reference",
@@ -37,22 +37,20 @@ def name_of(address: str) -> str:
         A short name; the address itself if its study is unknown.
     """
     study, *labels = address.split("/")
-    strategy = STRATEGY_NAMES.get(labels[-1], labels[-1]) if labels else ""
-    if study == "strategies":
-        return strategy
-    if study == "weighting":
-        return f"{STRATEGY_NAMES.get(labels[0], labels[0])} weight {labels[1]}"
-    if study == "prediction_horizon":
-        return f"horizon {labels[0]} s"
-    if study == "sampling_time":
-        return f"MH {labels[0]}, {labels[1]} s"
-    if study == "long_horizon":
-        return f"MH {labels[0]}+{labels[1]}"
-    if study in {"previews", "parameters"}:
-        return f"{strategy}, {labels[0].replace('_', ' ')}"
-    if study == "whole_trip":
-        return "whole-trip optimum"
-    return address
+    try:
+        return _NAMES[study](*labels)
+    except (KeyError, TypeError):
+        return address
+
+
+def controller_name(label: str) -> str:
+    """A strategy, or a strategy with a horizon, in words."""
+    return "Aging, MH 3+5" if label == "multi_horizon" else STRATEGY_NAMES.get(label, label)
+
+
+def words(label: str) -> str:
+    """A label of a study in words."""
+    return label.replace("_degc", " °C").replace("_", " ")
 
 
 def names_of(addresses: Sequence[str]) -> str:
@@ -61,3 +59,25 @@ def names_of(addresses: Sequence[str]) -> str:
     if len(names) <= _MOST_NAMES:
         return ", ".join(names)
     return f"{len(names)} runs ({names[0]} to {names[-1]})"
+
+
+def _grid_name(length: str, grid: str) -> str:
+    return f"{length} s, {'1 s steps' if grid == 'fine' else f'MH {grid}'}"
+
+
+def _length_name(grid: str, strategy: str = "") -> str:
+    return f"SH {grid} {controller_name(strategy)}" if strategy else f"MH {grid}"
+
+
+_NAMES: dict[str, Callable[..., str]] = {
+    "strategies": controller_name,
+    "weighting": lambda strategy, number: f"{controller_name(strategy)} weight {number}",
+    "weighting_scale": lambda scale, ratio: f"lambda_P {scale}, ratio {ratio}",
+    "prediction_horizon": lambda length: f"horizon {length} s",
+    "sampling_time": lambda split, step: f"MH {split}, {step} s",
+    "long_horizon": _length_name,
+    "imperfect_previews": lambda preview, name: f"{controller_name(name)}, {words(preview)}",
+    "omitted_parameters": lambda variation, name: f"{controller_name(name)}, {words(variation)}",
+    "discretisation": _grid_name,
+    "whole_trip": lambda _: "whole-trip optimum",
+}

@@ -72,17 +72,19 @@ class Window:
     end_row: int
 
 
-def busiest_window(run: Trajectory, length_s: float) -> Window:
-    """The stretch of a trip with the most traction energy drawn.
+def busiest_window(run: Trajectory, length_s: float, power_w: FloatArray | None = None) -> Window:
+    """The stretch of a trip with the most energy drawn.
 
     Args:
-        run: the trip.
+        run: the trip, n rows.
         length_s: length of the stretch; at most the trip.
+        power_w: the power that counts, shape (n,); None for traction. Negative values do not count.
 
     Returns:
         Rows of its start and end.
     """
-    drawn = np.maximum(run.traction_power_w[1:], 0.0) * run.intervals_s
+    power = run.traction_power_w if power_w is None else power_w
+    drawn = np.maximum(power[1:], 0.0) * run.intervals_s
     energy = np.concatenate([[0.0], np.cumsum(drawn)])
     starts = np.arange(len(run))
     ends = np.searchsorted(run.time_s, run.time_s + length_s - 1e-9)

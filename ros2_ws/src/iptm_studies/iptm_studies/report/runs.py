@@ -1,8 +1,9 @@
 """Finished runs as the report sees them: addressed by what they are in the paper, not by how they are stored.
 
-A run has an address such as ``strategies/aging``, ``prediction_horizon/10`` or ``sampling_time/3+12/5``:
-the study, then what varies in it. Rules, tables and plots ask for addresses only, so that a run that has
-not been computed yet is a gap in the report and not an error.
+A run has the address of its case in the shipped studies, such as ``strategies/aging``,
+``prediction_horizon/10`` or ``sampling_time/3+12/5``: the study, then what varies in it. Rules, tables and
+plots ask for addresses only, so that a run that has not been computed yet is a gap in the report and not an
+error.
 """
 
 from __future__ import annotations
@@ -11,21 +12,28 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from iptm_controller.strategy import Strategy
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.routes import Route
 from iptm_core.trajectory import Trajectory
+from iptm_studies.single_run import WholeTripRecord
 
 STUDIES = {
-    "strategies": "Strategy table",
-    "weighting": "Weighting sensitivity",
+    "strategies": "Strategies",
+    "weighting": "Weights",
     "prediction_horizon": "Prediction horizon",
     "sampling_time": "Multi-horizon sampling time",
     "long_horizon": "Multi-horizon length",
-    "previews": "Imperfect previews",
-    "parameters": "Omitted parameters",
+    "imperfect_previews": "Imperfect previews",
+    "omitted_parameters": "Omitted parameters",
+    "discretisation": "Long steps against fine steps",
+    "weighting_scale": "Scale of the weights",
     "whole_trip": "Whole trip as one problem",
 }
 """Names of the studies that addresses begin with, and their titles."""
 
+PROPOSED_RUN = "strategies/aging"
+HEADLINE_RUN = "long_horizon/3+5"
 REFERENCE_RUN = "strategies/reference"
 OPTIMUM_RUN = "whole_trip/aging"
 """The whole trip as one problem, known in advance: what can be saved at most."""
@@ -37,19 +45,21 @@ class ReportRun:
 
     Attributes:
         address: what it is in the paper.
-        title: what it is, in words.
         measures: its figures by key, see `iptm_studies.report.measures`.
         parameters: the model it was driven with.
+        route: leader and slope.
+        strategy: cost terms with their weights.
         load: reads its trajectory; called at most once.
-        labels: further facts in words, for example the weights.
+        whole_trip: how a whole trip was solved; None for a closed loop.
     """
 
     address: str
-    title: str
     measures: Mapping[str, float]
     parameters: ModelParameters
+    route: Route
+    strategy: Strategy
     load: Callable[[], Trajectory] = field(repr=False, compare=False)
-    labels: Mapping[str, str] = field(default_factory=dict)
+    whole_trip: WholeTripRecord | None = None
 
     @cached_property
     def trajectory(self) -> Trajectory:

@@ -57,14 +57,13 @@ def labels(keys: tuple[str, ...]) -> str:
 
 def with_unit(key: str, value: float) -> str:
     """A figure with its unit."""
-    measure = MEASURES[key]
-    return f"{measure.text(value)} {measure.unit}".strip()
+    return MEASURES[key].with_unit(value)
 
 
 def points(tolerance: Tolerance) -> str:
     """A tolerance on relative changes in words."""
     return (
-        f"the larger of {100.0 * tolerance.floor:g} percentage points and "
+        f"the larger of {100.0 * tolerance.floor:g} percentage point(s) and "
         f"{100.0 * tolerance.share:g} % of the printed change"
     )
 

@@ -130,7 +130,8 @@ class ChangeAtLeast(Rule):
             label(key): relative_change(printed.value(self.run, key), printed.value(self.base, key))
             for key in self.measures
         }
-        in_print = changes(theirs) if all(value is not None for value in theirs.values()) else ""
+        known_theirs = all(value is not None for value in theirs.values())
+        in_print = changes(theirs) if known_theirs else f"at least {100.0 * self.reduction:g} %"
         return Judgement(verdict, changes(found), in_print)
 
 
@@ -165,8 +166,8 @@ class Value(Rule):
         measure = MEASURES[self.measure]
         return Judgement(
             Tolerance(self.share, self.floor).judge(found, self.printed),
-            f"{measure.text(found)} {measure.unit}".strip(),
-            f"{measure.text(self.printed)} {measure.unit}".strip(),
+            measure.with_unit(found),
+            measure.with_unit(self.printed),
         )
 
 
@@ -203,8 +204,7 @@ class ValueBetween(Rule):
                 low = self.lowest is None or found >= self.lowest
                 high = self.highest is None or found <= self.highest
                 holds = holds and low and high
-                measure = MEASURES[key]
                 name = f"{name_of(run)}: " if len(self.runs) > 1 else ""
-                parts.append(f"{name}{label(key)} {measure.text(found)} {measure.unit}".strip())
+                parts.append(f"{name}{label(key)} {MEASURES[key].with_unit(found)}")
         verdict = Verdict.REPRODUCED if holds else Verdict.NOT_REPRODUCED
         return Judgement(verdict, "; ".join(parts))

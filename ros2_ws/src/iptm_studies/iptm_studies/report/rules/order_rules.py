@@ -17,6 +17,9 @@ Lookup = Callable[[str, str], float | None]
 """Figure of a run by address and key: ours or the printed one."""
 
 
+_MOST_FAILURES = 4
+
+
 @dataclass(frozen=True)
 class _Count:
     """How many comparisons hold, and which do not."""
@@ -27,7 +30,11 @@ class _Count:
 
     def text(self) -> str:
         """The count in words; the failures by name."""
-        against = f"; not: {'; '.join(self.failures)}" if self.failures else ""
+        shown = "; ".join(self.failures[:_MOST_FAILURES])
+        more = len(self.failures) - _MOST_FAILURES
+        against = f"; not: {shown}" if self.failures else ""
+        if more > 0:
+            against += f"; and {more} more"
         return f"{self.held} of {self.total} comparisons hold{against}"
 
 

@@ -28,9 +28,10 @@ def _series(results: Results, runs: tuple[str, ...], key: str) -> FloatArray | N
 
 def _steps_text(key: str, values: FloatArray) -> str:
     measure = MEASURES[key]
-    series = " → ".join(measure.text(float(value)) for value in values)
+    *first, last = values.tolist()
+    series = " → ".join([*(measure.text(value) for value in first), measure.with_unit(last)])
     total = change_text(float(values[-1] / values[0] - 1.0)) if values[0] != 0.0 else "–"
-    return f"{label(key)} {series} {measure.unit} ({total})".replace("  ", " ")
+    return f"{label(key)} {series} ({total})"
 
 
 def _moves_against(values: FloatArray, sign: float) -> bool:

@@ -1,0 +1,402 @@
+"""The order of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from iptm_studies.report.document import Block, Cell, Document, Paragraph, Section, Table
+from iptm_studies.report.evaluation import EvaluatedClaim, by_group, tally
+from iptm_studies.report.gathering import Provenance
+from iptm_studies.report.paper import PaperClaims
+from iptm_studies.report.plots.trip_plots import HORIZONS_S
+from iptm_studies.report.runs import (
+    OPTIMUM_RUN,
+    PROPOSED_RUN,
+    REFERENCE_RUN,
+    STUDIES,
+    Results,
+)
+from iptm_studies.report.sections import Chapters
+from iptm_studies.report.tables.paper_tables import (
+    formulation_table,
+    headline_table,
+    omitted_parameter_table,
+    parameter_table,
+    strategy_table,
+)
+from iptm_studies.report.tables.robustness_tables import (
+    OMITTED,
+    PERFECT,
+    PREVIEWS,
+    conclusion_table,
+    summary_text,
+    variation_table,
+)
+from iptm_studies.report.tables.study_tables import (
+    discretisation_table,
+    optimum_solve_table,
+    optimum_table,
+    reliability_table,
+    run_table,
+    weight_table,
+)
+from iptm_studies.report.verdict import Verdict
+
+TITLE = "Reproduction of the paper"
+_RULES_TEXT = (
+    "A statement is reproduced if the rule beside it holds within the stated tolerance; reproduced in "
+    "sign only if the direction is right and the size is not; not reproduced otherwise; not tested if "
+    "a run is missing. Rules are applied by code to stored runs. Where a rule can be applied to the "
+    "paper's printed numbers alone, its outcome for them is given, too. The printed numbers and "
+    "statements are data, each with its place in the paper."
+)
+
+
+def compose(
+    results: Results,
+    paper: PaperClaims,
+    evaluated: Sequence[EvaluatedClaim],
+    provenance: Provenance,
+    command: str,
+) -> Document:
+    """Build the whole report.
+
+    Args:
+        results: the runs.
+        paper: what the paper prints.
+        evaluated: the checked statements.
+        provenance: where the runs come from.
+        command: what computes a study, without its name.
+
+    Returns:
+        The report; what cannot be built says why.
+    """
+    chapters = Chapters(results, paper, evaluated, command)
+    sections = [
+        _summary(chapters, provenance),
+        _parameters(paper),
+        _model(chapters),
+        _strategies(chapters),
+        _power(chapters),
+        _trip(chapters),
+        _weights(chapters),
+        _horizon(chapters),
+        _sampling_time(chapters),
+        _long_horizon(chapters),
+        _optimum(chapters),
+        _previews(chapters),
+        _omitted(chapters),
+    ]
+    sections += chapters.unplaced()
+    sections += [_reliability(chapters, provenance)]
+    return Document(TITLE, f"{paper.paper.authors}: {paper.paper.title}", tuple(sections))
+
+
+def _summary(chapters: Chapters, provenance: Provenance) -> Section:
+    paper, results = chapters.paper, chapters.results
+    blocks: list[Block] = [
+        Paragraph(
+            f"Every number on this page comes from {provenance.runs} stored runs of the trip "
+            f"{provenance.trip} ({provenance.cases} cases of the studies; equal runs are stored once)."
+        ),
+        _verdict_table(chapters.evaluated),
+        Paragraph(_RULES_TEXT),
+    ]
+    if results.gaps:
+        names = dict.fromkeys(gap.study for gap in results.gaps)
+        blocks.append(
+            Paragraph(
+                f"This report is incomplete: {len(results.gaps)} cases are missing, of the studies "
+                f"{', '.join(names)}. What is not shown for this reason says so in its place. To "
+                f"compute them: {chapters.command} {' '.join(names)}"
+            )
+        )
+    headline = (paper.headline.run, paper.headline.base)
+    blocks += [
+        chapters.table(
+            "headline-table",
+            "Headline comparison",
+            headline,
+            lambda: headline_table(results, paper),
+        ),
+        chapters.picture("headline"),
+        chapters.claims("Headline comparison"),
+    ]
+    return Section("summary", "Summary", tuple(blocks))
+
+
+def _verdict_table(evaluated: Sequence[EvaluatedClaim]) -> Table:
+    """Number of statements by heading and verdict."""
+    verdicts = tuple(Verdict)
+    groups = {**by_group(evaluated), "all statements": list(evaluated)}
+    return Table(
+        "verdicts",
+        "Statements of the paper by verdict",
+        ("statements about", "number", *(verdict.value for verdict in verdicts)),
+        tuple(
+            (
+                Cell(name, strong=entries == list(evaluated)),
+                Cell(str(len(entries))),
+                *(Cell(str(tally(entries)[verdict])) for verdict in verdicts),
+            )
+            for name, entries in groups.items()
+        ),
+    )
+
+
+def _parameters(paper: PaperClaims) -> Section:
+    return Section(
+        "parameters",
+        "Parameters and formulations",
+        (
+            *(parameter_table(table) for table in paper.parameter_tables),
+            omitted_parameter_table(paper),
+            formulation_table(paper),
+        ),
+    )
+
+
+def _model(chapters: Chapters) -> Section:
+    return Section(
+        "model",
+        "Aging model and driving cycle",
+        (
+            chapters.picture("aging_map"),
+            chapters.claims("Aging model"),
+            chapters.picture("driving_cycle"),
+        ),
+    )
+
+
+def _strategies(chapters: Chapters) -> Section:
+    return Section(
+        "strategies",
+        "Six strategies on a single horizon",
+        (
+            chapters.table(
+                "strategies",
+                chapters.paper.strategy_table.title,
+                (REFERENCE_RUN, PROPOSED_RUN),
+                lambda: strategy_table(chapters.results, chapters.paper),
+            ),
+            chapters.picture("strategy_changes"),
+            chapters.claims("Strategies"),
+        ),
+    )
+
+
+def _power(chapters: Chapters) -> Section:
+    return Section(
+        "power",
+        "Power",
+        (
+            chapters.picture("power_distribution"),
+            chapters.picture("power_statistics"),
+            chapters.picture("power_profiles"),
+            chapters.claims("Power"),
+        ),
+    )
+
+
+def _trip(chapters: Chapters) -> Section:
+    return Section(
+        "trip",
+        "Temperature, degradation and spacing",
+        (
+            chapters.picture("temperature_comparison"),
+            chapters.picture("degradation_comparison"),
+            chapters.picture("spacing"),
+            chapters.claims("Temperature and spacing"),
+        ),
+    )
+
+
+def _weights(chapters: Chapters) -> Section:
+    results = chapters.results
+    needs = () if results.study("weighting") else ("weighting/reference_energy/1",)
+    return Section(
+        "weights",
+        "Sensitivity to the weights",
+        (
+            chapters.table(
+                "weights",
+                "Weights of the weighted strategies",
+                needs,
+                lambda: weight_table(results, "Fig. 9"),
+            ),
+            chapters.picture("weighting"),
+            chapters.claims("Weighting sensitivity"),
+        ),
+    )
+
+
+def _horizon(chapters: Chapters) -> Section:
+    return Section(
+        "horizon",
+        "Sensitivity to the prediction horizon",
+        (
+            _study_table(chapters, "prediction_horizon", REFERENCE_RUN, "Fig. 10", HORIZONS_S[0]),
+            chapters.picture("prediction_horizon"),
+            chapters.picture("horizon_temperatures"),
+            chapters.claims("Prediction horizon"),
+        ),
+    )
+
+
+def _sampling_time(chapters: Chapters) -> Section:
+    return Section(
+        "sampling-time",
+        "Multi-horizon: sampling time of the long horizon",
+        (
+            _study_table(chapters, "sampling_time", PROPOSED_RUN, "Fig. 12", "3+12/5"),
+            chapters.picture("sampling_time"),
+            chapters.claims("Multi-horizon sampling time"),
+        ),
+    )
+
+
+def _long_horizon(chapters: Chapters) -> Section:
+    return Section(
+        "long-horizon",
+        "Multi-horizon: length of the long horizon",
+        (
+            _study_table(chapters, "long_horizon", PROPOSED_RUN, "Fig. 13", "3+5"),
+            chapters.picture("long_horizon"),
+            chapters.claims("Multi-horizon length"),
+            chapters.table(
+                "discretisation-table",
+                STUDIES["discretisation"],
+                ("discretisation/28/3+5", "discretisation/28/fine"),
+                lambda: discretisation_table(chapters.results),
+            ),
+            chapters.picture("discretisation"),
+        ),
+    )
+
+
+def _study_table(
+    chapters: Chapters,
+    study: str,
+    base: str,
+    paper: str,
+    first: object,
+) -> Block:
+    """All runs of a study against one run."""
+    results = chapters.results
+    addresses = [run.address for run in results.study(study)]
+    return chapters.table(
+        f"{study.replace('_', '-')}-table",
+        STUDIES[study],
+        () if addresses else (f"{study}/{first}",),
+        lambda: run_table(
+            results,
+            f"{study.replace('_', '-')}-table",
+            STUDIES[study],
+            addresses,
+            base,
+            paper=paper,
+        ),
+    )
+
+
+def _optimum(chapters: Chapters) -> Section:
+    results = chapters.results
+    runs = (REFERENCE_RUN, PROPOSED_RUN, OPTIMUM_RUN)
+    return Section(
+        "optimum",
+        "Beyond the paper: the limit",
+        (
+            chapters.table(
+                "optimum-table",
+                "The whole trip as one problem",
+                runs,
+                lambda: optimum_table(results),
+            ),
+            chapters.picture("saving_shares"),
+            chapters.picture("optimum"),
+            chapters.table(
+                "optimum-solves",
+                "Solves of the whole trip",
+                (OPTIMUM_RUN,),
+                lambda: optimum_solve_table(results),
+            ),
+        ),
+    )
+
+
+def _previews(chapters: Chapters) -> Section:
+    results = chapters.results
+    base = f"{PREVIEWS}/{PERFECT}/reference"
+    return Section(
+        "previews",
+        "Beyond the paper: imperfect previews",
+        (
+            chapters.picture("imperfect_previews"),
+            Paragraph(summary_text(results, PREVIEWS) or "Nothing to conclude from yet."),
+            chapters.table(
+                "conclusions-previews",
+                "Conclusions",
+                (base,),
+                lambda: conclusion_table(results, PREVIEWS, "Conclusions under imperfect previews"),
+            ),
+            chapters.table(
+                "imperfect-previews-table",
+                STUDIES[PREVIEWS],
+                (base,),
+                lambda: variation_table(
+                    results, PREVIEWS, "All strategies under imperfect previews", base
+                ),
+            ),
+        ),
+    )
+
+
+def _omitted(chapters: Chapters) -> Section:
+    results = chapters.results
+    base = f"{OMITTED}/as_chosen/reference"
+    return Section(
+        "omitted",
+        "Beyond the paper: parameters that the paper omits",
+        (
+            chapters.picture("omitted_parameters"),
+            Paragraph(summary_text(results, OMITTED) or "Nothing to conclude from yet."),
+            chapters.table(
+                "conclusions-omitted",
+                "Conclusions",
+                (base,),
+                lambda: conclusion_table(results, OMITTED, "Conclusions under other parameters"),
+            ),
+            chapters.table(
+                "omitted-parameters-table",
+                STUDIES[OMITTED],
+                (base,),
+                lambda: variation_table(results, OMITTED, "All runs with other parameters"),
+            ),
+        ),
+    )
+
+
+def _reliability(chapters: Chapters, provenance: Provenance) -> Section:
+    rows = [
+        (Cell("trip"), Cell(provenance.trip)),
+        (Cell("runs"), Cell(f"{provenance.runs} ({provenance.cases} cases)")),
+        (Cell("computed"), Cell(f"{provenance.first_utc} to {provenance.last_utc}")),
+        (Cell("wall time of all runs, one after the other"), Cell(f"{provenance.wall_h:.2f} h")),
+        (Cell("runs without compiled problem"), Cell(str(provenance.interpreted))),
+        (Cell("source"), Cell(_counted(provenance.revisions))),
+        *((Cell(name), Cell(_counted(versions))) for name, versions in provenance.versions.items()),
+    ]
+    return Section(
+        "reliability",
+        "Reliability and origin of the runs",
+        (
+            reliability_table(chapters.results),
+            Table("origin", "Origin of the runs", ("", ""), tuple(rows)),
+        ),
+    )
+
+
+def _counted(values: dict[str, int]) -> str:
+    if len(values) == 1:
+        return next(iter(values))
+    return ", ".join(f"{name} ({count} runs)" for name, count in values.items())
