@@ -10,15 +10,17 @@ from iptm_studies.report.rules.number_rules import (
     ValueBetween,
 )
 from iptm_studies.report.rules.order_rules import AllLower, BestChoice, Between, Rank
-from iptm_studies.report.rules.trajectory_rules import (
-    CooledBeforeDemand,
+from iptm_studies.report.rules.power_rules import (
     CoolsOffPeak,
-    HeatsInDemand,
-    LastCellFallsSlower,
     LowerPeaks,
     PowerRegionShares,
-    SettlesNear,
     TractionDominates,
+)
+from iptm_studies.report.rules.temperature_rules import (
+    CooledBeforeDemand,
+    HeatsInDemand,
+    LastCellFallsSlower,
+    SettlesNear,
 )
 from iptm_studies.report.rules.trend_rules import LevelsOff, NotAlways, Spread, Trend, TrendInGroups
 
