@@ -17,7 +17,7 @@ from iptm_controller.controller import ControllerOptions
 from iptm_controller.horizon import Horizon
 from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions
 from iptm_controller.strategy import Strategy, strategy_by_name
-from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.errors import ScenarioError
 from iptm_core.parameters import DEFAULT_SET
 from iptm_plant_sim.plant import DEFAULT_STEP_S
 from iptm_v2x_bridge.bridge import BridgeSettings, PreviewMode
@@ -232,8 +232,3 @@ def canonical_json(content: object) -> str:
         raise ScenarioError(
             f"a value is not a finite number; allowed are finite ones: {error}"
         ) from error
-
-
-def spec_error(error: IptmError, where: str) -> ScenarioError:
-    """The same complaint, with the place in a study file in front."""
-    return ScenarioError(f"{where}: {error}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from iptm_controller.controller import Controller, ControllerOptions
@@ -68,6 +69,11 @@ class WallTimes:
     setup_s: float
     run_s: float
 
+    @property
+    def total_s(self) -> float:
+        """Both together."""
+        return self.setup_s + self.run_s
+
 
 @dataclass(frozen=True)
 class FinishedRun:
@@ -88,8 +94,16 @@ class FinishedRun:
     compiled: bool
 
 
-def perform_run(inputs: RunInputs) -> FinishedRun:
+def _nothing() -> None:
+    """Nobody wants to know."""
+
+
+def perform_run(inputs: RunInputs, alive: Callable[[], None] = _nothing) -> FinishedRun:
     """Perform a run.
+
+    Args:
+        inputs: the run.
+        alive: called after every tick of a closed loop and every solve of a whole trip.
 
     Raises:
         ScenarioError: this process runs other code than the one the run is meant for.
@@ -101,10 +115,10 @@ def perform_run(inputs: RunInputs) -> FinishedRun:
             f"the worker runs other code (fingerprint {here[:12]}) than the study was started with "
             f"({inputs.fingerprint[:12]}); allowed is the same version on all machines"
         )
-    finished = _closed_loop(inputs)
+    finished = _closed_loop(inputs, alive)
     if inputs.spec.kind is RunKind.CLOSED_LOOP:
         return finished
-    return _whole_trip(inputs, finished)
+    return _whole_trip(inputs, finished, alive)
 
 
 def controller_options(spec: RunSpec) -> ControllerOptions:
@@ -128,13 +142,15 @@ def solver_options(spec: SolverSpec) -> SolverOptions:
     )
 
 
-def _closed_loop(inputs: RunInputs) -> FinishedRun:
+def _closed_loop(inputs: RunInputs, alive: Callable[[], None]) -> FinishedRun:
     spec = inputs.spec
     began = time.perf_counter()
     plant = Plant(inputs.parameters, inputs.route.slope.slope_at, spec.plant_step_s)
     controller = Controller(inputs.parameters, controller_options(spec))
     ready = time.perf_counter()
-    run = run_closed_loop(inputs.route, plant, controller, spec.bridge_settings())
+    run = run_closed_loop(
+        inputs.route, plant, controller, spec.bridge_settings(), on_tick=lambda *_: alive()
+    )
     done = time.perf_counter()
     return FinishedRun(
         trajectory=run.trajectory,
@@ -145,7 +161,7 @@ def _closed_loop(inputs: RunInputs) -> FinishedRun:
     )
 
 
-def _whole_trip(inputs: RunInputs, start: FinishedRun) -> FinishedRun:
+def _whole_trip(inputs: RunInputs, start: FinishedRun, alive: Callable[[], None]) -> FinishedRun:
     """Optimise the trip from a closed-loop run of the same strategy."""
     spec = inputs.spec
     began = time.perf_counter()
@@ -157,6 +173,7 @@ def _whole_trip(inputs: RunInputs, start: FinishedRun) -> FinishedRun:
         spec.strategy,
         start.trajectory,
         WholeTripOptions(tick_s=spec.tick_s),
+        on_expansion=lambda _: alive(),
     )
     elapsed = time.perf_counter() - began
     return FinishedRun(

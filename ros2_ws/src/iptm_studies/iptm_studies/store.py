@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
 import os
 import re
-import tempfile
+import uuid
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from iptm_core.errors import StoreError
 from iptm_studies.run_inputs import KEY_LENGTH
+from iptm_studies.run_spec import RunSpec
 from iptm_studies.store_file import read_run, write_run
 from iptm_studies.stored_run import StoredRun
 
@@ -19,6 +21,8 @@ LOGGER = logging.getLogger(__name__)
 DEFAULT_FOLDER = "results"
 ROOT_VARIABLE = "IPTM_ROOT"
 _SUFFIX = ".parquet"
+_DAMAGED = ".damaged"
+_FAILED = ".failed"
 _TEMPORARY = ".unfinished-"
 _KEY = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}")
 
@@ -80,7 +84,7 @@ class ResultStore:
             LOGGER.warning("%s; it will be computed anew", error)
             with contextlib.suppress(OSError):
                 path = self.path_of(key)
-                path.replace(path.with_suffix(".damaged"))
+                path.replace(path.with_suffix(_DAMAGED))
             return None
 
     def save(self, run: StoredRun) -> Path:
@@ -92,9 +96,7 @@ class ResultStore:
         target = self.path_of(run.key)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(prefix=_TEMPORARY, suffix=_SUFFIX, dir=self.folder)
-            os.close(handle)
-            temporary = Path(name)
+            temporary = self.folder / f"{_TEMPORARY}{uuid.uuid4().hex}{_SUFFIX}"
             try:
                 write_run(temporary, run)
                 _flush(temporary)
@@ -102,9 +104,33 @@ class ResultStore:
                 temporary.replace(target)
             finally:
                 temporary.unlink(missing_ok=True)
+            self._failure_path(run.key).unlink(missing_ok=True)
         except OSError as error:
             raise StoreError(f"store {self.folder} cannot be written: {error}") from error
         return target
+
+    def note_failure(self, key: str, spec: RunSpec, cause: str) -> None:
+        """Keep the cause of a failed run until it succeeds.
+
+        Raises:
+            StoreError: the folder cannot be written.
+        """
+        text = json.dumps({"cause": cause, "spec": spec.to_dict()}, indent=1)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._failure_path(key).write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise StoreError(f"store {self.folder} cannot be written: {error}") from error
+
+    def failure(self, key: str) -> str:
+        """Cause of the last failure of a run; empty if there was none."""
+        try:
+            return str(json.loads(self._failure_path(key).read_text(encoding="utf-8"))["cause"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return ""
+
+    def _failure_path(self, key: str) -> Path:
+        return self.folder / f"{key}{_FAILED}"
 
     def runs(self) -> Iterator[StoredRun]:
         """All sound runs, one after the other; damaged files are reported and put aside."""
@@ -131,7 +157,7 @@ class ResultStore:
             if path.name not in kept
             and (
                 path.name.startswith(_TEMPORARY)
-                or (path.suffix in {_SUFFIX, ".damaged"} and _KEY.fullmatch(path.stem))
+                or (path.suffix in {_SUFFIX, _DAMAGED, _FAILED} and _KEY.fullmatch(path.stem))
             )
         ]
         try:

@@ -1,0 +1,97 @@
+"""Where runs are performed: a cluster of worker processes, embedded or existing."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import dask
+from distributed import Client, LocalCluster
+
+from iptm_core.errors import ScenarioError
+
+CONNECT_TIMEOUT_S = 30.0
+MAX_WORKERS = 1024
+_SETTINGS = {
+    # A run that takes its worker down would do so again.
+    "distributed.scheduler.allowed-failures": 0,
+    # Runs hold the interpreter for seconds; that is no news.
+    "distributed.admin.tick.limit": "1 hour",
+    "distributed.comm.timeouts.connect": f"{CONNECT_TIMEOUT_S:g}s",
+}
+
+
+@dataclass(frozen=True)
+class ClusterOptions:
+    """Choice of the cluster.
+
+    Attributes:
+        scheduler: address of an existing scheduler; empty for an embedded cluster.
+        workers: worker processes of the embedded cluster, None for one per core.
+    """
+
+    scheduler: str = ""
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and not 1 <= self.workers <= MAX_WORKERS:
+            raise ScenarioError(f"workers is {self.workers}; allowed: 1 to {MAX_WORKERS}")
+        if self.scheduler and self.workers is not None:
+            raise ScenarioError("an existing cluster brings its own workers; leave --workers out")
+
+
+@contextmanager
+def connected(options: ClusterOptions) -> Iterator[Client]:
+    """A client of the cluster; an embedded one ends with the block.
+
+    Raises:
+        ScenarioError: nobody answers at the address of the scheduler.
+    """
+    logging.getLogger("distributed").setLevel(logging.ERROR)
+    with dask.config.set(_SETTINGS):
+        if options.scheduler:
+            with _existing(options.scheduler) as client:
+                yield client
+            return
+        with (
+            LocalCluster(
+                n_workers=options.workers or available_cores(),
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address=None,
+                memory_limit=0,
+                silence_logs=logging.CRITICAL,
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def worker_threads(client: Client) -> int:
+    """Runs that the cluster performs at the same time."""
+    threads: dict[str, int] = client.nthreads()
+    return max(1, sum(threads.values()))
+
+
+@contextmanager
+def _existing(address: str) -> Iterator[Client]:
+    try:
+        client = Client(address, timeout=CONNECT_TIMEOUT_S)
+    except (OSError, ValueError) as error:
+        raise ScenarioError(
+            f"scheduler {address!r} does not answer ({error}); allowed is the address of a running "
+            "Dask scheduler such as tcp://host:8786"
+        ) from error
+    with client:
+        yield client

@@ -1,0 +1,110 @@
+"""A study as data: named cases, each one run, and what varies between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from iptm_core.errors import ScenarioError
+from iptm_studies.run_spec import RunSpec
+
+Label = str | int | float
+DEFAULT_CRITERION = "total_degradation"
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Take the strategy of the best run of another study, as the paper does for its weighted strategies.
+
+    Attributes:
+        study: name of the other study.
+        labels: only its cases with these labels count; empty for all.
+        lowest: key of the figure that decides (see ``RunSummary.rows``), smaller is better. Runs that
+            break a hard limit come last, whatever their figure.
+    """
+
+    study: str
+    labels: Mapping[str, Label] = field(default_factory=dict)
+    lowest: str = DEFAULT_CRITERION
+
+    def matches(self, case: Case) -> bool:
+        """True if a case of the other study counts."""
+        return all(case.labels.get(name) == value for name, value in self.labels.items())
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of a study.
+
+    Attributes:
+        name: unique in the study; ``study/name`` is the address of the case.
+        labels: what varies, by name, for tables and plots.
+        spec: the run; with ``best_of`` its strategy is replaced by the one found.
+        best_of: where to take the strategy from, None if the run states it.
+    """
+
+    name: str
+    labels: Mapping[str, Label]
+    spec: RunSpec
+    best_of: Selection | None = None
+
+
+@dataclass(frozen=True)
+class Study:
+    """A set of runs that belong together.
+
+    Attributes:
+        name: short name.
+        title: for tables.
+        about: what it shows, a few sentences.
+        cases: in the order of the tables.
+    """
+
+    name: str
+    title: str
+    about: str
+    cases: tuple[Case, ...]
+
+    def __post_init__(self) -> None:
+        names = [case.name for case in self.cases]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ScenarioError(
+                f"study {self.name}: the case name {twice[0]!r} occurs more than once; "
+                "allowed are different names"
+            )
+
+    def address(self, case: Case) -> str:
+        """Address of one of its cases."""
+        return f"{self.name}/{case.name}"
+
+
+@dataclass(frozen=True)
+class ShortTrip:
+    """The trip that the small version of a study drives instead of its own."""
+
+    cycle: str = "us06"
+    slope: str = "small"
+    duration_s: float = 600.0
+
+    def shorten(self, study: Study) -> Study:
+        """The same cases on the short trip."""
+        return replace(
+            study,
+            cases=tuple(
+                replace(
+                    case,
+                    spec=replace(
+                        case.spec,
+                        cycle=self.cycle,
+                        slope=self.slope,
+                        duration_s=self.duration_s,
+                    ),
+                )
+                for case in study.cases
+            ),
+        )
+
+
+SMALL = ShortTrip()
+"""Ten lively minutes: the whole US06 cycle over gentle hills."""
