@@ -24,6 +24,7 @@ class Measure:
         unit: unit, empty for a count.
         decimals: digits after the point in tables.
         compared: whether its change relative to a reference run says something.
+        short: label for narrow places; empty for the label itself.
     """
 
     key: str
@@ -31,11 +32,18 @@ class Measure:
     unit: str
     decimals: int
     compared: bool = False
+    short: str = ""
 
     @property
     def title(self) -> str:
         """Label with unit, for column heads and axes."""
         return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+    @property
+    def short_title(self) -> str:
+        """Title for narrow places."""
+        label = self.short or self.label
+        return f"{label} [{self.unit}]" if self.unit else label
 
     def text(self, value: float | None) -> str:
         """Print a value without its unit; a dash where there is none."""
@@ -54,12 +62,33 @@ MEASURES: dict[str, Measure] = {
     for measure in (
         Measure("cooling_energy", "Cooling energy", "kJ", 2, compared=True),
         Measure("traction_energy", "Traction energy", "kJ", 2, compared=True),
-        Measure("total_energy_printed", "Traction + cooling energy", "kJ", 2, compared=True),
+        Measure(
+            "total_energy_printed",
+            "Traction + cooling energy",
+            "kJ",
+            2,
+            compared=True,
+            short="Total energy",
+        ),
         Measure("battery_energy", "Battery energy ∫P_b dt", "kJ", 2, compared=True),
         Measure("cell_1_degradation", "Degradation of cell 1", "10⁻⁵", 4, compared=True),
         Measure("cell_n_degradation", "Degradation of cell N", "10⁻⁵", 4, compared=True),
-        Measure("inconsistency", "Degradation inconsistency", "10⁻⁷", 3, compared=True),
-        Measure("total_degradation", "Degradation, both cells", "10⁻⁵", 4, compared=True),
+        Measure(
+            "inconsistency",
+            "Degradation inconsistency",
+            "10⁻⁷",
+            3,
+            compared=True,
+            short="Inconsistency",
+        ),
+        Measure(
+            "total_degradation",
+            "Degradation, both cells",
+            "10⁻⁵",
+            4,
+            compared=True,
+            short="Degradation",
+        ),
         Measure("mean_cop", "Mean coefficient of performance", "", 2),
         Measure("smallest_gap", "Smallest gap", "m", 2),
         Measure("mean_gap", "Mean gap", "m", 1),

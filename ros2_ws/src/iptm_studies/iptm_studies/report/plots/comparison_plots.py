@@ -13,7 +13,7 @@ from iptm_studies.report.measures import (
     relative_change,
     share_of_saving,
 )
-from iptm_studies.report.naming import STRATEGY_NAMES, controller_name, name_of, words
+from iptm_studies.report.naming import STRATEGY_NAMES, controller_name, words
 from iptm_studies.report.paper import PaperClaims
 from iptm_studies.report.plots.power_plots import strategy_runs
 from iptm_studies.report.plots.style import (
@@ -23,7 +23,6 @@ from iptm_studies.report.plots.style import (
     labelled,
     legend_below,
     new_figure,
-    wrapped,
 )
 from iptm_studies.report.runs import (
     HEADLINE_RUN,
@@ -32,7 +31,7 @@ from iptm_studies.report.runs import (
     Results,
 )
 
-CONTROLLER_COLOURS = {**STRATEGY_COLOURS, "multi_horizon": "#08519c"}
+CONTROLLER_COLOURS = {**STRATEGY_COLOURS, "multi_horizon": "#0b4d1a"}
 _MULTI = "multi_horizon"
 
 
@@ -134,7 +133,8 @@ def draw_previews(results: Results, paper: PaperClaims) -> Figure:  # noqa: ARG0
     """Degradation and energy of each controller under imperfect previews, against the reference."""
     runs = results.study("imperfect_previews")
     previews = list(dict.fromkeys(run.address.split("/")[1] for run in runs))
-    controllers = list(dict.fromkeys(run.address.split("/")[2] for run in runs))
+    present = {run.address.split("/")[2] for run in runs}
+    controllers = [name for name in CONTROLLER_COLOURS if name in present]
     figure, panels = new_figure(3.4, 1, 2)
     width = 0.8 / max(1, len(controllers))
     for panel, key in zip(panels, ("total_degradation", "total_energy_printed"), strict=True):
@@ -184,8 +184,7 @@ def draw_omitted(results: Results, paper: PaperClaims) -> Figure:  # noqa: ARG00
                     label=controller_name(controller) if place == 0 else None,
                 )
         panel.axvline(0.0, color="black", linewidth=0.7)
-        labelled(panel, "change [%]", "", MEASURES[key].label.replace(", both cells", ""))
-        panel.title.set_fontsize(8)
+        labelled(panel, "change [%]", "", MEASURES[key].short or MEASURES[key].label)
     panels[0].set_yticks(range(len(variations)), [words(name) for name in variations])
     panels[0].invert_yaxis()
     legend_below(figure, panels[0], 2)
@@ -218,13 +217,13 @@ def draw_discretisation(results: Results, paper: PaperClaims) -> Figure:  # noqa
                 bar = panel.bar(place, 100.0 * change, 0.6, color=SERIES_COLOURS[1])
                 panel.bar_label(bar, fmt="%.2f", fontsize=7.5)
         panel.axhline(0.0, color="black", linewidth=0.7)
-        grids = {run.address.split("/")[1]: run for run in runs if not run.address.endswith("fine")}
+        grids = {
+            run.address.split("/")[1]: run.address.split("/")[2]
+            for run in runs
+            if not run.address.endswith("/fine")
+        }
         panel.set_xticks(
-            range(len(lengths)),
-            [
-                wrapped(f"{name_of(grids[name].address)}") if name in grids else name
-                for name in lengths
-            ],
+            range(len(lengths)), [f"{name} s\nMH {grids.get(name, '')}" for name in lengths]
         )
         panel.tick_params(axis="x", labelsize=7)
         panel.margins(y=0.15)

@@ -67,7 +67,7 @@ def draw_weighting(results: Results, paper: PaperClaims) -> Figure:  # noqa: ARG
         panel.set_xticks(range(len(present)), [wrapped(STRATEGY_NAMES[name]) for name in present])
         panel.tick_params(axis="x", labelsize=7)
         room_for(panel, seen)
-        labelled(panel, "", "", MEASURES[key].title)
+        labelled(panel, "", "", MEASURES[key].short_title)
     legend_below(figure, panels[0], 2)
     return figure
 
@@ -87,7 +87,7 @@ def draw_prediction_horizon(results: Results, paper: PaperClaims) -> Figure:  # 
         else:
             panel.set_ylim(bottom=0.0)
         panel.set_xticks(HORIZONS_S)
-        labelled(panel, "horizon [s]", "", MEASURES[key].title)
+        labelled(panel, "horizon [s]", "", MEASURES[key].short_title)
     legend_below(figure, panels[0], 2)
     return figure
 
@@ -110,7 +110,7 @@ def draw_sampling_time(results: Results, paper: PaperClaims) -> Figure:  # noqa:
             seen.append(single)
         panel.set_xticks(LONG_STEPS_S)
         room_for(panel, seen, 0.1)
-        labelled(panel, "", "", MEASURES[key].title)
+        labelled(panel, "", "", MEASURES[key].short_title)
     for panel in panels[2:]:
         labelled(panel, "sampling time of the long horizon [s]", "", panel.get_title("left"))
     legend_below(figure, panels[0], 6)
@@ -151,7 +151,7 @@ def draw_long_horizon(results: Results, paper: PaperClaims) -> Figure:
         else:
             room_for(panel, seen, 0.1)
         panel.set_xticks(LONG_STEP_COUNTS)
-        labelled(panel, "long steps N_p2", "", MEASURES[key].title)
+        labelled(panel, "long steps N_p2", "", MEASURES[key].short_title)
     legend_below(figure, panels[1], 4)
     return figure
 
