@@ -10,8 +10,7 @@ from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader, RawMessage
 from iptm_recording.metadata import TopicRecord
 from iptm_recording.selection import TopicSelection
-
-CLOCK_TOPIC = "/clock"
+from iptm_recording.timeline import CLOCK_TOPIC
 
 
 @dataclass(frozen=True)

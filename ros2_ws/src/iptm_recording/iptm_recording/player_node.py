@@ -18,9 +18,10 @@ from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.message_types import message_class
 from iptm_recording.metadata import TopicRecord
-from iptm_recording.playback import CLOCK_TOPIC, Playback, PlaybackOptions
+from iptm_recording.playback import Playback, PlaybackOptions
 from iptm_recording.qos import offer_for
 from iptm_recording.qos_profiles import to_profile
+from iptm_recording.timeline import CLOCK_TOPIC
 
 STARTED_LINE = "player started"
 # Fast playback must not push unacknowledged messages out of a short queue.

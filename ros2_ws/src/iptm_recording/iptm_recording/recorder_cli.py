@@ -13,13 +13,13 @@ from types import FrameType
 
 from rclpy.utilities import remove_ros_args
 
-from iptm_core.errors import IptmError
+from iptm_core.errors import BagError, IptmError
 from iptm_interfaces.process import EXIT_USER_ERROR, run_node
 from iptm_recording.mcap_chunk import COMPRESSIONS
 from iptm_recording.recorder_node import DEFAULT_DEPTH, RecorderNode, RecorderOptions
 from iptm_recording.run_information import collect_run_information, load_run_information
 from iptm_recording.selection import TopicSelection
-from iptm_recording.timeline import TimeSource
+from iptm_recording.timeline import CLOCK_TOPIC, TimeSource
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -80,7 +80,7 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
     """Turn parsed arguments into options.
 
     Raises:
-        BagError: the file with the run information is missing or malformed.
+        BagError: the file with the run information is missing or malformed, or the clock is excluded.
     """
     now = datetime.now().astimezone()
     root = Path(os.environ.get("IPTM_ROOT", "."))
@@ -89,15 +89,30 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
         if arguments.run_information is not None
         else collect_run_information()
     )
+    source = TimeSource(arguments.time)
     return RecorderOptions(
         output=arguments.output or root / "bags" / f"run_{now:%Y%m%d_%H%M%S}",
-        selection=TopicSelection(tuple(arguments.topics), tuple(arguments.exclude)),
+        selection=_selection(arguments, source),
         discover=arguments.all or bool(arguments.topics),
-        time_source=TimeSource(arguments.time),
+        time_source=source,
         run_information=information,
         compression="" if arguments.compression == "none" else arguments.compression,
         depth=max(1, arguments.depth),
     )
+
+
+def _selection(arguments: argparse.Namespace, source: TimeSource) -> TopicSelection:
+    """Return the topics wanted; always with the clock where the times come from it."""
+    include = tuple(arguments.topics)
+    if source is TimeSource.SIMULATED:
+        include = (*include, CLOCK_TOPIC) if include else include
+    selection = TopicSelection(include, tuple(arguments.exclude))
+    if source is TimeSource.SIMULATED and not selection.takes(CLOCK_TOPIC):
+        raise BagError(
+            f"{CLOCK_TOPIC} is excluded, but the times of the bag come from it;"
+            " use --time wall to record without it"
+        )
+    return selection
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

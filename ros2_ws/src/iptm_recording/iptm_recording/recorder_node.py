@@ -139,8 +139,9 @@ class RecorderNode(SuiteNode):
         return min(idle_s, stopping_s) > _IDLE_BEFORE_CLOSING_S or stopping_s > _LONGEST_DRAIN_S
 
     def _report(self) -> None:
+        is_recording = self._session.message_count > self._session.held_count
         values: dict[str, object] = {
-            "phase": "recording" if self._session.message_count else "waiting",
+            "phase": "recording" if is_recording else "waiting",
             "bag": str(self._options.output),
             "messages": self._session.message_count,
             "topics": len(self._session.message_counts),
@@ -148,7 +149,7 @@ class RecorderNode(SuiteNode):
             "subscriptions": self._topics.subscribed_count,
             "awaited_topics": ", ".join(self._topics.awaited_topics),
         }
-        level, reason = Level.OK, "recording" if self._session.message_count else "waiting for data"
+        level, reason = Level.OK, "recording" if is_recording else "waiting for data"
         if self._session.held_count > _MANY_HELD:
             level, reason = Level.WARN, "waiting for /clock, messages are kept in memory"
         self._diagnostics.report(self._session.now_ns or 0, level, reason, values)

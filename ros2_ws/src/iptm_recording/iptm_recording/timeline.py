@@ -16,6 +16,7 @@ import struct
 import time
 from enum import Enum
 
+CLOCK_TOPIC = "/clock"
 CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 # Stamps further ahead of the clock than this come from another clock (wall time, another run).
 MAX_LEAD_NS = 10 * 10**9
@@ -50,7 +51,7 @@ def stamp_kind(topic: str, type_name: str, definition: str) -> StampKind:
         definition: text of the type's definition.
     """
     if type_name == CLOCK_TYPE:
-        return StampKind.CLOCK if topic == "/clock" else StampKind.NONE
+        return StampKind.CLOCK if topic == CLOCK_TOPIC else StampKind.NONE
     for line in definition.splitlines():
         content = line.split("#", maxsplit=1)[0].strip()
         if content and "=" not in content:
