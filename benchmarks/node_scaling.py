@@ -22,8 +22,8 @@ from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 
 GRIDS = ("15x1", "60x1", "100x1", "200x1", "400x1", "700x1", "1000x1")
-CYCLE = "comprehensive"
-FIRST_TICK = 1250
+CYCLE = "wltc_class3b"
+FIRST_TICK = 200
 SOLVERS = ("fatrop", "ipopt")
 
 

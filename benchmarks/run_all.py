@@ -81,7 +81,7 @@ def _loops(*, quick: bool) -> list[dict[str, Any]]:
 
 
 def _equivalence(*, quick: bool) -> list[dict[str, Any]]:
-    durations = (300.0, 300.0) if quick else (None, 3600.0)
+    durations = (300.0, 300.0) if quick else (None, 2400.0)
     return [
         measure_equivalence(cycle, "3x1+5x5", STRATEGY, duration)
         for cycle, duration in zip(CYCLES, durations, strict=True)
@@ -100,7 +100,7 @@ def _measure(part: str, *, quick: bool) -> Any:
         from benchmarks.node_scaling import GRIDS as LENGTHS  # noqa: PLC0415
         from benchmarks.node_scaling import SOLVERS, measure  # noqa: PLC0415
 
-        return measure(LENGTHS[:4] if quick else LENGTHS, SOLVERS, 6 if quick else 12)
+        return measure(LENGTHS[:4] if quick else LENGTHS, SOLVERS, 6 if quick else 8)
     if part == "ros":
         from benchmarks.ros_speed import measure as measure_ros  # noqa: PLC0415
 
@@ -112,7 +112,7 @@ def _measure(part: str, *, quick: bool) -> Any:
         return measure_start(2 if quick else 5, 1)
     from benchmarks.deadline_under_load import measure as measure_deadline  # noqa: PLC0415
 
-    return measure_deadline(100 if quick else 600, 0.1, 0.05, 2)
+    return measure_deadline(100 if quick else 300, 0.1, 0.05, 2)
 
 
 def _run_part(part: str, *, quick: bool) -> bool:
