@@ -1,0 +1,197 @@
+"""Limits bite where they should, and a start outside them is no reason to give up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from iptm_controller.controller import Measurements
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.layout import InputIndex, StateIndex
+from iptm_controller.plan import Plan, plan_from_variables
+from iptm_controller.solvers.backend import SolverBackend
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.state import FloatArray
+
+Pose = Callable[..., tuple[ProblemData, FloatArray]]
+Solvers = Callable[..., SolverBackend]
+GRIDS = ["3x1+5x5", "15x1"]
+
+
+def solve(
+    solver: SolverBackend, problem_of: Pose, measured: Measurements, grid: str, strategy: str
+) -> Plan:
+    result = solver.solve(*problem_of(measured, grid, strategy))
+    assert result.status.usable, result.reason
+    assert measured.state is not None
+    return plan_from_variables(result.variables, Horizon.parse(grid), measured.state)
+
+
+def gaps_of(plan: Plan, measured: Measurements) -> FloatArray:
+    """Gap to the predicted leader at the nodes."""
+    times = plan.start_s + plan.node_times_s
+    preview = measured.preview
+    leader = np.interp(times, preview.times_s, preview.positions_m)
+    return leader - plan.states[:, StateIndex.POSITION]
+
+
+def expect_hard_limits(plan: Plan, measured: Measurements, parameters: ModelParameters) -> None:
+    """Whatever the situation, inputs stay within their bounds and rates."""
+    limits, state = parameters.limits, measured.state
+    assert state is not None
+    acceleration = plan.inputs[:, InputIndex.ACCELERATION]
+    power = plan.inputs[:, InputIndex.COMPRESSOR_POWER]
+    assert limits.min_acceleration_m_s2 - 1e-6 <= acceleration.min()
+    assert acceleration.max() <= limits.max_acceleration_m_s2 + 1e-6
+    assert limits.min_compressor_power_w - 1e-3 <= power.min()
+    assert power.max() <= limits.max_compressor_power_w + 1e-3
+    lengths = np.diff(plan.node_times_s)
+    between = np.concatenate([lengths[:1], 0.5 * (lengths[:-1] + lengths[1:])])
+    jerk = np.diff(acceleration, prepend=state.acceleration_m_s2) / between
+    rate = np.diff(power, prepend=state.compressor_power_w) / between
+    assert np.abs(jerk).max() <= limits.max_jerk_m_s3 * (1.0 + 1e-4)
+    assert np.abs(rate).max() <= limits.max_compressor_rate_w_s * (1.0 + 1e-4)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_a_braking_leader_brings_the_plan_to_the_gap_limit(
+    parameters: ModelParameters,
+    plain_solver: Solvers,
+    problem_of: Pose,
+    make_scene: Callable[..., Measurements],
+    grid: str,
+) -> None:
+    measured = make_scene(
+        speed_m_s=18.0, leader_speed_m_s=18.0, leader_acceleration_m_s2=-1.0, gap_m=48.0
+    )
+    plan = solve(plain_solver(grid, compile_code=False), problem_of, measured, grid, "aging")
+    expect_hard_limits(plan, measured, parameters)
+    gaps = gaps_of(plan, measured)
+    leader = np.interp(
+        plan.start_s + plan.node_times_s, measured.preview.times_s, measured.preview.speeds_m_s
+    )
+    shortest = minimum_gap_m(
+        plan.states[:, StateIndex.SPEED], leader, parameters.gap, parameters.limits
+    )
+    shortest = np.maximum(shortest, parameters.gap.standstill_gap_m)
+    margin = (gaps - shortest)[1:]
+    assert margin.min() == pytest.approx(-plan.slacks.gap_m, abs=1e-2)
+    assert plan.states[:, StateIndex.SPEED].min() >= -1e-5
+
+
+def test_an_emergency_brakes_as_fast_as_the_jerk_limit_permits(
+    parameters: ModelParameters,
+    plain_solver: Solvers,
+    problem_of: Pose,
+    make_scene: Callable[..., Measurements],
+) -> None:
+    measured = make_scene(
+        speed_m_s=20.0, leader_speed_m_s=20.0, leader_acceleration_m_s2=-2.0, gap_m=36.0
+    )
+    plan = solve(plain_solver("3x1+5x5"), problem_of, measured, "3x1+5x5", "aging")
+    expect_hard_limits(plan, measured, parameters)
+    np.testing.assert_allclose(plan.inputs[:3, 0], [-0.5, -1.0, -1.5], atol=1e-4)
+    assert plan.inputs[3, 0] == pytest.approx(-2.0, abs=1e-4)
+    assert plan.slacks.gap_m > 0.1
+
+
+def test_a_full_start_is_limited_by_jerk(
+    parameters: ModelParameters,
+    plain_solver: Solvers,
+    problem_of: Pose,
+    make_scene: Callable[..., Measurements],
+) -> None:
+    measured = make_scene(speed_m_s=5.0, leader_speed_m_s=15.0, gap_m=100.0)
+    plan = solve(plain_solver("3x1+5x5"), problem_of, measured, "3x1+5x5", "aging")
+    expect_hard_limits(plan, measured, parameters)
+    np.testing.assert_allclose(plan.inputs[:3, 0], [0.5, 1.0, 1.5], atol=1e-3)
+
+
+def test_a_leader_that_is_lost_costs_the_long_gap(
+    plain_solver: Solvers, problem_of: Pose, make_scene: Callable[..., Measurements]
+) -> None:
+    measured = make_scene(gap_m=300.0)
+    plan = solve(plain_solver("3x1+5x5"), problem_of, measured, "3x1+5x5", "aging")
+    gaps = gaps_of(plan, measured)
+    assert plan.slacks.gap_m == pytest.approx(gaps[1:].max() - 120.0, abs=1e-3)
+    assert gaps[-1] < 200.0
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_speed_limit_binds_behind_a_leader_that_breaks_it(
+    parameters: ModelParameters,
+    plain_solver: Solvers,
+    problem_of: Pose,
+    make_scene: Callable[..., Measurements],
+    grid: str,
+) -> None:
+    measured = make_scene(speed_m_s=36.5, leader_speed_m_s=39.0, gap_m=75.0)
+    plan = solve(plain_solver(grid, compile_code=False), problem_of, measured, grid, "reference")
+    fastest = plan.states[:, StateIndex.SPEED].max()
+    assert fastest == pytest.approx(parameters.limits.max_speed_m_s, abs=1e-3)
+    assert plan.slacks.speed_m_s < 1e-3
+
+
+OUTSIDE: dict[str, dict[str, float]] = {
+    "too_close": {"gap_m": 3.0, "speed_m_s": 10.0, "leader_speed_m_s": 10.0},
+    "touching": {"gap_m": 0.0, "speed_m_s": 5.0, "leader_speed_m_s": 5.0},
+    "overlapping": {"gap_m": -0.9, "speed_m_s": 0.0, "leader_speed_m_s": 0.0},
+    "too_fast": {"gap_m": 100.0, "speed_m_s": 39.0, "leader_speed_m_s": 36.0},
+    "far_behind": {"gap_m": 400.0},
+    "cells_at_45": {"cell_1_temperature_k": 317.15, "cell_n_temperature_k": 318.15},
+    "cells_at_60": {"cell_1_temperature_k": 333.15, "cell_n_temperature_k": 333.15},
+    "cells_at_17": {"cell_1_temperature_k": 290.15, "cell_n_temperature_k": 290.65},
+    "everything": {
+        "gap_m": 2.0,
+        "speed_m_s": 4.0,
+        "leader_speed_m_s": 4.0,
+        "cell_1_temperature_k": 316.0,
+        "cell_n_temperature_k": 317.0,
+        "acceleration_m_s2": 2.0,
+        "compressor_power_w": 4500.0,
+    },
+}
+SLACK_OF = {"too": "gap_m", "touching": "gap_m", "overlapping": "gap_m", "far": "gap_m",
+            "cells": "temperature_k", "everything": "temperature_k"}  # fmt: skip
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("name", sorted(OUTSIDE))
+def test_a_measurement_outside_the_limits_is_solved_with_its_slack_reported(
+    parameters: ModelParameters,
+    plain_solver: Solvers,
+    problem_of: Pose,
+    make_scene: Callable[..., Measurements],
+    name: str,
+    grid: str,
+) -> None:
+    measured = make_scene(**OUTSIDE[name])
+    plan = solve(plain_solver(grid, compile_code=False), problem_of, measured, grid, "aging")
+    expect_hard_limits(plan, measured, parameters)
+    kind = "speed_m_s" if name == "too_fast" else SLACK_OF[name.split("_", maxsplit=1)[0]]
+    assert getattr(plan.slacks, kind) > 0.05
+
+
+def test_slack_is_as_large_as_the_violation(
+    parameters: ModelParameters,
+    plain_solver: Solvers,
+    problem_of: Pose,
+    make_scene: Callable[..., Measurements],
+) -> None:
+    measured = make_scene(cell_1_temperature_k=317.15, cell_n_temperature_k=318.15)
+    plan = solve(plain_solver("3x1+5x5"), problem_of, measured, "3x1+5x5", "aging")
+    warmest = plan.states[1:, StateIndex.CELL_N_TEMPERATURE].max()
+    excess_k = warmest - parameters.limits.max_temperature_k
+    assert plan.slacks.temperature_k == pytest.approx(excess_k, abs=1e-3)
+
+
+def test_no_slack_where_none_is_needed(
+    plain_solver: Solvers, problem_of: Pose, make_scene: Callable[..., Measurements]
+) -> None:
+    plan = solve(plain_solver("3x1+5x5"), problem_of, make_scene(gap_m=50.0), "3x1+5x5", "aging")
+    slacks = plan.slacks
+    assert max(slacks.gap_m, slacks.speed_m_s, slacks.temperature_k) < 1e-5

@@ -1,0 +1,197 @@
+"""Solutions are optimal: two solvers agree, and no feasible plan nearby is better.
+
+The second judgement uses nothing of the solvers: inputs are changed at random, the states follow from
+the stage functions, the slacks are the smallest that the limits ask for, and the cost is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from iptm_controller.controller import Measurements
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.layout import InputIndex, LimitIndex
+from iptm_controller.ocp.transcription import BLOCK, StageFunctions, Transcription
+from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.result import SolveStatus
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FloatArray
+
+Pose = Callable[..., tuple[ProblemData, FloatArray]]
+Solvers = Callable[..., SolverBackend]
+ORDINARY = [
+    "cooling",
+    "cruise",
+    "fast",
+    "hills",
+    "leader_brakes",
+    "leader_pulls_away",
+    "standstill",
+]
+SLACK_ROWS = {
+    InputIndex.GAP_SHORT: [LimitIndex.GAP_MIN, LimitIndex.GAP_FLOOR],
+    InputIndex.GAP_LONG: [LimitIndex.GAP_MAX],
+    InputIndex.SPEED_EXCESS: [LimitIndex.SPEED_MIN, LimitIndex.SPEED_MAX],
+    InputIndex.TEMPERATURE_EXCESS: list(range(LimitIndex.CELL_1_MIN, LimitIndex.OUTLET_MAX + 1)),
+}
+
+
+class Rollout:
+    """The problem as a function of accelerations and compressor powers alone."""
+
+    def __init__(
+        self, transcription: Transcription, data: ProblemData, parameters: ModelParameters
+    ) -> None:
+        self._data = data
+        self._stages: list[StageFunctions] = [
+            stage
+            for stage, phase in zip(transcription.stages, transcription.horizon.phases, strict=True)
+            for _ in range(phase.steps)
+        ]
+        self._offsets = transcription.step_offsets
+        limits = parameters.limits
+        self._low = np.array([limits.min_acceleration_m_s2, limits.min_compressor_power_w / 1e3])
+        self._high = np.array([limits.max_acceleration_m_s2, limits.max_compressor_power_w / 1e3])
+        self._rates = np.array([limits.max_jerk_m_s3, limits.max_compressor_rate_w_s / 1e3])
+
+    def cost(self, wanted: FloatArray) -> float:
+        """Cost of inputs, shape (N, 2), after they are brought within bounds and rates."""
+        state = self._data.initial_state
+        total = 0.0
+        for stage, offset, inputs in zip(self._stages, self._offsets, wanted, strict=True):
+            p = self._data.parameters[offset : offset + stage.spec.parameter_count]
+            step = self._rates * p[2]
+            last = state[4:6]
+            bounded = np.clip(np.clip(inputs, self._low, self._high), last - step, last + step)
+            u = np.concatenate([bounded, np.zeros(layout.SLACKS)])
+            arguments = (p, self._data.parameters[: layout.GLOBALS])
+            limits = stage.value(state, u, *arguments)[0].full().ravel()[layout.STATES :]
+            for slack, rows in SLACK_ROWS.items():
+                u[slack] = max(0.0, -limits[rows].min())
+            rows, cost = stage.value(state, u, *arguments)
+            state = -rows.full().ravel()[: layout.STATES]
+            total += float(cost)
+        return total
+
+
+def inputs_of(variables: FloatArray) -> FloatArray:
+    table = variables[: -layout.STATES].reshape(-1, BLOCK)
+    return table[:, layout.STATES : layout.STATES + 2].copy()
+
+
+def changes(steps: int) -> Iterator[FloatArray]:
+    """Small and large, at one step, on all alike, and everywhere at random."""
+    rng = np.random.default_rng(11)
+    for size in (1e-3, 1e-2, 0.1, 0.5):
+        for step in range(steps):
+            for index in range(2):
+                for sign in (-1.0, 1.0):
+                    single = np.zeros((steps, 2))
+                    single[step, index] = sign * size
+                    yield single
+        for _ in range(12):
+            yield np.tile(rng.normal(scale=size, size=2), (steps, 1))
+            yield rng.normal(scale=size, size=(steps, 2))
+
+
+@pytest.mark.parametrize("strategy", ["aging", "reference_energy_aging"])
+@pytest.mark.parametrize("name", ORDINARY)
+def test_two_solvers_find_the_same_optimum(
+    plain_solver: Solvers,
+    problem_of: Pose,
+    scenes: dict[str, Measurements],
+    name: str,
+    strategy: str,
+) -> None:
+    problem = problem_of(scenes[name], "3x1+5x5", strategy)
+    fatrop = plain_solver("3x1+5x5").solve(*problem)
+    ipopt = plain_solver("3x1+5x5", "ipopt", compile_code=False).solve(*problem)
+    assert fatrop.status is SolveStatus.SOLVED
+    assert ipopt.status is SolveStatus.SOLVED
+    # IPOPT stops a little inside of its barrier: within the sum of all penalties times 1e-8.
+    assert fatrop.objective == pytest.approx(ipopt.objective, rel=1e-5, abs=5e-4)
+    difference = np.abs(inputs_of(fatrop.variables) - inputs_of(ipopt.variables))
+    assert difference[0].max() < 2e-2
+
+
+def test_the_same_optimum_on_the_single_horizon(
+    plain_solver: Solvers, problem_of: Pose, ordinary_scene: Measurements
+) -> None:
+    problem = problem_of(ordinary_scene, "15x1", "aging")
+    fatrop = plain_solver("15x1", compile_code=False).solve(*problem)
+    ipopt = plain_solver("15x1", "ipopt", compile_code=False).solve(*problem)
+    assert fatrop.status is SolveStatus.SOLVED
+    assert ipopt.status is SolveStatus.SOLVED
+    assert fatrop.objective == pytest.approx(ipopt.objective, rel=1e-5, abs=5e-4)
+
+
+@pytest.mark.parametrize("strategy", ["aging", "reference", "energy_aging"])
+@pytest.mark.parametrize("name", ORDINARY)
+def test_no_feasible_plan_nearby_is_better(
+    parameters: ModelParameters,
+    transcription_of: Callable[[str], Transcription],
+    plain_solver: Solvers,
+    problem_of: Pose,
+    scenes: dict[str, Measurements],
+    name: str,
+    strategy: str,
+) -> None:
+    data, guess = problem_of(scenes[name], "3x1+5x5", strategy)
+    result = plain_solver("3x1+5x5").solve(data, guess)
+    rollout = Rollout(transcription_of("3x1+5x5"), data, parameters)
+    best = inputs_of(result.variables)
+    tolerance = 1e-3 + 1e-5 * abs(result.objective)
+    # The roll-out agrees with what the solver says, so the two costs may be compared.
+    assert rollout.cost(best) == pytest.approx(result.objective, abs=tolerance)
+    for change in changes(best.shape[0]):
+        # Not a number where the pack cannot deliver what the change asks for.
+        assert not rollout.cost(best + change) < result.objective - tolerance
+
+
+def test_the_judge_sees_a_plan_that_is_not_optimal(
+    parameters: ModelParameters,
+    transcription_of: Callable[[str], Transcription],
+    problem_of: Pose,
+    scenes: dict[str, Measurements],
+) -> None:
+    data, guess = problem_of(scenes["leader_brakes"], "3x1+5x5", "aging")
+    rollout = Rollout(transcription_of("3x1+5x5"), data, parameters)
+    cold = inputs_of(guess)
+    costs = [rollout.cost(cold + change) for change in changes(cold.shape[0])]
+    assert min(costs) < rollout.cost(cold) - 1.0
+
+
+def test_solutions_are_feasible(
+    plain_solver: Solvers,
+    transcription_of: Callable[[str], Transcription],
+    problem_of: Pose,
+    ordinary_scene: Measurements,
+) -> None:
+    """Checked on an evaluation of its own, not on what the solver reports."""
+    data, guess = problem_of(ordinary_scene, "3x1+5x5", "aging")
+    result = plain_solver("3x1+5x5").solve(data, guess)
+    transcription = transcription_of("3x1+5x5")
+    table = result.variables[: -layout.STATES].reshape(-1, BLOCK)
+    nodes = np.vstack([table[:, : layout.STATES], result.variables[-layout.STATES :]])
+    np.testing.assert_allclose(nodes[0], data.initial_state, atol=1e-7)
+    step = 0
+    for stage, phase in zip(transcription.stages, transcription.horizon.phases, strict=True):
+        for _ in range(phase.steps):
+            offset = transcription.step_offsets[step]
+            p = data.parameters[offset : offset + stage.spec.parameter_count]
+            u = table[step, layout.STATES :]
+            rows, _ = stage.value(nodes[step], u, p, data.parameters[: layout.GLOBALS])
+            values = rows.full().ravel()
+            np.testing.assert_allclose(nodes[step + 1], -values[: layout.STATES], atol=1e-5)
+            limits = values[layout.STATES :]
+            assert np.abs(limits[: LimitIndex.GAP_MIN]).max() <= 1.0 + 1e-5
+            assert limits[LimitIndex.GAP_MIN :].min() >= -1e-5
+            assert -2.0 - 1e-6 <= u[0] <= 2.0 + 1e-6
+            assert -1e-6 <= u[1] <= 4.5 + 1e-6
+            assert u[2:].min() >= -1e-6
+            step += 1
+    assert result.infeasibility <= 1e-5
