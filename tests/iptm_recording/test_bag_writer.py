@@ -220,6 +220,7 @@ def test_relative_topic_and_repeated_topic_are_refused(tmp_path: Path) -> None:
 def test_unknown_compression(tmp_path: Path) -> None:
     with pytest.raises(BagError, match=r"'gzip' is unknown.*lz4"):
         BagWriter(tmp_path / "bag", compression="gzip")
+    assert not (tmp_path / "bag").exists()
 
 
 def test_close_twice(small_bag: Path, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from typing import final
 
 from iptm_core.errors import BagError
 from iptm_recording.definitions import SCHEMA_ENCODING, MessageDefinition, message_definition
+from iptm_recording.mcap_chunk import COMPRESSIONS
 from iptm_recording.mcap_file import DEFAULT_CHUNK_BYTES, McapFileWriter
 from iptm_recording.metadata import NO_START_NS, BagMetadata, TopicRecord, write_metadata
 from iptm_recording.qos import RecordedQos, dump_profiles
@@ -61,18 +62,20 @@ class BagWriter:
         self._schema_ids: dict[str, int] = {}
         self._topics: dict[int, _Topic] = {}
         self._metadata: BagMetadata | None = None
+        if compression not in COMPRESSIONS:
+            raise BagError(f"compression {compression!r} is unknown, must be one of {COMPRESSIONS}")
+        self._file_name = f"{self.folder.name}_0.mcap"
         try:
             self.folder.mkdir(parents=True)
+            self._file = McapFileWriter(
+                self.folder / self._file_name, chunk_bytes=chunk_bytes, compression=compression
+            )
+            if self._custom_data:
+                self._file.add_metadata(RECORD_NAME, self._custom_data)
         except FileExistsError:
             raise BagError(f"{folder} exists already; a bag is never overwritten") from None
         except OSError as error:
-            raise BagError(f"cannot create the bag folder {folder}: {error}") from None
-        self._file_name = f"{self.folder.name}_0.mcap"
-        self._file = McapFileWriter(
-            self.folder / self._file_name, chunk_bytes=chunk_bytes, compression=compression
-        )
-        if self._custom_data:
-            self._file.add_metadata(RECORD_NAME, self._custom_data)
+            raise BagError(f"cannot create the bag {folder}: {error}") from None
 
     @property
     def message_counts(self) -> dict[str, int]:
@@ -102,27 +105,19 @@ class BagWriter:
             The id with which to write its messages.
 
         Raises:
-            BagError: the name is not absolute or known already, or the type is unknown.
+            BagError: the name is not absolute or known already, the type is unknown, or the file
+                cannot be written.
         """
         if not name.startswith("/"):
             raise BagError(f"topic {name!r} is not fully qualified: it must start with '/'")
         if any(topic.name == name for topic in self._topics.values()):
             raise BagError(f"topic {name!r} has been added already")
         definition = definition or message_definition(type_name)
-        schema_id = self._schema_ids.get(type_name)
-        if schema_id is None:
-            text = definition.text.encode()
-            schema_id = self._file.add_schema(type_name, SCHEMA_ENCODING, text)
-            self._schema_ids[type_name] = schema_id
         topic = _Topic(name, definition, tuple(offered_qos))
-        topic_id = self._file.add_channel(
-            name,
-            schema_id,
-            {
-                "offered_qos_profiles": dump_profiles(topic.offered_qos),
-                "topic_type_hash": definition.type_hash,
-            },
-        )
+        try:
+            topic_id = self._announce(topic)
+        except OSError as error:
+            raise self._unwritable(error) from None
         self._topics[topic_id] = topic
         return topic_id
 
@@ -144,7 +139,7 @@ class BagWriter:
         try:
             self._file.add_message(topic_id, data, log_time_ns, published_ns)
         except OSError as error:
-            raise BagError(f"cannot write to {self.folder / self._file_name}: {error}") from None
+            raise self._unwritable(error) from None
 
     def close(self) -> BagMetadata:
         """Complete the file, write ``metadata.yaml`` and return its content; a second call is free.
@@ -182,6 +177,25 @@ class BagWriter:
             raise BagError(f"cannot complete the bag {self.folder}: {error}") from None
         self._metadata = metadata
         return metadata
+
+    def _announce(self, topic: _Topic) -> int:
+        definition = topic.definition
+        schema_id = self._schema_ids.get(definition.type_name)
+        if schema_id is None:
+            text = definition.text.encode()
+            schema_id = self._file.add_schema(definition.type_name, SCHEMA_ENCODING, text)
+            self._schema_ids[definition.type_name] = schema_id
+        return self._file.add_channel(
+            topic.name,
+            schema_id,
+            {
+                "offered_qos_profiles": dump_profiles(topic.offered_qos),
+                "topic_type_hash": definition.type_hash,
+            },
+        )
+
+    def _unwritable(self, error: OSError) -> BagError:
+        return BagError(f"cannot write to {self.folder / self._file_name}: {error}")
 
     def __enter__(self) -> BagWriter:
         """Return the writer itself."""

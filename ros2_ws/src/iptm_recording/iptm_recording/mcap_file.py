@@ -33,8 +33,7 @@ from mcap.records import (
 )
 from mcap.well_known import Profile
 
-from iptm_core.errors import BagError
-from iptm_recording.mcap_chunk import COMPRESSIONS, Chunk, compressor, encode
+from iptm_recording.mcap_chunk import Chunk, compressor, encode
 
 MAGIC = b"\x89MCAP0\r\n"
 DEFAULT_CHUNK_BYTES = 64 * 1024
@@ -57,8 +56,6 @@ class McapFileWriter:
     def __init__(
         self, path: Path, *, chunk_bytes: int = DEFAULT_CHUNK_BYTES, compression: str = ""
     ) -> None:
-        if compression not in COMPRESSIONS:
-            raise BagError(f"compression {compression!r} is unknown, must be one of {COMPRESSIONS}")
         self._compression = compression
         self._compress = compressor(compression)
         self._chunk_bytes = chunk_bytes
