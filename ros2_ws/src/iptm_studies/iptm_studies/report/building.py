@@ -30,7 +30,7 @@ def build_report(store: ResultStore, campaign: Campaign, output_dir: Path) -> tu
             ``paper-reproduction.md`` and the folder of its figures go.
 
     Returns:
-        The pages and the figures.
+        The pages.
 
     Raises:
         ScenarioError: not a single run is there, or the claims or causes file is malformed.
@@ -61,6 +61,9 @@ def document_of(
 def write_report(document: Document, output_dir: Path) -> tuple[Path, ...]:
     """Write the pages and the figures; figures that an older report left are removed.
 
+    Returns:
+        The pages.
+
     Raises:
         StoreError: the folder cannot be written.
     """
@@ -78,4 +81,4 @@ def write_report(document: Document, output_dir: Path) -> tuple[Path, ...]:
             path.write_bytes(content)
     except OSError as error:
         raise StoreError(f"report cannot be written to {output_dir}: {error}") from error
-    return (*pages, *figures)
+    return tuple(pages)

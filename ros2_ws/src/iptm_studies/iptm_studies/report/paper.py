@@ -66,6 +66,7 @@ class StrategyTable:
     order: tuple[str, ...]
     values: Mapping[str, tuple[float, ...]]
     changes: Mapping[str, tuple[float, ...]]
+    note: str = ""
 
 
 @dataclass(frozen=True)

@@ -175,7 +175,7 @@ def strategy_table(results: Results, paper: PaperClaims) -> Table:
         note=(
             "In brackets the change against the reference; its mark compares it with the printed "
             "change. The paper labels its total ∫P_b dt, but its numbers are the sum of traction and "
-            "cooling energy; both are given."
+            f"cooling energy; both are given. {printed.note}"
         ),
         paper=printed.table,
     )
