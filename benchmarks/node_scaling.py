@@ -21,7 +21,7 @@ from iptm_controller.horizon import Horizon
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 
-GRIDS = ("15x1", "60x1", "100x1", "200x1", "400x1", "700x1", "1000x1")
+GRIDS = ("15x1", "60x1", "200x1", "500x1", "1000x1")
 CYCLE = "wltc_class3b"
 FIRST_TICK = 200
 SOLVERS = ("fatrop", "ipopt")
