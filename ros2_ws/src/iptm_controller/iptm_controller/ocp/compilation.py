@@ -2,7 +2,8 @@
 
 The cache key is a hash of everything the machine code depends on: the generated source (which contains
 every model parameter, smoothing width and grid), the compiler with its version and flags, and the
-machine architecture. A second start with the same problem compiles nothing.
+machine architecture. A second start with the same problem compiles nothing. Each library ends with the
+digest of what is before it, which the loader ignores: a damaged one is compiled again, not loaded.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ LOGGER = logging.getLogger(__name__)
 COMPILER_FLAGS = ("-O2", "-fPIC", "-shared")
 COMPILE_TIMEOUT_S = 300.0
 CACHE_VARIABLE = "IPTM_CACHE_DIR"
+DIGEST_SIZE = hashlib.sha256().digest_size
 
 
 def cache_directory() -> Path:
@@ -62,7 +64,7 @@ def compile_functions(functions: Sequence[ca.Function], compiler: str) -> Path:
     source = _generate_source(functions)
     folder = cache_directory()
     library = folder / f"ocp_{_cache_key(source, compiler)}.so"
-    if library.exists():
+    if _is_intact(library):
         return library
     LOGGER.info("compiling the optimal control problem (once per vehicle and horizon) ...")
     try:
@@ -72,11 +74,22 @@ def compile_functions(functions: Sequence[ca.Function], compiler: str) -> Path:
             c_file.write_text(source, encoding="ascii")
             built = Path(scratch) / "ocp.so"
             _run_compiler([compiler, *COMPILER_FLAGS, str(c_file), "-o", str(built), "-lm"])
+            with built.open("ab") as file:
+                file.write(hashlib.sha256(built.read_bytes()).digest())
             # Renaming is atomic: another process sees either nothing or the whole library.
             built.replace(library)
     except OSError as error:
         raise SolverSetupError(f"compiler cache '{folder}' cannot be written: {error}") from error
     return library
+
+
+def _is_intact(library: Path) -> bool:
+    """Whether a library is there and as it was written; loading a cut one would crash the process."""
+    try:
+        content = library.read_bytes()
+    except OSError:
+        return False
+    return hashlib.sha256(content[:-DIGEST_SIZE]).digest() == content[-DIGEST_SIZE:]
 
 
 def _generate_source(functions: Sequence[ca.Function]) -> str:
