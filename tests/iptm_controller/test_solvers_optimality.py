@@ -129,8 +129,15 @@ def test_the_same_optimum_on_the_single_horizon(
     assert fatrop.objective == pytest.approx(ipopt.objective, rel=1e-5, abs=5e-4)
 
 
-@pytest.mark.parametrize("strategy", ["aging", "reference", "energy_aging"])
-@pytest.mark.parametrize("name", ORDINARY)
+@pytest.mark.parametrize(
+    ("name", "strategy"),
+    [
+        *((name, "aging") for name in ORDINARY),
+        ("hills", "reference"),
+        ("leader_brakes", "energy_aging"),
+        ("cooling", "reference_energy_aging"),
+    ],
+)
 def test_no_feasible_plan_nearby_is_better(
     parameters: ModelParameters,
     transcription_of: Callable[[str], Transcription],

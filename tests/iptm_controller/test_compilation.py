@@ -1,0 +1,234 @@
+"""Compiled problems: once, cached, shared, and a clear word when that is not possible."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import pytest
+
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import compilation
+from iptm_controller.ocp.compilation import (
+    CACHE_VARIABLE,
+    cache_directory,
+    compile_functions,
+    find_compiler,
+)
+from iptm_controller.solvers import nlpsol_backend
+from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
+from iptm_core.errors import SolverSetupError
+from iptm_core.parameters.model import ModelParameters
+
+
+def square(factor: float = 1.0) -> ca.Function:
+    x = ca.SX.sym("x")
+    return ca.Function("square", [x], [factor * x * x])
+
+
+@pytest.fixture
+def compiler() -> str:
+    found = find_compiler()
+    if found is None:
+        pytest.skip("no C compiler on this machine")
+    return found
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "cache"
+    monkeypatch.setenv(CACHE_VARIABLE, str(folder))
+    return folder
+
+
+@pytest.fixture
+def runs(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Command lines of the compiler, questions for its version left out."""
+    commands: list[list[str]] = []
+    original = subprocess.run
+
+    def run(command: list[str], **options: Any) -> Any:
+        if "--version" not in command:
+            commands.append(command)
+        return original(command, **options)
+
+    monkeypatch.setattr(compilation.subprocess, "run", run)
+    return commands
+
+
+def test_compiles_once_and_finds_it_again(
+    cache: Path, compiler: str, runs: list[list[str]]
+) -> None:
+    library = compile_functions([square()], compiler)
+    assert library.parent == cache
+    assert float(ca.external("square", str(library))(3.0)) == 9.0
+    assert compile_functions([square()], compiler) == library
+    assert len(runs) == 1
+    # Nothing but the library is left behind.
+    assert [path.name for path in cache.iterdir()] == [library.name]
+
+
+@pytest.mark.usefixtures("cache")
+def test_another_problem_is_another_library(compiler: str, runs: list[list[str]]) -> None:
+    first = compile_functions([square(1.0)], compiler)
+    second = compile_functions([square(2.0)], compiler)
+    assert first != second
+    assert len(runs) == 2
+    assert float(ca.external("square", str(second))(3.0)) == 18.0
+
+
+@pytest.mark.usefixtures("cache")
+def test_compiler_and_flags_are_part_of_the_key(
+    compiler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = compile_functions([square()], compiler)
+    monkeypatch.setattr(compilation, "COMPILER_FLAGS", ("-O1", "-fPIC", "-shared"))
+    assert compile_functions([square()], compiler) != first
+
+
+@pytest.mark.usefixtures("cache", "compiler")
+def test_second_start_of_a_solver_compiles_nothing(
+    runs: list[list[str]], parameters: ModelParameters
+) -> None:
+    for _ in range(2):
+        solver = build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions())
+        assert solver.compiled
+    assert len(runs) == 1
+
+
+@pytest.mark.parametrize("damage", [lambda c: c[:2000], lambda c: c + b"x", lambda _: b""])
+def test_a_damaged_library_is_compiled_again(
+    cache: Path, compiler: str, runs: list[list[str]], damage: Callable[[bytes], bytes]
+) -> None:
+    """The loader would crash the process on a cut one, at every start."""
+    library = compile_functions([square()], compiler)
+    library.write_bytes(damage(library.read_bytes()))
+    assert compile_functions([square()], compiler) == library
+    assert float(ca.external("square", str(library))(3.0)) == 9.0
+    assert len(runs) == 2
+    assert [path.name for path in cache.iterdir()] == [library.name]
+
+
+def test_a_library_of_something_else_is_a_clear_error(
+    cache: Path, compiler: str, parameters: ModelParameters, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    foreign = compile_functions([square()], compiler)
+    monkeypatch.setattr(nlpsol_backend, "compile_functions", lambda *_: foreign)
+    with pytest.raises(SolverSetupError, match="cannot be set up") as caught:
+        build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions())
+    assert foreign.parent == cache
+    assert "nlp" in str(caught.value)
+
+
+def test_a_cache_that_cannot_be_written_is_named(
+    tmp_path: Path, compiler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    folder = tmp_path / "file" / "cache"
+    monkeypatch.setenv(CACHE_VARIABLE, str(folder))
+    with pytest.raises(SolverSetupError) as caught:
+        compile_functions([square()], compiler)
+    assert f"compiler cache '{folder}' cannot be written" in str(caught.value)
+
+
+def test_a_compiler_that_fails_is_quoted(
+    cache: Path, tmp_path: Path, parameters: ModelParameters, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake = tmp_path / "cc_broken"
+    fake.write_text("#!/bin/sh\necho 'fatal: no target' >&2\nexit 4\n")
+    fake.chmod(0o755)
+    monkeypatch.setenv("CC", str(fake))
+    with pytest.raises(SolverSetupError, match="failed with exit code 4: fatal: no target"):
+        build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions())
+    assert not list(cache.glob("*.so"))
+
+
+@pytest.mark.usefixtures("cache")
+def test_a_compiler_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake = tmp_path / "cc_slow"
+    fake.write_text('#!/bin/sh\n[ "$1" = --version ] && exit 0\nexec sleep 60\n')
+    fake.chmod(0o755)
+    monkeypatch.setattr(compilation, "COMPILE_TIMEOUT_S", 0.2)
+    with pytest.raises(SolverSetupError, match="did not finish within"):
+        compile_functions([square()], str(fake))
+
+
+def test_without_a_compiler_it_says_so_and_works(
+    cache: Path,
+    parameters: ModelParameters,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CC", raising=False)
+    assert find_compiler() is None
+    with caplog.at_level(logging.WARNING):
+        solver = build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions())
+    assert not solver.compiled
+    assert "no C compiler found" in caplog.text
+    assert not cache.exists()
+
+
+@pytest.mark.usefixtures("cache")
+def test_no_word_about_compilers_to_who_wants_none(
+    parameters: ModelParameters, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions(compile_code=False))
+    assert not caplog.records
+
+
+def test_compiler_of_the_environment_comes_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = tmp_path / "my_cc"
+    own.write_text("#!/bin/sh\n")
+    own.chmod(0o755)
+    monkeypatch.setenv("CC", str(own))
+    assert find_compiler() == str(own)
+    monkeypatch.setenv("CC", "no_such_compiler_anywhere")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert find_compiler() is None
+    own.rename(tmp_path / "gcc")
+    assert find_compiler() == str(tmp_path / "gcc")
+
+
+@pytest.mark.parametrize(
+    ("environment", "expected"),
+    [
+        ({CACHE_VARIABLE: "/somewhere"}, "/somewhere"),
+        ({"XDG_CACHE_HOME": "/xdg"}, "/xdg/iptm"),
+        ({"HOME": "/home/someone"}, "/home/someone/.cache/iptm"),
+    ],
+)
+def test_place_of_the_cache(
+    monkeypatch: pytest.MonkeyPatch, environment: dict[str, str], expected: str
+) -> None:
+    for name in (CACHE_VARIABLE, "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert cache_directory() == Path(expected)
+
+
+def test_two_at_a_time_do_not_disturb_each_other(
+    cache: Path, compiler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another process finishes the same library between our look and our rename."""
+    original = compilation._run_compiler
+    raced: list[Callable[[], Path]] = []
+
+    def race(command: list[str]) -> None:
+        original(command)
+        if not raced:
+            raced.append(lambda: compile_functions([square()], compiler))
+            raced[0]()
+
+    monkeypatch.setattr(compilation, "_run_compiler", race)
+    library = compile_functions([square()], compiler)
+    assert float(ca.external("square", str(library))(2.0)) == 4.0
+    assert [path.name for path in cache.iterdir()] == [library.name]

@@ -1,0 +1,226 @@
+"""Failures of a solver are outcomes with a reason: nothing is raised, and nothing hangs."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iptm_controller.controller import Measurements
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.factory import (
+    SOLVER_NAMES,
+    SolverOptions,
+    build_plain_solver,
+    build_solver,
+)
+from iptm_controller.solvers.nlpsol_backend import SolveBudget
+from iptm_controller.solvers.result import STATUS_TEXT, SolveStatus
+from iptm_core.errors import SolverSetupError
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FloatArray
+
+Pose = Callable[..., tuple[ProblemData, FloatArray]]
+Solvers = Callable[..., SolverBackend]
+GRID = "2x1+2x5"
+KINDS = ["fatrop", "ipopt", "sqp_piqp"]
+
+
+@pytest.fixture
+def problem(
+    problem_of: Pose, make_scene: Callable[..., Measurements]
+) -> tuple[ProblemData, FloatArray]:
+    return problem_of(make_scene(leader_acceleration_m_s2=-0.5), GRID, "energy_aging")
+
+
+@pytest.fixture(params=KINDS)
+def solver(request: pytest.FixtureRequest, plain_solver: Solvers) -> SolverBackend:
+    return plain_solver(GRID, request.param, compile_code=False)
+
+
+def test_every_status_has_a_sentence_and_two_are_usable() -> None:
+    assert set(STATUS_TEXT) == set(SolveStatus)
+    assert {status for status in SolveStatus if status.usable} == {
+        SolveStatus.SOLVED,
+        SolveStatus.FEASIBLE,
+    }
+    # The numbers are in bags: they must not move.
+    assert [int(status) for status in SolveStatus] == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("name", ["fatrop", "ipopt"])
+def test_a_solved_problem_says_so(
+    plain_solver: Solvers, problem: tuple[ProblemData, FloatArray], name: str
+) -> None:
+    result = plain_solver(GRID, name, compile_code=False).solve(*problem)
+    assert result.status is SolveStatus.SOLVED
+    assert result.reason == "converged"
+    assert math.isfinite(result.objective)
+    assert 0 < result.iterations < 150
+    assert result.infeasibility < 1e-5
+
+
+@pytest.mark.parametrize("name", ["fatrop", "ipopt"])
+def test_the_same_problem_gives_the_same_answer(
+    plain_solver: Solvers, problem: tuple[ProblemData, FloatArray], name: str
+) -> None:
+    solver = plain_solver(GRID, name, compile_code=False)
+    first = solver.solve(*problem)
+    solver.solve(problem[0], problem[1] + 0.05)
+    again = solver.solve(*problem)
+    np.testing.assert_array_equal(first.variables, again.variables)
+    assert first.iterations == again.iterations
+
+
+def test_solving_changes_neither_problem_nor_guess_nor_an_earlier_answer(
+    solver: SolverBackend, problem: tuple[ProblemData, FloatArray]
+) -> None:
+    data, guess = problem
+    before = (data.initial_state.copy(), data.parameters.copy(), guess.copy())
+    first = solver.solve(data, guess)
+    kept = first.variables.copy()
+    solver.solve(data, guess + 0.01)
+    for old, new in zip(before, (data.initial_state, data.parameters, guess), strict=True):
+        np.testing.assert_array_equal(old, new)
+    np.testing.assert_array_equal(first.variables, kept)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_iteration_limit_is_a_status(
+    parameters: ModelParameters,
+    problem_of: Pose,
+    make_scene: Callable[..., Measurements],
+    name: str,
+) -> None:
+    scene = make_scene(gap_m=10.0, speed_m_s=20.0, leader_speed_m_s=5.0)
+    options = SolverOptions(name=name, compile_code=False, budget=SolveBudget(1))
+    solver = build_plain_solver(Horizon.parse(GRID), parameters, options)
+    result = solver.solve(*problem_of(scene, GRID))
+    assert result.status is SolveStatus.ITERATION_LIMIT
+    assert not result.status.usable
+    assert name in result.reason
+    assert result.infeasibility > 1e-4
+
+
+def test_an_iterate_that_is_feasible_when_time_is_up_is_used(
+    parameters: ModelParameters, plain_solver: Solvers, problem: tuple[ProblemData, FloatArray]
+) -> None:
+    """Started at the optimum with an iteration or two, the dynamics and limits still hold."""
+    data, _ = problem
+    best = plain_solver(GRID, compile_code=False).solve(*problem)
+    options = SolverOptions(compile_code=False, budget=SolveBudget(2))
+    short = build_plain_solver(Horizon.parse(GRID), parameters, options)
+    result = short.solve(data, best.variables)
+    assert result.status.usable
+    assert result.objective == pytest.approx(best.objective, rel=0.2, abs=0.1)
+
+
+def spoil(data: ProblemData, index: int, value: float) -> ProblemData:
+    parameters = data.parameters.copy()
+    parameters[index] = value
+    return replace(data, parameters=parameters)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+@pytest.mark.parametrize("index", [0, layout.GLOBALS, layout.GLOBALS + layout.STEP_PARAMETERS, -1])
+def test_numbers_that_are_none_are_an_outcome(
+    solver: SolverBackend,
+    problem: tuple[ProblemData, FloatArray],
+    index: int,
+    value: float,
+) -> None:
+    """Losses, leader, slope, reference: Fatrop itself would never come back from any of them."""
+    data, guess = problem
+    result = solver.solve(spoil(data, index, value), guess)
+    assert result.status is SolveStatus.NUMERICAL_ERROR
+    assert result.reason.startswith(STATUS_TEXT[SolveStatus.NUMERICAL_ERROR])
+    assert result.variables.shape == guess.shape
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_state_and_guess_are_looked_at_too(
+    solver: SolverBackend, problem: tuple[ProblemData, FloatArray], value: float
+) -> None:
+    data, guess = problem
+    state = data.initial_state.copy()
+    state[1] = value
+    wrong = guess.copy()
+    wrong[20] = value
+    for result in (
+        solver.solve(replace(data, initial_state=state), guess),
+        solver.solve(data, wrong),
+    ):
+        assert result.status is SolveStatus.NUMERICAL_ERROR
+
+
+def test_more_power_than_the_pack_has_is_an_outcome(
+    solver: SolverBackend, problem: tuple[ProblemData, FloatArray]
+) -> None:
+    """Finite numbers, but the model has no answer at the start of the iterations."""
+    data, guess = problem
+    absurd = guess.copy()
+    absurd[:-6].reshape(4, -1)[1:, 1] = 300.0
+    result = solver.solve(data, absurd)
+    assert result.status is SolveStatus.NUMERICAL_ERROR
+
+
+@pytest.mark.parametrize("name", ["fatrop", "ipopt"])
+def test_recovers_at_once_from_a_broken_problem(
+    plain_solver: Solvers, problem: tuple[ProblemData, FloatArray], name: str
+) -> None:
+    solver = plain_solver(GRID, name, compile_code=False)
+    data, guess = problem
+    expected = solver.solve(data, guess)
+    solver.solve(spoil(data, 5, math.nan), guess)
+    again = solver.solve(data, guess)
+    assert again.status is SolveStatus.SOLVED
+    np.testing.assert_array_equal(again.variables, expected.variables)
+
+
+def test_machine_code_and_virtual_machine_agree(
+    plain_solver: Solvers, problem_of: Pose, ordinary_scene: Measurements
+) -> None:
+    problem = problem_of(ordinary_scene, "3x1+5x5", "aging")
+    compiled = plain_solver("3x1+5x5")
+    interpreted = plain_solver("3x1+5x5", compile_code=False)
+    assert (compiled.compiled, interpreted.compiled) == (True, False)
+    fast, slow = compiled.solve(*problem), interpreted.solve(*problem)
+    assert fast.status is slow.status is SolveStatus.SOLVED
+    assert fast.objective == pytest.approx(slow.objective, rel=1e-6, abs=1e-5)
+    np.testing.assert_allclose(fast.variables[6:8], slow.variables[6:8], atol=2e-3)
+
+
+def test_names(
+    parameters: ModelParameters, probing_solver: Solvers, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert SOLVER_NAMES[:2] == ("fatrop", "ipopt")
+    probing = probing_solver("3x1+5x5")
+    assert (probing.name, probing.compiled) == ("fatrop", True)
+    caplog.set_level(logging.DEBUG)
+    for build in (build_solver, build_plain_solver):
+        with pytest.raises(SolverSetupError, match="'snopt' is unknown, allowed are fatrop, ipopt"):
+            build(Horizon.parse(GRID), parameters, SolverOptions(name="snopt"))
+
+
+def test_a_deadline_shortens_the_iterations_and_says_so(
+    parameters: ModelParameters,
+    problem_of: Pose,
+    make_scene: Callable[..., Measurements],
+) -> None:
+    """A nanosecond is over before the first answer; from then on only the shortest bound is left."""
+    budget = SolveBudget(max_iterations=150, deadline_s=1e-9)
+    options = SolverOptions(compile_code=False, budget=budget)
+    solver = build_plain_solver(Horizon.parse(GRID), parameters, options)
+    hard = problem_of(make_scene(gap_m=10.0, speed_m_s=20.0, leader_speed_m_s=5.0), GRID)
+    solver.solve(*hard)
+    result = solver.solve(*hard)
+    assert result.iterations <= 11
+    assert result.status is SolveStatus.DEADLINE
+    assert result.reason.startswith("time limit reached")
