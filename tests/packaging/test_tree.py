@@ -3,8 +3,11 @@
 import re
 from pathlib import Path
 
+# "/home/someone" and "/home/user" are nobody's.
 FORBIDDEN = {
-    "a home or work folder": re.compile(rb"/(?:root|work|home/[a-z]\w*|Users/\w+|tmp/w)/[\w.]"),
+    "a home or work folder": re.compile(
+        rb"/(?:root|work|home/(?!someone|user)[a-z]\w*|Users/\w+|tmp/w)/[\w.]"
+    ),
     "the host of a package registry": re.compile(
         rb"(?:pypi|pythonhosted|npmjs|crates|anaconda)\.(?:org|com|io)|registry\.\w+\.\w+"
     ),
