@@ -150,8 +150,15 @@ def parameter_file_text(node: str, parameters: Mapping[str, Scalar]) -> str:
     Texts are always quoted: ROS would take a bare ``1e3`` or ``on`` for a number or a truth value.
     """
     lines = [f"/**/{node}:", "  ros__parameters:"]
-    lines += [f"    {name}: {json.dumps(value)}" for name, value in parameters.items()]
+    lines += [f"    {name}: {_scalar_text(value)}" for name, value in parameters.items()]
     return "\n".join(lines) + "\n"
+
+
+def _scalar_text(value: Scalar) -> str:
+    text = json.dumps(value)
+    # Some readers of YAML take `1e-05` for a text; with a point it is a number to all of them.
+    is_bare = isinstance(value, float) and "." not in text
+    return text.replace("e", ".0e") if is_bare else text
 
 
 def run_information(

@@ -130,19 +130,24 @@ class Drive:
         """
         for name, command in commands.items():
             self._supervisor.start(name, command)
+        self._monitor.expect(commands)
 
-    def look_around(self, duration_s: float) -> None:
+    def look_around(self, duration_s: float) -> DriveResult:
         """Give the middleware time to find who else is in the domain.
 
         Args:
-            duration_s: least time; it goes on until the controller is found as well.
+            duration_s: how long.
+
+        Returns:
+            FINISHED, unless a process ended or another run was found.
         """
         until_s = time.monotonic() + duration_s
 
-        def found() -> bool:
-            return time.monotonic() >= until_s and CONTROLLER not in self._monitor.awaited_nodes
+        def show() -> DriveResult | None:
+            self._progress.waiting("looking for listeners")
+            return self._intruded()
 
-        self._spin_until(found, lambda: self._progress.waiting("looking for listeners"))
+        return self._spin_until(lambda: time.monotonic() >= until_s, show)
 
     def run(self, on_start: Callable[[], None] | None = None) -> DriveResult:
         """Wait for the trip to begin and to end; all processes must have been started.
@@ -162,22 +167,25 @@ class Drive:
         deadline_s = time.monotonic() + START_TIMEOUT_S
 
         def show() -> DriveResult | None:
-            crowded = self._monitor.crowded_topics
-            if crowded:
-                return DriveResult(
-                    Outcome.REFUSED,
-                    f"{', '.join(crowded)} has several publishers: another run takes place in this "
-                    "ROS domain; allowed: one run per domain (see --domain)",
-                )
             self._progress.waiting(self._awaited())
             if time.monotonic() > deadline_s:
                 return DriveResult(
                     Outcome.FAILED,
                     f"the trip did not start within {START_TIMEOUT_S:g} s: {self._awaited()}",
                 )
-            return None
+            return self._intruded()
 
         return self._spin_until(lambda: self._monitor.first_clock_s is not None, show)
+
+    def _intruded(self) -> DriveResult | None:
+        crowded = self._monitor.crowded_topics
+        if not crowded:
+            return None
+        return DriveResult(
+            Outcome.REFUSED,
+            f"another run takes place in this ROS domain, it publishes {', '.join(crowded)}; "
+            "allowed: one run per domain (see --domain)",
+        )
 
     def _awaited(self) -> str:
         nodes = self._monitor.awaited_nodes

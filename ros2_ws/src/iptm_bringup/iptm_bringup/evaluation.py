@@ -144,7 +144,7 @@ def _unfinished(trajectory: Trajectory, prepared: PreparedScenario) -> list[str]
 
 def _broken_limits(metrics: RunMetrics) -> list[str]:
     return [
-        f"hard limit broken: {check.label}, {check.violations} times, worst by "
+        f"hard limit broken in {check.violations} rows: {check.label}, worst by "
         f"{check.worst_excess:.3g} {check.unit} at {_time_text(check.worst_time_s)}"
         for check in metrics.constraints
         if check.hard and check.violations

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -101,9 +101,10 @@ class RunMonitor(SuiteNode):
         self.plant_status: Mapping[str, str] = {}
         self.plant_reason = ""
         self._diagnostics_count = 0
+        self._started: set[str] = set()
         self._subscribed: set[Topic] = set()
         self._complete_since_s: float | None = None
-        self._plant = f"{self.get_namespace().rstrip('/')}/{PLANT}"
+        self._prefix = self.get_namespace().rstrip("/")
         self.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
         self._timer = self.every(_LOOK_PERIOD_S, self._look)
 
@@ -120,10 +121,16 @@ class RunMonitor(SuiteNode):
 
     @property
     def crowded_topics(self) -> tuple[str, ...]:
-        """Topics with several publishers: another run takes place in the same domain."""
+        """Topics with more publishers than the run has: another one takes place in the domain."""
         return tuple(
-            topic.value for topic in _ONLY_ONE_PUBLISHES if self._publisher_count(topic) > 1
+            topic.value
+            for topic in _ONLY_ONE_PUBLISHES
+            if self._publisher_count(topic) > int(TOPICS[topic].publisher in self._started)
         )
+
+    def expect(self, nodes: Iterable[str]) -> None:
+        """Listen to nodes from now on, as they have been started; to nobody else before."""
+        self._started.update(nodes)
 
     def foreign_listeners(self, *topics: Topic) -> int:
         """Return how many nodes that do not belong to the run listen to each of the topics."""
@@ -186,7 +193,8 @@ class RunMonitor(SuiteNode):
     def _look(self) -> None:
         """Subscribe to what has a publisher; to the gate when all else is in place."""
         for topic in BEFORE_GATE:
-            if topic not in self._subscribed and self._publisher_count(topic):
+            is_due = topic not in self._subscribed and TOPICS[topic].publisher in self._started
+            if is_due and self._publisher_count(topic):
                 self._subscribe(topic)
         if len(self._subscribed) < len(BEFORE_GATE):
             return
@@ -218,10 +226,11 @@ class RunMonitor(SuiteNode):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self._diagnostics_count += 1
-        for status in message.status:
-            if status.level != Level.OK.value:
-                self.warnings[f"{status.name.split(':')[0].lstrip('/')}: {status.message}"] = None
-        plant = find_status(message, self._plant)
+        for node in (PLANT, BRIDGE, CONTROLLER, RECORDER):
+            status = find_status(message, f"{self._prefix}/{node}")
+            if status is not None and status.level != Level.OK.value:
+                self.warnings[f"{node}: {status.message}"] = None
+        plant = find_status(message, f"{self._prefix}/{PLANT}")
         if plant is not None:
             self.last_sign_s = time.monotonic()
             self.plant_status = status_values(plant)

@@ -33,24 +33,22 @@ class Progress(Protocol):
         """Leave the terminal as it was."""
 
 
-def make_progress(console: Console, title: str, duration_s: float) -> Progress:
+def make_progress(console: Console, duration_s: float) -> Progress:
     """Return what suits the console.
 
     Args:
         console: where to show it.
-        title: what is driven.
         duration_s: length of the trip.
     """
     if console.is_terminal:
-        return BarProgress(console, title, duration_s)
+        return BarProgress(console, duration_s)
     return LineProgress(console, duration_s)
 
 
 class BarProgress:
     """A bar with the state of the run below it, redrawn in place."""
 
-    def __init__(self, console: Console, title: str, duration_s: float) -> None:
-        self._title = title
+    def __init__(self, console: Console, duration_s: float) -> None:
         self._duration_s = duration_s
         # Refreshed by hand: a thread of its own would compete with the nodes.
         self._live = Live(console=console, auto_refresh=False, transient=True)
@@ -90,7 +88,7 @@ class BarProgress:
         self._live.stop()
 
     def _show(self, content: Text | Group) -> None:
-        self._live.update(Group(Text(self._title, style="bold"), content), refresh=True)
+        self._live.update(content, refresh=True)
 
 
 class LineProgress:
@@ -135,7 +133,7 @@ class LineProgress:
         return True
 
     def _print(self, line: str) -> None:
-        self._console.print(line, highlight=False, soft_wrap=True)
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 def _share(snapshot: Snapshot, duration_s: float) -> float:

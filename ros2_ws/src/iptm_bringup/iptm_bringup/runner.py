@@ -14,6 +14,7 @@ from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
+from rich.text import Text
 
 from iptm_bringup.composition import (
     BRIDGE,
@@ -106,16 +107,17 @@ def _run_in(
         environment = environment_of_run(domain.number, folder.logs / "ros")
         os.environ.update(environment)  # the runner takes part in the graph itself
         supervisor = Supervisor(environment, folder.log_path)
-        console.print(_introduction(prepared, domain.number), highlight=False, soft_wrap=True)
+        console.print(_introduction(prepared, domain.number), soft_wrap=True)
         with _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor):
-            progress = make_progress(console, _title(prepared), prepared.route.duration_s)
+            progress = make_progress(console, prepared.route.duration_s)
             with Drive(supervisor, monitor, executor, progress, stop) as drive:
                 start = _Start(folder, prepared, options)
                 drive.start(start.first())
-                if not domain.is_private:
-                    drive.look_around(LOOK_AROUND_S)
-                drive.start(start.then(monitor))
-                result = drive.run(folder.settle)
+                # Nobody else can be in a private domain.
+                result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
+                if result.outcome is Outcome.FINISHED:
+                    drive.start(start.then(monitor))
+                    result = drive.run(folder.settle)
     if result.outcome is not Outcome.FINISHED:
         return _report_failure(result, folder, stop, errors)
     return _report(folder, prepared, options, monitor, supervisor, result, console, errors)
@@ -244,5 +246,6 @@ def _title(prepared: PreparedScenario) -> str:
     )
 
 
-def _introduction(prepared: PreparedScenario, domain: int) -> str:
-    return f"{_title(prepared)}\n[dim]to watch: export ROS_DOMAIN_ID={domain}[/]"
+def _introduction(prepared: PreparedScenario, domain: int) -> Text:
+    watch = (f"\nto watch: export ROS_DOMAIN_ID={domain}", "dim")
+    return Text.assemble((_title(prepared), "bold"), watch)

@@ -12,12 +12,11 @@ What a file does not state keeps its default. Relative paths in a file start at 
 from __future__ import annotations
 
 import difflib
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, NoReturn
-
-import yaml
 
 from iptm_bringup.scenario import NODES, Scalar, Scenario, scenario_specs
 from iptm_core.errors import ParameterError, ScenarioError
@@ -136,7 +135,9 @@ def scenario_text(scenario: Scenario) -> str:
         content[_NODE_PARAMETERS] = {
             node: dict(given) for node, given in scenario.node_parameters.items()
         }
-    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
+    # JSON is YAML with every text in quotes; without them `1e3` would come back as a number.
+    lines = [f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in content.items()]
+    return "\n".join(lines) + "\n"
 
 
 def _find(name_or_path: str | Path) -> Path:

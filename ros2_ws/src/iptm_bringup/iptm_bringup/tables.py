@@ -36,9 +36,9 @@ def print_results(results: RunResults, output: Path, console: Console) -> None:
         console.print(*tables)
     console.print(limits_table(results.metrics))
     for warning in results.warnings:
-        console.print(f"[yellow]note[/]  {warning}", highlight=False)
+        console.print(Text.assemble(("note  ", "yellow"), warning), soft_wrap=True)
     console.print(_verdict(results))
-    console.print(f"[dim]{output}[/]", highlight=False, soft_wrap=True)
+    console.print(Text(str(output), "dim"), soft_wrap=True)
 
 
 def figures_table(results: RunResults) -> Table:

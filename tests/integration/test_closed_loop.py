@@ -1,0 +1,237 @@
+"""The whole suite as a user runs it: one command, real processes, a bag, and every way it can end."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from iptm_core.metrics import compute_metrics, metric_rows
+from iptm_interfaces.codecs import ns_from_time
+from iptm_interfaces.discovery import reserve_domain
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.run_parameters import read_model_parameters
+from iptm_recording.trajectory_reader import read_trajectory
+
+MODULE = "iptm_bringup.run_closed_loop"
+TICKS = 60
+RUN_TIMEOUT_S = 120.0
+WELL_UNDER_WAY_BYTES = 500_000  # the definitions of the types take almost 200 000
+PNG = b"\x89PNG\r\n\x1a\n"
+NODE_MODULES = {
+    "controller": "iptm_controller.node",
+    "plant": "iptm_plant_sim.node",
+    "v2x_bridge": "iptm_v2x_bridge.node",
+    "recorder": "iptm_recording.recorder_cli",
+}
+Start = Callable[..., Any]
+
+
+@pytest.fixture
+def start(launcher: Any) -> Start:
+    """Start the runner with an output folder and options."""
+
+    def run(output: Path, *arguments: str, **environment: str) -> Any:
+        command = (sys.executable, "-m", MODULE, *arguments, "--output", output)
+        return launcher.start("run_closed_loop", *command, **environment)
+
+    return run
+
+
+def processes_of(runner: Any) -> dict[str, int]:
+    """Return name and pid of the runner's processes that are alive."""
+    found = {}
+    for folder in Path("/proc").iterdir():
+        try:
+            parent = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            command = (folder / "cmdline").read_bytes().decode().split("\0")
+        except (OSError, ValueError, IndexError):
+            continue
+        if parent == runner.popen.pid:
+            names = [name for name, module in NODE_MODULES.items() if module in command]
+            found |= dict.fromkeys(names, int(folder.name))
+    return found
+
+
+def wait_for_trip(runner: Any, output: Path, wait: Callable[..., None]) -> dict[str, int]:
+    """Wait until the trip is well under way; return the processes."""
+
+    def recorded() -> int:
+        return sum(path.stat().st_size for path in output.glob("*.mcap"))
+
+    wait(
+        lambda: recorded() > WELL_UNDER_WAY_BYTES or not runner.is_running,
+        timeout_s=RUN_TIMEOUT_S,
+        what="messages in the bag",
+    )
+    assert runner.is_running, runner.stderr
+    processes = processes_of(runner)
+    assert processes.keys() == NODE_MODULES.keys()
+    return processes
+
+
+@pytest.fixture
+def wait() -> Callable[..., None]:
+    """Wait for a condition, as in `conftest.py`."""
+
+    def until(condition: Callable[[], object], timeout_s: float, what: str) -> None:
+        deadline_s = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline_s, f"timed out waiting for: {what}"
+            time.sleep(0.02)
+
+    return until
+
+
+def all_gone(processes: dict[str, int]) -> bool:
+    return not any(Path(f"/proc/{pid}").exists() for pid in processes.values())
+
+
+def commands_of(bag: Path) -> list[bytes]:
+    with BagReader(bag) as reader:
+        return [raw.data for raw in reader.raw_messages(["/controller/command"])]
+
+
+def test_a_run_ends_with_bag_table_and_picture_and_can_be_repeated(
+    start: Start, tmp_path: Path
+) -> None:
+    """Two runs of one scenario at the same time, in two domains; one without a picture."""
+    options = (
+        "imperfect_preview", "--cycle", "us06", "--slope", "large",
+        "--duration-s", str(TICKS), "--seed", "11",
+    )  # fmt: skip
+    one, other = tmp_path / "one", tmp_path / "other"
+    with reserve_domain() as domain:
+        first = start(one, *options)
+        second = start(other, *options, "--no-picture", "--domain", str(domain))
+        for runner in (first, second):
+            assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
+    assert "Traceback" not in first.stderr
+
+    # The bag: complete, and it knows what it was made of.
+    with BagReader(one) as reader:
+        counts = {name: topic.message_count for name, topic in reader.topics.items()}
+        information = reader.run_information()
+    for topic in TOPICS:
+        name = topic.value if topic.value.startswith("/") else f"/{topic.value}"
+        if topic is Topic.SLOPE:
+            assert counts[name] == 1
+        elif topic is not Topic.DIAGNOSTICS:
+            # The answer to the last state is awaited, so that every run ends alike.
+            assert counts[name] == TICKS + 1, name
+    assert (information.scenario, information.seed) == ("imperfect_preview", 11)
+    assert 'cycle: "us06"' in information.extra["scenario_file"]
+    trajectory = read_trajectory(one)
+    assert list(trajectory.time_s) == list(range(TICKS + 1))
+
+    # The figures: on the terminal, in the file, from the bag, and as heard live.
+    parameters, is_stored = read_model_parameters(one)
+    assert is_stored
+    metrics = compute_metrics(trajectory, parameters)
+    results = json.loads((one / "results.json").read_text(encoding="utf-8"))
+    assert [row["value"] for row in results["rows"]] == [row.value for row in metric_rows(metrics)]
+    assert results["good"] is True
+    assert results["live_equals_bag"] is True
+    assert results["solver"]["decisions"] == TICKS + 1
+    for text in ("Cooling energy", "Degradation inconsistency", "solve time (ms)", "collision"):
+        assert text in first.stdout
+    assert "bag complete and equal to what the runner heard" in first.stdout
+
+    # The picture, and its absence where it was not wanted.
+    assert (one / "closed_loop.png").read_bytes().startswith(PNG)
+    assert not (other / "closed_loop.png").exists()
+    for name in NODE_MODULES:
+        assert (one / "logs" / f"{name}.log").is_file()
+
+    # The second run is the first one, bit by bit.
+    commands = commands_of(one)
+    assert len(commands) == TICKS + 1
+    assert commands == commands_of(other)
+
+
+def test_real_time_in_a_namespace_without_recording(start: Start, tmp_path: Path) -> None:
+    output = tmp_path / "run"
+    runner = start(
+        output, "real_time", "--rate-factor", "20", "--duration-s", "40", "--namespace", "car_1",
+        "--set", "controller.deadline_ms=0", "--no-record", "--no-picture",
+    )  # fmt: skip
+    assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
+    assert "not recorded" in runner.stdout
+    assert "real-time" in runner.stdout
+    assert sorted(path.name for path in output.iterdir()) == ["logs", "results.json"]
+    results = json.loads((output / "results.json").read_text(encoding="utf-8"))
+    assert results["metrics"]["duration_s"] == 40.0
+    assert results["live_equals_bag"] is None
+    # Two seconds of wall time at least: the wall clock set the pace.
+    assert results["wall_time_s"] > 1.9
+
+
+def test_a_killed_process_is_named_and_everything_stops(
+    start: Start, wait: Callable[..., None], tmp_path: Path
+) -> None:
+    output = tmp_path / "run"
+    runner = start(output, "comprehensive")
+    processes = wait_for_trip(runner, output, wait)
+    os.kill(processes["controller"], signal.SIGKILL)
+    assert runner.wait() == 1
+    assert "controller was killed by signal 9 (SIGKILL) at " in runner.stderr
+    assert "s of the trip; all other processes were stopped" in runner.stderr
+    assert f"logs: {output / 'logs'}" in runner.stderr
+    assert "Traceback" not in runner.stderr
+    assert all_gone(processes)
+    # The bag of the run so far is sound.
+    assert len(read_trajectory(output)) > 10
+
+
+def test_a_run_keeps_its_domain_and_can_be_interrupted(
+    start: Start, wait: Callable[..., None], tmp_path: Path
+) -> None:
+    output = tmp_path / "run"
+    runner = start(output, "comprehensive")
+    processes = wait_for_trip(runner, output, wait)
+
+    intruder = start(tmp_path / "intruder", "demo")
+    assert intruder.wait(RUN_TIMEOUT_S) == 2
+    assert "another run takes place in this ROS domain" in intruder.stderr
+    assert not (tmp_path / "intruder").exists()
+    assert runner.is_running
+
+    # A terminal sends Ctrl-C to everybody, and users press it twice.
+    for _ in range(2):
+        os.killpg(runner.popen.pid, signal.SIGINT)
+    assert runner.wait() == 130
+    assert "stopped by SIGINT" in runner.stderr
+    assert "Traceback" not in runner.stdout + runner.stderr
+    assert all_gone(processes)
+    trajectory = read_trajectory(output)
+    assert len(trajectory) > 10
+    with BagReader(output) as reader:
+        (last,) = [item.message for item in reader.messages(["/clock"])][-1:]
+    assert ns_from_time(last.clock) >= 1_000_000_000 * int(trajectory.time_s[-1])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["no_such_scenario"], "scenario 'no_such_scenario' is unknown"),
+        # Known only to the node, which is started to say so.
+        (["--set", "controller.tolerence=1e-4"], "did you mean tolerance?"),
+    ],
+)
+def test_a_mistake_is_one_line(
+    start: Start, tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    runner = start(tmp_path / "run", *arguments)
+    assert runner.wait(RUN_TIMEOUT_S) == 2, runner.stderr
+    (line,) = runner.stderr.strip().splitlines()
+    assert line.startswith("run_closed_loop: ")
+    assert message in line
+    assert not (tmp_path / "run").exists()

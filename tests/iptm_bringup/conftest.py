@@ -1,0 +1,149 @@
+"""A short made-up run, in every form that the runner meets: rows, bytes as heard, and a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+
+from iptm_bringup.composition import Listeners, node_parameters, run_information
+from iptm_bringup.preparation import PreparedScenario, prepare
+from iptm_bringup.scenario import Scenario
+from iptm_core.state import Command, LeaderState, VehicleState
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_interfaces.codecs import (
+    IntervalPowers,
+    SolveReport,
+    encode_acceleration,
+    encode_capacity_loss,
+    encode_command,
+    encode_host_odometry,
+    encode_leader,
+    encode_powers,
+    encode_solve_report,
+    encode_temperature,
+    time_from_s,
+)
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_writer import BagWriter
+from iptm_recording.run_information import collect_run_information
+
+TICKS = 20
+TEMPERATURES = {
+    Topic.PLANT_CELL_1_TEMPERATURE: "cell_1_temperature_k",
+    Topic.PLANT_CELL_N_TEMPERATURE: "cell_n_temperature_k",
+    Topic.PLANT_COOLANT_INLET_TEMPERATURE: "coolant_inlet_temperature_k",
+    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE: "coolant_outlet_temperature_k",
+}
+Heard = dict[Topic, list[bytes]]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let ROS's message generator import the parser it brings along, which is a little dated."""
+    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
+
+
+@pytest.fixture
+def prepared() -> PreparedScenario:
+    """Twenty seconds of city traffic over hills."""
+    return prepare(Scenario(name="short", cycle="sc03", slope="small", duration_s=float(TICKS)))
+
+
+@pytest.fixture
+def trajectory() -> Trajectory:
+    """A gentle start behind a leader; every column is different and uses all 53 bits."""
+    generator = np.random.default_rng(5)
+    time_s = np.arange(TICKS + 1, dtype=float)
+    columns: dict[str, Any] = {
+        name: generator.uniform(0.1, 0.2, TICKS + 1) for name in TRAJECTORY_COLUMNS
+    }
+    columns["time_s"] = time_s
+    columns["speed_m_s"] = 0.1 * time_s
+    columns["position_m"] = 0.05 * time_s**2
+    columns["acceleration_m_s2"] = 0.1 + 1e-3 * columns["acceleration_m_s2"]
+    columns["leader_position_m"] = columns["position_m"] + 20.0 + columns["leader_position_m"]
+    for name in TRAJECTORY_COLUMNS:
+        if name.endswith("temperature_k"):
+            # As they arrive: through degrees Celsius.
+            columns[name] = (columns[name] + 26.0) + 273.15
+        if name.endswith("capacity_loss"):
+            columns[name] = np.sort(columns[name]) * 1e-9 + 0.002
+    return Trajectory.from_arrays(columns)
+
+
+@pytest.fixture
+def heard(trajectory: Trajectory) -> Heard:
+    """The run as the monitor keeps it."""
+    found: Heard = {}
+    for row in range(len(trajectory)):
+        for topic, message in messages_of(trajectory, row):
+            found.setdefault(topic, []).append(bytes(serialize_message(message)))
+    return found
+
+
+@pytest.fixture
+def write_bag(heard: Heard, prepared: PreparedScenario) -> Callable[..., Path]:
+    """Write the bag of the run; `drop` leaves out a message by (topic, row)."""
+
+    def write(folder: Path, drop: tuple[Topic, int] | None = None) -> Path:
+        described = run_information(prepared, node_parameters(prepared, Listeners()))
+        information = collect_run_information(
+            scenario=described["scenario"], seed=3, parameters=described["parameters"]
+        )
+        with BagWriter(folder, custom_data=information.to_custom_data()) as writer:
+            for topic in Topic:
+                name = TOPICS[topic].name
+                absolute = name if name.startswith("/") else f"/{name}"
+                channel = writer.add_topic(absolute, TOPICS[topic].type_name)
+                empty = bytes(serialize_message(TOPICS[topic].message_type()))
+                messages = heard.get(topic, [empty] * (TICKS + 1))
+                for row, data in enumerate(messages):
+                    if (topic, row) != drop:
+                        writer.write(channel, data, row * 10**9)
+        return folder
+
+    return write
+
+
+def messages_of(run: Trajectory, row: int) -> list[tuple[Topic, Any]]:
+    """Return what is published in a tick, as far as the monitor listens to it."""
+    values = {name: float(column[row]) for name, column in run.to_arrays().items()}
+    time_s = values["time_s"]
+    stamp_ns = round(time_s * 1e9)
+    state = VehicleState(**{name: values[name] for name in VehicleState.__dataclass_fields__})
+    powers = IntervalPowers(**{name: values[name] for name in IntervalPowers.__dataclass_fields__})
+    leader = LeaderState(time_s, values["leader_position_m"], values["leader_speed_m_s"])
+    age_s = float("nan") if row == 0 else 0.0
+    rung = int(row == 7)
+    report = SolveReport(0, 2e-3 + 1e-4 * row, 10 + row, 0.0, 0.0, 0.0, 1.5, rung, row == 3, age_s)
+    return [
+        *(
+            (topic, encode_temperature(time_s, values[name]))
+            for topic, name in TEMPERATURES.items()
+        ),
+        (Topic.PLANT_POWERS, encode_powers(powers)),
+        (Topic.PLANT_CAPACITY_LOSS, encode_capacity_loss(state)),
+        (Topic.PLANT_ACCELERATION, encode_acceleration(state)),
+        (Topic.PLANT_ODOMETRY, encode_host_odometry(state)),
+        (Topic.CLOCK, Clock(clock=time_from_s(time_s))),
+        (Topic.LEADER, encode_leader(leader)),
+        (Topic.SOLVE, encode_solve_report(stamp_ns, report)),
+        (Topic.COMMAND, encode_command(stamp_ns, Command(0.1, 0.0))),
+    ]
+
+
+@pytest.fixture
+def diagnostics() -> Callable[..., DiagnosticArray]:
+    """Build a diagnostic message of one node."""
+    from iptm_interfaces.diagnostics import Level, build_status  # noqa: PLC0415
+
+    def build(name: str, reason: str, level: Level = Level.OK, **values: object) -> DiagnosticArray:
+        return DiagnosticArray(status=[build_status(name, level, reason, values)])
+
+    return build

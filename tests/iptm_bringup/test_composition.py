@@ -1,0 +1,145 @@
+"""From a scenario to commands: names that the nodes know, texts that ROS reads as texts."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+import yaml
+from rclpy.context import Context
+from rclpy.node import Node
+
+from iptm_bringup.composition import (
+    BRIDGE,
+    CONTROLLER,
+    MODULES,
+    PLANT,
+    Listeners,
+    RecorderRequest,
+    node_command,
+    node_parameters,
+    parameter_file_text,
+    recorder_command,
+    run_information,
+)
+from iptm_bringup.preparation import PreparedScenario, prepare
+from iptm_bringup.scenario import Scenario
+from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_interfaces.discovery import reserve_domain
+from iptm_interfaces.parameters import checked_value, parameter_specs
+from iptm_plant_sim.node_parameters import PlantNodeParameters
+from iptm_recording.recorder_cli import build_parser
+from iptm_recording.run_information import load_run_information
+from iptm_recording.run_parameters import stored_model_parameters
+from iptm_v2x_bridge.node import BridgeParameters
+
+NODES: dict[str, type[Any]] = {
+    PLANT: PlantNodeParameters,
+    BRIDGE: BridgeParameters,
+    CONTROLLER: ControllerNodeParameters,
+}
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_nodes_know_what_they_are_given(node: str, prepared: PreparedScenario) -> None:
+    specs = {spec.name: spec for spec in parameter_specs(NODES[node])}
+    for name, value in node_parameters(prepared, Listeners())[node].items():
+        assert checked_value(specs[name], value) == value
+
+
+def test_modules_exist() -> None:
+    assert all(importlib.util.find_spec(module) for module in MODULES.values())
+
+
+def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
+    scenario = Scenario(
+        cycle="us06",
+        seed=9,
+        horizon="15x1",
+        parameter_overrides="gap.initial_gap_m=22",
+        node_parameters={CONTROLLER: {"tolerance": 1e-6}},
+    )
+    parameters = node_parameters(prepare(scenario), Listeners())
+    assert parameters[PLANT]["cycle"] == parameters[BRIDGE]["cycle"] == "us06"
+    assert parameters[BRIDGE]["initial_gap_m"] == 22.0
+    assert parameters[BRIDGE]["seed"] == 9
+    assert parameters[CONTROLLER]["horizon"] == "15x1"
+    assert parameters[CONTROLLER]["tolerance"] == 1e-6
+
+
+@pytest.mark.parametrize(
+    ("listeners", "plant", "bridge"),
+    [
+        (Listeners(), 3, 2),
+        (Listeners(recorder=False), 2, 1),
+        (Listeners(foreign_to_state=2, foreign_to_preview=1), 5, 3),
+    ],
+)
+def test_nobody_is_forgotten_in_the_count(
+    prepared: PreparedScenario, listeners: Listeners, plant: int, bridge: int
+) -> None:
+    parameters = node_parameters(prepared, listeners)
+    assert parameters[PLANT]["expected_peers"] == plant
+    assert parameters[BRIDGE]["expected_peers"] == bridge
+
+
+def test_ros_reads_parameter_files_as_they_are_meant(tmp_path: Path) -> None:
+    values = {
+        "truth": True, "count": 3, "small": 1e-7, "large": 1e22, "whole": 2.0, "text": "3x1+5x5",
+        "digits": "1e3", "word": "on", "path": "a b/c: #d", "quote": "it's \"so\"", "nothing": "",
+        "unicode": "ö",
+    }  # fmt: skip
+    path = tmp_path / "parameters.yaml"
+    path.write_text(parameter_file_text("plant", values), encoding="utf-8")
+    context = Context()
+    with reserve_domain() as domain:
+        rclpy.init(args=[], context=context, domain_id=domain)
+        node = Node(
+            "plant",
+            namespace="/car_1",
+            context=context,
+            cli_args=["--ros-args", "--params-file", str(path)],
+            automatically_declare_parameters_from_overrides=True,
+            enable_rosout=False,
+        )
+        found = {name: node.get_parameter(name).value for name in values}
+        node.destroy_node()
+        context.try_shutdown()
+    assert found == values
+    assert {name: type(value) for name, value in found.items()} == {
+        name: type(value) for name, value in values.items()
+    }
+
+
+def test_commands_carry_the_namespace() -> None:
+    plain = node_command(PLANT, Path("p.yaml"), "/")
+    assert plain[1:] == ["-m", "iptm_plant_sim.node", "--ros-args", "--params-file", "p.yaml"]
+    assert node_command(PLANT, Path("p.yaml"), "/car_1")[4:6] == ["-r", "__ns:=/car_1"]
+
+
+def test_the_recorder_understands_its_command() -> None:
+    request = RecorderRequest(Path("out"), Path("info.yaml"), "zstd")
+    command = recorder_command(request, "/car_1")
+    assert command[-3:] == ["--ros-args", "-r", "__ns:=/car_1"]
+    parsed = build_parser().parse_args(recorder_command(request, "/")[3:])
+    assert parsed.output == Path("out")
+    assert parsed.run_information == Path("info.yaml")
+    assert parsed.compression == "zstd"
+
+
+def test_the_bag_will_know_everything_about_the_run(
+    prepared: PreparedScenario, tmp_path: Path
+) -> None:
+    described = run_information(prepared, node_parameters(prepared, Listeners()))
+    path = tmp_path / "information.yaml"
+    path.write_text(yaml.safe_dump(described, sort_keys=False), encoding="utf-8")
+    information = load_run_information(path)
+    assert information.scenario == "short"
+    assert information.seed == 0
+    assert stored_model_parameters(information) == prepared.model.values
+    assert yaml.safe_load(information.parameters)[BRIDGE]["cycle"] == "sc03"
+    assert yaml.safe_load(information.extra["scenario_file"])["slope"] == "small"
+    assert information.versions["python"]

@@ -1,0 +1,60 @@
+"""Which domain and environment the processes of a run get."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from iptm_bringup.environment import RunDomain, domain_of_run, environment_of_run
+from iptm_bringup.scenario import AUTOMATIC_DOMAIN
+from iptm_core.errors import ScenarioError
+from iptm_interfaces.discovery import PROFILE_VARIABLE
+
+
+def test_a_domain_that_is_asked_for_is_taken() -> None:
+    with domain_of_run(42, {"ROS_DOMAIN_ID": "7"}) as domain:
+        assert domain == RunDomain(42, is_private=False)
+
+
+def test_the_users_domain_is_respected() -> None:
+    with domain_of_run(AUTOMATIC_DOMAIN, {"ROS_DOMAIN_ID": "7"}) as domain:
+        assert domain == RunDomain(7, is_private=False)
+
+
+def test_runs_at_the_same_time_get_different_domains() -> None:
+    with domain_of_run(AUTOMATIC_DOMAIN, {}) as one, domain_of_run(AUTOMATIC_DOMAIN, {}) as other:
+        assert one.is_private
+        assert one.number != other.number
+
+
+@pytest.mark.parametrize("text", ["abc", "-1", "233", "1.5"])
+def test_a_senseless_domain_is_refused(text: str) -> None:
+    with (
+        pytest.raises(ScenarioError, match=r"ROS_DOMAIN_ID.*allowed: 0 to 232"),
+        domain_of_run(AUTOMATIC_DOMAIN, {"ROS_DOMAIN_ID": text}),
+    ):
+        pass
+
+
+def test_what_the_user_has_set_is_kept(tmp_path: Path) -> None:
+    mine = {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+        PROFILE_VARIABLE: "/my/profile.xml",
+        "OMP_NUM_THREADS": "4",
+        "AMENT_PREFIX_PATH": "/opt/ros/jazzy",
+        "HOME": "/home",
+    }
+    found = environment_of_run(5, tmp_path, mine)
+    assert found.items() >= mine.items()
+    assert found["ROS_DOMAIN_ID"] == "5"
+    assert found["ROS_LOG_DIR"] == str(tmp_path)
+
+
+def test_what_is_not_set_gets_a_sensible_value(tmp_path: Path) -> None:
+    found = environment_of_run(5, tmp_path, {PROFILE_VARIABLE: ""})
+    assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert Path(found[PROFILE_VARIABLE]).is_file()
+    assert found["OMP_NUM_THREADS"] == "1"
+    assert found["AMENT_PREFIX_PATH"] == sys.prefix

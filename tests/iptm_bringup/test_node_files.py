@@ -1,0 +1,157 @@
+"""Parameter files and launch files agree with the packages that they start."""
+
+from __future__ import annotations
+
+import ast
+import runpy
+import sys
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+import yaml
+
+import iptm_bringup
+from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_interfaces.parameters import checked_value, overrides_for, parameter_specs
+from iptm_plant_sim.node_parameters import PlantNodeParameters
+from iptm_v2x_bridge.node import BridgeParameters
+
+CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"
+SOURCE = Path(iptm_bringup.__file__).parents[2]
+LAUNCH = SOURCE / "iptm_bringup" / "launch"
+NODES: dict[str, type[Any]] = {
+    "plant": PlantNodeParameters,
+    "v2x_bridge": BridgeParameters,
+    "controller": ControllerNodeParameters,
+}
+
+needs_sources = pytest.mark.skipif(not LAUNCH.is_dir(), reason="installed without its sources")
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_parameter_files_state_every_parameter_with_its_default(node: str) -> None:
+    content = yaml.safe_load((CONFIG / f"{node}.yaml").read_text(encoding="utf-8"))
+    assert content.keys() == {f"/**/{node}"}
+    given = content[f"/**/{node}"]["ros__parameters"]
+    specs = {spec.name: spec for spec in parameter_specs(NODES[node])}
+    checked = {name: checked_value(specs[name], value) for name, value in given.items()}
+    assert checked == overrides_for(NODES[node]())
+
+
+@pytest.mark.parametrize("path", sorted(CONFIG.glob("*.yaml")), ids=lambda path: path.stem)
+def test_parameter_files_say_what_each_parameter_is(path: Path) -> None:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    for before, line in pairwise(lines[3:]):
+        if not line.strip().startswith("#"):
+            assert before.strip().startswith("#"), line
+
+
+class Recorded:
+    """Stands for any class of `launch`: remembers what it was built with."""
+
+    made: list[Recorded] = []  # noqa: RUF012
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        self.arguments = arguments
+        self.named = named
+        Recorded.made.append(self)
+
+
+def recorded_class(name: str) -> type[Recorded]:
+    return type(name, (Recorded,), {})
+
+
+@pytest.fixture
+def launch_stubs(monkeypatch: pytest.MonkeyPatch) -> list[Recorded]:
+    """Stand in for the packages of a full ROS 2 installation."""
+    modules = {
+        "launch": ["LaunchDescription"],
+        "launch.actions": ["DeclareLaunchArgument", "IncludeLaunchDescription", "Shutdown"],
+        "launch.conditions": ["IfCondition"],
+        "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
+        "launch.substitutions": ["LaunchConfiguration", "PythonExpression"],
+        "launch_ros": [],
+        "launch_ros.actions": ["Node"],
+        "launch_ros.parameter_descriptions": ["ParameterValue"],
+    }
+    for name, classes in modules.items():
+        module = ModuleType(name)
+        for cls in classes:
+            setattr(module, cls, recorded_class(cls))
+        monkeypatch.setitem(sys.modules, name, module)
+    package_index = ModuleType("ament_index_python.packages")
+    package_index.get_package_share_directory = (  # type: ignore[attr-defined]
+        lambda name: str(SOURCE / name / name)
+    )
+    monkeypatch.setitem(sys.modules, "ament_index_python.packages", package_index)
+    Recorded.made = []
+    return Recorded.made
+
+
+def executables() -> set[tuple[str, str]]:
+    """Return (package, executable) of every set-up script."""
+    found = set()
+    for path in SOURCE.glob("*/setup.py"):
+        texts = {
+            node.value
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        }
+        found |= {(path.parent.name, text.split(" = ")[0]) for text in texts if " = iptm_" in text}
+    return found
+
+
+def of_class(made: list[Recorded], name: str) -> list[Recorded]:
+    return [item for item in made if type(item).__name__ == name]
+
+
+@needs_sources
+def test_the_launch_file_starts_what_the_packages_install(launch_stubs: list[Recorded]) -> None:
+    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+    module["generate_launch_description"]()
+    nodes = of_class(launch_stubs, "Node")
+    started = {(node.named["package"], node.named["executable"]) for node in nodes}
+    assert len(started) == 4
+    assert started <= executables()
+
+
+@needs_sources
+def test_the_launch_file_sets_parameters_and_arguments_that_exist(
+    launch_stubs: list[Recorded],
+) -> None:
+    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+    module["generate_launch_description"]()
+    declared = {item.arguments[0] for item in of_class(launch_stubs, "DeclareLaunchArgument")}
+    used = {item.arguments[0] for item in of_class(launch_stubs, "LaunchConfiguration")}
+    assert used == declared
+    for node in of_class(launch_stubs, "Node"):
+        name = node.named["name"]
+        if name not in NODES:
+            continue
+        specs = {spec.name: spec for spec in parameter_specs(NODES[name])}
+        for key, value in node.named["parameters"][1].items():
+            if key == "use_sim_time":
+                continue
+            assert type(specs[key].default) is value.named["value_type"], key
+            if key in module["ARGUMENTS"]:
+                default = value.named["value_type"](module["ARGUMENTS"][key][0])
+                assert checked_value(specs[key], default) == specs[key].default, key
+    for name in NODES:
+        assert Path(module["ARGUMENTS"][f"{name}_parameters"][0]).is_file()
+
+
+@needs_sources
+def test_two_vehicles_differ_in_namespace_and_clock(launch_stubs: list[Recorded]) -> None:
+    module = runpy.run_path(str(LAUNCH / "two_vehicles.launch.py"))
+    module["generate_launch_description"]()
+    given = [
+        dict(item.named["launch_arguments"])
+        for item in of_class(launch_stubs, "IncludeLaunchDescription")
+    ]
+    assert [entry["namespace"] for entry in given] == ["car_1", "car_2"]
+    assert [entry["clock"] for entry in given] == ["/car_1/clock", "/car_2/clock"]
+    known = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))["ARGUMENTS"]
+    assert all(entry.keys() <= known.keys() for entry in given)

@@ -1,0 +1,138 @@
+"""What a user sees: tables, progress and picture."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from rich.console import Console
+
+from iptm_bringup import progress as progress_module
+from iptm_bringup.evaluation import EvaluatedRun, evaluate
+from iptm_bringup.live_run import live_run
+from iptm_bringup.monitor import Snapshot
+from iptm_bringup.picture import save_picture
+from iptm_bringup.preparation import PreparedScenario, prepare
+from iptm_bringup.progress import BarProgress, LineProgress, make_progress
+from iptm_bringup.results import RunResults
+from iptm_bringup.tables import TABLES_WIDTH, print_results
+from iptm_core.metrics import metric_rows
+from iptm_core.trajectory import Trajectory
+from iptm_interfaces.topics import Topic
+from iptm_recording.run_information import RunInformation
+
+Heard = dict[Topic, list[bytes]]
+SNAPSHOT = Snapshot(60.0, 10.0, 34.56, 31.23, 33.21, 2.5e-3, 12, 0)
+
+
+@pytest.fixture
+def evaluated(prepared: PreparedScenario, heard: Heard) -> EvaluatedRun:
+    return evaluate(prepared, live_run(heard), None, RunInformation(), 0.5)
+
+
+def printed(results: RunResults, width: int = TABLES_WIDTH) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    print_results(results, Path("bags/short"), console)
+    return console.file.getvalue()  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("width", [TABLES_WIDTH, 80])
+def test_tables_show_every_figure(evaluated: EvaluatedRun, width: int) -> None:
+    text = printed(evaluated.results, width)
+    for row in metric_rows(evaluated.results.metrics):
+        assert row.label[:24] in text
+    for check in evaluated.results.metrics.constraints:
+        assert check.label in text
+    for entry in ("solve time (ms)", "speed-up over real time", "shifted plan", "changed by the"):
+        assert entry in text
+    assert "trip finished, no hard limit broken, not recorded" in text
+    assert "bags/short" in text
+
+
+def test_problems_and_complaints_are_shouted(evaluated: EvaluatedRun) -> None:
+    results = dataclasses.replace(
+        evaluated.results,
+        problems=("the bag holds 3 messages",),
+        warnings=("plant: too [fast]",),
+    )
+    text = printed(results)
+    assert "PROBLEM  the bag holds 3 messages" in text
+    assert "plant: too [fast]" in text
+    assert "trip finished" not in text
+
+
+def test_a_pipe_gets_plain_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    console = Console(file=io.StringIO(), width=200)
+    progress = make_progress(console, 240.0)
+    assert isinstance(progress, LineProgress)
+    progress.waiting("waiting for plant")
+    progress.running(SNAPSHOT, 0.5)  # too soon after the line before
+    monkeypatch.setattr(progress_module, "LINE_PERIOD_S", 0.0)
+    progress.running(dataclasses.replace(SNAPSHOT, fallback_rung=2), 0.5)
+    progress.close()
+    first, second = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert first == "starting: waiting for plant"
+    assert second == (
+        "60 of 240 s (25%), 120 x real time, remaining 2 s, speed 36.0 km/h, gap 34.6 m,"
+        " cells 31.2/33.2 °C, solve 2.5 ms, 12 iterations, safe law"
+    )
+
+
+def test_a_terminal_gets_a_bar() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=120)
+    progress = make_progress(console, 240.0)
+    assert isinstance(progress, BarProgress)
+    progress.waiting("waiting for plant")
+    progress.running(SNAPSHOT, 0.5)
+    progress.running(dataclasses.replace(SNAPSHOT, solve_time_s=float("nan")), 0.0)
+    progress.close()
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    for part in ("waiting for plant", "25%", "60 of 240 s", "2.5 ms", "34.6"):
+        assert part in text
+
+
+def test_the_remaining_time_is_readable() -> None:
+    console = Console(file=io.StringIO(), width=200)
+    LineProgress(console, 10_000.0).running(SNAPSHOT, 1.0)
+    assert "remaining 2:46 min" in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_the_picture_is_drawn(
+    prepared: PreparedScenario, evaluated: EvaluatedRun, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.png"
+    save_picture(path, prepared, evaluated)
+    pixels = imread(path)
+    assert pixels.shape[1] == 1200
+    assert 1000 < pixels.shape[0] < 2000
+    # Something is drawn from top to bottom, and it has colours.
+    bands = np.array_split(pixels[..., :3], 10, axis=0)
+    assert all(float(np.ptp(band)) > 0.5 for band in bands)
+    assert float(np.max(np.ptp(pixels[..., :3], axis=2))) > 0.3
+
+    # A level road needs no panel for its grade.
+    level = prepare(dataclasses.replace(prepared.scenario, slope="flat"))
+    save_picture(path, level, evaluated)
+    assert imread(path).shape[0] < pixels.shape[0]
+
+
+def test_a_run_in_which_nothing_happens_can_be_drawn(
+    prepared: PreparedScenario, evaluated: EvaluatedRun, tmp_path: Path
+) -> None:
+    still = {
+        name: np.full_like(column, column[0])
+        for name, column in evaluated.trajectory.to_arrays().items()
+    }
+    still["time_s"] = evaluated.trajectory.time_s
+    none = {name: np.full_like(v, np.nan) for name, v in evaluated.solves.values.items()}
+    calm = dataclasses.replace(
+        evaluated,
+        trajectory=Trajectory.from_arrays(still),
+        solves=dataclasses.replace(evaluated.solves, values=none),
+    )
+    save_picture(tmp_path / "still.png", prepared, calm)
+    assert (tmp_path / "still.png").stat().st_size > 10_000
