@@ -1,4 +1,4 @@
-"""Writes docs/reference/*.md from the code, so that no table is kept by hand.
+"""Writes docs/reference/*.md and the README's topic table from the code: no table is kept by hand.
 
 Run it through ``scripts/update_docs``; a test fails when the committed pages are out of date.
 """
@@ -18,7 +18,10 @@ from iptm_interfaces.topics import topic_table_markdown
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_v2x_bridge.node import BridgeParameters
 
-REFERENCE = Path(__file__).resolve().parent / "reference"
+DOCS = Path(__file__).resolve().parent
+README = DOCS.parent / "README.md"
+TABLE_START = "<!-- topics: made by scripts/update_docs from the code; do not edit. -->"
+TABLE_END = "<!-- end of topics -->"
 NOTICE = "<!-- Made by scripts/update_docs from the code; do not edit. -->\n\n"
 
 
@@ -78,11 +81,20 @@ def strategies_page() -> str:
     )
 
 
+def readme_page() -> str:
+    """The README with its topic table as it should be."""
+    text = README.read_text(encoding="utf-8")
+    head, _, rest = text.partition(TABLE_START)
+    _, _, tail = rest.partition(TABLE_END)
+    return f"{head}{TABLE_START}\n{topic_table_markdown()}{TABLE_END}{tail}"
+
+
 PAGES = {
-    "topics.md": topics_page,
-    "parameters.md": parameters_page,
-    "nodes.md": nodes_page,
-    "strategies.md": strategies_page,
+    README: readme_page,
+    DOCS / "reference" / "topics.md": topics_page,
+    DOCS / "reference" / "parameters.md": parameters_page,
+    DOCS / "reference" / "nodes.md": nodes_page,
+    DOCS / "reference" / "strategies.md": strategies_page,
 }
 
 
@@ -92,13 +104,13 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="write nothing, fail when out of date")
     check = parser.parse_args().check
     stale = []
-    for name, page in PAGES.items():
-        path, text = REFERENCE / name, page()
+    for path, page in PAGES.items():
+        text = page()
         if check:
             if not path.exists() or path.read_text(encoding="utf-8") != text:
-                stale.append(name)
+                stale.append(path.name)
         else:
-            REFERENCE.mkdir(exist_ok=True)
+            path.parent.mkdir(exist_ok=True)
             path.write_text(text, encoding="utf-8")
     if stale:
         print(f"out of date: {', '.join(stale)}; run scripts/update_docs", file=sys.stderr)
