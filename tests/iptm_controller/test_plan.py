@@ -60,7 +60,9 @@ def integral(plan: Plan, start_s: float, end_s: float) -> FloatArray:
     return total
 
 
-def later_state(plan: Plan, moved_s: float, make_state: Callable[..., VehicleState]) -> VehicleState:
+def later_state(
+    plan: Plan, moved_s: float, make_state: Callable[..., VehicleState]
+) -> VehicleState:
     """A state off the plan, as disturbances make it."""
     return make_state(
         time_s=plan.start_s + moved_s,

@@ -171,9 +171,7 @@ def test_slope_is_expanded_where_the_host_is_expected(
         np.testing.assert_allclose(expanded, road(expected + away), atol=1e-9)
 
 
-def test_ends_of_the_road_are_held(
-    make_state: Callable[..., VehicleState], steady: Motion
-) -> None:
+def test_ends_of_the_road_are_held(make_state: Callable[..., VehicleState], steady: Motion) -> None:
     ahead_of_all = SlopePreview(np.array([0.0, 500.0]), np.array([0.0, 0.03]))
     for _, samples in steps_of(build(make_state(), steady, ahead_of_all), HORIZON):
         assert (samples[:, SampleIndex.SLOPE] == 0.03).all()

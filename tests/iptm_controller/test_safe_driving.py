@@ -67,7 +67,9 @@ def follow(
         yield leader.position_m - state.position_m
 
 
-def stopping_distance_m(speed_m_s: float, acceleration_m_s2: float, limits: LimitParameters) -> float:
+def stopping_distance_m(
+    speed_m_s: float, acceleration_m_s2: float, limits: LimitParameters
+) -> float:
     """Way to standstill with the brakes applied as fast as the jerk limit permits."""
     position, speed, acceleration = 0.0, speed_m_s, acceleration_m_s2
     while speed > 0.0:
@@ -91,7 +93,9 @@ def test_is_the_intelligent_driver_model(
 ) -> None:
     """Never more than the model's acceleration; exactly that where it does not brake."""
     limits, policy = parameters.limits, parameters.gap
-    command = safe_following(make_state(speed_m_s=speed), make_leader(gap, leader_speed), parameters)
+    command = safe_following(
+        make_state(speed_m_s=speed), make_leader(gap, leader_speed), parameters
+    )
     braking = 2.0 * math.sqrt(-limits.min_acceleration_m_s2 * limits.max_acceleration_m_s2)
     desired = policy.standstill_gap_m + max(
         0.0, speed * policy.time_headway_s + speed * (speed - leader_speed) / braking

@@ -1,0 +1,287 @@
+"""The controller as a whole: from measurements to a limited command, on good days and bad ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
+from iptm_controller.forecast import PreviewQuality
+from iptm_controller.horizon import Horizon
+from iptm_controller.ladder import LadderOptions, Rung
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.layout import InputIndex
+from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
+
+Solvers = Callable[..., SolverBackend]
+Scenes = Callable[..., Measurements]
+
+
+class FailingBackend:
+    """Works as told: solves with an inner solver, or answers with a failure."""
+
+    compiled = False
+
+    def __init__(self, inner: SolverBackend) -> None:
+        self._inner = inner
+        self.name = inner.name
+        self.failure: SolveStatus | None = None
+
+    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+        if self.failure is None:
+            return self._inner.solve(data, guess)
+        nothing = np.full(guess.shape, np.nan)
+        reason = STATUS_TEXT[self.failure]
+        return SolveResult(self.failure, reason, nothing, math.nan, 0, 0.0, math.inf)
+
+
+@pytest.fixture
+def backend(plain_solver: Solvers) -> FailingBackend:
+    return FailingBackend(plain_solver("3x1+5x5"))
+
+
+@pytest.fixture
+def controller(parameters: ModelParameters, backend: FailingBackend) -> Controller:
+    options = ControllerOptions(ladder=LadderOptions(2, 3))
+    return Controller(parameters, options, backend)
+
+
+def at(time_s: float, make_scene: Scenes, **changes: float) -> Measurements:
+    """A steady trip: host and leader go on at 15 m/s."""
+    return make_scene(time_s=time_s, position_m=15.0 * time_s - 500.0, **changes)
+
+
+def expect_actuable(decision: Decision, state: VehicleState, parameters: ModelParameters) -> None:
+    limits, command = parameters.limits, decision.command
+    assert math.isfinite(command.acceleration_m_s2)
+    assert abs(command.acceleration_m_s2 - state.acceleration_m_s2) <= limits.max_jerk_m_s3 + 1e-9
+    assert limits.min_compressor_power_w <= command.compressor_power_w
+    change = abs(command.compressor_power_w - state.compressor_power_w)
+    assert change <= limits.max_compressor_rate_w_s + 1e-6
+
+
+def test_a_good_day(
+    parameters: ModelParameters, controller: Controller, make_scene: Scenes
+) -> None:
+    measured = make_scene()
+    decision = controller.decide(measured)
+    assert decision.rung is Rung.OPTIMAL
+    assert decision.reason == ""
+    assert decision.result is not None
+    assert decision.result.status is SolveStatus.SOLVED
+    assert decision.forecast is not None
+    assert decision.forecast.quality is PreviewQuality.FULL
+    assert decision.plan is not None
+    assert decision.plan.start_s == 100.0
+    # What is actuated is the first input of the plan: the limiter has nothing to do.
+    assert not decision.limited.active
+    planned = decision.plan.inputs[0]
+    assert decision.command.acceleration_m_s2 == pytest.approx(planned[InputIndex.ACCELERATION])
+    assert decision.command.compressor_power_w == pytest.approx(
+        planned[InputIndex.COMPRESSOR_POWER], abs=1e-3
+    )
+    assert measured.state is not None
+    expect_actuable(decision, measured.state, parameters)
+
+
+def test_the_last_plan_warms_up_the_next_solve(controller: Controller, make_scene: Scenes) -> None:
+    first = controller.decide(at(100.0, make_scene))
+    second = controller.decide(at(101.0, make_scene))
+    assert first.result is not None
+    assert second.result is not None
+    assert second.result.iterations < first.result.iterations
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [SolveStatus.ITERATION_LIMIT, SolveStatus.DEADLINE, SolveStatus.NUMERICAL_ERROR],
+)
+def test_failed_solves_walk_down_the_ladder_and_back(
+    parameters: ModelParameters,
+    controller: Controller,
+    backend: FailingBackend,
+    make_scene: Scenes,
+    failure: SolveStatus,
+) -> None:
+    good = controller.decide(at(100.0, make_scene))
+    assert good.plan is not None
+    backend.failure = failure
+    rungs = []
+    for tick in range(1, 8):
+        measured = at(100.0 + tick, make_scene)
+        decision = controller.decide(measured)
+        rungs.append(decision.rung)
+        assert decision.reason == STATUS_TEXT[failure]
+        assert decision.plan is None
+        assert decision.result is not None
+        assert decision.result.status is failure
+        assert measured.state is not None
+        expect_actuable(decision, measured.state, parameters)
+        if decision.rung is Rung.SHIFTED_PLAN:
+            planned = good.plan.command_at(100.0 + tick)
+            assert decision.command.acceleration_m_s2 == pytest.approx(planned.acceleration_m_s2)
+    assert rungs == [Rung.SHIFTED_PLAN] * 2 + [Rung.SAFE_LAW] * 3 + [Rung.STOP] * 2
+    backend.failure = None
+    recovered = controller.decide(at(108.0, make_scene))
+    assert recovered.rung is Rung.OPTIMAL
+    assert recovered.reason == ""
+
+
+def test_no_leader_is_a_fallback_with_the_reason_given(
+    controller: Controller, make_scene: Scenes
+) -> None:
+    controller.decide(at(100.0, make_scene))
+    blind = replace(at(101.0, make_scene), leader=None, fault="radar covered by snow")
+    decision = controller.decide(blind)
+    assert decision.rung is Rung.SHIFTED_PLAN
+    assert decision.reason == "radar covered by snow"
+    assert decision.result is None
+    assert decision.forecast is None
+    unexplained = controller.decide(replace(at(102.0, make_scene), leader=None))
+    assert unexplained.reason == "no measurement of the leader"
+
+
+def test_a_leader_that_cannot_be_is_a_fallback(controller: Controller, make_scene: Scenes) -> None:
+    measured = at(100.0, make_scene)
+    assert measured.leader is not None
+    behind = replace(measured, leader=replace(measured.leader, position_m=-50.0))
+    decision = controller.decide(behind)
+    assert decision.rung is Rung.STOP
+    assert decision.reason.startswith("measured gap = ")
+
+
+def test_a_road_that_cannot_be_is_driven_by_the_safe_law(
+    controller: Controller, make_scene: Scenes
+) -> None:
+    nothing = SlopePreview(np.empty(0), np.empty(0))
+    decision = controller.decide(replace(at(100.0, make_scene), slope=nothing))
+    assert decision.rung is Rung.SAFE_LAW
+    assert decision.reason.startswith("slope has 0 positions")
+    assert controller.decide(at(101.0, make_scene)).rung is Rung.OPTIMAL
+
+
+def test_before_any_state_it_asks_for_nothing(controller: Controller, make_scene: Scenes) -> None:
+    decision = controller.decide(replace(at(0.0, make_scene), state=None, fault="still booting"))
+    assert decision.rung is Rung.STOP
+    assert decision.reason == "still booting"
+    assert vars(decision.command) == {"acceleration_m_s2": 0.0, "compressor_power_w": 0.0}
+    assert decision.limited.active
+
+
+@pytest.mark.parametrize("last", [2.0, 0.0, -1.5])
+def test_without_a_state_it_brakes_step_by_step(
+    controller: Controller, make_scene: Scenes, last: float
+) -> None:
+    """Rates count from what was commanded since, not from the last state that was seen."""
+    seen = at(100.0, make_scene, acceleration_m_s2=last, compressor_power_w=700.0)
+    first = controller.decide(seen).command
+    lost = replace(seen, state=None, fault="no state")
+    commands = [controller.decide(lost).command for _ in range(12)]
+    # Nobody knows what was actuated at the last tick: the first step counts from what was seen.
+    before = seen.state
+    assert before is not None
+    previous = before.acceleration_m_s2
+    for command in commands:
+        assert abs(command.acceleration_m_s2 - previous) <= 0.5 + 1e-9
+        previous = command.acceleration_m_s2
+    assert commands[-1].acceleration_m_s2 == -1.0
+    assert commands[-1].compressor_power_w == 0.0
+    assert controller.decide(at(113.0, make_scene)).rung is Rung.OPTIMAL
+    assert first.acceleration_m_s2 <= last + 0.5 + 1e-9
+
+
+def test_a_state_that_cannot_be_is_no_state(controller: Controller, make_scene: Scenes) -> None:
+    controller.decide(at(100.0, make_scene))
+    decision = controller.decide(at(101.0, make_scene, cell_n_temperature_k=35.0))
+    assert decision.rung is Rung.STOP
+    assert decision.reason == "measured cell_n_temperature_k = 35.0, allowed are 223.15 to 373.15"
+    assert controller.decide(at(102.0, make_scene)).rung is Rung.OPTIMAL
+
+
+@pytest.mark.parametrize(
+    ("quality", "change"),
+    [
+        (PreviewQuality.MISSING, lambda _: LeaderPreview(-math.inf, *[np.empty(0)] * 3)),
+        (PreviewQuality.INVALID, lambda p: replace(p, speeds_m_s=-p.speeds_m_s)),
+        (PreviewQuality.STALE, lambda p: replace(p, generated_at_s=p.generated_at_s - 50.0)),
+    ],
+)
+def test_without_a_usable_preview_it_still_optimises(
+    controller: Controller,
+    make_scene: Scenes,
+    quality: PreviewQuality,
+    change: Callable[[LeaderPreview], LeaderPreview],
+) -> None:
+    measured = at(100.0, make_scene)
+    decision = controller.decide(replace(measured, preview=change(measured.preview)))
+    assert decision.rung is Rung.OPTIMAL
+    assert decision.forecast is not None
+    assert decision.forecast.quality is quality
+    assert decision.reason == decision.forecast.reason != ""
+
+
+def test_a_new_trip_needs_no_new_controller(controller: Controller, make_scene: Scenes) -> None:
+    """Neither the plan nor the leader of the last trip is taken for this one's."""
+    for tick in range(5):
+        controller.decide(at(500.0 + tick, make_scene))
+    again = controller.decide(make_scene(time_s=0.0, position_m=0.0))
+    assert again.rung is Rung.OPTIMAL
+    assert again.forecast is not None
+    assert again.forecast.motion.times_s.min() == 0.0
+
+
+def test_after_an_outage_it_starts_cold(
+    parameters: ModelParameters, controller: Controller, make_scene: Scenes
+) -> None:
+    """A plan that has ended long ago would only repeat its last input."""
+    controller.decide(at(100.0, make_scene, leader_acceleration_m_s2=1.0))
+    late = at(400.0, make_scene)
+    recovered = controller.decide(late)
+    assert recovered.rung is Rung.OPTIMAL
+    fresh = Controller(parameters, controller.options, controller.backend).decide(late)
+    assert recovered.command == fresh.command
+
+
+def test_two_controllers_decide_alike(
+    parameters: ModelParameters, plain_solver: Solvers, make_scene: Scenes
+) -> None:
+    """The same measurements give the same commands, bit for bit."""
+    answers = []
+    for _ in range(2):
+        controller = Controller(parameters, ControllerOptions(), plain_solver("3x1+5x5"))
+        answers.append(
+            [
+                controller.decide(
+                    at(100.0 + tick, make_scene, leader_acceleration_m_s2=0.1 * tick)
+                ).command
+                for tick in range(6)
+            ]
+        )
+    assert answers[0] == answers[1]
+
+
+def test_leader_and_host_are_never_mixed_up(
+    controller: Controller, make_scene: Scenes, make_leader: Callable[..., LeaderState]
+) -> None:
+    """Closer to the leader it accelerates less."""
+    commands = []
+    for gap in (30.0, 45.0, 80.0, 110.0):
+        fresh = make_scene(gap_m=gap, leader_acceleration_m_s2=-0.6)
+        commands.append(controller.decide(fresh).command.acceleration_m_s2)
+    assert commands == sorted(commands)
+    assert make_leader(30.0).position_m == 1030.0
+
+
+def test_builds_its_own_solver_with_the_probe(parameters: ModelParameters) -> None:
+    options = ControllerOptions(horizon=Horizon.parse("2x1"))
+    controller = Controller(parameters, replace(options, solver=replace(options.solver,
+                                                                        compile_code=False)))  # fmt: skip
+    assert controller.backend.name == "fatrop"
+    assert type(controller.backend).__name__ == "CoolingProbe"
