@@ -167,6 +167,8 @@ def test_statistics_of_the_solver(heard: Heard) -> None:
     assert statistics.by_status == {"solved": 21}
     assert statistics.by_rung == {"optimal": 20, "shifted_plan": 1}
     assert statistics.limited == 1
+    assert statistics.without_preview == 1
+    assert statistics.preview_age_s.largest == 0.0
     assert statistics.solve_time_ms.median == pytest.approx(3.0)
     assert statistics.solve_time_ms.largest == pytest.approx(4.0)
     assert statistics.iterations.largest == 30.0

@@ -39,6 +39,8 @@ class SolverStatistics:
         by_status: solves by status, in words.
         by_rung: decisions by rung of the fallback ladder, in words.
         limited: decisions that the last limiter changed.
+        without_preview: decisions before which no prediction of the leader had arrived.
+        preview_age_s: age of the prediction in use, where there was one.
         solve_time_ms: wall time of a solve.
         iterations: iterations of a solve.
         gap_slack_m: largest violation of a gap limit in any plan.
@@ -49,6 +51,8 @@ class SolverStatistics:
     by_status: Mapping[str, int]
     by_rung: Mapping[str, int]
     limited: int
+    without_preview: int
+    preview_age_s: Quantiles
     solve_time_ms: Quantiles
     iterations: Quantiles
     gap_slack_m: float
@@ -97,6 +101,8 @@ def solver_statistics(solves: SolveSeries) -> SolverStatistics:
         by_status=_counted(values["status_code"], status_names, NO_SOLVE),
         by_rung=_counted(values["fallback_rung"], rung_names, "unknown"),
         limited=int(np.count_nonzero(values["limiter_active"])),
+        without_preview=int(np.count_nonzero(~np.isfinite(values["preview_age_s"]))),
+        preview_age_s=_quantiles(values["preview_age_s"]),
         solve_time_ms=_quantiles(1e3 * values["solve_time_s"]),
         iterations=_quantiles(values["iterations"]),
         gap_slack_m=_largest(values["gap_slack_m"]),

@@ -63,6 +63,7 @@ def details_table(results: RunResults) -> Table:
         table.add_column(heading, justify="right")
     table.add_row("solve time (ms)", *_quantiles(solver.solve_time_ms))
     table.add_row("iterations", *_quantiles(solver.iterations))
+    table.add_row("age of the preview (s)", *_quantiles(solver.preview_age_s))
     table.add_section()
     for label, value in _counts(solver).items():
         table.add_row(label, "", "", value)
@@ -101,7 +102,8 @@ def _counts(solver: SolverStatistics) -> dict[str, str]:
     rows = {"decisions": solver.decisions}
     rows |= {f"  solver: {_words(name)}": count for name, count in solver.by_status.items()}
     rows |= {f"  command: {_words(name)}": count for name, count in solver.by_rung.items()}
-    rows["  changed by the limiter"] = solver.limited
+    rows |= {"  without any preview": solver.without_preview}
+    rows |= {"  changed by the limiter": solver.limited}
     return {
         **{label: str(count) for label, count in rows.items()},
         "largest gap slack (m)": _known(solver.gap_slack_m),
