@@ -202,11 +202,14 @@ def test_causes_belong_to_claims(tmp_path: Path, paper: PaperClaims) -> None:
     ids = {claim.id for claim in paper.claims}
     load_causes(ids)
     path = tmp_path / "causes.yaml"
-    path.write_text("no-such-claim: because\n", encoding="utf-8")
+    path.write_text("claims: {no-such-claim: because}\nchapters: {}\n", encoding="utf-8")
     with pytest.raises(ScenarioError, match="no claim 'no-such-claim'"):
         load_causes(ids, path)
-    path.write_text("aging-falls: 3\n", encoding="utf-8")
+    path.write_text("claims: {aging-falls: 3}\nchapters: {}\n", encoding="utf-8")
     with pytest.raises(ScenarioError, match="aging-falls: a text is needed"):
+        load_causes(ids, path)
+    path.write_text("claims: {}\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="needed are claims and chapters"):
         load_causes(ids, path)
 
 
@@ -214,12 +217,15 @@ def test_causes_take_their_numbers_from_results() -> None:
     texts = filled_in(
         {
             "one": "printed {{ printed('strategies/aging', 'traction_energy') }},\n  "
-            "found {{ value('strategies/aging', 'traction_energy') }}"
+            "found {{ value('strategies/aging', 'traction_energy') }}, "
+            "{{ payback('strategies/aging') }}, {{ braking_share('strategies/aging') }}"
         },
         Results([]),
         PRINTED,
     )
-    assert texts["one"] == f"printed {MEASURES['traction_energy'].text(90.0)} kJ, found – kJ"
+    assert (
+        texts["one"] == f"printed {MEASURES['traction_energy'].text(90.0)} kJ, found – kJ, – s, – %"
+    )
 
 
 @pytest.mark.parametrize(

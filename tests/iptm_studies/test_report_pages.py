@@ -273,15 +273,20 @@ def test_no_statement_differs_without_a_place_for_the_reason(full: Document) -> 
 def test_causes_reach_the_page(full_store: ResultStore, tmp_path: Path) -> None:
     causes = tmp_path / "causes.yaml"
     lines = [
-        f'{claim.id}: \'Because {{{{ change("strategies/aging", "strategies/reference", '
+        f'  {claim.id}: \'Because {{{{ change("strategies/aging", "strategies/reference", '
         f'"cooling_energy") }}}} <& so on>\''
         for claim in load_claims().claims
     ]
-    causes.write_text("\n".join(lines), encoding="utf-8")
+    chapters = "chapters:\n  power: 'Braking: {{ braking_share(\"strategies/aging\") }}'"
+    causes.write_text("\n".join(["claims:", *lines, chapters]), encoding="utf-8")
     gathered = gather(full_store, surveyed(full_store))
     document = document_of(gathered, causes_file=causes)
     assert re.search(r"Because [+-][\d.]+ % &lt;&amp; so on&gt;", render_html(document))
     assert NO_CAUSE not in render_html(document)
+    assert re.search(r"<p>Braking: [\d.]+ %</p>", render_html(document))
+    causes.write_text("claims: {}\nchapters: {nowhere: text}\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="no chapter nowhere; there are summary, "):
+        document_of(gathered, causes_file=causes)
 
 
 @pytest.mark.usefixtures("undrawn")

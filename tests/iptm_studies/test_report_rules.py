@@ -15,7 +15,14 @@ from iptm_studies.report.evaluation import NO_CAUSE, evaluate, tally
 from iptm_studies.report.measures import change_text, relative_change, share_of_saving
 from iptm_studies.report.naming import name_of, names_of
 from iptm_studies.report.paper import Claim, PaperClaims
-from iptm_studies.report.quantities import PowerRegions, busiest_window, thinned, time_to_fall_s
+from iptm_studies.report.payback import cooling_payback
+from iptm_studies.report.quantities import (
+    PowerRegions,
+    busiest_window,
+    share_while_braking,
+    thinned,
+    time_to_fall_s,
+)
 from iptm_studies.report.rules import RULES, Rule
 from iptm_studies.report.rules.base import Printed
 from iptm_studies.report.runs import Gap, ReportRun, Results
@@ -273,16 +280,12 @@ def test_best_choice_ranks_the_means() -> None:
     ],
 )
 def test_trend_needs_every_step_and_the_size(values: tuple[float, ...], expected: Verdict) -> None:
-    rule = RULES["trend"](
-        runs=horizons(3), directions={"distance": "falls"}, least_change=0.01
-    )
+    rule = RULES["trend"](runs=horizons(3), directions={"distance": "falls"}, least_change=0.01)
     assert judged(rule, series("distance", *values)).verdict is expected
 
 
 def test_trend_between_the_ends_only() -> None:
-    rule = RULES["trend"](
-        runs=horizons(3), directions={"distance": "falls"}, every_step=False
-    )
+    rule = RULES["trend"](runs=horizons(3), directions={"distance": "falls"}, every_step=False)
     assert judged(rule, series("distance", 10.0, 11.0, 8.0)).verdict is REPRODUCED
 
 
@@ -290,9 +293,7 @@ def test_trend_between_the_ends_only() -> None:
     ("values", "expected"), [((3.0, 2.0, 1.0), NOT), ((3.0, 3.1, 1.0), REPRODUCED)]
 )
 def test_not_always(values: tuple[float, ...], expected: Verdict) -> None:
-    rule = RULES["not_always"](
-        runs=horizons(3), measures=("distance",), direction="falls"
-    )
+    rule = RULES["not_always"](runs=horizons(3), measures=("distance",), direction="falls")
     assert judged(rule, series("distance", *values)).verdict is expected
 
 
@@ -332,12 +333,8 @@ def test_levelling_off_counts_per_unit(values: tuple[float, ...], expected: Verd
 
 
 def test_spread_has_a_lower_or_an_upper_bound() -> None:
-    large = RULES["spread"](
-        groups={"a": horizons(2)}, measures=("distance",), at_least=0.05
-    )
-    small = RULES["spread"](
-        groups={"a": horizons(2)}, measures=("distance",), at_most=0.05
-    )
+    large = RULES["spread"](groups={"a": horizons(2)}, measures=("distance",), at_least=0.05)
+    small = RULES["spread"](groups={"a": horizons(2)}, measures=("distance",), at_most=0.05)
     for results, wide in (
         (series("distance", 1.0, 1.1), True),
         (series("distance", 1.0, 1.01), False),
@@ -461,9 +458,7 @@ def test_last_cell_falls_slower() -> None:
     ("after_c", "expected"), [(33.0, REPRODUCED), (30.2, SIGN_ONLY), (29.0, NOT)]
 )
 def test_demand_heats_the_pack(after_c: float, expected: Verdict) -> None:
-    rule = RULES["heats_in_demand"](
-        runs=("strategies/aging",), length_s=10.0, least_rise_k=1.0
-    )
+    rule = RULES["heats_in_demand"](runs=("strategies/aging",), length_s=10.0, least_rise_k=1.0)
     demand = np.zeros(40)
     demand[21:31] = 1e4
     values = np.interp(np.arange(40.0), [0.0, 20.0, 30.0, 39.0], [35.0, 30.0, after_c, 28.0])
@@ -511,6 +506,47 @@ def test_helpers_of_quantities() -> None:
     shown, means = thinned(trip(battery_power_w=np.arange(12.0)), np.arange(12.0), 4)
     assert shown.tolist() == [1.0, 4.0, 7.0, 10.0]
     assert means.tolist() == [1.0, 4.0, 7.0, 10.0]
+
+
+def test_cooling_pays_after_the_time_worked_out_by_hand() -> None:
+    """At constant power, without resistance and entropy, the derivatives have a closed form."""
+    parameters = load_parameters(
+        overrides={
+            "cell.nominal_resistance_ohm": 1e-5,
+            "cell.resistance_temperature_coefficient_1_k": 0.0,
+            "cell.entropic_coefficient_v_k": 0.0,
+        }
+    ).values
+    power_w, cop = 10_000.0, 2.0
+    trajectory = trip(battery_power_w=np.full(20, power_w))
+    record = replace(run("strategies/aging", {"mean_cop": cop}, trajectory), parameters=parameters)
+    found = cooling_payback(record, (50.0,))
+    assert found is not None
+    aging, cell, pack = parameters.aging, parameters.cell, parameters.pack
+    current = power_w / (pack.open_circuit_voltage_v * pack.parallel)
+    scale = aging.throughput_exponent * aging.gas_constant_j_mol_k * 303.15
+    rate = current / cell.nominal_capacity_ah
+    per_ampere = 1.0 / current + aging.compensation_factor_j_mol / (
+        cell.nominal_capacity_ah * scale
+    )
+    per_kelvin = (aging.activation_energy_j_mol - aging.compensation_factor_j_mol * rate) / (
+        scale * 303.15
+    )
+    per_watt = per_ampere / (pack.open_circuit_voltage_v * pack.parallel)
+    kelvin_per_joule = cop / (16 * 228 * cell.heat_capacity_j_k)
+    assert found.times_s[power_w] == pytest.approx(
+        per_watt / (per_kelvin * kelvin_per_joule), rel=1e-3
+    )
+    assert found.cooling_k_kj == pytest.approx(1e3 * kelvin_per_joule)
+    assert found.aging_per_kelvin == pytest.approx(per_kelvin, rel=1e-3)
+
+
+def test_cooling_that_never_ran_pays_never() -> None:
+    assert cooling_payback(run("strategies/aging", {}, trip()), (50.0,)) is None
+    assert share_while_braking(trip()) is None
+    power = np.array([0.0, 100.0, 300.0])
+    trajectory = trip(compressor_power_w=power, traction_power_w=np.array([0.0, 5.0, -5.0]))
+    assert share_while_braking(trajectory) == pytest.approx(0.75)
 
 
 def test_figures_in_words() -> None:
@@ -563,9 +599,7 @@ def paper_of(request: pytest.FixtureRequest) -> Callable[[Rule], PaperClaims]:
 def test_a_claim_without_its_runs_is_not_tested(
     paper_of: Callable[[Rule], PaperClaims],
 ) -> None:
-    rule = RULES["value_between"](
-        runs=horizons(2), measures=("distance",), lowest=0.0
-    )
+    rule = RULES["value_between"](runs=horizons(2), measures=("distance",), lowest=0.0)
     gap = Gap("prediction_horizon/1", "prediction_horizon", "failed: no solution")
     results = Results([run("prediction_horizon/0", {"distance": 1.0})], [gap])
     (entry,) = evaluate(paper_of(rule), results, {"the-claim": "never shown"})
@@ -580,9 +614,7 @@ def test_a_claim_without_its_runs_is_not_tested(
 def test_a_cause_is_shown_unless_the_claim_is_reproduced(
     paper_of: Callable[[Rule], PaperClaims],
 ) -> None:
-    rule = RULES["value_between"](
-        runs=horizons(1), measures=("distance",), lowest=1.0
-    )
+    rule = RULES["value_between"](runs=horizons(1), measures=("distance",), lowest=1.0)
     good, bad = series("distance", 2.0), series("distance", 0.0)
     (entry,) = evaluate(paper_of(rule), good, {"the-claim": "shown"})
     assert (entry.verdict, entry.cause) == (REPRODUCED, "")

@@ -7,7 +7,7 @@ from pathlib import Path
 from iptm_core.errors import StoreError
 from iptm_studies.campaign import Campaign
 from iptm_studies.report.causes import CAUSES_FILE, filled_in, load_causes
-from iptm_studies.report.chapters import compose
+from iptm_studies.report.chapters import compose, with_remarks
 from iptm_studies.report.claims import CLAIMS_FILE, load_claims
 from iptm_studies.report.document import Document
 from iptm_studies.report.evaluation import evaluate
@@ -52,10 +52,12 @@ def document_of(
     paper = load_claims(claims_file)
     causes = load_causes({claim.id for claim in paper.claims}, causes_file)
     results = gathered.results
-    texts = filled_in(causes, results, paper.printed, causes_file.name)
-    return compose(
-        results, paper, evaluate(paper, results, texts), gathered.provenance, gathered.command
+    reasons = filled_in(causes.claims, results, paper.printed, causes_file.name)
+    remarks = filled_in(causes.chapters, results, paper.printed, causes_file.name)
+    document = compose(
+        results, paper, evaluate(paper, results, reasons), gathered.provenance, gathered.command
     )
+    return with_remarks(document, remarks, causes_file.name)
 
 
 def write_report(document: Document, output_dir: Path) -> tuple[Path, ...]:

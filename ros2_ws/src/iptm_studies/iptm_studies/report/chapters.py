@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
+from iptm_core.errors import ScenarioError
 from iptm_studies.report.beyond_chapters import (
     omitted_chapter,
     optimum_chapter,
@@ -13,6 +15,7 @@ from iptm_studies.report.beyond_chapters import (
 from iptm_studies.report.document import Block, Cell, Document, Paragraph, Section, Table
 from iptm_studies.report.evaluation import EvaluatedClaim, by_group, tally
 from iptm_studies.report.gathering import Provenance
+from iptm_studies.report.naming import STRATEGY_NAMES
 from iptm_studies.report.paper import PaperClaims
 from iptm_studies.report.plots.trip_plots import HORIZONS_S
 from iptm_studies.report.runs import (
@@ -22,12 +25,14 @@ from iptm_studies.report.runs import (
     Results,
 )
 from iptm_studies.report.sections import Chapters
+from iptm_studies.report.tables.diagnosis_tables import cooling_table, payback_table
 from iptm_studies.report.tables.limit_tables import discretisation_table
 from iptm_studies.report.tables.paper_tables import (
     formulation_table,
     headline_table,
     omitted_parameter_table,
     parameter_table,
+    ranking_text,
     strategy_table,
 )
 from iptm_studies.report.tables.study_tables import run_table, weight_table
@@ -81,6 +86,29 @@ def compose(
     sections += chapters.unplaced()
     sections += [reliability_chapter(chapters, provenance)]
     return Document(TITLE, f"{paper.paper.authors}: {paper.paper.title}", tuple(sections))
+
+
+def with_remarks(document: Document, remarks: Mapping[str, str], file: str) -> Document:
+    """Put a remark at the beginning of each chapter that has one.
+
+    Raises:
+        ScenarioError: there is no chapter of that key.
+    """
+    unknown = set(remarks) - {section.key for section in document.sections}
+    if unknown:
+        raise ScenarioError(
+            f"{file}: there is no chapter {', '.join(sorted(unknown))}; there are "
+            f"{', '.join(section.key for section in document.sections)}"
+        )
+    return replace(
+        document,
+        sections=tuple(
+            replace(section, blocks=(Paragraph(remarks[section.key]), *section.blocks))
+            if section.key in remarks
+            else section
+            for section in document.sections
+        ),
+    )
 
 
 def _summary(chapters: Chapters, provenance: Provenance) -> Section:
@@ -170,6 +198,7 @@ def _strategies(chapters: Chapters) -> Section:
                 (REFERENCE_RUN, PROPOSED_RUN),
                 lambda: strategy_table(chapters.results, chapters.paper),
             ),
+            Paragraph(ranking_text(chapters.results)),
             chapters.picture("strategy_changes"),
             chapters.claims("Strategies"),
         ),
@@ -195,10 +224,30 @@ def _trip(chapters: Chapters) -> Section:
         "Temperature, degradation and spacing",
         (
             chapters.picture("temperature_comparison"),
+            _cooling(
+                chapters, "cooling-strategies", [f"strategies/{name}" for name in STRATEGY_NAMES]
+            ),
+            chapters.table(
+                "payback",
+                "How long cooling takes to pay",
+                (PROPOSED_RUN,),
+                lambda: payback_table(chapters.results[PROPOSED_RUN]),
+            ),
             chapters.picture("degradation_comparison"),
             chapters.picture("spacing"),
             chapters.claims("Temperature and spacing"),
         ),
+    )
+
+
+def _cooling(chapters: Chapters, key: str, addresses: Sequence[str]) -> Block:
+    """When the compressor runs, for those of the runs that are there."""
+    present = [address for address in addresses if address in chapters.results]
+    return chapters.table(
+        key,
+        "When the compressor runs",
+        () if present else addresses[:1],
+        lambda: cooling_table(chapters.results, key, present),
     )
 
 
@@ -229,6 +278,11 @@ def _horizon(chapters: Chapters) -> Section:
             _study_table(chapters, "prediction_horizon", REFERENCE_RUN, "Fig. 10", HORIZONS_S[0]),
             chapters.picture("prediction_horizon"),
             chapters.picture("horizon_temperatures"),
+            _cooling(
+                chapters,
+                "cooling-horizons",
+                [f"prediction_horizon/{horizon}" for horizon in HORIZONS_S],
+            ),
             chapters.claims("Prediction horizon"),
         ),
     )

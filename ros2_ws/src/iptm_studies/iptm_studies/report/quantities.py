@@ -96,6 +96,13 @@ def busiest_window(run: Trajectory, length_s: float, power_w: FloatArray | None 
     return Window(start, int(ends[inside][start]))
 
 
+def share_while_braking(run: Trajectory) -> float | None:
+    """Part of the compressor energy that is spent while traction feeds back; None without any."""
+    energy = run.compressor_power_w[1:] * run.intervals_s
+    whole = float(np.sum(energy))
+    return float(np.sum(energy[run.traction_power_w[1:] < 0.0])) / whole if whole > 0.0 else None
+
+
 def time_to_fall_s(times_s: FloatArray, values: FloatArray, share: float) -> float:
     """Time until a quantity has fallen by a share of the way from its start to its lowest value."""
     target = values[0] - share * (values[0] - np.min(values))

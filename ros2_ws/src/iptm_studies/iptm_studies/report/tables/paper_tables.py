@@ -12,6 +12,7 @@ from iptm_studies.report.measures import (
     change_text,
     relative_change,
 )
+from iptm_studies.report.naming import STRATEGY_NAMES
 from iptm_studies.report.paper import PaperClaims, ParameterTable
 from iptm_studies.report.runs import REFERENCE_RUN, Results
 from iptm_studies.report.tables.cells import DASH, figure_and_change, figure_cell, share_cell
@@ -240,3 +241,17 @@ def headline_table(results: Results, paper: PaperClaims) -> Table:
         tuple(rows),
         paper=headline.where,
     )
+
+
+def ranking_text(results: Results) -> str:
+    """The strategies in the order of a few figures, best first, in words."""
+    sentences = []
+    for key in ("total_degradation", "total_energy_printed", "cooling_energy", "inconsistency"):
+        found = {name: results.measure(f"strategies/{name}", key) for name in STRATEGY_NAMES}
+        known = {name: value for name, value in found.items() if value is not None}
+        order = ", ".join(
+            f"{STRATEGY_NAMES[name]} ({MEASURES[key].text(known[name])})"
+            for name in sorted(known, key=known.__getitem__)
+        )
+        sentences.append(f"{MEASURES[key].title}: {order}." if order else "")
+    return f"The strategies in order, lowest first. {' '.join(filter(None, sentences))}"
