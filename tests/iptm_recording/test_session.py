@@ -61,6 +61,28 @@ def test_messages_before_the_clock_are_kept_in_order(
     ]
 
 
+def test_first_clock_missed(session: RecordingSession, tmp_path: Path, encode: Encode) -> None:
+    """What belongs to the first tick is not logged in the second."""
+    state = session.channel("/state", TEMPERATURE, list)
+    scalar = session.channel("/scalar", FLOAT, list)
+    take_clock = session.channel("/clock", "rosgraph_msgs/msg/Clock", list)
+    scalar(encode(0.0))
+    state(clock(100 * S) + bytes(32))
+    scalar(encode(1.0))
+    state(clock(101 * S) + bytes(32))
+    take_clock(clock(101 * S))
+    scalar(encode(2.0))
+    session.close()
+    assert recorded(tmp_path) == [
+        ("/scalar", 100 * S),
+        ("/state", 100 * S),
+        ("/scalar", 100 * S),
+        ("/state", 101 * S),
+        ("/clock", 101 * S),
+        ("/scalar", 101 * S),
+    ]
+
+
 def test_without_any_clock_the_bag_is_written_in_wall_time(
     session: RecordingSession, tmp_path: Path, encode: Encode
 ) -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 # Time for the publishers to learn of the subscriptions made last.
-SETTLE_S = 0.1
+SETTLE_S = 0.3
 # Time in which the other topics of the suite begin to show up, if there are any.
 PATIENCE_ALONE_S = 2.0
 # Time in which an incomplete suite grows further, if it does: nodes may start slowly.
@@ -39,6 +39,11 @@ class Gate:
         """Tell whether a topic belongs to the gate."""
         return topic in self._gate_topics
 
+    @property
+    def is_running(self) -> bool:
+        """True once a message of a trip has arrived."""
+        return self._is_running
+
     def message_arrived(self) -> None:
         """Note that the trip runs already."""
         self._is_running = True
@@ -51,7 +56,7 @@ class Gate:
         Args:
             now_s: steady time.
             published: topics that have a publisher.
-            subscribed: topics the recorder is subscribed to.
+            subscribed: topics the recorder is subscribed to and receives from.
         """
         if self._is_running:
             return True

@@ -147,6 +147,7 @@ class RecorderNode(SuiteNode):
             "topics": len(self._session.message_counts),
             "held_messages": self._session.held_count,
             "subscriptions": self._topics.subscribed_count,
+            "subscriptions_matched": self._topics.matched_count,
             "awaited_topics": ", ".join(self._topics.awaited_topics),
         }
         level, reason = Level.OK, "recording" if is_recording else "waiting for data"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.definitions import message_definition
 from iptm_recording.qos import RecordedQos
-from iptm_recording.timeline import StampKind, Timeline, stamp_kind
+from iptm_recording.timeline import StampKind, Timeline, read_stamp_ns, stamp_kind
 
 # Messages kept in memory while simulated time has not begun; a graph without /clock reaches it.
 MAX_HELD_MESSAGES = 20_000
@@ -100,6 +100,8 @@ class RecordingSession:
 
     def _release(self) -> None:
         held, self._held = self._held, []
+        stamps = (read_stamp_ns(data) for channel, data in held if channel.kind is StampKind.HEADER)
+        self._timeline.begin_with(stamp for stamp in stamps if stamp is not None)
         for channel, data in held:
             times = self._timeline.times_ns(data, channel.kind)
             if times is not None:

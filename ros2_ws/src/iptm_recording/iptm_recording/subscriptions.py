@@ -19,6 +19,7 @@ from iptm_recording.qos_profiles import from_profile, to_profile
 from iptm_recording.selection import TopicSelection
 from iptm_recording.session import RecordingSession
 
+# In this order: the first clock is the one message of a run that can be done without.
 _GATE = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
 # Published before a trip starts, or whether one runs or not.
 _NOT_OF_A_TRIP = (Topic.SLOPE, Topic.DIAGNOSTICS)
@@ -71,8 +72,9 @@ class TopicSubscriber:
             name: TOPICS[topic].type_name for topic, name in names.items() if selection.takes(name)
         }
         self._outside_trip = {*(names[topic] for topic in _NOT_OF_A_TRIP), *_NODE_TOPICS}
+        self._gate_names = [names[topic] for topic in _GATE]
         self._gate = Gate(
-            gate_topics=[names[topic] for topic in _GATE],
+            gate_topics=self._gate_names,
             awaited=[name for name in self._suite if name != names[Topic.DIAGNOSTICS]],
         )
 
@@ -80,6 +82,11 @@ class TopicSubscriber:
     def subscribed_count(self) -> int:
         """Topics subscribed to."""
         return len(self._subscribed)
+
+    @property
+    def matched_count(self) -> int:
+        """Topics of which messages are sure to be received by now."""
+        return sum(map(self._is_matched, self._subscribed))
 
     @property
     def awaited_topics(self) -> list[str]:
@@ -92,7 +99,11 @@ class TopicSubscriber:
         for name, type_names in published.items():
             if not self._gate.holds(name):
                 self._subscribe_to(name, type_names)
-        if self._gate.is_open(time.monotonic(), published, self._subscribed):
+        if not any(self._gate.holds(name) for name in published):
+            return
+        known = [*published, *self._subscribed]
+        matched = [name for name in self._subscribed if self._is_matched(name)]
+        if self._gate.is_open(time.monotonic(), known, matched):
             self._pass_gate(published)
 
     def adapt(self) -> None:
@@ -120,9 +131,22 @@ class TopicSubscriber:
                 yield name, type_names
 
     def _pass_gate(self, published: dict[str, list[str]]) -> None:
-        for name, type_names in published.items():
-            if self._gate.holds(name) and name not in self._subscribed:
-                self._subscribe_to(name, type_names)
+        """Subscribe to the gate topics: one after the other, so that only the last one is a race.
+
+        The middleware announces a subscription a moment before it can receive. The plant needs to
+        see all gate topics subscribed; so each is sure to receive before the next is announced.
+        """
+        for name in self._gate_names:
+            if name in published:
+                self._subscribe_to(name, published[name])
+            is_sure = name not in self._subscribed or self._is_matched(name)
+            if not (is_sure or self._gate.is_running):
+                return
+
+    def _is_matched(self, name: str) -> bool:
+        """Tell whether the subscription to a topic receives, as far as this side can know."""
+        matched: int = self._subscribed[name].subscription.get_publisher_count()
+        return matched > 0
 
     def _subscribe_to(self, name: str, type_names: list[str]) -> None:
         if len(type_names) > 1:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 import struct
 import time
+from collections.abc import Iterable
 from enum import Enum
 
 CLOCK_TOPIC = "/clock"
@@ -88,6 +89,20 @@ class Timeline:
     def switch_to_wall_time(self) -> None:
         """Give up waiting for a clock."""
         self.source = TimeSource.WALL
+
+    def begin_with(self, stamps_ns: Iterable[int]) -> None:
+        """Set the time back to where messages that came before the first clock begin.
+
+        Should the very first clock have been missed, they are a tick older than the one that came.
+
+        Args:
+            stamps_ns: header stamps of these messages, in any order; stamps of other clocks are
+                passed over.
+        """
+        if self.source is TimeSource.SIMULATED and self._now_ns is not None:
+            now_ns = self._now_ns
+            plausible = [ns for ns in stamps_ns if now_ns - MAX_LEAD_NS <= ns <= now_ns]
+            self._now_ns = min(plausible, default=now_ns)
 
     def times_ns(self, data: bytes, kind: StampKind) -> tuple[int, int] | None:
         """Return log time and publication time of a message that has just been received.
