@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from iptm_bringup.evaluation import EvaluatedRun
 from iptm_bringup.preparation import PreparedScenario
@@ -112,7 +113,7 @@ def save_picture(path: Path, prepared: PreparedScenario, evaluated: EvaluatedRun
         figure.align_ylabels(all_axes)
         figure.suptitle(_headline(content), fontsize=13, fontweight="bold", x=0.01, ha="left")
         figure.supxlabel(_footer(content), fontsize=9, color="#555555", x=0.01, ha="left")
-        figure.savefig(path, metadata={"Software": "iptm"})
+        figure.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
 
 
 def _panels(content: _Content) -> list[tuple[_Draw, float]]:
@@ -268,6 +269,9 @@ def _solver(axes: Axes, content: _Content) -> None:
     axes.plot(solves.time_s, milliseconds, ".", ms=2.2, color=BLUE, label="time of a solve")
     if _has_positive(milliseconds):
         axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_locator(NullLocator())
     fallback = solves.time_s[rung > 0.0]
     if fallback.size:
         axes.plot(
