@@ -167,7 +167,7 @@ from iptm_controller.solvers.factory import SolverOptions
 from iptm_core.parameters import load_parameters
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
 state = VehicleState(100.0, 1000.0, 10.0, 1.5, 0.0, 308.0, 308.5, 1e-3, 1e-3)
-leader = LeaderState(100.0, 101000.0, 10.0)
+leader = LeaderState(100.0, 31000.0, 10.0)
 times = 100.0 + np.arange(61.0)
 preview = LeaderPreview(100.0, times, 1030.0 + 10.0 * (times - 100.0), np.full(61, 10.0))
 options = ControllerOptions(solver=SolverOptions(compile_code=False))
@@ -182,5 +182,5 @@ controller.decide(Measurements(state, leader, preview, SlopePreview(np.zeros(1),
     raises=subprocess.TimeoutExpired,
     reason="Fatrop never returns once an iterate is not a number, and iterates far out are not",
 )
-def test_a_leader_measured_a_hundred_kilometres_ahead_does_not_stall_the_solver() -> None:
+def test_a_leader_measured_thirty_kilometres_ahead_does_not_stall_the_solver() -> None:
     subprocess.run([sys.executable, "-c", HANG], timeout=60.0, check=True, capture_output=True)
