@@ -139,7 +139,8 @@ class _Start:
         if self._options.record:
             text = yaml.safe_dump(run_information(self._prepared, parameters), sort_keys=False)
             path = self._folder.write_log("run_information.yaml", text)
-            request = RecorderRequest(self._folder.output, path, self._options.compression)
+            # As the user wrote it: the recorder tells it in its diagnostics, which go into the bag.
+            request = RecorderRequest(self._options.output, path, self._options.compression)
             commands[RECORDER] = recorder_command(request, self._namespace)
         return commands
 
