@@ -1,0 +1,108 @@
+"""From the parameters of the node to a controller."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from iptm_controller.controller import ControllerOptions
+from iptm_controller.horizon import MULTI_HORIZON, Horizon
+from iptm_controller.ladder import LadderOptions
+from iptm_controller.node_parameters import FROM_STRATEGY, ControllerNodeParameters
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.errors import ParameterError
+from iptm_core.parameters.model import ModelParameters
+from iptm_interfaces.parameters import parameter_specs
+
+SMALL = ControllerNodeParameters(horizon="2x1", compile_code=False)
+
+
+def test_defaults_of_the_node_are_those_of_the_controller() -> None:
+    options = replace(SMALL, horizon=str(MULTI_HORIZON)).build_controller().options
+    expected = ControllerOptions()
+    assert options.strategy == expected.strategy == STRATEGIES["aging"]
+    assert options.horizon == expected.horizon == MULTI_HORIZON
+    assert options.ladder == expected.ladder
+    assert options.max_preview_age_s == expected.max_preview_age_s
+    assert options.tick_s == expected.tick_s
+    assert replace(options.solver, compile_code=True) == expected.solver
+
+
+def test_every_parameter_reaches_the_controller(parameters: ModelParameters) -> None:
+    controller = ControllerNodeParameters(
+        strategy="reference",
+        horizon="2x1+1x5",
+        solver="ipopt",
+        compile_code=False,
+        max_iterations=42,
+        deadline_ms=80.0,
+        tolerance=1e-4,
+        parameter_overrides="gap.max_gap_m=80, limits.max_jerk_m_s3=1.0",
+        period_s=0.5,
+        max_preview_age_s=3.0,
+        shifted_plan_ticks=7,
+        safe_law_ticks=9,
+    ).build_controller()
+    options = controller.options
+    assert options.strategy == STRATEGIES["reference"]
+    assert options.horizon == Horizon.parse("2x1+1x5")
+    assert (options.solver.name, options.solver.compile_code) == ("ipopt", False)
+    assert options.solver.budget.max_iterations == 42
+    assert options.solver.budget.deadline_s == pytest.approx(0.08)
+    assert options.solver.interior_point.tolerance == 1e-4
+    assert options.ladder == LadderOptions(7, 9)
+    assert options.max_preview_age_s == 3.0
+    assert options.tick_s == 0.5
+    assert controller.backend.name == "ipopt"
+    assert parameters.gap.max_gap_m != 80.0
+
+
+@pytest.mark.parametrize(
+    ("parameter", "term"),
+    [
+        ("speed_weight", "speed_weight"),
+        ("temperature_weight", "temperature_weight"),
+        ("energy_weight", "energy_weight_1_j"),
+        ("aging_weight", "aging_weight"),
+    ],
+)
+def test_single_weights_replace_those_of_the_strategy(parameter: str, term: str) -> None:
+    base = STRATEGIES["reference_energy_aging"]
+    for value in (0.0, 3.5):
+        changed = replace(SMALL, strategy=base.name, **{parameter: value})
+        strategy = changed.build_controller().options.strategy
+        assert strategy == replace(base, **{term: value})
+
+
+def test_all_weights_zero_is_refused() -> None:
+    with pytest.raises(ParameterError, match="every weight is zero"):
+        replace(SMALL, aging_weight=0.0).build_controller()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "complaint"),
+    [
+        ({"horizon": "3by1"}, "horizon '3by1' cannot be read"),
+        ({"horizon": "5x5+3x1"}, "must not shrink"),
+        ({"parameter_set": "no_such_set"}, "no_such_set"),
+        ({"parameter_overrides": "body.mas_kg=1600"}, "mas_kg"),
+        ({"parameter_overrides": "body.mass_kg=-1"}, "mass_kg"),
+        ({"parameter_overrides": "body.mass_kg"}, "overrides have the entry"),
+    ],
+)
+def test_what_cannot_be_built_is_named(wrong: dict[str, str], complaint: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        replace(SMALL, **wrong).build_controller()  # type: ignore[arg-type]
+    assert complaint in str(caught.value)
+
+
+def test_every_number_has_a_range_and_a_description() -> None:
+    for spec in parameter_specs(ControllerNodeParameters):
+        assert spec.description
+        if isinstance(spec.default, (int, float)) and not isinstance(spec.default, bool):
+            assert spec.minimum <= spec.default <= spec.maximum < float("inf"), spec.name
+    units = {"period_s": "s", "input_timeout_s": "s", "max_preview_age_s": "s", "deadline_ms": "ms"}
+    by_name = {spec.name: spec for spec in parameter_specs(ControllerNodeParameters)}
+    assert {name: by_name[name].unit for name in units} == units
+    assert by_name["speed_weight"].default == FROM_STRATEGY

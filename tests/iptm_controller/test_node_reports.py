@@ -1,0 +1,129 @@
+"""What the node says about a decision."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
+from iptm_controller.ladder import Rung
+from iptm_controller.node_reports import NO_SOLVE, plan_trajectory, situation, solve_report
+from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.result import SolveStatus
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import LeaderPreview
+from iptm_interfaces.codecs import (
+    decode_plan,
+    decode_solve_report,
+    encode_plan,
+    encode_solve_report,
+)
+from iptm_interfaces.diagnostics import Level
+
+EMPTY = LeaderPreview(-math.inf, np.empty(0), np.empty(0), np.empty(0))
+
+
+@pytest.fixture
+def controller(
+    parameters: ModelParameters, plain_solver: Callable[..., SolverBackend]
+) -> Controller:
+    return Controller(parameters, ControllerOptions(), plain_solver("3x1+5x5", compile_code=False))
+
+
+@pytest.fixture
+def good(controller: Controller, make_scene: Callable[..., Measurements]) -> Decision:
+    return controller.decide(make_scene())
+
+
+def test_report_of_a_good_day(good: Decision) -> None:
+    report = solve_report(good)
+    assert good.result is not None
+    assert report.status_code == SolveStatus.SOLVED
+    assert report.iterations == good.result.iterations
+    assert report.objective == good.result.objective
+    assert report.solve_time_s == good.result.time_s
+    assert report.fallback_rung == Rung.OPTIMAL
+    assert not report.limiter_active
+    assert report.preview_age_s == 0.0
+    assert report.gap_slack_m == pytest.approx(0.0, abs=1e-5)
+
+
+def test_report_without_a_solve(
+    controller: Controller, make_scene: Callable[..., Measurements]
+) -> None:
+    report = solve_report(controller.decide(replace(make_scene(), leader=None)))
+    assert report.status_code == NO_SOLVE
+    assert report.iterations == 0
+    assert report.fallback_rung == Rung.STOP
+    for value in (report.objective, report.gap_slack_m, report.solve_time_s, report.preview_age_s):
+        assert math.isnan(value)
+
+
+@pytest.mark.parametrize("change", [{}, {"leader": None}, {"state": None}, {"preview": EMPTY}])
+def test_every_report_travels(
+    controller: Controller, make_scene: Callable[..., Measurements], change: dict[str, object]
+) -> None:
+    measured = replace(make_scene(), **change)  # type: ignore[arg-type]
+    report = solve_report(controller.decide(measured))
+    stamp_ns, again = decode_solve_report(encode_solve_report(100_000_000_000, report))
+    assert stamp_ns == 100_000_000_000
+    assert repr(again) == repr(report)  # by text, as NaN does not equal itself
+
+
+def test_plan_travels_with_its_node_times(good: Decision) -> None:
+    assert good.plan is not None
+    trajectory = plan_trajectory(good.plan)
+    assert trajectory.times_s.tolist() == [100.0, 101, 102, 103, 108, 113, 118, 123, 128]
+    assert trajectory.positions_m[0] == pytest.approx(1000.0)
+    np.testing.assert_array_equal(trajectory.accelerations_m_s2[:-1], good.plan.inputs[:, 0])
+    assert trajectory.accelerations_m_s2[-1] == trajectory.accelerations_m_s2[-2]
+    assert trajectory.compressor_powers_w[-1] == trajectory.compressor_powers_w[-2]
+    _, again = decode_plan(encode_plan(trajectory, 100_000_000_000))
+    for name, values in vars(trajectory).items():
+        np.testing.assert_allclose(getattr(again, name), values, atol=1e-9)
+
+
+def test_nothing_yet_is_no_fault() -> None:
+    assert situation(None, road_known=False, road_fault="")[0] is Level.OK
+
+
+def test_severity_follows_the_rung(good: Decision) -> None:
+    levels = {
+        rung: situation(replace(good, rung=rung), road_known=True, road_fault="")[0]
+        for rung in Rung
+    }
+    assert levels == {
+        Rung.OPTIMAL: Level.OK,
+        Rung.SHIFTED_PLAN: Level.WARN,
+        Rung.SAFE_LAW: Level.ERROR,
+        Rung.STOP: Level.ERROR,
+    }
+
+
+def test_an_early_stop_a_bad_preview_and_a_bad_road_are_warnings(good: Decision) -> None:
+    assert good.result is not None
+    assert good.forecast is not None
+    early = replace(good, result=replace(good.result, status=SolveStatus.FEASIBLE))
+    assert situation(early, road_known=True, road_fault="")[0] is Level.WARN
+    seen = set()
+    for quality in range(1, 5):
+        poor = replace(good, forecast=replace(good.forecast, quality=type(
+            good.forecast.quality)(quality)))  # fmt: skip
+        level, reason = situation(poor, road_known=True, road_fault="")
+        assert level is (Level.OK if quality == 1 else Level.WARN)
+        seen.add(reason)
+    assert len(seen) == 4
+    assert situation(good, road_known=False, road_fault="")[0] is Level.WARN
+    assert situation(good, road_known=True, road_fault="wrong layout")[0] is Level.WARN
+    assert situation(good, road_known=True, road_fault="") == (Level.OK, "optimal plans")
+
+
+def test_reasons_carry_no_numbers(good: Decision) -> None:
+    """They are compared to tell a change of the situation; numbers would change every tick."""
+    for rung in Rung:
+        _, reason = situation(replace(good, rung=rung), road_known=True, road_fault="")
+        assert not any(character.isdigit() for character in reason)
