@@ -1,0 +1,52 @@
+"""The committed example bags stay readable, and their figures stay what they were."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from iptm_bringup.preparation import prepare
+from iptm_bringup.scenario_files import scenario_from
+from iptm_core.metrics import compute_metrics, metric_rows
+from iptm_core.parameters.strict_yaml import parse_yaml
+from iptm_interfaces.topics import TOPICS
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.run_parameters import read_model_parameters
+from iptm_recording.trajectory_reader import read_trajectory
+
+BAGS = Path(__file__).resolve().parents[2] / "bags"
+EXAMPLES = sorted(BAGS.glob("example_*"))
+LARGEST_BYTES = 1_000_000
+
+
+def test_there_is_an_example() -> None:
+    assert EXAMPLES
+
+
+@pytest.mark.parametrize("bag", EXAMPLES, ids=lambda path: path.name)
+def test_figures_of_an_example_are_reproduced_from_its_bag(bag: Path) -> None:
+    results = json.loads((bag / "results.json").read_text(encoding="utf-8"))
+    parameters, is_stored = read_model_parameters(bag)
+    assert is_stored
+    rows = metric_rows(compute_metrics(read_trajectory(bag), parameters))
+    assert [row.key for row in rows] == [row["key"] for row in results["rows"]]
+    for row, stored in zip(rows, results["rows"], strict=True):
+        assert row.value == pytest.approx(stored["value"], rel=1e-9, abs=1e-9), row.key
+    assert results["good"] is True
+
+
+@pytest.mark.parametrize("bag", EXAMPLES, ids=lambda path: path.name)
+def test_an_example_is_small_and_complete(bag: Path) -> None:
+    assert sum(path.stat().st_size for path in bag.rglob("*")) < LARGEST_BYTES
+    with BagReader(bag) as reader:
+        types = {name: topic.type_name for name, topic in reader.topics.items()}
+        information = reader.run_information()
+    for spec in TOPICS.values():
+        name = spec.name if spec.name.startswith("/") else f"/{spec.name}"
+        assert types[name] == spec.type_name
+    # The scenario in the bag is enough to drive it again.
+    content = parse_yaml(information.extra["scenario_file"], "scenario in the bag")
+    again = prepare(scenario_from(content, "bag", information.scenario, bag))
+    assert again.model.values == read_model_parameters(bag)[0]
