@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iptm_bringup.monitor import messages_by_stamp
 from iptm_core.errors import MessageError
@@ -135,7 +136,7 @@ def run_differences(live: LiveRun, trajectory: Trajectory, solves: SolveSeries) 
     return differences
 
 
-def _difference(name: str, heard: np.ndarray, recorded: np.ndarray) -> str:
+def _difference(name: str, heard: NDArray[Any], recorded: NDArray[Any]) -> str:
     if heard.size != recorded.size:
         return f"{name}: heard {heard.size} values, the bag holds {recorded.size}"
     equal = (heard == recorded) | (np.isnan(heard) & np.isnan(recorded))

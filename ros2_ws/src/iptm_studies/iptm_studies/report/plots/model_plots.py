@@ -55,7 +55,8 @@ def draw_aging_map(results: Results, paper: PaperClaims) -> Figure:  # noqa: ARG
 def draw_driving_cycle(results: Results, paper: PaperClaims) -> Figure:  # noqa: ARG001
     """Speed of the leader and the slope where it drives, over time."""
     route = results[REFERENCE_RUN].route
-    times = np.arange(0.0, route.duration_s + 0.5, max(1.0, round(route.duration_s / 5000.0)))
+    step_s = max(1.0, round(route.duration_s / 5000.0))
+    times = np.arange(0.0, route.duration_s + 0.5, step_s, dtype=np.float64)
     figure, (top, bottom) = new_figure(3.6, 2, 1, sharex=True, height_ratios=[2, 1])
     top.plot(times, _M_S_IN_KM_H * route.leader.speeds_at(times), color="#333333", linewidth=0.7)
     labelled(top, "", "speed [km/h]")
