@@ -314,6 +314,7 @@ def test_a_partial_store_says_what_is_missing(partial: Document) -> None:
     assert horizon.command == "scripts/reproduce run prediction_horizon"
     page = render_html(partial)
     assert "This report is incomplete" in page
+    assert "do not all drive the whole comprehensive cycle" in page
     assert horizon.reason in page
     assert "> **" in render_markdown(partial, "pictures")
     verdicts = {
@@ -366,8 +367,8 @@ def test_unwritable_folder_is_one_clear_error(partial: Document, tmp_path: Path)
 
 
 def test_blocks_of_markdown_are_parted() -> None:
-    text = "# head\ntext\n| a |\n|---|\n\n| b |\n- one\n- two\ntext"
-    assert spaced(text) == "# head\n\ntext\n\n| a |\n|---|\n| b |\n\n- one\n- two\n\ntext\n"
+    text = "# head\ntext\n| a |\n|---|\n\n| b |\n- one\n- two\n> c\n> d"
+    assert spaced(text) == "# head\n\ntext\n\n| a |\n|---|\n| b |\n\n- one\n- two\n\n> c\n\n> d\n"
 
 
 def test_ragged_tables_are_refused(full: Document) -> None:

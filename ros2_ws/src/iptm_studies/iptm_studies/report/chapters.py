@@ -121,6 +121,14 @@ def _summary(chapters: Chapters, provenance: Provenance) -> Section:
         _verdict_table(chapters.evaluated),
         Paragraph(_RULES_TEXT),
     ]
+    if not provenance.whole_cycle:
+        blocks.insert(
+            1,
+            Paragraph(
+                "The runs do not all drive the whole comprehensive cycle. What is printed holds for "
+                "that cycle, so that verdicts on numbers mean little here."
+            ),
+        )
     if results.gaps:
         names = dict.fromkeys(gap.study for gap in results.gaps)
         blocks.append(

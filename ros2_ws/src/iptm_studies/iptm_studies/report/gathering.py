@@ -16,6 +16,7 @@ from iptm_studies.stored_run import RunRecord
 from iptm_studies.study import SMALL
 
 COMMAND = "scripts/reproduce run"
+_CYCLE = "comprehensive"
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class Provenance:
 
     Attributes:
         trip: what the runs of the tables drive, in words.
+        whole_cycle: whether that is the whole comprehensive cycle, as in the paper.
         runs: number of different runs.
         cases: number of cases that they stand for.
         revisions: number of runs by commit of the source.
@@ -35,6 +37,7 @@ class Provenance:
     """
 
     trip: str
+    whole_cycle: bool
     runs: int
     cases: int
     revisions: dict[str, int]
@@ -97,7 +100,12 @@ def gather(store: ResultStore, campaign: Campaign) -> Gathered:
     )
     return Gathered(
         Results(runs, gaps),
-        _provenance(trips.most_common(1)[0][0], len(runs), records),
+        _provenance(
+            trips.most_common(1)[0][0],
+            all(_drives_whole_cycle(state) for state in states if state.summary is not None),
+            len(runs),
+            records,
+        ),
         _command(campaign),
     )
 
@@ -138,11 +146,22 @@ def _run(store: ResultStore, state: CaseState) -> ReportRun:
     )
 
 
-def _provenance(trip: str, cases: int, records: list[RunRecord]) -> Provenance:
+def _drives_whole_cycle(state: CaseState) -> bool:
+    spec = state.spec
+    return spec is not None and spec.cycle == _CYCLE and spec.duration_s is None
+
+
+def _provenance(
+    trip: str,
+    whole_cycle: bool,  # noqa: FBT001
+    cases: int,
+    records: list[RunRecord],
+) -> Provenance:
     names = dict.fromkeys(name for record in records for name in record.versions)
     ends = sorted(record.finished_at_utc for record in records)
     return Provenance(
         trip=trip,
+        whole_cycle=whole_cycle,
         runs=len(records),
         cases=cases,
         revisions=dict(Counter(record.git_revision for record in records)),

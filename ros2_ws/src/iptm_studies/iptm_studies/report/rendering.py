@@ -21,8 +21,8 @@ _SYMBOLS = {
 }
 LEGEND = "Marks: " + ", ".join(f"{symbol} {verdict.value}" for verdict, symbol in _SYMBOLS.items())
 _NUMBER = re.compile(r"[+\-−]?[\d. ]+(?: %)?(?: \(.*\))?|–")
-_RUNS = "|->"
-"""First characters of lines that form one block: table rows, list entries, quotes."""
+_RUNS = "|-"
+"""First characters of lines that form one block: table rows and list entries."""
 
 
 def render_html(document: Document) -> str:
