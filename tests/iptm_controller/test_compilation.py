@@ -56,7 +56,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
             commands.append(command)
         return original(command, **options)
 
-    monkeypatch.setattr(compilation.subprocess, "run", run)
+    monkeypatch.setattr(subprocess, "run", run)
     return commands
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -70,9 +71,10 @@ def test_every_parameter_reaches_the_controller(parameters: ModelParameters) -> 
 def test_single_weights_replace_those_of_the_strategy(parameter: str, term: str) -> None:
     base = STRATEGIES["reference_energy_aging"]
     for value in (0.0, 3.5):
-        changed = replace(SMALL, strategy=base.name, **{parameter: value})
-        strategy = changed.build_controller().options.strategy
-        assert strategy == replace(base, **{term: value})
+        changes: dict[str, Any] = {"strategy": base.name, parameter: value}
+        strategy = replace(SMALL, **changes).build_controller().options.strategy
+        expected: dict[str, Any] = {term: value}
+        assert strategy == replace(base, **expected)
 
 
 def test_all_weights_zero_is_refused() -> None:
@@ -91,9 +93,9 @@ def test_all_weights_zero_is_refused() -> None:
         ({"parameter_overrides": "body.mass_kg"}, "overrides have the entry"),
     ],
 )
-def test_what_cannot_be_built_is_named(wrong: dict[str, str], complaint: str) -> None:
+def test_what_cannot_be_built_is_named(wrong: dict[str, Any], complaint: str) -> None:
     with pytest.raises(ParameterError) as caught:
-        replace(SMALL, **wrong).build_controller()  # type: ignore[arg-type]
+        replace(SMALL, **wrong).build_controller()
     assert complaint in str(caught.value)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -44,8 +45,9 @@ def point(
     return guess + rng.uniform(-0.3, 0.3, guess.size), data.parameters
 
 
-def numbers(function: ca.Function, *arguments: object) -> FloatArray:
-    values: FloatArray = function(*arguments).full()
+def numbers(function: ca.Function, *arguments: Any) -> FloatArray:
+    answer: ca.DM = function.call(list(arguments))[0]
+    values: FloatArray = answer.full()
     return values
 
 
