@@ -224,7 +224,7 @@ def _temperature(axes: Axes, content: _Content) -> None:
     low, high = axes.get_ylim()
     lacking = max(0.0, _LEAST_TEMPERATURE_SPAN_K - (high - low))
     low, high = low - 0.5 * lacking, high + 0.5 * lacking
-    axes.set_ylim(low, high)
+    axes.set_ylim(low, high + 0.06 * (high - low))  # room for the name of a limit
     for limit_k in (limits.min_temperature_k, limits.max_temperature_k):
         limit_c = limit_k - CELSIUS_ZERO_K
         if low < limit_c < high:
