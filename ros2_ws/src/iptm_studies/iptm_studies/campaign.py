@@ -130,15 +130,17 @@ class Campaign:
     def run_estimates(self) -> dict[str, RunInputs]:
         """Runs that cases which wait for others are going to add, by address.
 
-        The strategy in them is that of the first candidate. Cases that only repeat one of their
-        candidates add nothing and are left out.
+        The strategy in them is that of the first candidate. Cases that only repeat a run that is
+        planned anyway, such as one of their candidates, add nothing and are left out.
         """
         estimates: dict[str, RunInputs] = {}
+        known = set(self._runs)
         for address, case in self._waiting.items():
-            candidates = self._candidates[address]
-            first = next(iter(candidates.values()))
+            first = next(iter(self._candidates[address].values()))
             inputs = resolve_inputs(case.spec.with_strategy(first.strategy))
-            if run_key(inputs) not in candidates:
+            key = run_key(inputs)
+            if key not in known:
+                known.add(key)
                 estimates[address] = inputs
         return estimates
 

@@ -15,9 +15,11 @@ from iptm_core.errors import ScenarioError
 
 CONNECT_TIMEOUT_S = 30.0
 MAX_WORKERS = 1024
-_SETTINGS = {
+SETTINGS = {
     # A run that takes its worker down would do so again.
     "distributed.scheduler.allowed-failures": 0,
+    # On a busy machine a worker that died takes its time to come back.
+    "distributed.deploy.lost-worker-timeout": "10 minutes",
     # Runs hold the interpreter for seconds; that is no news.
     "distributed.admin.tick.limit": "1 hour",
     "distributed.comm.timeouts.connect": f"{CONNECT_TIMEOUT_S:g}s",
@@ -51,7 +53,7 @@ def connected(options: ClusterOptions) -> Iterator[Client]:
         ScenarioError: nobody answers at the address of the scheduler.
     """
     logging.getLogger("distributed").setLevel(logging.ERROR)
-    with dask.config.set(_SETTINGS):
+    with dask.config.set(SETTINGS):
         if options.scheduler:
             with _existing(options.scheduler) as client:
                 yield client
@@ -62,7 +64,7 @@ def connected(options: ClusterOptions) -> Iterator[Client]:
                 threads_per_worker=1,
                 processes=True,
                 host="127.0.0.1",
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",
                 memory_limit=0,
                 silence_logs=logging.CRITICAL,
             ) as cluster,
@@ -79,9 +81,9 @@ def available_cores() -> int:
 
 
 def worker_threads(client: Client) -> int:
-    """Runs that the cluster performs at the same time."""
+    """Runs that the cluster performs at the same time; 0 while it has no workers."""
     threads: dict[str, int] = client.nthreads()
-    return max(1, sum(threads.values()))
+    return sum(threads.values())
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from distributed import Client, Future, KilledWorker
 
-from iptm_core.errors import IptmError
+from iptm_core.errors import IptmError, ScenarioError
 from iptm_studies.campaign import Campaign, PlannedRun
 from iptm_studies.cluster import ClusterOptions, connected, worker_threads
 from iptm_studies.expected_time import ExpectedTimes
@@ -22,9 +22,8 @@ from iptm_studies.store import ResultStore
 from iptm_studies.stored_run import StoredRun, stored_run
 from iptm_studies.worker import STALL_TOPIC, work
 
-IN_FLIGHT_PER_WORKER = 2
-"""One run that a worker performs and one that waits there, so that no worker idles."""
 REFRESH_S = 5.0
+WAIT_FOR_WORKERS_S = 300.0
 
 Perform = Callable[..., FinishedRun]
 
@@ -162,9 +161,17 @@ class _Work:
 
     def run(self, client: Client) -> None:
         """Keep the workers busy until nothing is left."""
+        seen = time.monotonic()
         while self.pending or self._flying:
-            self._fill(client)
-            self._observer.remaining(self._remaining_s(worker_threads(client)))
+            workers = worker_threads(client)
+            if workers:
+                seen = time.monotonic()
+                self._fill(client, workers)
+                self._observer.remaining(self._remaining_s(workers))
+            elif time.monotonic() - seen > WAIT_FOR_WORKERS_S:
+                raise ScenarioError(
+                    f"the cluster has had no worker for {WAIT_FOR_WORKERS_S:g} s; at least one is needed"
+                )
             try:
                 future = self._completed.get(timeout=REFRESH_S)
             except queue.Empty:
@@ -175,8 +182,9 @@ class _Work:
             self.admit()
         self._observer.remaining(0.0)
 
-    def _fill(self, client: Client) -> None:
-        places = IN_FLIGHT_PER_WORKER * worker_threads(client)
+    def _fill(self, client: Client, places: int) -> None:
+        # No more than can be performed at once: a run that waits on a worker would die with it, and it
+        # would not be the longest one left when its turn comes.
         while self.pending and len(self._flying) < places:
             minus_expected_s, order, run = heapq.heappop(self.pending)
             future = client.submit(

@@ -1,0 +1,177 @@
+"""The books of a campaign: each run once, and strategies taken from finished runs."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from iptm_core.errors import ScenarioError
+from iptm_studies.campaign import Campaign, CaseState, plan_campaign
+from iptm_studies.run_inputs import RunInputs
+from iptm_studies.stored_run import StoredRun
+from iptm_studies.study_loading import read_study
+from iptm_studies.summary import RunSummary
+
+MakeRun = Callable[..., StoredRun]
+WriteFile = Callable[..., Path]
+
+WEIGHTS = """
+title: Weights
+defaults: {cycle: us06, duration_s: 5, horizon: 3x1+5x5}
+cases:
+  - name: "{number}"
+    for_each:
+      - - labels: {group: a, number: 1}
+          run: {strategy: {base: energy_aging, aging_weight: 1.0e7}}
+        - labels: {group: a, number: 2}
+          run: {strategy: {base: energy_aging, aging_weight: 2.0e7}}
+        - labels: {group: a, number: 3}
+          run: {strategy: {base: energy_aging, aging_weight: 2.0e7}}
+        - labels: {group: b, number: 4}
+          run: {strategy: aging}
+"""
+
+TABLE = """
+title: Table
+defaults: {cycle: us06, duration_s: 5, horizon: 3x1+5x5}
+cases:
+  - name: best
+    run: {strategy: {best_of: {study: weights, labels: {group: a}}}}
+  - name: best_without_preview
+    run:
+      strategy: {best_of: {study: weights, labels: {group: a}}}
+      preview: {mode: none}
+  - name: aging
+    run: {strategy: aging}
+"""
+
+
+@pytest.fixture
+def campaign(study_file: WriteFile) -> Campaign:
+    weights = read_study(study_file(WEIGHTS, "weights.yaml"))
+    return Campaign([read_study(study_file(TABLE, "table.yaml"))], [weights])
+
+
+@pytest.fixture
+def summary_of(stored: MakeRun) -> Callable[[RunInputs, float], RunSummary]:
+    return lambda inputs, factor: stored(inputs, factor).summary
+
+
+def states(campaign: Campaign) -> dict[str, CaseState]:
+    return {state.address: state for state in campaign.cases()}
+
+
+def test_each_run_once(campaign: Campaign) -> None:
+    runs = campaign.take()
+    # Two different weights of group a, and aging, which group b does not add as nobody asked for it.
+    assert len(runs) == 3
+    assert [run.address for run in runs] == ["weights/1", "weights/2", "table/aging"]
+    assert campaign.take() == ()
+    assert campaign.unfinished == 3
+
+
+def test_the_best_weights_are_taken(
+    campaign: Campaign, summary_of: Callable[[RunInputs, float], RunSummary]
+) -> None:
+    first, second, aging = campaign.take()
+    assert list(campaign.run_estimates()) == ["table/best_without_preview"]
+    campaign.finish(aging.key, summary_of(aging.inputs, 1.0))
+    campaign.finish(first.key, summary_of(first.inputs, 3.0))
+    assert campaign.take() == ()
+    assert states(campaign)["table/best"].key is None
+    assert "waits" in states(campaign)["table/best"].reason
+    campaign.finish(second.key, summary_of(second.inputs, 2.0))
+    (new,) = campaign.take()
+    assert new.address == "table/best_without_preview"
+    assert new.inputs.spec.strategy.aging_weight == 2e7
+    assert new.inputs.spec.preview.mode == "none"
+    found = states(campaign)
+    assert found["table/best"].key == second.key, "the best run itself, not computed again"
+    assert found["table/best"].reason == ""
+    assert found["table/best"].summary is not None
+    assert found["table/best_without_preview"].reason == "not computed"
+    assert campaign.unfinished == 1
+    assert campaign.run_estimates() == {}
+
+
+def test_a_failed_candidate_is_passed_over(
+    campaign: Campaign, summary_of: Callable[[RunInputs, float], RunSummary]
+) -> None:
+    first, second, _ = campaign.take()
+    campaign.fail(second.key, "broke off")
+    campaign.finish(first.key, summary_of(first.inputs, 3.0))
+    (new,) = campaign.take()
+    assert new.inputs.spec.strategy.aging_weight == 1e7
+    assert list(campaign.failures.values()) == ["broke off"]
+
+
+def test_without_any_candidate_the_case_is_left_out(campaign: Campaign) -> None:
+    first, second, _ = campaign.take()
+    campaign.fail(first.key, "a")
+    campaign.fail(second.key, "b")
+    assert campaign.take() == ()
+    assert set(campaign.hopeless) == {"table/best", "table/best_without_preview"}
+    assert "failed" in states(campaign)["table/best"].reason
+
+
+def test_runs_that_break_hard_limits_come_last(
+    campaign: Campaign, stored: MakeRun, summary_of: Callable[[RunInputs, float], RunSummary]
+) -> None:
+    first, second, _ = campaign.take()
+    broken = stored(first.inputs, 0.1)
+    columns = broken.trajectory.to_arrays()
+    columns["leader_position_m"] = columns["position_m"] - 1.0
+    crashed = replace(broken, trajectory=type(broken.trajectory).from_arrays(columns))
+    campaign.finish(first.key, crashed.summary)
+    campaign.finish(second.key, summary_of(second.inputs, 2.0))
+    (new,) = campaign.take()
+    assert new.inputs.spec.strategy.aging_weight == 2e7
+
+
+def test_an_unknown_figure_to_choose_by(
+    study_file: WriteFile, summary_of: Callable[[RunInputs, float], RunSummary]
+) -> None:
+    table = TABLE.replace("labels: {group: a}}", "labels: {group: a}, lowest: beauty}")
+    campaign = Campaign(
+        [read_study(study_file(table, "table.yaml"))],
+        [read_study(study_file(WEIGHTS, "weights.yaml"))],
+    )
+    first, second, _ = campaign.take()
+    campaign.finish(first.key, summary_of(first.inputs, 1.0))
+    with pytest.raises(ScenarioError, match="no figure 'beauty'"):
+        campaign.finish(second.key, summary_of(second.inputs, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("table", "complaint"),
+    [
+        (TABLE.replace("study: weights", "study: heights"), "unknown study 'heights'"),
+        (TABLE.replace("group: a", "group: z"), "allowed are labels of cases"),
+        (
+            TABLE.replace("study: weights, labels: {group: a}", "study: table"),
+            "state their strategy",
+        ),
+        (TABLE.replace("cycle: us06", "cycle: us07"), "table/best: unknown driving cycle"),
+        (
+            TABLE.replace("mode: none", "mode: none}\n      overrides: {a.b: 1"),
+            "unknown parameter 'a.b'",
+        ),
+    ],
+)
+def test_what_cannot_be_planned_is_refused_at_once(
+    study_file: WriteFile, table: str, complaint: str
+) -> None:
+    weights = read_study(study_file(WEIGHTS, "weights.yaml"))
+    study = read_study(study_file(table, "table.yaml"))
+    with pytest.raises(ScenarioError, match=complaint):
+        Campaign([study], [weights])
+
+
+def test_studies_bring_those_they_depend_on(study_file: WriteFile) -> None:
+    campaign = plan_campaign(["strategies"])
+    assert [study.name for study in campaign.studies] == ["strategies"]
+    # Sixteen weights, one of them printed twice, and the two strategies without weights.
+    assert len(campaign.keys) == 17
+    with pytest.raises(ScenarioError, match="no study 'weights'"):
+        plan_campaign([study_file(TABLE, "table.yaml")])

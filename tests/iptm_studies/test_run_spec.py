@@ -1,0 +1,101 @@
+"""Specifications: checked, canonical, and readable again."""
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.errors import IptmError, ScenarioError
+from iptm_studies.run_spec import PreviewSpec, RunKind, RunSpec, SolverSpec
+from iptm_v2x_bridge.bridge import PreviewMode
+
+VARIED = RunSpec(
+    kind=RunKind.WHOLE_TRIP,
+    cycle="wltc_class3b",
+    slope="large",
+    duration_s=12.0,
+    parameter_set="textbook_cell",
+    overrides=(("gap.max_gap_m", 80.0), ("body.mass_kg", 1500.0)),
+    strategy=STRATEGIES["energy_aging"],
+    horizon="3x1+5x5",
+    solver=SolverSpec("ipopt", 1e-6, 99),
+    preview=PreviewSpec(noise_std_m_s=1.0, latency_s=2.0, seed=7),
+    tick_s=0.5,
+    plant_step_s=0.1,
+)
+
+
+@pytest.mark.parametrize("spec", [RunSpec(), VARIED])
+def test_json_gives_the_specification_back(spec: RunSpec) -> None:
+    assert RunSpec.from_dict(json.loads(spec.to_json())) == spec
+
+
+def test_equal_runs_have_equal_text() -> None:
+    swapped = replace(VARIED, overrides=VARIED.overrides[::-1], horizon="3 x 1.0 s + 5x5")
+    assert swapped == VARIED
+    assert swapped.to_json() == VARIED.to_json()
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"horizon": "15"}, "'15' cannot be read"),
+        ({"horizon": "3x5+5x1"}, "must not shrink"),
+        ({"tick_s": 0.0}, "tick_s is 0"),
+        ({"tick_s": float("nan")}, "tick_s is nan"),
+        ({"plant_step_s": -1.0}, "plant_step_s is -1"),
+        ({"duration_s": 0.5}, "duration_s is 0.5"),
+        ({"duration_s": float("inf")}, "duration_s is inf"),
+        ({"preview": PreviewSpec(mode="some")}, "'some'; allowed are full, none"),
+        ({"preview": PreviewSpec(dropout_probability=1.5)}, "dropout_probability is 1.5"),
+    ],
+)
+def test_bad_values_are_refused(changes: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(IptmError, match=complaint):
+        RunSpec(**changes)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("simplex",), "'simplex' is unknown; allowed are fatrop"),
+        (("fatrop", 0.0), "tolerance is 0"),
+        (("fatrop", 1e-5, 0), "max_iterations is 0"),
+    ],
+)
+def test_bad_solvers_are_refused(arguments: tuple[Any, ...], complaint: str) -> None:
+    with pytest.raises(ScenarioError, match=complaint):
+        SolverSpec(*arguments)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {},
+        {**RunSpec().to_dict(), "colour": "red"},
+        {**RunSpec().to_dict(), "kind": "half_trip"},
+        {**RunSpec().to_dict(), "overrides": 5},
+        {**RunSpec().to_dict(), "solver": {"brand": "x"}},
+    ],
+)
+def test_foreign_content_is_refused(content: dict[str, Any]) -> None:
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        RunSpec.from_dict(content)
+
+
+def test_preview_covers_the_horizon_and_its_own_age() -> None:
+    assert PreviewSpec().reach_s(15.0) == 60.0
+    assert PreviewSpec(latency_s=4.0).reach_s(183.0) == 217.0
+    assert PreviewSpec(length_s=20.0).reach_s(183.0) == 20.0
+    settings = RunSpec(horizon="3x1+12x15", preview=PreviewSpec(mode="none")).bridge_settings()
+    assert settings.mode is PreviewMode.NONE
+    assert settings.grid.length_s == 213.0
+
+
+def test_description_names_what_is_unusual() -> None:
+    assert RunSpec().describe() == "comprehensive, 15x1, aging"
+    text = VARIED.describe()
+    for part in ("12 s", "whole trip", "textbook_cell", "gap.max_gap_m=80", "latency_s=2.0"):
+        assert part in text

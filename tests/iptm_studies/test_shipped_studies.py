@@ -1,0 +1,132 @@
+"""The studies of the paper, as they are shipped."""
+
+import pytest
+
+from iptm_controller.horizon import Horizon
+from iptm_studies.campaign import plan_campaign
+from iptm_studies.run_spec import RunKind
+from iptm_studies.study_loading import available_studies, load_study
+
+CONVENTIONAL = ("reference_energy", "reference_aging", "reference_energy_aging")
+
+
+def horizons(study: str) -> set[str]:
+    return {case.spec.horizon for case in load_study(study).cases}
+
+
+def test_names_and_order() -> None:
+    assert available_studies()[:6] == (
+        "strategies",
+        "weighting",
+        "prediction_horizon",
+        "sampling_time",
+        "long_horizon",
+        "whole_trip",
+    )
+
+
+@pytest.mark.parametrize("name", available_studies())
+def test_every_study_says_what_it_shows(name: str) -> None:
+    study = load_study(name)
+    assert study.title
+    assert len(study.about.split()) > 8
+    assert study.cases
+    assert {case.spec.cycle for case in study.cases} == {"comprehensive"}
+    assert {case.spec.duration_s for case in study.cases} == {None}
+
+
+def test_six_strategies_on_the_single_horizon() -> None:
+    study = load_study("strategies")
+    assert [case.name for case in study.cases] == [
+        "reference",
+        "reference_energy",
+        "reference_aging",
+        "reference_energy_aging",
+        "energy_aging",
+        "aging",
+    ]
+    assert horizons("strategies") == {"15x1"}
+    taken = [case.name for case in study.cases if case.best_of is not None]
+    assert taken == [*CONVENTIONAL, "energy_aging"]
+
+
+def test_weights_of_the_paper() -> None:
+    cases = load_study("weighting").cases
+    by_strategy = {
+        name: [case.spec.strategy for case in cases if case.labels["strategy"] == name]
+        for name in (*CONVENTIONAL, "energy_aging")
+    }
+    energy = [strategy.energy_weight_1_j for strategy in by_strategy["reference_energy"]]
+    assert energy == [1e-5, 5e-5, 5e-4, 1e-3]
+    aging = [strategy.aging_weight for strategy in by_strategy["reference_aging"]]
+    assert aging == [1e6, 1e6, 5e7, 1e8], "the repeated value is run as printed"
+    for name, ratios in (
+        ("reference_energy_aging", [1e11, 1e12, 1e13, 1e14]),
+        ("energy_aging", [5e6, 5e10, 5e11, 5e12]),
+    ):
+        found = [s.aging_weight / s.energy_weight_1_j for s in by_strategy[name]]
+        assert found == pytest.approx(ratios)
+    for name in CONVENTIONAL:
+        assert {s.speed_weight for s in by_strategy[name]} == {0.5}
+        assert {s.temperature_weight for s in by_strategy[name]} == {0.1}
+    for strategy in by_strategy["reference_energy_aging"]:
+        assert 1e-5 <= strategy.energy_weight_1_j <= 1e-3
+        assert 1e6 <= strategy.aging_weight <= 1e10
+    for case in cases:
+        strategy = case.spec.strategy
+        value = {
+            "lambda_P": strategy.energy_weight_1_j,
+            "lambda_Q": strategy.aging_weight,
+            "lambda_Q/lambda_P": strategy.aging_weight / max(strategy.energy_weight_1_j, 1e-30),
+        }[str(case.labels["weight"])]
+        assert case.labels["value"] == pytest.approx(value)
+
+
+def test_weighting_scale_repeats_the_ratios() -> None:
+    for case in load_study("weighting_scale").cases:
+        strategy = case.spec.strategy
+        assert strategy.energy_weight_1_j == case.labels["lambda_p"]
+        assert strategy.aging_weight / strategy.energy_weight_1_j == pytest.approx(
+            case.labels["ratio"]
+        )
+        assert strategy.aging_weight <= 1e10
+
+
+def test_horizons_of_the_paper() -> None:
+    assert horizons("prediction_horizon") == {"5x1", "10x1", "15x1", "20x1"}
+    assert horizons("sampling_time") == {
+        f"{first}x1+{second}x{step}"
+        for first, second in ((3, 12), (5, 10), (8, 7), (10, 5), (12, 3))
+        for step in (2, 5, 8, 10, 15)
+    }
+    assert horizons("long_horizon") - {"15x1"} == {
+        f"{first}x1+{second}x5" for first in (3, 5) for second in (5, 10, 12, 15, 20)
+    }
+
+
+def test_fine_twins_have_the_length_of_their_long_steps() -> None:
+    for case in load_study("discretisation").cases:
+        assert Horizon.parse(case.spec.horizon).duration_s == case.labels["horizon_s"]
+
+
+def test_previews_reach_to_the_end_of_every_horizon() -> None:
+    for name in available_studies():
+        for case in load_study(name).cases:
+            reach_s = case.spec.bridge_settings().grid.length_s
+            assert reach_s >= Horizon.parse(case.spec.horizon).duration_s
+
+
+def test_the_limit_is_the_whole_trip() -> None:
+    (case,) = load_study("whole_trip").cases
+    assert case.spec.kind is RunKind.WHOLE_TRIP
+
+
+def test_all_of_it_can_be_planned_and_shares_its_runs() -> None:
+    campaign = plan_campaign(available_studies())
+    cases = list(campaign.cases())
+    later = campaign.run_estimates()
+    runs = len(campaign.keys) + len(later)
+    assert runs < len(cases)
+    # The weighted strategies of the table repeat runs of the weights; under imperfect previews they do not.
+    assert all(address.startswith("imperfect_previews/") for address in later)
+    assert len(later) == 16
