@@ -114,9 +114,11 @@ class ControllerNode(SuiteNode):
         last_ns = self._matcher.last_ns
         if stamp_ns == 0 and last_ns:
             self._matcher.reset()  # a new trip has begun
-        if self._waiting_since_s is None:
-            self._waiting_since_s = time.monotonic()
         values = self._matcher.put(slot, stamp_ns, value)
+        # The wait begins with the state, but not with a message that came too late for its tick.
+        counts = slot in STATE_SLOTS.values() and (values or self._matcher.missing())
+        if counts and self._waiting_since_s is None:
+            self._waiting_since_s = time.monotonic()
         if values is None:
             return
         if self._slope is None and not self._slope_fault and self._last is None:
@@ -130,9 +132,14 @@ class ControllerNode(SuiteNode):
             return
         if time.monotonic() - self._waiting_since_s < self._options.input_timeout_s:
             return
-        late = self._held or self._matcher.take_incomplete()
-        # Without any part of the state there is no tick to answer.
-        if late is not None and not late[1].keys().isdisjoint(STATE_SLOTS.values()):
+        late = self._held
+        if late is None:
+            pending = self._matcher.missing()
+            # Without any part of the state there is no tick to answer yet.
+            if pending is None or set(STATE_SLOTS.values()).issubset(pending[1]):
+                return
+            late = self._matcher.take_incomplete()
+        if late is not None:
             self._answer(*late)
 
     # --- answers
