@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import dask
-from distributed import Client, LocalCluster
+from distributed import Client, LocalCluster, Worker, WorkerPlugin
 
 from iptm_core.errors import ScenarioError
 
@@ -58,18 +59,7 @@ def connected(options: ClusterOptions) -> Iterator[Client]:
             with _existing(options.scheduler) as client:
                 yield client
             return
-        with (
-            LocalCluster(
-                n_workers=options.workers or available_cores(),
-                threads_per_worker=1,
-                processes=True,
-                host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",
-                memory_limit=0,
-                silence_logs=logging.CRITICAL,
-            ) as cluster,
-            Client(cluster) as client,
-        ):
+        with _embedded(options.workers or available_cores()) as client:
             yield client
 
 
@@ -84,6 +74,35 @@ def worker_threads(client: Client) -> int:
     """Runs that the cluster performs at the same time; 0 while it has no workers."""
     threads: dict[str, int] = client.nthreads()
     return sum(threads.values())
+
+
+@contextmanager
+def _embedded(workers: int) -> Iterator[Client]:
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            memory_limit=0,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        client.register_plugin(_LeaveStoppingToTheClient())
+        yield client
+
+
+class _LeaveStoppingToTheClient(WorkerPlugin):  # type: ignore[misc]  # Dask is typed in part
+    """Ctrl-C reaches every process of the terminal; only the one with the store shall act on it."""
+
+    name = "leave-stopping-to-the-client"
+
+    def setup(self, worker: Worker) -> None:
+        """Called in the main thread of a worker when it starts, and when it starts again."""
+        del worker
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager
