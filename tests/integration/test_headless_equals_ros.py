@@ -1,0 +1,98 @@
+"""The loop of the studies and the three nodes over DDS give the same numbers."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_recording.trajectory_reader import read_solve_series, read_trajectory
+from iptm_studies.closed_loop import DecisionLog
+from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies.run_spec import PreviewSpec, RunSpec
+from iptm_studies.single_run import perform_run
+
+TICKS = 120
+RUN_TIMEOUT_S = 240.0
+# Relative to the range of each quantity over the trip. Messages carry temperatures in degC, so that the
+# last bits of a kelvin get lost on the way, and the solver amplifies them up to its tolerance.
+TOLERANCE = 1e-9
+
+PERFECT = RunSpec(cycle="us06", slope="large", duration_s=float(TICKS), horizon="3x1+5x5")
+IMPERFECT = RunSpec(
+    cycle="nycc",
+    slope="small",
+    duration_s=float(TICKS),
+    horizon="15x1",
+    parameter_set="textbook_cell",
+    overrides=(("body.mass_kg", 1600.0), ("gap.max_gap_m", 80.0)),
+    preview=PreviewSpec(
+        latency_s=2.0, dropout_probability=0.3, dropout_burst=3, noise_std_m_s=1.0, seed=11
+    ),
+)
+
+
+def options_of(spec: RunSpec) -> list[str]:
+    """Options of the run over ROS 2 that mean the same."""
+    preview = spec.preview
+    grid = spec.bridge_settings().grid
+    options: dict[str, object] = {
+        "cycle": spec.cycle,
+        "slope": spec.slope,
+        "duration-s": spec.duration_s,
+        "parameter-set": spec.parameter_set,
+        "parameter-overrides": ",".join(f"{key}={value!r}" for key, value in spec.overrides),
+        "strategy": spec.strategy.name,
+        "horizon": spec.horizon,
+        "solver": spec.solver.name,
+        "preview-mode": preview.mode,
+        "preview-length-s": grid.length_s,
+        "preview-step-s": grid.step_s,
+        "latency-s": preview.latency_s,
+        "dropout-probability": preview.dropout_probability,
+        "dropout-burst": preview.dropout_burst,
+        "noise-std-m-s": preview.noise_std_m_s,
+        "noise-correlation-s": preview.noise_correlation_s,
+        "seed": preview.seed,
+    }
+    return [part for name, value in options.items() for part in (f"--{name}", str(value))]
+
+
+@pytest.mark.parametrize("spec", [PERFECT, IMPERFECT], ids=["perfect", "imperfect"])
+def test_headless_run_equals_the_run_over_ros(spec: RunSpec, launcher: Any, tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    runner = launcher.start(
+        "run_closed_loop",
+        *(sys.executable, "-m", "iptm_bringup.run_closed_loop", *options_of(spec)),
+        *("--no-picture", "--output", bag),
+    )
+    headless = perform_run(resolve_inputs(spec))
+    assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
+
+    assert_same_trip(headless.trajectory, read_trajectory(bag))
+    assert headless.log is not None
+    assert_same_answers(headless.log, bag)
+
+
+def assert_same_trip(here: Trajectory, there: Trajectory) -> None:
+    assert len(here) == len(there) == TICKS + 1
+    for name in TRAJECTORY_COLUMNS:
+        one, other = getattr(here, name), getattr(there, name)
+        scale = max(float(np.ptp(one)), 1e-3 * float(np.max(np.abs(one))), 1e-12)
+        worst = float(np.max(np.abs(one - other))) / scale
+        assert worst <= TOLERANCE, f"{name} differs by {worst:g} of its range"
+
+
+def assert_same_answers(log: DecisionLog, bag: Path) -> None:
+    """The controller also answers the last state, to which nobody listens any more."""
+    values = read_solve_series(bag).values
+    for key, name in (
+        ("status_code", "status"),
+        ("fallback_rung", "rung"),
+        ("iterations", "iterations"),
+    ):
+        np.testing.assert_array_equal(values[key][:TICKS], getattr(log, name), err_msg=name)
