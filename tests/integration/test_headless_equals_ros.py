@@ -18,8 +18,8 @@ from iptm_studies.single_run import perform_run
 
 TICKS = 120
 RUN_TIMEOUT_S = 240.0
-# Relative to the range of each quantity over the trip. Messages carry temperatures in degC, so that the
-# last bits of a kelvin get lost on the way, and the solver amplifies them up to its tolerance.
+# Relative to the range of each quantity over the trip. So far all trips were equal to the last bit; but
+# messages carry temperatures in degC, which may cost the last bit of a kelvin, and solvers amplify.
 TOLERANCE = 1e-9
 
 PERFECT = RunSpec(cycle="us06", slope="large", duration_s=float(TICKS), horizon="3x1+5x5")
