@@ -34,7 +34,9 @@ from iptm_core.physics.power_thermal import (
 )
 from iptm_core.state import FloatArray
 
-DEFAULT_SMOOTHING = Smoothing(force_n=150.0, power_w=500.0, current_a=0.05, speed_m_s=0.3)
+DEFAULT_SMOOTHING = Smoothing(
+    force_n=150.0, power_w=500.0, current_a=0.05, speed_m_s=0.3, deliverable_power=True
+)
 MIDPOINT_UP_TO_S = 1.0
 SECONDS_PER_SAMPLE = 2.5
 

@@ -66,12 +66,20 @@ def pack_current_a(
     voltage = effective_source_voltage_v(temperature_k, cell, pack)
     discriminant = voltage * voltage - 4.0 * resistance_ohm * power_w
     if not is_symbolic(discriminant) and isinstance(discriminant, float) and discriminant < 0.0:
-        limit_w = voltage * voltage / (4.0 * resistance_ohm)
+        limit_w = largest_power_w(resistance_ohm, temperature_k, cell, pack)
         raise PowerLimitError(
             f"battery power {power_w:.1f} W cannot be delivered, the pack allows at most "
             f"{limit_w:.1f} W at {temperature_k:.2f} K"
         )
     return 2.0 * power_w / (voltage + sqrt(discriminant))
+
+
+def largest_power_w(
+    resistance_ohm: Scalar, temperature_k: Scalar, cell: CellParameters, pack: PackParameters
+) -> Scalar:
+    """Largest terminal power that the pack can deliver, where both roots of eq. (7) meet."""
+    voltage = effective_source_voltage_v(temperature_k, cell, pack)
+    return voltage * voltage / (4.0 * resistance_ohm)
 
 
 def cell_current_a(pack_current: Scalar, pack: PackParameters) -> Scalar:

@@ -10,10 +10,15 @@ from iptm_core.physics.battery_power import battery_power_w
 from iptm_core.physics.cell_thermal import cell_heat_w, cell_temperature_rate_k_s
 from iptm_core.physics.chiller import chiller_line
 from iptm_core.physics.coolant import Channel
-from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_resistance_ohm
+from iptm_core.physics.electrical import (
+    cell_current_a,
+    largest_power_w,
+    pack_current_a,
+    pack_resistance_ohm,
+)
 from iptm_core.physics.longitudinal import traction_force_n
 from iptm_core.physics.motor import brake_release, motor_torque_nm
-from iptm_core.physics.ops import Scalar
+from iptm_core.physics.ops import Scalar, maximum
 from iptm_core.physics.resistance import cell_resistance_ohm
 from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
 from iptm_core.physics.traction_power import traction_power_w
@@ -28,15 +33,19 @@ class Smoothing:
         power_w: switch from driving to regeneration.
         current_a: magnitude of the cell current in the ageing rate.
         speed_m_s: brake hold at standstill.
+        deliverable_power: keep the terminal power within what the pack can deliver (and take up), so
+            that an optimiser's wild iterate still gives numbers. Inside the range nothing changes.
     """
 
     force_n: float = 0.0
     power_w: float = 0.0
     current_a: float = 0.0
     speed_m_s: float = 0.0
+    deliverable_power: bool = False
 
 
 EXACT = Smoothing()
+DELIVERABLE_SHARE = 0.98  # short of the point where the root of eq. (7) loses its slope
 
 
 @dataclass(frozen=True)
@@ -117,7 +126,11 @@ def power_thermal_rates(
     r_n = cell_resistance_ohm(t_n, cells.cell_n_capacity_loss, cell)
     # Cells along a channel are taken as evenly spread between the first and the last.
     mean_resistance = pack_resistance_ohm(0.5 * (r_1 + r_n), pack)
-    current_b = pack_current_a(terminal, mean_resistance, 0.5 * (t_1 + t_n), cell, pack)
+    mean_temperature = 0.5 * (t_1 + t_n)
+    if smoothing.deliverable_power:
+        limit = DELIVERABLE_SHARE * largest_power_w(mean_resistance, mean_temperature, cell, pack)
+        terminal = -maximum(-maximum(terminal, -limit), -limit)
+    current_b = pack_current_a(terminal, mean_resistance, mean_temperature, cell, pack)
     current = cell_current_a(current_b, pack)
 
     line = chiller_line(
