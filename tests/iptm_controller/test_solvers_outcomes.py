@@ -168,8 +168,9 @@ def test_a_start_beyond_the_power_of_the_pack_ends_in_numbers(
     absurd = guess.copy()
     absurd[:-6].reshape(4, -1)[1:, 1] = 300.0
     result = solver.solve(data, absurd)
-    assert result.status is not SolveStatus.NUMERICAL_ERROR or result.iterations > 0
-    assert np.isfinite(result.variables).all()
+    # SQP without a barrier may still run away; then it has to say so.
+    runs_away = solver.name.startswith("sqp") and result.status is SolveStatus.NUMERICAL_ERROR
+    assert runs_away or np.isfinite(result.variables).all()
 
 
 @pytest.mark.parametrize("name", ["fatrop", "ipopt"])
