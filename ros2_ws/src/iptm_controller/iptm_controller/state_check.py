@@ -9,6 +9,8 @@ import numpy as np
 from iptm_core.errors import StateError
 from iptm_core.state import LeaderState, SlopePreview, VehicleState
 
+MAX_TIME_APART_S = 60.0
+
 _RANGES: dict[str, tuple[float, float]] = {
     "time_s": (0.0, 1e9),
     "position_m": (-1e9, 1e9),
@@ -44,6 +46,11 @@ def check_leader(leader: LeaderState, host: VehicleState) -> None:
         raise StateError(f"measured leader time = {leader.time_s} s, allowed are finite values")
     if not (math.isfinite(leader.speed_m_s) and 0.0 <= leader.speed_m_s <= 100.0):
         raise StateError(f"measured leader speed = {leader.speed_m_s} m/s, allowed are 0 to 100")
+    apart_s = abs(leader.time_s - host.time_s)
+    if not apart_s <= MAX_TIME_APART_S:
+        raise StateError(
+            f"leader was measured {apart_s} s apart from the host, allowed are {MAX_TIME_APART_S:g} s"
+        )
     gap_m = leader.position_m - host.position_m
     if not (math.isfinite(gap_m) and gap_m >= -1.0):
         raise StateError(f"measured gap = {gap_m} m, allowed are finite values from -1 m")
