@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from iptm_controller.limiter import CommandLimiter
@@ -167,11 +167,11 @@ def test_never_touches_a_leader_that_brakes_no_harder_than_itself(
 
 
 @given(speed=st.floats(1.0, 30.0))
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 def test_settles_behind_a_steady_leader(
     parameters: ModelParameters, make_state: Callable[..., VehicleState], speed: float
 ) -> None:
-    leaders = (LeaderState(float(t), 100.0 + speed * t, speed) for t in range(400))
+    leaders = (LeaderState(float(t), 100.0 + speed * t, speed) for t in range(800))
     start = make_state(time_s=0.0, position_m=0.0, speed_m_s=speed)
     gaps = list(follow(start, leaders, parameters))
     assert max(gaps[-20:]) - min(gaps[-20:]) < 0.1
