@@ -8,6 +8,7 @@ import pytest
 
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import ScenarioError
+from iptm_studies.campaign import Campaign
 from iptm_studies.run_settings import _READERS, SETTINGS
 from iptm_studies.run_spec import RunKind, RunSpec
 from iptm_studies.study import SMALL, Selection
@@ -184,3 +185,16 @@ def test_unknown_studies(tmp_path: Path, study_file: WriteFile) -> None:
         load_study(tmp_path / "none.yaml")
     with pytest.raises(ScenarioError, match="file name is the study's name"):
         read_study(study_file(name="a b.yaml"))
+
+
+def test_the_example_of_the_documentation(study_file: WriteFile) -> None:
+    page = Path(__file__).parents[2] / "docs" / "how-to" / "studies.md"
+    example = page.read_text(encoding="utf-8").split("```yaml\n")[1].split("```")[0]
+    study = read_study(study_file(example))
+    assert [case.name for case in study.cases] == [
+        "80/reference",
+        "80/proposed",
+        "150/reference",
+        "150/proposed",
+    ]
+    Campaign([study])

@@ -12,7 +12,7 @@ from iptm_studies.run_spec import RunKind, RunSpec
 _PER_TICK_S = 0.6e-3
 _PER_TICK_AND_STEP_S = 0.17e-3
 _PER_TICK_AND_SECOND_AHEAD_S = 0.006e-3
-_WHOLE_TRIP_PER_TICK_S = 40e-3
+_WHOLE_TRIP_PER_TICK_S = 20e-3
 _SETUP_S = 1.0
 
 

@@ -26,7 +26,7 @@ _PACKAGES = (iptm_core, iptm_plant_sim, iptm_v2x_bridge, iptm_controller)
 _WITHOUT = ("iptm_core/metrics/",)
 _STUDY_MODULES = {
     RunKind.CLOSED_LOOP: ("closed_loop.py", "single_run.py"),
-    RunKind.WHOLE_TRIP: ("closed_loop.py", "single_run.py", "whole_trip.py"),
+    RunKind.WHOLE_TRIP: ("closed_loop.py", "single_run.py", "whole_trip*.py"),
 }
 _LIBRARIES = ("casadi", "numpy")
 _REPORTED_LIBRARIES = (*_LIBRARIES, "dask", "distributed", "pyarrow")
@@ -58,7 +58,8 @@ def _source_files(kind: RunKind) -> dict[str, Path]:
             if not path.name.startswith("node") and not name.startswith(_WITHOUT):
                 files[name] = path
     studies = Path(str(iptm_studies.__file__)).parent
-    files |= {f"iptm_studies/{name}": studies / name for name in _STUDY_MODULES[kind]}
+    for pattern in _STUDY_MODULES[kind]:
+        files |= {f"iptm_studies/{path.name}": path for path in studies.glob(pattern)}
     return files
 
 
