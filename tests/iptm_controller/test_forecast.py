@@ -195,6 +195,12 @@ def spoil(preview: LeaderPreview, name: str, index: int, value: float) -> Leader
     return replace(preview, **{name: values})
 
 
+def leap(preview: LeaderPreview, index: int, distance_m: float) -> LeaderPreview:
+    positions = preview.positions_m.copy()
+    positions[index:] += distance_m
+    return replace(preview, positions_m=positions)
+
+
 MALFORMED: dict[str, tuple[Callable[[LeaderPreview], LeaderPreview], str]] = {
     "nan_time": (lambda p: spoil(p, "times_s", 3, math.nan), "times are not finite at node 3"),
     "inf_position": (lambda p: spoil(p, "positions_m", 5, math.inf), "positions are not finite"),
@@ -202,6 +208,7 @@ MALFORMED: dict[str, tuple[Callable[[LeaderPreview], LeaderPreview], str]] = {
     "same_time": (lambda p: spoil(p, "times_s", 4, 103.0), "do not increase after node 3"),
     "time_back": (lambda p: spoil(p, "times_s", 4, 90.0), "do not increase after node 3"),
     "backwards": (lambda p: spoil(p, "positions_m", 7, 0.0), "backwards after node 6"),
+    "leap": (lambda p: leap(p, 9, 1e5), "positions leap after node 8, allowed are 100 m/s"),
     "negative_speed": (lambda p: spoil(p, "speeds_m_s", 2, -0.1), "allowed are 0 to 100 m/s"),
     "too_fast": (lambda p: spoil(p, "speeds_m_s", 2, 101.0), "allowed are 0 to 100 m/s"),
     "short_speeds": (lambda p: replace(p, speeds_m_s=p.speeds_m_s[:-1]), "equal numbers"),

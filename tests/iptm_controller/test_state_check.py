@@ -61,6 +61,8 @@ def test_leader_ahead_passes(
         ({"position_m": math.nan}, "gap = nan"),
         ({"position_m": math.inf}, "gap = inf"),
         ({"position_m": 990.0}, "gap = -10.0 m"),
+        ({"position_m": 1e9}, "allowed are -1 to 10000 m"),
+        ({"time_s": 200.0}, "100.0 s apart from the host"),
         ({"time_s": math.nan}, "leader time = nan"),
         ({"time_s": math.inf}, "leader time = inf"),
     ],
@@ -83,6 +85,7 @@ def test_leader_is_checked(
         ([0.0, 1.0], [0.0], "2 positions and 1 slopes"),
         ([0.0, math.nan], [0.0, 0.0], "not finite"),
         ([0.0, 1.0], [0.0, math.inf], "not finite"),
+        ([0.0, 1.0], [0.0, -1.6], "slope of 1.6 rad"),
     ],
 )
 def test_road_is_checked(positions: list[float], slopes: list[float], complaint: str) -> None:

@@ -81,6 +81,14 @@ def check_preview(preview: LeaderPreview) -> None:
     if np.any(np.diff(preview.positions_m) < -1e-6):
         bad = int(np.flatnonzero(np.diff(preview.positions_m) < -1e-6)[0])
         raise PreviewError(f"preview positions move backwards after node {bad}")
+    with np.errstate(over="ignore"):
+        reach_m = 1.0 + MAX_LEADER_SPEED_M_S * np.diff(preview.times_s)
+        leaps = np.diff(preview.positions_m) > reach_m
+    if np.any(leaps):
+        bad = int(np.flatnonzero(leaps)[0])
+        raise PreviewError(
+            f"preview positions leap after node {bad}, allowed are {MAX_LEADER_SPEED_M_S:g} m/s"
+        )
     if preview.speeds_m_s.size and not (
         preview.speeds_m_s.min() >= 0.0 and preview.speeds_m_s.max() <= MAX_LEADER_SPEED_M_S
     ):

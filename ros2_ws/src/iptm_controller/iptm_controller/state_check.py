@@ -10,6 +10,8 @@ from iptm_core.errors import StateError
 from iptm_core.state import LeaderState, SlopePreview, VehicleState
 
 MAX_TIME_APART_S = 60.0
+MAX_GAP_M = 1e4
+STEEPEST_RAD = 1.5
 
 _RANGES: dict[str, tuple[float, float]] = {
     "time_s": (0.0, 1e9),
@@ -37,7 +39,7 @@ def check_state(state: VehicleState) -> None:
 
 
 def check_leader(leader: LeaderState, host: VehicleState) -> None:
-    """Refuse a leader measurement that is not finite, driving backwards or behind the host.
+    """Refuse a leader that is not finite, drives backwards, is behind the host or out of sight.
 
     Raises:
         StateError: names the quantity, its value and what is allowed.
@@ -52,12 +54,12 @@ def check_leader(leader: LeaderState, host: VehicleState) -> None:
             f"leader was measured {apart_s} s apart from the host, allowed are {MAX_TIME_APART_S:g} s"
         )
     gap_m = leader.position_m - host.position_m
-    if not (math.isfinite(gap_m) and gap_m >= -1.0):
-        raise StateError(f"measured gap = {gap_m} m, allowed are finite values from -1 m")
+    if not -1.0 <= gap_m <= MAX_GAP_M:
+        raise StateError(f"measured gap = {gap_m} m, allowed are -1 to {MAX_GAP_M:g} m")
 
 
 def check_slope(slope: SlopePreview) -> None:
-    """Refuse a road without nodes, with unequal numbers of them or with values that are not finite.
+    """Refuse a road without nodes, with unequal numbers of them, not finite or as steep as a wall.
 
     Raises:
         StateError: says what is wrong.
@@ -70,3 +72,6 @@ def check_slope(slope: SlopePreview) -> None:
         )
     if not (np.isfinite(slope.positions_m).all() and np.isfinite(slope.slopes_rad).all()):
         raise StateError("slope has positions or slopes that are not finite numbers")
+    steepest = float(np.abs(slope.slopes_rad).max())
+    if steepest > STEEPEST_RAD:
+        raise StateError(f"slope of {steepest} rad, allowed are {STEEPEST_RAD:g} rad up or down")
