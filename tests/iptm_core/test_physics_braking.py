@@ -1,0 +1,110 @@
+"""Braking within the jerk limit, against a simulation in small steps."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.braking import LEADER_SURPRISE_M_S, brake_build_up, braking_reserve_m
+from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.routes import CYCLE_NAMES
+from iptm_core.routes.cycles import load_cycle
+from iptm_core.state import FloatArray
+
+STEP_S = 0.01
+
+
+@pytest.fixture(scope="module")
+def parameters() -> ModelParameters:
+    return load_parameters().values
+
+
+def travelled_m(speeds: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(0.5 * STEP_S * (speeds[1:] + speeds[:-1]))])
+
+
+def excesses_m(
+    gap_m: float, speed: float, acceleration: float, leader_speed: float, values: ModelParameters
+) -> FloatArray:
+    """Gap minus s_min while both brake to standstill, in small steps."""
+    times = np.arange(0.0, 45.0, STEP_S)
+    limits = values.limits
+    braking = np.maximum(acceleration - limits.max_jerk_m_s3 * times, limits.min_acceleration_m_s2)
+    host = speed + travelled_m(braking)
+    halted = np.flatnonzero((host <= 0.0) & (braking <= 0.0))
+    if halted.size:
+        host[halted[0] :] = 0.0
+    start = max(leader_speed - LEADER_SURPRISE_M_S, 0.0)
+    leader = np.maximum(start + limits.min_acceleration_m_s2 * times, 0.0)
+    gaps = gap_m + travelled_m(leader) - travelled_m(host)
+    return gaps - minimum_gap_m(host, leader, values.gap, limits)
+
+
+def test_build_up_by_hand(parameters: ModelParameters) -> None:
+    """From rolling at 20 m/s: 4 s to -2 m/s^2, on average -1 m/s^2."""
+    build_up = brake_build_up(20.0, 0.0, parameters.limits)
+    assert build_up.duration_s == pytest.approx(4.0)
+    assert build_up.end_speed_m_s == pytest.approx(16.0)
+    assert build_up.distance_m == pytest.approx(80.0 - 0.5 * 4.0**3 / 6.0)
+
+
+def test_no_build_up_at_full_braking(parameters: ModelParameters) -> None:
+    build_up = brake_build_up(20.0, -2.0, parameters.limits)
+    assert (build_up.duration_s, build_up.distance_m, build_up.end_speed_m_s) == (0.0, 0.0, 20.0)
+
+
+def test_reserve_is_the_smallest_excess_ahead(parameters: ModelParameters) -> None:
+    """But for what is reached while the brakes build up, within a few metres of it."""
+    rng = np.random.default_rng(1)
+    errors = []
+    for _ in range(500):
+        speed, leader_speed = rng.uniform(0.0, 37.5, 2)
+        acceleration, gap = rng.uniform(-2.0, 2.0), rng.uniform(0.0, 150.0)
+        reserve = braking_reserve_m(
+            gap, speed, acceleration, leader_speed, parameters.gap, parameters.limits
+        )
+        excesses = excesses_m(gap, speed, acceleration, leader_speed, parameters)
+        errors.append(min(reserve, excesses[0]) - excesses.min())
+    assert min(errors) > -0.3
+    assert max(errors) < 5.0
+    assert np.median(errors) < 0.1
+
+
+def test_reserve_grows_with_the_gap_and_with_what_the_brakes_have_built_up(
+    parameters: ModelParameters,
+) -> None:
+    def reserve(gap_m: float, acceleration: float) -> float:
+        return float(
+            braking_reserve_m(gap_m, 20.0, acceleration, 15.0, parameters.gap, parameters.limits)
+        )
+
+    assert reserve(80.0, 0.0) - reserve(50.0, 0.0) == pytest.approx(30.0)
+    built_up = [reserve(80.0, a) for a in (2.0, 1.0, 0.0, -1.0, -2.0)]
+    assert built_up == sorted(built_up)
+
+
+def test_reserve_is_smooth(parameters: ModelParameters) -> None:
+    """Its second derivatives exist and stay moderate, kinks of the plain minimum included."""
+    arguments = ca.SX.sym("z", 4)
+    reserve = braking_reserve_m(*ca.vertsplit(arguments), parameters.gap, parameters.limits)
+    curvature = ca.Function("h", [arguments], [ca.hessian(reserve, arguments)[0]])
+    for speed in np.linspace(0.0, 37.5, 16):
+        for leader_speed in np.linspace(0.0, 37.5, 61):
+            for acceleration in (-2.0, 0.0, 2.0):
+                values = curvature([60.0, speed, acceleration, leader_speed]).full()
+                assert np.isfinite(values).all()
+
+
+@pytest.mark.parametrize("name", sorted(CYCLE_NAMES))
+def test_no_published_cycle_surprises_more_than_assumed(
+    parameters: ModelParameters, name: str
+) -> None:
+    """Largest loss of speed between any two seconds on top of the assumed deceleration."""
+    cycle = load_cycle(name)
+    deceleration = -parameters.limits.min_acceleration_m_s2
+    rest = cycle.speeds_m_s + deceleration * cycle.times_s
+    surprises = np.maximum.accumulate(rest) - rest
+    assert surprises.max() <= LEADER_SURPRISE_M_S
