@@ -25,6 +25,7 @@ from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, Sta
 from iptm_controller.ocp.stage import (
     DEFAULT_PENALTIES,
     DEFAULT_SMOOTHING,
+    NOT_ASKED_FOR_M,
     quadrature,
     sample_count,
 )
@@ -32,6 +33,7 @@ from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.braking import braking_reserve_m
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.physics.longitudinal import advance_position_m, advance_speed_m_s
@@ -155,6 +157,11 @@ class OptiPeer:
             short, long, fast, warm = (slacks[i, k] for i in range(layout.SLACKS))
             opti.subject_to(gap + short >= shortest)
             opti.subject_to(gap + short >= gap_policy.standstill_gap_m)
+            reserve = braking_reserve_m(
+                gap, speed, acceleration[k], p[StepIndex.LEADER_SPEED], gap_policy, limits
+            )
+            at_end = p[StepIndex.END_OF_HORIZON]
+            opti.subject_to(at_end * reserve + (1.0 - at_end) * NOT_ASKED_FOR_M + short >= 0.0)
             opti.subject_to(gap - long <= gap_policy.max_gap_m)
             opti.subject_to(speed + fast >= limits.min_speed_m_s)
             opti.subject_to(speed - fast <= limits.max_speed_m_s)

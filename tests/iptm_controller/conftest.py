@@ -200,7 +200,7 @@ def plain_solver(parameters: ModelParameters) -> Callable[..., SolverBackend]:
 
     @lru_cache
     def build(
-        horizon: str = "3x1+5x5", name: str = "fatrop", *, compile_code: bool = True
+        horizon: str = "3x1+5x5", name: str = "riccati", *, compile_code: bool = True
     ) -> SolverBackend:
         options = SolverOptions(name=name, compile_code=compile_code)
         return build_plain_solver(Horizon.parse(horizon), parameters, options)
@@ -214,7 +214,7 @@ def probing_solver(
 ) -> Callable[..., SolverBackend]:
     """Solvers as the controller uses them; the probe counts ticks, so each test gets its own."""
 
-    def build(horizon: str = "3x1+5x5", name: str = "fatrop") -> SolverBackend:
+    def build(horizon: str = "3x1+5x5", name: str = "riccati") -> SolverBackend:
         return CoolingProbe(plain_solver(horizon, name), Horizon.parse(horizon), parameters)
 
     return build
@@ -256,13 +256,16 @@ def run_stage(parameters: ModelParameters) -> Callable[..., tuple[FloatArray, fl
         slope: Callable[[float], tuple[float, float, float]] = lambda _: (0.0, 0.0, 0.0),
         smoothing: Smoothing = DEFAULT_SMOOTHING,
         samples: int | None = None,
+        end_of_horizon: bool = False,
     ) -> tuple[FloatArray, float, FloatArray]:
         count = samples or sample_count(step_s)
         physical = np.array(
             [0.0, state.speed_m_s, state.cell_1_temperature_k, state.cell_n_temperature_k,
              state.acceleration_m_s2, state.compressor_power_w]
         )  # fmt: skip
-        step_parameters = [leader[0] - state.position_m, leader[1], step_s]
+        step_parameters = [
+            leader[0] - state.position_m, leader[1], step_s, float(end_of_horizon)
+        ]  # fmt: skip
         for node in quadrature(count)[0] * step_s:
             moved = state.speed_m_s * node + 0.5 * acceleration_m_s2 * node**2
             around = slope(state.position_m + moved)

@@ -133,6 +133,14 @@ def test_rates_count_between_the_middles_of_two_steps(
     assert intervals == [1.0, 1.0, 1.0, 3.0, 5.0, 5.0, 5.0, 5.0]
 
 
+def test_braking_reserve_is_asked_for_where_the_preview_ends(
+    make_state: Callable[..., VehicleState], steady: Motion
+) -> None:
+    data = build(make_state(), steady)
+    asked = [own[StepIndex.END_OF_HORIZON] for own, _ in steps_of(data, HORIZON)]
+    assert asked == [0.0] * 7 + [1.0]
+
+
 def test_reference_is_the_mean_speed_over_the_last_two_seconds(
     make_state: Callable[..., VehicleState],
 ) -> None:

@@ -33,7 +33,7 @@ ORDINARY = [
     "standstill",
 ]
 SLACK_ROWS = {
-    InputIndex.GAP_SHORT: [LimitIndex.GAP_MIN, LimitIndex.GAP_FLOOR],
+    InputIndex.GAP_SHORT: [LimitIndex.GAP_MIN, LimitIndex.GAP_FLOOR, LimitIndex.GAP_BRAKING],
     InputIndex.GAP_LONG: [LimitIndex.GAP_MAX],
     InputIndex.SPEED_EXCESS: [LimitIndex.SPEED_MIN, LimitIndex.SPEED_MAX],
     InputIndex.TEMPERATURE_EXCESS: list(range(LimitIndex.CELL_1_MIN, LimitIndex.OUTLET_MAX + 1)),

@@ -11,7 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iptm_controller.ocp.layout import LimitIndex, StateIndex
-from iptm_controller.ocp.stage import DEFAULT_PENALTIES, quadrature, sample_count
+from iptm_controller.ocp.stage import (
+    DEFAULT_PENALTIES,
+    NOT_ASKED_FOR_M,
+    quadrature,
+    sample_count,
+)
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
@@ -173,6 +178,7 @@ def test_limits_are_those_of_the_paper(
         LimitIndex.COMPRESSOR_RATE: (power - last[1]) / (limits.max_compressor_rate_w_s * step_s),
         LimitIndex.GAP_MIN: leader_m - position - shortest + short,
         LimitIndex.GAP_FLOOR: leader_m - position - policy.standstill_gap_m + short,
+        LimitIndex.GAP_BRAKING: NOT_ASKED_FOR_M + short,
         LimitIndex.GAP_MAX: policy.max_gap_m - (leader_m - position) + far,
         LimitIndex.SPEED_MIN: end_speed - limits.min_speed_m_s + fast,
         LimitIndex.SPEED_MAX: limits.max_speed_m_s - end_speed + fast,
@@ -187,6 +193,42 @@ def test_limits_are_those_of_the_paper(
     outlet_k = rows[LimitIndex.OUTLET_MIN] - warm + limits.min_temperature_k
     assert rows[LimitIndex.OUTLET_MAX] == pytest.approx(limits.max_temperature_k - outlet_k + warm)
     assert 280.0 < outlet_k < 315.0
+
+
+@pytest.mark.parametrize(
+    ("speed", "acceleration", "leader_speed", "expected"),
+    [
+        # Brakes build up in 4 s over 74.67 m to 16 m/s; the leader, 17.8 m/s after its surprise, is then
+        # at 9.8 m/s. It stands after 79.21 m, with 6.2 m/s left for the host, who then has covered
+        # 74.67 + (16^2 - 6.2^2) / 4 = 129.06 m; s_min is 5 + 9.3 + 9.61 m.
+        (20.0, 0.0, 20.0, 100.0 + 79.21 - 129.06 - 23.91),
+        # Tightest at the end of the build-up: 114.67 m to 26 m/s, the leader 99.2 m to 20.8 m/s; s_min
+        # is 5 + 39 + 33.8 m.
+        (30.0, 0.0, 31.0, 100.0 + 99.2 - 114.6667 - 77.8),
+        # Full braking already: both at -2 m/s^2 from 20 and 12.8 m/s, so the leader stands first, after
+        # 40.96 m. The host has then 7.2 m/s left and came from 20 m/s in 87.04 m; s_min is 28.76 m.
+        (20.0, -2.0, 15.0, 100.0 + 40.96 - 87.04 - 28.76),
+        # Accelerating at 1 m/s^2 behind a standing leader: 6 s, 60 m, 7 m/s; s_min is 27.75 m.
+        (10.0, 1.0, 0.0, 100.0 - 60.0 - 27.75),
+    ],
+)
+def test_braking_reserve_at_the_end_of_the_horizon(
+    run_stage: RunStage,
+    make_state: Callable[..., VehicleState],
+    speed: float,
+    acceleration: float,
+    leader_speed: float,
+    expected: float,
+) -> None:
+    """Counts from where the step ends, with the acceleration that it held."""
+    before = make_state(speed_m_s=speed - acceleration, acceleration_m_s2=acceleration)
+    leader_m = before.position_m + speed - 0.5 * acceleration + 100.0
+    slacks = (3.0, 0.0, 0.0, 0.0)
+    _, _, rows = run_stage(
+        before, acceleration, 0.0, 1.0,
+        slacks=slacks, leader=(leader_m, leader_speed), end_of_horizon=True,
+    )  # fmt: skip
+    assert rows[LimitIndex.GAP_BRAKING] == pytest.approx(expected + slacks[0], abs=0.3)
 
 
 def test_outlet_is_that_of_the_coolant_loop(

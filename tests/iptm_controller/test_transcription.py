@@ -54,7 +54,7 @@ def numbers(function: ca.Function, *arguments: Any) -> FloatArray:
 def test_sizes(transcription: Transcription, grid: str) -> None:
     steps = Horizon.parse(grid).steps
     assert transcription.variable_count == 12 * steps + 6 == transcription.variables.numel()
-    assert transcription.row_count == 19 * steps == transcription.rows.numel()
+    assert transcription.row_count == 20 * steps == transcription.rows.numel()
     assert transcription.jacobian.shape == (transcription.row_count, transcription.variable_count)
 
 

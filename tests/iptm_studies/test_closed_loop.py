@@ -19,6 +19,8 @@ from iptm_controller.solvers.cooling_probe import CoolingProbe
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.result import SolveResult, SolveStatus
 from iptm_controller.strategy import STRATEGIES
+from iptm_core.metrics.constraints import GAP_TOLERANCE_M
+from iptm_core.metrics.gap import gap_margins_m
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route, build_route
@@ -30,6 +32,7 @@ from iptm_v2x_bridge.bridge import BridgeSettings, PreviewMode
 from iptm_v2x_bridge.imperfections import Imperfections
 
 ROUNDING = 1e-6
+SHORT_SIGHTED = Horizon.parse("5x1")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -47,6 +50,11 @@ def parameters() -> ModelParameters:
 @pytest.fixture(scope="module")
 def multi_horizon_solver(parameters: ModelParameters) -> SolverBackend:
     return build_plain_solver(MULTI_HORIZON, parameters, SolverOptions())
+
+
+@pytest.fixture(scope="module")
+def short_sighted_solver(parameters: ModelParameters) -> SolverBackend:
+    return build_plain_solver(SHORT_SIGHTED, parameters, SolverOptions())
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +118,25 @@ def test_trip_is_safe(trip_run: ClosedLoopRun, parameters: ModelParameters) -> N
     assert trip_run.trajectory.gap_m.min() > parameters.gap.standstill_gap_m - 0.5
     assert trip_run.trajectory.gap_m.max() < parameters.gap.max_gap_m + 1.0
     assert trip_run.trajectory.position_m[-1] > 100.0
+
+
+@pytest.mark.parametrize(
+    ("cycle", "strategy"), [("us06", "aging"), ("us06", "energy_aging"), ("nycc", "reference")]
+)
+def test_five_seconds_of_preview_are_enough_to_keep_the_gap(
+    drive: Callable[..., ClosedLoopRun],
+    parameters: ModelParameters,
+    short_sighted_solver: SolverBackend,
+    cycle: str,
+    strategy: str,
+) -> None:
+    """The leader brakes at 3 m/s^2 where the host, bound by its jerk, needs 4 s to full braking."""
+    run = drive(
+        cycle, 110.0, strategy, horizon=SHORT_SIGHTED, solver=short_sighted_solver
+    ).trajectory
+    expect_safe(run, parameters)
+    assert gap_margins_m(run, parameters).min() > -GAP_TOLERANCE_M
+    assert run.gap_m.min() > parameters.gap.standstill_gap_m - GAP_TOLERANCE_M
 
 
 def test_every_solve_is_used(trip_run: ClosedLoopRun) -> None:

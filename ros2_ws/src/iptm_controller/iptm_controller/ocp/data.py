@@ -80,6 +80,8 @@ class ProblemDataBuilder:
         vector[slots + layout.StepIndex.LEADER_POSITION] = node_position - origin_m
         vector[slots + layout.StepIndex.LEADER_SPEED] = node_speed
         vector[slots + layout.StepIndex.RATE_INTERVAL] = self._rate_intervals_s
+        vector[slots + layout.StepIndex.END_OF_HORIZON] = 0.0
+        vector[slots[-1] + layout.StepIndex.END_OF_HORIZON] = 1.0
         times = now_s + self.sample_times_s
         recent, _ = leader.at(np.concatenate([times, times - REFERENCE_WINDOW_S]))
         reference = (recent[: times.size] - recent[times.size :]) / REFERENCE_WINDOW_S

@@ -40,15 +40,16 @@ class LimitIndex(IntEnum):
     COMPRESSOR_RATE = 1
     GAP_MIN = 2
     GAP_FLOOR = 3
-    GAP_MAX = 4
-    SPEED_MIN = 5
-    SPEED_MAX = 6
-    CELL_1_MIN = 7
-    CELL_1_MAX = 8
-    CELL_N_MIN = 9
-    CELL_N_MAX = 10
-    OUTLET_MIN = 11
-    OUTLET_MAX = 12
+    GAP_BRAKING = 4
+    GAP_MAX = 5
+    SPEED_MIN = 6
+    SPEED_MAX = 7
+    CELL_1_MIN = 8
+    CELL_1_MAX = 9
+    CELL_N_MIN = 10
+    CELL_N_MAX = 11
+    OUTLET_MIN = 12
+    OUTLET_MAX = 13
 
 
 class GlobalIndex(IntEnum):
@@ -64,11 +65,16 @@ class GlobalIndex(IntEnum):
 
 
 class StepIndex(IntEnum):
-    """Parameters of one step ahead of its per-sample parameters."""
+    """Parameters of one step ahead of its per-sample parameters.
+
+    The last one is 1 for the step that ends the horizon, where the braking reserve is asked for, and 0 for
+    the others: all steps have the same rows, as structure-exploiting solvers want.
+    """
 
     LEADER_POSITION = 0
     LEADER_SPEED = 1
     RATE_INTERVAL = 2
+    END_OF_HORIZON = 3
 
 
 class SampleIndex(IntEnum):

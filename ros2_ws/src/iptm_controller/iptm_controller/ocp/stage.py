@@ -23,6 +23,7 @@ from iptm_controller.ocp.layout import (
     StepIndex,
 )
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.braking import braking_reserve_m
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.physics.longitudinal import advance_position_m, advance_speed_m_s
@@ -39,6 +40,8 @@ DEFAULT_SMOOTHING = Smoothing(
 )
 MIDPOINT_UP_TO_S = 1.0
 SECONDS_PER_SAMPLE = 2.5
+NOT_ASKED_FOR_M = 1.0
+"""Value of the row of the braking reserve before the end of the horizon: satisfied, and of order one."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ class StageExpressions:
         global_parameters: symbol shared by all steps.
         next_state: expression, shape (6,).
         cost: scalar expression.
-        limits: expression, shape (13,), order of ``LimitIndex``.
+        limits: expression, shape (14,), order of ``LimitIndex``.
     """
 
     state: ca.SX
@@ -222,12 +225,17 @@ def _limits(
     outlet_k: ca.SX,
     p: ca.SX,
 ) -> ca.SX:
-    """Inequality rows at the end of the step (paper eqs. 16b to 16i)."""
+    """Inequality rows at the end of the step: paper eqs. 16b to 16i, and the braking reserve."""
     bounds, gap_policy = parameters.limits, parameters.gap
     rate_s = p[StepIndex.RATE_INTERVAL]
     speed = next_state[StateIndex.SPEED]
     gap = p[StepIndex.LEADER_POSITION] - next_state[StateIndex.POSITION]
-    shortest = minimum_gap_m(speed, p[StepIndex.LEADER_SPEED], gap_policy, bounds)
+    leader_speed = p[StepIndex.LEADER_SPEED]
+    shortest = minimum_gap_m(speed, leader_speed, gap_policy, bounds)
+    reserve = braking_reserve_m(
+        gap, speed, next_state[StateIndex.LAST_ACCELERATION], leader_speed, gap_policy, bounds
+    )
+    at_end = p[StepIndex.END_OF_HORIZON]
     speed_slack = inputs[InputIndex.SPEED_EXCESS]
     temperature_slack = inputs[InputIndex.TEMPERATURE_EXCESS]
     acceleration_change = inputs[InputIndex.ACCELERATION] - state[StateIndex.LAST_ACCELERATION]
@@ -238,6 +246,8 @@ def _limits(
         gap - shortest + inputs[InputIndex.GAP_SHORT],
         # The printed s_min turns negative while the leader pulls away; the gap must not.
         gap - gap_policy.standstill_gap_m + inputs[InputIndex.GAP_SHORT],
+        # Asked for where the preview ends. Before that the row is a number that solvers need not heed.
+        at_end * reserve + (1.0 - at_end) * NOT_ASKED_FOR_M + inputs[InputIndex.GAP_SHORT],
         gap_policy.max_gap_m - gap + inputs[InputIndex.GAP_LONG],
         speed - bounds.min_speed_m_s + speed_slack,
         bounds.max_speed_m_s - speed + speed_slack,
