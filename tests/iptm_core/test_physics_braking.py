@@ -8,7 +8,12 @@ import pytest
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.braking import LEADER_SURPRISE_M_S, brake_build_up, braking_reserve_m
+from iptm_core.physics.braking import (
+    LEADER_SURPRISE_M_S,
+    brake_build_up,
+    braking_reserve_m,
+    stopping_distance_m,
+)
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.routes import CYCLE_NAMES
 from iptm_core.routes.cycles import load_cycle
@@ -54,6 +59,26 @@ def test_build_up_by_hand(parameters: ModelParameters) -> None:
 def test_no_build_up_at_full_braking(parameters: ModelParameters) -> None:
     build_up = brake_build_up(20.0, -2.0, parameters.limits)
     assert (build_up.duration_s, build_up.distance_m, build_up.end_speed_m_s) == (0.0, 0.0, 20.0)
+
+
+def test_stopping_distance_by_hand(parameters: ModelParameters) -> None:
+    """Build-up as above, then 16 m/s or 20 m/s at 2 m/s^2."""
+    limits = parameters.limits
+    assert stopping_distance_m(20.0, 0.0, limits) == pytest.approx(74.6667 + 64.0, abs=1e-4)
+    assert stopping_distance_m(20.0, -2.0, limits) == pytest.approx(100.0)
+
+
+def test_stopping_distance_is_hardly_short_of_a_halt_during_the_build_up(
+    parameters: ModelParameters,
+) -> None:
+    limits = parameters.limits
+    for acceleration in np.linspace(-2.0, 2.0, 9):
+        for speed in np.linspace(0.0, 10.0, 21):
+            times = np.arange(0.0, 20.0, STEP_S)
+            braking = np.maximum(acceleration - limits.max_jerk_m_s3 * times, -2.0)
+            moved = travelled_m(speed + travelled_m(braking))
+            shortage = moved.max() - stopping_distance_m(speed, acceleration, limits)
+            assert -0.05 <= shortage < 1.4
 
 
 def test_reserve_is_the_smallest_excess_ahead(parameters: ModelParameters) -> None:

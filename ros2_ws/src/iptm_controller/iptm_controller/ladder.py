@@ -79,5 +79,6 @@ class FallbackLadder:
             return LadderDecision(plan.command_at(state.time_s), Rung.SHIFTED_PLAN)
         last_safe_tick = options.shifted_plan_ticks + options.safe_law_ticks
         if leader is not None and self._failures <= last_safe_tick:
-            return LadderDecision(safe_following(state, leader, self._parameters), Rung.SAFE_LAW)
+            command = safe_following(state, leader, self._parameters, self._tick_s)
+            return LadderDecision(command, Rung.SAFE_LAW)
         return LadderDecision(controlled_stop(state, self._parameters, self._tick_s), Rung.STOP)

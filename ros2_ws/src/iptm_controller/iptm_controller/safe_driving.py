@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from iptm_core.controlled_stop import controlled_stop_command
-from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.model import LimitParameters, ModelParameters
+from iptm_core.physics.braking import halting_distance_m, stopping_distance_m
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.state import Command, LeaderState, VehicleState
 
@@ -13,15 +14,23 @@ THERMOSTAT_ON_K = 305.15  # full cooling is asked for 6 K above
 THERMOSTAT_SPAN_K = 6.0
 THERMOSTAT_POWER_W = 1500.0
 FREE_FLOW_EXPONENT = 4
+BISECTIONS = 30
 
 
 def safe_following(
-    state: VehicleState, leader: LeaderState, parameters: ModelParameters
+    state: VehicleState, leader: LeaderState, parameters: ModelParameters, tick_s: float = 1.0
 ) -> Command:
-    """Intelligent driver model behind the leader, with the thermostat.
+    """Intelligent driver model behind the leader, able to stop behind it at any time, with the thermostat.
 
     ``a_max (1 - (v / v_max)^4 - (s* / s)^2)`` with the desired gap ``s*`` of the paper's spacing policy,
-    never less than the standstill gap. Needs the measured gap and leader speed only.
+    never less than the standstill gap. The model takes braking to be there at once; so the acceleration is
+    cut to what still permits a stop within the jerk limit. Needs the measured gap and leader speed only.
+
+    Args:
+        state: host; its acceleration is the one last actuated.
+        leader: preceding vehicle.
+        parameters: limits and spacing policy.
+        tick_s: time for which the command will be held.
     """
     limits, policy = parameters.limits, parameters.gap
     gap_m = max(leader.position_m - state.position_m, 0.1)
@@ -30,9 +39,44 @@ def safe_following(
     free_flow = (state.speed_m_s / limits.max_speed_m_s) ** FREE_FLOW_EXPONENT
     interaction = (desired / gap_m) ** 2
     acceleration = limits.max_acceleration_m_s2 * (1.0 - free_flow - interaction)
-    return Command(
-        max(acceleration, limits.min_acceleration_m_s2), thermostat_power_w(state, parameters)
-    )
+    acceleration = max(acceleration, limits.min_acceleration_m_s2)
+    room_m = gap_m - policy.standstill_gap_m + float(halting_distance_m(leader.speed_m_s, limits))
+    acceleration = min(acceleration, _stoppable_acceleration(state, room_m, limits, tick_s))
+    return Command(acceleration, thermostat_power_w(state, parameters))
+
+
+def _stoppable_acceleration(
+    state: VehicleState, room_m: float, limits: LimitParameters, tick_s: float
+) -> float:
+    """Largest acceleration for the next tick after which the host can still stop within a distance.
+
+    The hardest braking if there is none within the reach of one tick's jerk.
+    """
+    jerk_step = limits.max_jerk_m_s3 * tick_s
+    low = max(state.acceleration_m_s2 - jerk_step, limits.min_acceleration_m_s2)
+    high = min(state.acceleration_m_s2 + jerk_step, limits.max_acceleration_m_s2)
+    if _way_to_stop_m(state.speed_m_s, high, limits, tick_s) <= room_m:
+        return limits.max_acceleration_m_s2
+    if _way_to_stop_m(state.speed_m_s, low, limits, tick_s) > room_m:
+        return limits.min_acceleration_m_s2
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if _way_to_stop_m(state.speed_m_s, middle, limits, tick_s) <= room_m:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _way_to_stop_m(
+    speed_m_s: float, acceleration_m_s2: float, limits: LimitParameters, tick_s: float
+) -> float:
+    """Way to standstill if an acceleration is held for a tick and braking builds up from there."""
+    after_m_s = speed_m_s + acceleration_m_s2 * tick_s
+    if after_m_s <= 0.0:
+        return 0.5 * speed_m_s * speed_m_s / max(-acceleration_m_s2, 1e-9)
+    held_m = 0.5 * (speed_m_s + after_m_s) * tick_s
+    return held_m + float(stopping_distance_m(after_m_s, acceleration_m_s2, limits))
 
 
 def thermostat_power_w(state: VehicleState, parameters: ModelParameters) -> float:

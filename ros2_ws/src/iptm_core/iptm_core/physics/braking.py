@@ -56,6 +56,28 @@ def brake_build_up(
     return BrakeBuildUp(duration, distance, end_speed)
 
 
+def stopping_distance_m(
+    speed_m_s: Scalar, acceleration_m_s2: Scalar, limits: LimitParameters
+) -> Scalar:
+    """Way to standstill when the brakes build up to the hardest deceleration and stay there.
+
+    Args:
+        speed_m_s: speed at the start.
+        acceleration_m_s2: acceleration at the start, not below its lower bound.
+        limits: bounds on acceleration and jerk.
+
+    Returns:
+        Distance in m; too short by up to 1.4 m where the vehicle halts during the build-up.
+    """
+    build_up = brake_build_up(speed_m_s, acceleration_m_s2, limits)
+    return build_up.distance_m + halting_distance_m(build_up.end_speed_m_s, limits)
+
+
+def halting_distance_m(speed_m_s: Scalar, limits: LimitParameters) -> Scalar:
+    """Way to standstill at the hardest deceleration, in m."""
+    return speed_m_s * speed_m_s / (-2.0 * limits.min_acceleration_m_s2)
+
+
 def braking_reserve_m(
     gap_m: Scalar,
     speed_m_s: Scalar,
@@ -94,13 +116,13 @@ def braking_reserve_m(
     leader_end = maximum(
         leader_start - deceleration * build_up.duration_s, 0.0, SPEED_SMOOTHING_M_S
     )
-    leader_stop = leader_start * leader_start / (2.0 * deceleration)
-    leader_moved = leader_stop - leader_end * leader_end / (2.0 * deceleration)
+    leader_stop = halting_distance_m(leader_start, limits)
+    leader_moved = leader_stop - halting_distance_m(leader_end, limits)
     at_build_up = gap_m + leader_moved - build_up.distance_m
     at_build_up = at_build_up - minimum_gap_m(end_speed, leader_end, gap, limits)
     # Both decelerate alike from here on, so the difference of their speeds is what the host still has.
     rest_speed = maximum(end_speed - leader_end, 0.0, SPEED_SMOOTHING_M_S)
-    host_stop = build_up.distance_m + end_speed * end_speed / (2.0 * deceleration)
-    at_stop = gap_m + leader_stop - host_stop + rest_speed * rest_speed / (2.0 * deceleration)
-    at_stop = at_stop - minimum_gap_m(rest_speed, 0.0, gap, limits)
+    host_moved = build_up.distance_m + halting_distance_m(end_speed, limits)
+    host_moved = host_moved - halting_distance_m(rest_speed, limits)
+    at_stop = gap_m + leader_stop - host_moved - minimum_gap_m(rest_speed, 0.0, gap, limits)
     return -maximum(-at_build_up, -at_stop, RESERVE_SMOOTHING_M)
