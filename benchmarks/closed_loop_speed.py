@@ -135,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--cycle", default="comprehensive", help="driving cycle (%(default)s)")
     parser.add_argument("--horizon", default="3x1+5x5", help="grid (%(default)s)")
     parser.add_argument("--strategy", default="aging", help="strategy (%(default)s)")
-    parser.add_argument("--solver", default="fatrop", help="back end (%(default)s)")
+    parser.add_argument("--solver", default="riccati", help="back end (%(default)s)")
     parser.add_argument("--duration", type=float, help="cut the trip, s")
     parser.add_argument("--json", type=Path, help="also write the numbers here")
     given = parser.parse_args(arguments)

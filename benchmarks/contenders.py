@@ -18,7 +18,7 @@ from iptm_core.state import FloatArray
 
 PEER = "peer_plain"
 PEER_EXPANDED = "peer_expanded"
-INTERPRETED = "fatrop_interpreted"
+INTERPRETED = "riccati_interpreted"
 CONTENDER_NAMES = (*SOLVER_NAMES, INTERPRETED, PEER, PEER_EXPANDED)
 
 
@@ -69,11 +69,7 @@ def build_contender(name: str, horizon: Horizon, parameters: ModelParameters) ->
         return _peer(name, horizon, parameters)
     if name not in CONTENDER_NAMES:
         raise ScenarioError(f"'{name}' is unknown, allowed are {', '.join(CONTENDER_NAMES)}")
-    options = (
-        SolverOptions(name="fatrop", compile_code=False)
-        if name == INTERPRETED
-        else SolverOptions(name=name)
-    )
+    options = SolverOptions(compile_code=False) if name == INTERPRETED else SolverOptions(name=name)
     backend = build_plain_solver(horizon, parameters, options)
 
     def solve(data: ProblemData, guess: FloatArray) -> Outcome:

@@ -24,7 +24,7 @@ from iptm_core.parameters import load_parameters
 GRIDS = ("15x1", "60x1", "200x1", "500x1", "1000x1")
 CYCLE = "wltc_class3b"
 FIRST_TICK = 200
-SOLVERS = ("fatrop", "ipopt")
+SOLVERS = ("riccati", "fatrop", "ipopt")
 
 
 def measure(grids: Sequence[str], solvers: Sequence[str], count: int) -> dict[str, Any]:

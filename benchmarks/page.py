@@ -21,7 +21,7 @@ guess; SQP also carries its multipliers along. The KKT residual is an independen
 solution with CasADi's virtual machine and the best multipliers there are (a linear program), not the
 solver's word. `peer_plain` is the same problem written in CasADi's Opti and solved by IPOPT with the
 same tolerance; `peer_expanded` is the same with expansion into scalar operations switched on;
-`fatrop_interpreted` is the default solver without compiled code. "Other optimum": cost more than 0.1 %
+`riccati_interpreted` is the default solver without compiled code. "Other optimum": cost more than 0.1 %
 above the best of all contenders.
 """
 

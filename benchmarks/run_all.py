@@ -35,8 +35,16 @@ CYCLES = ("wltc_class3b", "comprehensive")
 GRIDS: dict[str, tuple[str, ...]] = {
     "3x1+5x5": CONTENDER_NAMES,
     "15x1": CONTENDER_NAMES,
-    "5x1+20x5": ("fatrop", "ipopt", "sqp_piqp", "sqp_hpipm", "peer_plain", "peer_expanded"),
-    "60x1": ("fatrop", "ipopt", "sqp_piqp", "sqp_hpipm", "peer_plain", "peer_expanded"),
+    "5x1+20x5": (
+        "riccati",
+        "fatrop",
+        "ipopt",
+        "sqp_piqp",
+        "sqp_hpipm",
+        "peer_plain",
+        "peer_expanded",
+    ),
+    "60x1": ("riccati", "fatrop", "ipopt", "sqp_piqp", "sqp_hpipm", "peer_plain", "peer_expanded"),
 }
 PARTS = ("comparisons", "scaling", "loops", "equivalence", "ros", "start_up", "deadline")
 
@@ -78,7 +86,7 @@ def _recorded(cycle: str, grid: str, *, quick: bool, long: bool) -> ProblemSet:
 
 def _loops(*, quick: bool) -> list[dict[str, Any]]:
     duration = 300.0 if quick else None
-    return [measure_loop(cycle, "3x1+5x5", STRATEGY, "fatrop", duration) for cycle in CYCLES]
+    return [measure_loop(cycle, "3x1+5x5", STRATEGY, DEFAULT_SOLVER, duration) for cycle in CYCLES]
 
 
 def _equivalence(*, quick: bool) -> list[dict[str, Any]]:

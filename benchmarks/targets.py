@@ -8,7 +8,7 @@ from typing import Any
 
 PROPOSED = "3x1+5x5"
 SINGLE = "15x1"
-DEFAULT_SOLVER = "fatrop"
+DEFAULT_SOLVER = "riccati"
 PEER = "peer_plain"
 NOT_MEASURED = "not measured"
 

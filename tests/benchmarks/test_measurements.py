@@ -28,7 +28,7 @@ def test_the_machine_is_described_without_its_name() -> None:
 
 def test_shares_of_the_loop_add_up_and_nothing_stays_patched() -> None:
     original = Controller.decide
-    numbers = closed_loop_speed.measure("nycc", "2x1+1x5", "aging", "fatrop", 8.0)
+    numbers = closed_loop_speed.measure("nycc", "2x1+1x5", "aging", "riccati", 8.0)
     assert Controller.decide is original
     assert numbers["ticks"] == 8
     assert sum(numbers["processor_share"].values()) == pytest.approx(1.0)
@@ -42,9 +42,9 @@ def test_both_solvers_drive_the_same_trip() -> None:
 
 
 def test_growth_with_nodes_is_fitted() -> None:
-    numbers = node_scaling.measure(["2x1", "4x1"], ["fatrop"], 2)
+    numbers = node_scaling.measure(["2x1", "4x1"], ["riccati"], 2)
     assert [row["nodes"] for row in numbers["rows"]] == [2, 4]
-    assert math.isfinite(numbers["fits"]["fatrop"]["per_node_us"])
+    assert math.isfinite(numbers["fits"]["riccati"]["per_node_us"])
 
 
 def test_a_paced_loop_counts_its_ticks() -> None:

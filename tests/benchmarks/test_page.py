@@ -37,13 +37,13 @@ def summary(name: str, median_ms: float, ratio: float) -> dict[str, object]:
 
 
 COMPARISONS = {
-    "wltc_class3b, aging, 3x1+5x5": [summary("fatrop", 1.0, 21.0), summary("peer_plain", 21.0, 1)],
-    "wltc_class3b, aging, 15x1": [summary("fatrop", 1.9, 20.0), summary("peer_plain", 38.0, 1)],
+    "wltc_class3b, aging, 3x1+5x5": [summary("riccati", 1.0, 21.0), summary("peer_plain", 21.0, 1)],
+    "wltc_class3b, aging, 15x1": [summary("riccati", 1.9, 20.0), summary("peer_plain", 38.0, 1)],
 }
 SCALING = {
     "rows": [
         {
-            "solver": "fatrop",
+            "solver": "riccati",
             "grid": f"{nodes}x1",
             "nodes": nodes,
             "problems": 2,
@@ -56,7 +56,7 @@ SCALING = {
         for nodes in (60, 100, 200)
     ],
     "fits": {
-        "fatrop": {
+        "riccati": {
             "offset_ms": 0.0,
             "per_node_us": 10.0,
             "largest_relative_residual": 0.0,

@@ -102,7 +102,7 @@ def test_options_come_last(tmp_path: Path) -> None:
         ("dropout_probability: 1.5", ("dropout_probability is 1.5", "0 to 1")),
         ("dropout_burst: 2.5", ("dropout_burst is 2.5", "whole number")),
         ("strategy: fastest", ("strategy is 'fastest'", "reference", "aging")),
-        ("solver: magic", ("solver is 'magic'", "fatrop")),
+        ("solver: magic", ("solver is 'magic'", "riccati")),
         ("mode: slow", ("mode is 'slow'", "lock_step, real_time")),
         ("slope: steep", ("slope is 'steep'", "as_designed")),
         ("cycle: 5", ("cycle is 5", "a text")),

@@ -200,7 +200,7 @@ def plain_solver(parameters: ModelParameters) -> Callable[..., SolverBackend]:
 
     @lru_cache
     def build(
-        horizon: str = "3x1+5x5", name: str = "fatrop", *, compile_code: bool = True
+        horizon: str = "3x1+5x5", name: str = "riccati", *, compile_code: bool = True
     ) -> SolverBackend:
         options = SolverOptions(name=name, compile_code=compile_code)
         return build_plain_solver(Horizon.parse(horizon), parameters, options)
@@ -214,7 +214,7 @@ def probing_solver(
 ) -> Callable[..., SolverBackend]:
     """Solvers as the controller uses them; the probe counts ticks, so each test gets its own."""
 
-    def build(horizon: str = "3x1+5x5", name: str = "fatrop") -> SolverBackend:
+    def build(horizon: str = "3x1+5x5", name: str = "riccati") -> SolverBackend:
         return CoolingProbe(plain_solver(horizon, name), Horizon.parse(horizon), parameters)
 
     return build

@@ -6,6 +6,7 @@ import logging
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import casadi as ca
@@ -21,6 +22,7 @@ from iptm_controller.ocp.compilation import (
 )
 from iptm_controller.solvers import nlpsol_backend
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
+from iptm_controller.solvers.riccati import backend as riccati_backend
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import ModelParameters
 
@@ -113,15 +115,25 @@ def test_a_damaged_library_is_compiled_again(
     assert [path.name for path in cache.iterdir()] == [library.name]
 
 
+@pytest.mark.parametrize(
+    ("name", "module", "missing"),
+    [("fatrop", nlpsol_backend, "nlp"), ("riccati", riccati_backend, "start")],
+)
 def test_a_library_of_something_else_is_a_clear_error(
-    cache: Path, compiler: str, parameters: ModelParameters, monkeypatch: pytest.MonkeyPatch
+    cache: Path,
+    compiler: str,
+    parameters: ModelParameters,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    module: ModuleType,
+    missing: str,
 ) -> None:
     foreign = compile_functions([square()], compiler)
-    monkeypatch.setattr(nlpsol_backend, "compile_functions", lambda *_: foreign)
-    with pytest.raises(SolverSetupError, match="cannot be set up") as caught:
-        build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions())
+    monkeypatch.setattr(module, "compile_functions", lambda *_: foreign)
+    with pytest.raises(SolverSetupError, match=f"'{name}' cannot be set up") as caught:
+        build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions(name=name))
     assert foreign.parent == cache
-    assert "nlp" in str(caught.value)
+    assert missing in str(caught.value)
 
 
 def test_a_cache_that_cannot_be_written_is_named(

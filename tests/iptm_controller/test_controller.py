@@ -283,5 +283,5 @@ def test_builds_its_own_solver_with_the_probe(parameters: ModelParameters) -> No
     options = ControllerOptions(horizon=Horizon.parse("2x1"))
     controller = Controller(parameters, replace(options, solver=replace(options.solver,
                                                                         compile_code=False)))  # fmt: skip
-    assert controller.backend.name == "fatrop"
+    assert controller.backend.name == "riccati"
     assert type(controller.backend).__name__ == "CoolingProbe"

@@ -65,7 +65,7 @@ def solution(name: str, tolerance: float, problem: tuple[ProblemData, FloatArray
     return build_plain_solver(HORIZON, PARAMETERS, options).solve(*problem).variables
 
 
-@pytest.mark.parametrize("name", ["fatrop", "ipopt", "sqp_piqp"])
+@pytest.mark.parametrize("name", ["riccati", "fatrop", "ipopt", "sqp_piqp"])
 def test_solutions_of_every_kind_of_solver_pass(
     name: str, problem: tuple[ProblemData, FloatArray], checker: KktChecker
 ) -> None:

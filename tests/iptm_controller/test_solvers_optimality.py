@@ -101,20 +101,20 @@ def changes(steps: int) -> Iterator[FloatArray]:
 @pytest.mark.parametrize("strategy", ["aging", "reference_energy_aging"])
 @pytest.mark.parametrize("name", ORDINARY)
 def test_two_solvers_find_the_same_optimum(
-    plain_solver: Solvers,
+    probing_solver: Solvers,
     problem_of: Pose,
     scenes: dict[str, Measurements],
     name: str,
     strategy: str,
 ) -> None:
     problem = problem_of(scenes[name], "3x1+5x5", strategy)
-    fatrop = plain_solver("3x1+5x5").solve(*problem)
-    ipopt = plain_solver("3x1+5x5", "ipopt", compile_code=False).solve(*problem)
-    assert fatrop.status is SolveStatus.SOLVED
+    default = probing_solver("3x1+5x5").solve(*problem)
+    ipopt = probing_solver("3x1+5x5", "ipopt").solve(*problem)
+    assert default.status is SolveStatus.SOLVED
     assert ipopt.status is SolveStatus.SOLVED
     # IPOPT stops a little inside of its barrier: within the sum of all penalties times 1e-8.
-    assert fatrop.objective == pytest.approx(ipopt.objective, rel=1e-5, abs=5e-4)
-    difference = np.abs(inputs_of(fatrop.variables) - inputs_of(ipopt.variables))
+    assert default.objective == pytest.approx(ipopt.objective, rel=1e-5, abs=5e-4)
+    difference = np.abs(inputs_of(default.variables) - inputs_of(ipopt.variables))
     assert difference[0].max() < 2e-2
 
 
@@ -122,11 +122,11 @@ def test_the_same_optimum_on_the_single_horizon(
     plain_solver: Solvers, problem_of: Pose, ordinary_scene: Measurements
 ) -> None:
     problem = problem_of(ordinary_scene, "15x1", "aging")
-    fatrop = plain_solver("15x1", compile_code=False).solve(*problem)
+    default = plain_solver("15x1", compile_code=False).solve(*problem)
     ipopt = plain_solver("15x1", "ipopt", compile_code=False).solve(*problem)
-    assert fatrop.status is SolveStatus.SOLVED
+    assert default.status is SolveStatus.SOLVED
     assert ipopt.status is SolveStatus.SOLVED
-    assert fatrop.objective == pytest.approx(ipopt.objective, rel=1e-5, abs=5e-4)
+    assert default.objective == pytest.approx(ipopt.objective, rel=1e-5, abs=5e-4)
 
 
 @pytest.mark.parametrize(
@@ -141,14 +141,14 @@ def test_the_same_optimum_on_the_single_horizon(
 def test_no_feasible_plan_nearby_is_better(
     parameters: ModelParameters,
     transcription_of: Callable[[str], Transcription],
-    plain_solver: Solvers,
+    probing_solver: Solvers,
     problem_of: Pose,
     scenes: dict[str, Measurements],
     name: str,
     strategy: str,
 ) -> None:
     data, guess = problem_of(scenes[name], "3x1+5x5", strategy)
-    result = plain_solver("3x1+5x5").solve(data, guess)
+    result = probing_solver("3x1+5x5").solve(data, guess)
     rollout = Rollout(transcription_of("3x1+5x5"), data, parameters)
     best = inputs_of(result.variables)
     tolerance = 1e-3 + 1e-5 * abs(result.objective)

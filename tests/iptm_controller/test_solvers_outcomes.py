@@ -15,13 +15,13 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.budget import SolveBudget
 from iptm_controller.solvers.factory import (
     SOLVER_NAMES,
     SolverOptions,
     build_plain_solver,
     build_solver,
 )
-from iptm_controller.solvers.nlpsol_backend import SolveBudget
 from iptm_controller.solvers.result import STATUS_TEXT, SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import ModelParameters
@@ -30,7 +30,7 @@ from iptm_core.state import FloatArray
 Pose = Callable[..., tuple[ProblemData, FloatArray]]
 Solvers = Callable[..., SolverBackend]
 GRID = "2x1+2x5"
-KINDS = ["fatrop", "ipopt", "sqp_piqp"]
+KINDS = ["riccati", "fatrop", "ipopt", "sqp_piqp"]
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_every_status_has_a_sentence_and_two_are_usable() -> None:
     assert [int(status) for status in SolveStatus] == [0, 1, 2, 3, 4]
 
 
-@pytest.mark.parametrize("name", ["fatrop", "ipopt"])
+@pytest.mark.parametrize("name", ["riccati", "fatrop", "ipopt"])
 def test_a_solved_problem_says_so(
     plain_solver: Solvers, problem: tuple[ProblemData, FloatArray], name: str
 ) -> None:
@@ -67,7 +67,7 @@ def test_a_solved_problem_says_so(
     assert result.infeasibility < 1e-5
 
 
-@pytest.mark.parametrize("name", ["fatrop", "ipopt"])
+@pytest.mark.parametrize("name", ["riccati", "fatrop", "ipopt"])
 def test_the_same_problem_gives_the_same_answer(
     plain_solver: Solvers, problem: tuple[ProblemData, FloatArray], name: str
 ) -> None:
@@ -173,7 +173,7 @@ def test_a_start_beyond_the_power_of_the_pack_ends_in_numbers(
     assert runs_away or np.isfinite(result.variables).all()
 
 
-@pytest.mark.parametrize("name", ["fatrop", "ipopt"])
+@pytest.mark.parametrize("name", ["riccati", "fatrop", "ipopt"])
 def test_recovers_at_once_from_a_broken_problem(
     plain_solver: Solvers, problem: tuple[ProblemData, FloatArray], name: str
 ) -> None:
@@ -202,12 +202,14 @@ def test_machine_code_and_virtual_machine_agree(
 def test_names(
     parameters: ModelParameters, probing_solver: Solvers, caplog: pytest.LogCaptureFixture
 ) -> None:
-    assert SOLVER_NAMES[:2] == ("fatrop", "ipopt")
+    assert SOLVER_NAMES[:3] == ("riccati", "fatrop", "ipopt")
     probing = probing_solver("3x1+5x5")
-    assert (probing.name, probing.compiled) == ("fatrop", True)
+    assert (probing.name, probing.compiled) == ("riccati", True)
     caplog.set_level(logging.DEBUG)
     for build in (build_solver, build_plain_solver):
-        with pytest.raises(SolverSetupError, match="'snopt' is unknown, allowed are fatrop, ipopt"):
+        with pytest.raises(
+            SolverSetupError, match="'snopt' is unknown, allowed are riccati, fatrop"
+        ):
             build(Horizon.parse(GRID), parameters, SolverOptions(name="snopt"))
 
 

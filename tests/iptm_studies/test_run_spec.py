@@ -60,9 +60,9 @@ def test_bad_values_are_refused(changes: dict[str, Any], complaint: str) -> None
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("simplex",), "'simplex' is unknown; allowed are fatrop"),
-        (("fatrop", 0.0), "tolerance is 0"),
-        (("fatrop", 1e-5, 0), "max_iterations is 0"),
+        (("simplex",), "'simplex' is unknown; allowed are riccati, fatrop"),
+        (("riccati", 0.0), "tolerance is 0"),
+        (("riccati", 1e-5, 0), "max_iterations is 0"),
     ],
 )
 def test_bad_solvers_are_refused(arguments: tuple[Any, ...], complaint: str) -> None:

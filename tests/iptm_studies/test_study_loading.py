@@ -154,7 +154,7 @@ CASE = "title: t\ncases:\n  - name: a\n    run: {%s}\n"
         (CASE % "tick_s: .nan", "tick_s is nan"),
         (CASE % "kind: open_loop", "kind is 'open_loop'; allowed are closed_loop"),
         (CASE % "kind: [closed_loop]", r"kind is \['closed_loop'\]"),
-        (CASE % "solver: fatrop", "solver: a mapping"),
+        (CASE % "solver: riccati", "solver: a mapping"),
         (CASE % "solver: {max_iterations: 1.5}", "max_iterations: a whole number"),
         (CASE % "preview: {seed: 1e3}", "seed: a whole number is needed, got 1000.0"),
         (CASE % "preview: {noise: 1}", "preview: unknown key 'noise'"),

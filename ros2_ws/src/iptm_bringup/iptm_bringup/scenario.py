@@ -63,7 +63,7 @@ class Scenario:
     horizon: str = parameter(
         str(MULTI_HORIZON), "prediction grid, <steps>x<seconds> parts joined by +"
     )
-    solver: str = parameter("fatrop", "solver back end", choices=SOLVER_NAMES)
+    solver: str = parameter("riccati", "solver back end", choices=SOLVER_NAMES)
     preview_mode: str = parameter(
         PreviewMode.FULL.value,
         "what the host is told about the future of the leader",

@@ -70,7 +70,7 @@ ARGUMENTS = {
     "seed": ("0", "seed of loss and error"),
     "strategy": ("aging", "cost of the controller"),
     "horizon": ("3x1+5x5", "prediction grid, <steps>x<seconds> parts joined by +"),
-    "solver": ("fatrop", "solver back end"),
+    "solver": ("riccati", "solver back end"),
     **{
         f"{node}_parameters": (str(CONFIG / f"{node}.yaml"), f"parameter file of {node}")
         for node in NODES

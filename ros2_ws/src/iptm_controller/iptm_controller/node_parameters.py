@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import LadderOptions
+from iptm_controller.solvers.budget import SolveBudget
 from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions
 from iptm_controller.solvers.interior_point import InteriorPointOptions
-from iptm_controller.solvers.nlpsol_backend import SolveBudget
 from iptm_controller.strategy import STRATEGIES, Strategy, strategy_by_name
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.override_text import parse_overrides
@@ -40,7 +40,7 @@ class ControllerNodeParameters:
     horizon: str = parameter(
         str(MULTI_HORIZON), "prediction grid, <steps>x<seconds> parts joined by +"
     )
-    solver: str = parameter("fatrop", "solver back end", choices=SOLVER_NAMES)
+    solver: str = parameter("riccati", "solver back end", choices=SOLVER_NAMES)
     compile_code: bool = parameter(
         default=True,
         description="compile the problem where a C compiler is found (cached between starts)",

@@ -25,9 +25,9 @@ from iptm_controller.plan import (
     sample_positions_m,
     variables_from_plan,
 )
+from iptm_controller.solvers.budget import SolveBudget
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.interior_point import InteriorPointOptions
-from iptm_controller.solvers.nlpsol_backend import SolveBudget
 from iptm_controller.solvers.result import SolveResult
 from iptm_controller.strategy import Strategy
 from iptm_core.parameters.model import ModelParameters

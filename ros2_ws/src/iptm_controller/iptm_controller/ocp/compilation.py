@@ -39,12 +39,13 @@ def cache_directory() -> Path:
 
 
 def find_compiler() -> str | None:
-    """Path of a C compiler (``$CC``, ``cc``, ``gcc`` or ``clang``), or None."""
+    """Path of a C compiler (``$CC``, ``cc``, ``gcc`` or ``clang``); None with a warning if there is none."""
     for candidate in (os.environ.get("CC"), "cc", "gcc", "clang"):
         if candidate:
             path = shutil.which(candidate)
             if path is not None:
                 return path
+    LOGGER.warning("no C compiler found: the problem runs interpreted, several times slower")
     return None
 
 

@@ -8,6 +8,7 @@ evaluation cost grows linearly.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -138,7 +139,8 @@ class Transcription:
         return ca.MX(sparsity, values[order])
 
     def _arguments(self) -> list[list[ca.MX]]:
-        return _phase_arguments(self.horizon, self.stages, self.variables, self.parameters)
+        counts = [stage.spec.parameter_count for stage in self.stages]
+        return phase_arguments(self.horizon, counts, self.variables, self.parameters)
 
     def _hessian_entries(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         rows, columns = [], []
@@ -176,7 +178,8 @@ def transcribe(
     offsets = layout.GLOBALS + np.concatenate([[0], np.cumsum(sizes)])
     w = ca.MX.sym("x", BLOCK * horizon.steps + layout.STATES)
     p = ca.MX.sym("p", int(offsets[-1]))
-    arguments = _phase_arguments(horizon, stages, w, p)
+    counts = [stage.spec.parameter_count for stage in stages]
+    arguments = phase_arguments(horizon, counts, w, p)
     rows, costs, gradients, jacobians = [], [], [], []
     for stage, phase, argument in zip(stages, horizon.phases, arguments, strict=True):
         row, cost = stage.value.map(phase.steps)(*argument)
@@ -246,22 +249,29 @@ def problem_bounds(steps: int, limits: LimitParameters) -> Bounds:
     )
 
 
-def _phase_arguments(
-    horizon: Horizon, stages: tuple[StageFunctions, ...], w: ca.MX, p: ca.MX
+def phase_arguments(
+    horizon: Horizon, parameter_counts: Sequence[int], w: ca.MX, p: ca.MX
 ) -> list[list[ca.MX]]:
-    """Stage arguments of every phase: states, inputs, step parameters and globals, one column each."""
+    """Stage arguments of every phase: states, inputs, step parameters and globals, one column each.
+
+    Args:
+        horizon: the grid.
+        parameter_counts: parameters of one step, for each phase.
+        w: all variables.
+        p: all parameters.
+    """
     table = ca.reshape(w[: BLOCK * horizon.steps], BLOCK, horizon.steps)
     shared = p[: layout.GLOBALS]
     arguments = []
     step, offset = 0, layout.GLOBALS
-    for phase, stage in zip(horizon.phases, stages, strict=True):
+    for phase, count in zip(horizon.phases, parameter_counts, strict=True):
         columns = slice(step, step + phase.steps)
-        length = stage.spec.parameter_count * phase.steps
+        length = count * phase.steps
         arguments.append(
             [
                 table[: layout.STATES, columns],
                 table[layout.STATES :, columns],
-                ca.reshape(p[offset : offset + length], stage.spec.parameter_count, phase.steps),
+                ca.reshape(p[offset : offset + length], count, phase.steps),
                 ca.repmat(shared, 1, phase.steps),
             ]
         )

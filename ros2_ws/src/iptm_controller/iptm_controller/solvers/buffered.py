@@ -6,6 +6,7 @@ statistics in a dictionary of all sub-functions: as long as half of a small solv
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -22,20 +23,30 @@ class BufferedFunction:
         results: by name; overwritten by every call.
     """
 
-    def __init__(self, function: ca.Function) -> None:
+    def __init__(
+        self, function: ca.Function, memory: Mapping[str, FloatArray] | None = None
+    ) -> None:
+        """Allocate what is not given.
+
+        Args:
+            function: the function.
+            memory: arrays to use for arguments and results of these names, so that the results of one
+                function can be the arguments of another without a copy.
+        """
+        given = memory or {}
         # CasADi's stubs describe the C++ signatures of the buffer, not those of Python.
         self._buffer: Any
         self._buffer, self._run = function.buffer()
         self.arguments: dict[str, FloatArray] = {}
         self.results: dict[str, FloatArray] = {}
         for index in range(function.n_in()):
-            memory = np.zeros(function.nnz_in(index))
-            self._buffer.set_arg(index, memory.data)
-            self.arguments[function.name_in(index)] = memory
+            name = function.name_in(index)
+            self.arguments[name] = _array(given, name, function.nnz_in(index))
+            self._buffer.set_arg(index, self.arguments[name].data)
         for index in range(function.n_out()):
-            memory = np.zeros(function.nnz_out(index))
-            self._buffer.set_res(index, memory.data)
-            self.results[function.name_out(index)] = memory
+            name = function.name_out(index)
+            self.results[name] = _array(given, name, function.nnz_out(index))
+            self._buffer.set_res(index, self.results[name].data)
 
     def __call__(self) -> None:
         """Evaluate.
@@ -49,3 +60,12 @@ class BufferedFunction:
         """CasADi's statistics of the last call."""
         stats: dict[str, Any] = self._buffer.stats()
         return stats
+
+
+def _array(given: Mapping[str, FloatArray], name: str, size: int) -> FloatArray:
+    array = given.get(name)
+    if array is None:
+        return np.zeros(size)
+    if array.shape != (size,):
+        raise ValueError(f"memory for '{name}' has shape {array.shape}, needed is ({size},)")
+    return array

@@ -3,8 +3,8 @@
 A compressor that is off cools nothing, and the chiller map is flat there: "off" is a stationary point
 even when cooling would pay, for example when a temperature limit is about to break. A solver started
 from an off plan stays in that valley. Whenever the plan leaves the compressor off, this back end also
-tries a plan that starts it, if a temperature limit is violated, if the first solve failed, and every few
-ticks in any case; the better plan wins.
+tries a plan that starts it, if a temperature limit is violated, if the first solve failed, and at the first
+and every few further ticks in any case; the better plan wins.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class CoolingProbe:
         rate = parameters.limits.max_compressor_rate_w_s
         self._ramp_w = rate * horizon.node_times_s[1:]
         self._start_w = min(START_POWER_W, parameters.limits.max_compressor_power_w)
-        self._since_probe = 0
+        self._since_probe = PROBE_EVERY
 
     @property
     def name(self) -> str:

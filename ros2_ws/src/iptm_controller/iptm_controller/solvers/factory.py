@@ -9,13 +9,15 @@ from functools import partial
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.transcription import transcribe
 from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.budget import SolveBudget
 from iptm_controller.solvers.cooling_probe import CoolingProbe
 from iptm_controller.solvers.interior_point import (
     InteriorPointOptions,
     fatrop_plugin,
     ipopt_plugin,
 )
-from iptm_controller.solvers.nlpsol_backend import NlpsolBackend, Plugin, SolveBudget
+from iptm_controller.solvers.nlpsol_backend import NlpsolBackend, Plugin
+from iptm_controller.solvers.riccati.backend import RICCATI, RiccatiBackend
 from iptm_controller.solvers.sequential_quadratic import (
     QP_SOLVERS,
     SequentialQuadraticOptions,
@@ -37,7 +39,7 @@ class SolverOptions:
         sequential_quadratic: settings of the SQP back ends.
     """
 
-    name: str = "fatrop"
+    name: str = RICCATI
     compile_code: bool = True
     budget: SolveBudget = field(default_factory=SolveBudget)
     interior_point: InteriorPointOptions = field(default_factory=InteriorPointOptions)
@@ -65,6 +67,14 @@ def build_plain_solver(
     Raises:
         SolverSetupError: unknown name, or the set-up fails.
     """
+    if options.name == RICCATI:
+        return RiccatiBackend(
+            horizon,
+            parameters,
+            options.interior_point,
+            options.budget,
+            compile_code=options.compile_code,
+        )
     try:
         plugin_of = _PLUGINS[options.name]
     except KeyError:
@@ -98,4 +108,4 @@ _PLUGINS: dict[str, Callable[[int, SolverOptions], Plugin]] = {
     "ipopt": _ipopt,
     **{f"sqp_{qp_solver}": partial(_sqp, qp_solver) for qp_solver in QP_SOLVERS},
 }
-SOLVER_NAMES = tuple(_PLUGINS)
+SOLVER_NAMES = (RICCATI, *_PLUGINS)

@@ -1,4 +1,4 @@
-"""Interior-point plug-ins: Fatrop (structure-exploiting, default) and IPOPT (reference)."""
+"""Interior-point plug-ins: Fatrop (structure-exploiting) and IPOPT (reference)."""
 
 from __future__ import annotations
 
@@ -16,10 +16,13 @@ class InteriorPointOptions:
     Attributes:
         tolerance: optimality tolerance on the scaled problem.
         initial_barrier: first barrier parameter; small, because the guess is a shifted solution.
+        patience: iterations after which the Riccati method starts again with a large barrier; the
+            plug-ins do not know it.
     """
 
     tolerance: float = 1e-5
     initial_barrier: float = 1e-4
+    patience: int = 20
 
 
 def fatrop_plugin(steps: int, options: InteriorPointOptions) -> Plugin:

@@ -22,32 +22,18 @@ from iptm_controller.ocp.compilation import compile_functions, find_compiler
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.oracle import OracleSignature, oracle_expressions, oracle_functions
 from iptm_controller.ocp.transcription import Transcription, problem_bounds
+from iptm_controller.solvers.budget import FEASIBILITY_TOLERANCE, SolveBudget
 from iptm_controller.solvers.buffered import BufferedFunction
-from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus
+from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus, broken
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray
 
 LOGGER = logging.getLogger(__name__)
-FEASIBILITY_TOLERANCE = 1e-4
 SHORTER_CAPS = (60, 25, 10)
 PACE_MEMORY = 0.9
 PACE_MARGIN = 1.5
 _PROBLEM = (["x", "p"], ["f", "g"])
-
-
-@dataclass(frozen=True)
-class SolveBudget:
-    """How long a solve may take.
-
-    Attributes:
-        max_iterations: bound on the iterations.
-        deadline_s: bound on the wall time, 0 for none. With a bound the iterations depend on the
-            machine's pace, so runs are no longer exactly repeatable.
-    """
-
-    max_iterations: int = 150
-    deadline_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -86,10 +72,6 @@ class NlpsolBackend:
         self._bounds = problem_bounds(transcription.horizon.steps, limits)
         self._budget = budget
         compiler = find_compiler() if compile_code else None
-        if compile_code and compiler is None:
-            LOGGER.warning(
-                "no C compiler found: the problem runs interpreted, several times slower"
-            )
         self.compiled = compiler is not None
         oracle: Any = (
             oracle_expressions(transcription)
@@ -135,14 +117,14 @@ class NlpsolBackend:
         start = time.perf_counter()
         if not self._can_start(data, guess):
             message = "data or model are not finite at the initial iterate"
-            return _broken(guess, time.perf_counter() - start, message)
+            return broken(guess, time.perf_counter() - start, message)
         self._write(solver.arguments, data, guess)
         try:
             solver()
         except RuntimeError as error:
             self._multipliers = {}
             last_line = str(error).strip().splitlines()[-1]
-            return _broken(guess, time.perf_counter() - start, last_line)
+            return broken(guess, time.perf_counter() - start, last_line)
         elapsed = time.perf_counter() - start
         stats = solver.stats()
         variables, rows = solver.results["x"].copy(), solver.results["g"]
@@ -241,10 +223,3 @@ class NlpsolBackend:
 def _largest_violation(values: FloatArray, low: FloatArray, high: FloatArray) -> float:
     """Largest distance to the bounds; not a number if one of the values is not."""
     return float(np.max([low - values, values - high], initial=0.0))
-
-
-def _broken(guess: FloatArray, elapsed: float, message: str) -> SolveResult:
-    reason = f"{STATUS_TEXT[SolveStatus.NUMERICAL_ERROR]}: {message}"
-    return SolveResult(
-        SolveStatus.NUMERICAL_ERROR, reason, guess, float("nan"), 0, elapsed, float("inf")
-    )

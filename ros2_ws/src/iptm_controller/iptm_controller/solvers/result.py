@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -58,3 +59,16 @@ class SolveResult:
     iterations: int
     time_s: float
     infeasibility: float
+
+
+def broken(guess: FloatArray, time_s: float, message: str) -> SolveResult:
+    """The result of a solve that could not even start or broke off: the guess, and why."""
+    return SolveResult(
+        status=SolveStatus.NUMERICAL_ERROR,
+        reason=f"{STATUS_TEXT[SolveStatus.NUMERICAL_ERROR]}: {message}",
+        variables=guess,
+        objective=math.nan,
+        iterations=0,
+        time_s=time_s,
+        infeasibility=math.inf,
+    )

@@ -1,0 +1,1 @@
+"""An interior-point method written for these horizons: one Riccati recursion per iteration."""
