@@ -160,7 +160,7 @@ class OptiPeer:
             reserve = braking_reserve_m(
                 gap, speed, acceleration[k], p[StepIndex.LEADER_SPEED], gap_policy, limits
             )
-            at_end = p[StepIndex.END_OF_HORIZON]
+            at_end = p[StepIndex.END_OF_PREVIEW]
             opti.subject_to(at_end * reserve + (1.0 - at_end) * NOT_ASKED_FOR_M + short >= 0.0)
             opti.subject_to(gap - long <= gap_policy.max_gap_m)
             opti.subject_to(speed + fast >= limits.min_speed_m_s)

@@ -66,6 +66,7 @@ def test_full_preview_is_followed_exactly(
     positions, speeds = forecast.motion.at(preview.times_s)
     np.testing.assert_allclose(positions, preview.positions_m, atol=1e-9)
     np.testing.assert_allclose(speeds, preview.speeds_m_s, atol=1e-12)
+    assert forecast.known_s == HORIZON_S
 
 
 def test_a_preview_that_just_reaches_the_horizon_is_full(
@@ -128,6 +129,7 @@ def test_no_preview_yet(forecaster: LeaderForecaster, leader: LeaderState) -> No
     assert forecast.reason
     assert math.isnan(forecast.age_s)
     expect_constant_speed(forecast.motion, leader)
+    assert forecast.known_s == 0.0
 
 
 @given(offset_m=st.floats(-500.0, 500.0), age_s=st.floats(0.0, 9.0))

@@ -137,8 +137,22 @@ def test_braking_reserve_is_asked_for_where_the_preview_ends(
     make_state: Callable[..., VehicleState], steady: Motion
 ) -> None:
     data = build(make_state(), steady)
-    asked = [own[StepIndex.END_OF_HORIZON] for own, _ in steps_of(data, HORIZON)]
+    asked = [own[StepIndex.END_OF_PREVIEW] for own, _ in steps_of(data, HORIZON)]
     assert asked == [0.0] * 7 + [1.0]
+
+
+@pytest.mark.parametrize(
+    ("known_s", "node"), [(0.0, 0), (1.0, 0), (2.9, 1), (3.0, 2), (12.0, 3), (28.0, 7), (60.0, 7)]
+)
+def test_braking_reserve_is_asked_for_no_later_than_the_leader_is_known(
+    make_state: Callable[..., VehicleState], steady: Motion, known_s: float, node: int
+) -> None:
+    builder = ProblemDataBuilder(HORIZON, strategy_by_name("aging"))
+    expected_m = np.zeros(builder.sample_times_s.size)
+    flat = SlopePreview(np.zeros(1), np.zeros(1))
+    data = builder.build(make_state(), steady, flat, expected_m, known_s)
+    asked = [own[StepIndex.END_OF_PREVIEW] for own, _ in steps_of(data, HORIZON)]
+    assert asked == [float(index == node) for index in range(HORIZON.steps)]
 
 
 def test_reference_is_the_mean_speed_over_the_last_two_seconds(

@@ -160,6 +160,7 @@ class Controller:
             forecast.motion,
             measured.slope,
             sample_positions_m(guess, self._builder.sample_times_s),
+            forecast.known_s,
         )
         result = self.backend.solve(data, variables_from_plan(guess, state))
         if not result.status.usable:

@@ -44,12 +44,14 @@ class LeaderForecast:
         quality: how the future is known.
         reason: one sentence, empty while the quality is full.
         age_s: age of the preview used, NaN without one.
+        known_s: how far ahead a preview backs the motion; 0 where a constant speed is all there is.
     """
 
     motion: Motion
     quality: PreviewQuality
     reason: str
     age_s: float
+    known_s: float
 
 
 def check_preview(preview: LeaderPreview) -> None:
@@ -115,15 +117,17 @@ class LeaderForecaster:
         self._remember(leader)
         quality, reason = self._assess(leader, preview)
         age_s = leader.time_s - preview.generated_at_s if preview.times_s.size else float("nan")
+        known_s = 0.0
         if quality in {PreviewQuality.FULL, PreviewQuality.SHORT}:
             future = self._follow_preview(leader, preview)
+            known_s = min(float(preview.times_s[-1]) - leader.time_s, self._horizon_s)
         else:
             future = Motion(
                 np.array([leader.time_s]),
                 np.array([leader.position_m]),
                 np.array([leader.speed_m_s]),
             )
-        return LeaderForecast(self._with_past(future), quality, reason, age_s)
+        return LeaderForecast(self._with_past(future), quality, reason, age_s, known_s)
 
     def _remember(self, leader: LeaderState) -> None:
         if self._past and leader.time_s <= self._past[-1].time_s:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +63,7 @@ class ProblemDataBuilder:
         leader: Motion,
         slope: SlopePreview,
         expected_positions_m: FloatArray,
+        known_s: float = math.inf,
     ) -> ProblemData:
         """Assemble the problem of one tick.
 
@@ -71,6 +73,8 @@ class ProblemDataBuilder:
             slope: road slope over position.
             expected_positions_m: where the host is expected at the sample times (absolute); the
                 slope is expanded to second order there.
+            known_s: how far ahead the leader's motion is known and not a guess. The braking reserve
+                is asked for at the last node up to there, at the first one if there is none.
         """
         now_s, origin_m = state.time_s, state.position_m
         vector = np.empty(self._size)
@@ -80,8 +84,9 @@ class ProblemDataBuilder:
         vector[slots + layout.StepIndex.LEADER_POSITION] = node_position - origin_m
         vector[slots + layout.StepIndex.LEADER_SPEED] = node_speed
         vector[slots + layout.StepIndex.RATE_INTERVAL] = self._rate_intervals_s
-        vector[slots + layout.StepIndex.END_OF_HORIZON] = 0.0
-        vector[slots[-1] + layout.StepIndex.END_OF_HORIZON] = 1.0
+        vector[slots + layout.StepIndex.END_OF_PREVIEW] = 0.0
+        known_nodes = int(np.searchsorted(self._node_times_s[1:], known_s + 1e-6, side="right"))
+        vector[slots[max(known_nodes, 1) - 1] + layout.StepIndex.END_OF_PREVIEW] = 1.0
         times = now_s + self.sample_times_s
         recent, _ = leader.at(np.concatenate([times, times - REFERENCE_WINDOW_S]))
         reference = (recent[: times.size] - recent[times.size :]) / REFERENCE_WINDOW_S

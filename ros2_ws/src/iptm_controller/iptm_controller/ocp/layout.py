@@ -67,14 +67,14 @@ class GlobalIndex(IntEnum):
 class StepIndex(IntEnum):
     """Parameters of one step ahead of its per-sample parameters.
 
-    The last one is 1 for the step that ends the horizon, where the braking reserve is asked for, and 0 for
-    the others: all steps have the same rows, as structure-exploiting solvers want.
+    The last one is 1 for the step with which the knowledge of the leader ends, where the braking reserve is
+    asked for, and 0 for the others: all steps have the same rows, as structure-exploiting solvers want.
     """
 
     LEADER_POSITION = 0
     LEADER_SPEED = 1
     RATE_INTERVAL = 2
-    END_OF_HORIZON = 3
+    END_OF_PREVIEW = 3
 
 
 class SampleIndex(IntEnum):

@@ -41,7 +41,7 @@ DEFAULT_SMOOTHING = Smoothing(
 MIDPOINT_UP_TO_S = 1.0
 SECONDS_PER_SAMPLE = 2.5
 NOT_ASKED_FOR_M = 1.0
-"""Value of the row of the braking reserve before the end of the horizon: satisfied, and of order one."""
+"""Value of the row of the braking reserve where it is not asked for: satisfied, and of order one."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ def _limits(
     reserve = braking_reserve_m(
         gap, speed, next_state[StateIndex.LAST_ACCELERATION], leader_speed, gap_policy, bounds
     )
-    at_end = p[StepIndex.END_OF_HORIZON]
+    at_end = p[StepIndex.END_OF_PREVIEW]
     speed_slack = inputs[InputIndex.SPEED_EXCESS]
     temperature_slack = inputs[InputIndex.TEMPERATURE_EXCESS]
     acceleration_change = inputs[InputIndex.ACCELERATION] - state[StateIndex.LAST_ACCELERATION]
@@ -246,7 +246,7 @@ def _limits(
         gap - shortest + inputs[InputIndex.GAP_SHORT],
         # The printed s_min turns negative while the leader pulls away; the gap must not.
         gap - gap_policy.standstill_gap_m + inputs[InputIndex.GAP_SHORT],
-        # Asked for where the preview ends. Before that the row is a number that solvers need not heed.
+        # Asked for where the preview ends. At other nodes the row is a number that solvers need not heed.
         at_end * reserve + (1.0 - at_end) * NOT_ASKED_FOR_M + inputs[InputIndex.GAP_SHORT],
         gap_policy.max_gap_m - gap + inputs[InputIndex.GAP_LONG],
         speed - bounds.min_speed_m_s + speed_slack,
