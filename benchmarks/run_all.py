@@ -24,6 +24,7 @@ from benchmarks.page import write_page
 from benchmarks.problem_sets import ProblemSet
 from benchmarks.record_problems import record_problems
 from benchmarks.report_files import write_numbers
+from benchmarks.targets import DEFAULT_SOLVER
 from iptm_core.errors import IptmError
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -6,9 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from iptm_controller.solvers.factory import SolverOptions
+
 PROPOSED = "3x1+5x5"
 SINGLE = "15x1"
-DEFAULT_SOLVER = "riccati"
+DEFAULT_SOLVER = SolverOptions().name
 PEER = "peer_plain"
 NOT_MEASURED = "not measured"
 

@@ -54,7 +54,7 @@ class WholeTripOptions:
     tick_s: float = 1.0
     tolerance: float = 1e-4
     initial_barrier: float = 1e-2
-    max_iterations: int = 800
+    max_iterations: int = 5000
     max_expansions: int = 6
     settled_m: float = 10.0
 
@@ -124,7 +124,10 @@ def solve_whole_trip(
         parameters,
         SolverOptions(
             budget=SolveBudget(options.max_iterations),
-            interior_point=InteriorPointOptions(options.tolerance, options.initial_barrier),
+            # The guess is a whole trip that was driven: no reason to give the start up.
+            interior_point=InteriorPointOptions(
+                options.tolerance, options.initial_barrier, patience=options.max_iterations
+            ),
         ),
     )
     builder = ProblemDataBuilder(horizon, strategy)
