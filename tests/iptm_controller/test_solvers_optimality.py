@@ -100,22 +100,27 @@ def changes(steps: int) -> Iterator[FloatArray]:
 
 @pytest.mark.parametrize("strategy", ["aging", "reference_energy_aging"])
 @pytest.mark.parametrize("name", ORDINARY)
-def test_two_solvers_find_the_same_optimum(
+def test_the_reference_solver_finds_nothing_better(
+    plain_solver: Solvers,
     probing_solver: Solvers,
     problem_of: Pose,
     scenes: dict[str, Measurements],
     name: str,
     strategy: str,
 ) -> None:
-    problem = problem_of(scenes[name], "3x1+5x5", strategy)
-    default = probing_solver("3x1+5x5").solve(*problem)
-    ipopt = probing_solver("3x1+5x5", "ipopt").solve(*problem)
+    """The reference may end in another valley, never in a deeper one, and it stays in ours."""
+    data, guess = problem_of(scenes[name], "3x1+5x5", strategy)
+    default = probing_solver("3x1+5x5").solve(data, guess)
+    elsewhere = probing_solver("3x1+5x5", "ipopt").solve(data, guess)
+    from_ours = plain_solver("3x1+5x5", "ipopt", compile_code=False).solve(data, default.variables)
     assert default.status is SolveStatus.SOLVED
-    assert ipopt.status is SolveStatus.SOLVED
+    assert elsewhere.status is SolveStatus.SOLVED
+    assert from_ours.status is SolveStatus.SOLVED
     # IPOPT stops a little inside of its barrier: within the sum of all penalties times 1e-8.
-    assert default.objective == pytest.approx(ipopt.objective, rel=1e-5, abs=5e-4)
-    difference = np.abs(inputs_of(default.variables) - inputs_of(ipopt.variables))
-    assert difference[0].max() < 2e-2
+    assert default.objective <= elsewhere.objective + 5e-4 + 1e-5 * abs(elsewhere.objective)
+    assert default.objective == pytest.approx(from_ours.objective, rel=1e-5, abs=5e-4)
+    difference = np.abs(inputs_of(default.variables) - inputs_of(from_ours.variables))
+    assert difference[0].max() < 5e-2
 
 
 def test_the_same_optimum_on_the_single_horizon(

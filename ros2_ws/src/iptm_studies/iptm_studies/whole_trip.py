@@ -37,6 +37,8 @@ from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import TripRecorder
 
+NEAR_BARRIER = 1e-2
+
 
 @dataclass(frozen=True)
 class WholeTripOptions:
@@ -45,7 +47,6 @@ class WholeTripOptions:
     Attributes:
         tick_s: step length.
         tolerance: optimality tolerance of the scaled problem.
-        initial_barrier: first barrier parameter.
         max_iterations: iterations of one solve at most.
         max_expansions: solves with renewed slope expansion at most.
         settled_m: the expansion is settled when no position moves by more than this.
@@ -53,9 +54,8 @@ class WholeTripOptions:
 
     tick_s: float = 1.0
     tolerance: float = 1e-4
-    initial_barrier: float = 1e-2
     max_iterations: int = 5000
-    max_expansions: int = 6
+    max_expansions: int = 12
     settled_m: float = 10.0
 
 
@@ -119,16 +119,17 @@ def solve_whole_trip(
     """
     steps = round(route.duration_s / options.tick_s)
     horizon = Horizon((Phase(steps, options.tick_s),))
-    solver = build_plain_solver(
-        horizon,
-        parameters,
-        SolverOptions(
-            budget=SolveBudget(options.max_iterations),
-            # The guess is a whole trip that was driven: no reason to give the start up.
-            interior_point=InteriorPointOptions(
-                options.tolerance, options.initial_barrier, patience=options.max_iterations
+    # What was driven is far from the optimum of the trip, what was found for another expansion is near.
+    first, further = (
+        build_plain_solver(
+            horizon,
+            parameters,
+            SolverOptions(
+                budget=SolveBudget(options.max_iterations),
+                interior_point=InteriorPointOptions(options.tolerance, NEAR_BARRIER, patience),
             ),
-        ),
+        )
+        for patience in (0, options.max_iterations)
     )
     builder = ProblemDataBuilder(horizon, strategy)
     leader = _leader_motion(route, horizon)
@@ -137,7 +138,8 @@ def solve_whole_trip(
     plan = _plan_of(start, horizon)
     expansions: list[Expansion] = []
     objective = float("nan")
-    for _ in range(options.max_expansions):
+    for index in range(options.max_expansions):
+        solver = further if index else first
         expected = sample_positions_m(plan, builder.sample_times_s)
         data = builder.build(state, leader, slope, expected)
         result = solver.solve(data, variables_from_plan(plan, state))

@@ -46,12 +46,16 @@ NOT_ASKED_FOR_M = 1.0
 
 @dataclass(frozen=True)
 class PenaltyWeights:
-    """Exact (linear) penalties of the soft limits, cost per unit and second of violation."""
+    """Exact (linear) penalties of the soft limits, cost per unit and second of violation.
+
+    The one on temperature is large because cooling is slow: over a horizon of 15 s the energy term of a
+    strategy outbids 20 per kelvin and second, and the cells run away beyond their limit.
+    """
 
     gap_short_1_m: float = 50.0
     gap_long_1_m: float = 20.0
     speed_1_m_s: float = 50.0
-    temperature_1_k: float = 20.0
+    temperature_1_k: float = 200.0
 
 
 DEFAULT_PENALTIES = PenaltyWeights()

@@ -41,11 +41,11 @@ class StageFunctions:
 
     Attributes:
         spec: step length and samples.
-        value: ``(x, u, p, g) -> (rows (19,), cost)``, rows being minus the next state, then limits.
+        value: ``(x, u, p, g) -> (rows (20,), cost)``, rows being minus the next state, then limits.
         gradient: ``(x, u, p, g) -> (cost gradient (12,))``.
         jacobian: ``(x, u, p, g) -> nonzeros of d rows / d (x, u)``.
         hessian: ``(x, u, p, g, lam_f, lam_rows) -> nonzeros of the Lagrangian's Hessian``.
-        jacobian_sparsity: (19, 12).
+        jacobian_sparsity: (20, 12).
         hessian_sparsity: (12, 12), symmetric.
     """
 

@@ -16,8 +16,8 @@ class InteriorPointOptions:
     Attributes:
         tolerance: optimality tolerance on the scaled problem.
         initial_barrier: first barrier parameter; small, because the guess is a shifted solution.
-        patience: iterations after which the Riccati method starts again with a large barrier; the
-            plug-ins do not know it.
+        patience: iterations after which the Riccati method starts again with a large barrier, 0 to
+            begin with it; the plug-ins do not know it.
     """
 
     tolerance: float = 1e-5

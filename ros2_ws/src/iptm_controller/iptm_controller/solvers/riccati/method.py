@@ -23,6 +23,7 @@ from iptm_controller.solvers.riccati.search_filter import SearchFilter, Values
 from iptm_core.state import FloatArray
 
 SECOND_BARRIER = 10.0
+CAUTION = 0.03
 SHRINK = 0.3
 TRIALS = 3
 ATTEMPTS = 12
@@ -68,7 +69,7 @@ class MethodSettings:
     Attributes:
         tolerance: optimality error to reach.
         initial_barrier: first barrier parameter.
-        patience: iterations after which the first start is given up for the second.
+        patience: iterations after which the first start is given up for the second; 0 omits it.
         max_iterations: bound on the iterations of both.
         deadline_s: bound on the wall time, 0 for none.
     """
@@ -86,6 +87,7 @@ class _Start:
 
     barrier: float
     eased: bool
+    caution: float
     max_iterations: int
 
 
@@ -126,12 +128,12 @@ class RiccatiMethod:
         until_s = time.perf_counter() + (settings.deadline_s or math.inf)
         self._best = None
         few = min(settings.patience, settings.max_iterations)
-        trusting = _Start(settings.initial_barrier, eased=False, max_iterations=few)
+        trusting = _Start(settings.initial_barrier, eased=False, caution=0.0, max_iterations=few)
         first = self._run_from(trusting, guess, parameters, until_s)
         left = settings.max_iterations - first.iterations
         if first.ending not in {Ending.ITERATIONS, Ending.STALLED} or left <= 0:
             return self._with_best(first)
-        wary = _Start(SECOND_BARRIER, eased=True, max_iterations=left)
+        wary = _Start(SECOND_BARRIER, eased=True, caution=CAUTION, max_iterations=left)
         second = self._run_from(wary, guess, parameters, until_s)
         total = first.iterations + second.iterations
         return self._with_best(replace(second, iterations=total))
@@ -171,7 +173,7 @@ class RiccatiMethod:
             elif time.perf_counter() > until_s:
                 ending = Ending.DEADLINE
             else:
-                step = self._step(values, report, delta, accepted)
+                step = self._step(values, report, delta, accepted, start.caution)
                 if step is not None:
                     values, delta = step
                     iteration += 1
@@ -208,7 +210,12 @@ class RiccatiMethod:
         return Report(*self._direction.results["report"].tolist())
 
     def _step(
-        self, values: Values, report: Report, delta: float, accepted: SearchFilter
+        self,
+        values: Values,
+        report: Report,
+        delta: float,
+        accepted: SearchFilter,
+        caution: float,
     ) -> tuple[Values, float] | None:
         """Move to the next iterate; its values and regularisation, or None if no step is accepted."""
         for attempt in range(ATTEMPTS):
@@ -217,7 +224,7 @@ class RiccatiMethod:
                 report = self._find_direction(delta)
             if not report.leads_somewhere:
                 continue
-            mu = report.barrier(self._sides, self._settings.tolerance)
+            mu = report.barrier(self._sides, self._settings.tolerance, caution)
             trials = self._search(values, report, mu, accepted)
             if trials is None:
                 continue

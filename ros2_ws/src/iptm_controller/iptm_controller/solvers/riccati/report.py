@@ -71,12 +71,20 @@ class Report(NamedTuple):
             self.largest_product / product_scale,
         )
 
-    def barrier(self, sides: int, tolerance: float) -> float:
-        """Barrier parameter for the step: centring as much as the step without it is blocked."""
+    def barrier(self, sides: int, tolerance: float, caution: float) -> float:
+        """Barrier parameter for the step: centring as much as the step without it is blocked.
+
+        Args:
+            sides: number of limits.
+            tolerance: optimality error to reach.
+            caution: the barrier does not fall below this share of the optimality error. Far from the
+                optimum a small barrier leaves the iterates at the limits, where every step is short.
+        """
         primal, dual = self.primal_reach, self.dual_reach
         reached = (
             self.product_sum + primal * self.z_ds + dual * self.s_dz + primal * dual * self.ds_dz
         )
         share = min(max(reached / self.product_sum, 0.0), 1.0)
         mean = self.product_sum / sides
-        return max(share**CENTRING_POWER * mean, BARRIER_FLOOR * tolerance)
+        held = min(mean, caution * max(self.stationarity, self.gap))
+        return max(share**CENTRING_POWER * mean, held, BARRIER_FLOOR * tolerance)
