@@ -1,0 +1,282 @@
+"""The step of the Riccati method is the Newton step: against a dense solve of the whole system."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from iptm_controller.controller import Measurements
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.transcription import BLOCK, ROWS, Transcription
+from iptm_controller.solvers.riccati.program import (
+    ITERATE,
+    PARTS,
+    RiccatiProgram,
+    build_program,
+)
+from iptm_controller.solvers.riccati.report import Report
+from iptm_controller.solvers.riccati.stage_system import limit_sides
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FloatArray
+
+GRID = "2x1+2x5"
+STEPS = 4
+MU = 3e-3
+
+Pose = Callable[..., tuple[ProblemData, FloatArray]]
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """An iterate of the method inside of all limits."""
+
+    w: FloatArray
+    lam: FloatArray
+    s: FloatArray
+    z: FloatArray
+
+
+@pytest.fixture(scope="module")
+def program(parameters: ModelParameters) -> RiccatiProgram:
+    return build_program(Horizon.parse(GRID), parameters)
+
+
+@pytest.fixture
+def problem(
+    problem_of: Pose, make_scene: Callable[..., Measurements]
+) -> tuple[ProblemData, FloatArray]:
+    scene = make_scene(leader_acceleration_m_s2=-0.4)
+    return problem_of(scene, GRID, "reference_energy_aging")
+
+
+@pytest.fixture
+def iterate(program: RiccatiProgram, problem: tuple[ProblemData, FloatArray]) -> Iterate:
+    """Positive distances and multipliers without order, so that nothing cancels by chance."""
+    data, guess = problem
+    rng = np.random.default_rng(5)
+    w = guess + 0.02 * rng.normal(size=guess.size)
+    w[: layout.STATES] = data.initial_state
+    s, z = (program.start.size_out(index)[0] for index in (1, 2))
+    return Iterate(
+        w,
+        rng.normal(size=layout.STATES * STEPS),
+        rng.uniform(0.2, 2.0, size=s),
+        rng.uniform(0.2, 2.0, size=z),
+    )
+
+
+def call(function: ca.Function, **given: object) -> dict[str, FloatArray]:
+    return {name: value.full().ravel() for name, value in function(**given).items()}
+
+
+def direction(
+    program: RiccatiProgram, data: ProblemData, at: Iterate, delta: float
+) -> tuple[dict[str, FloatArray], Report]:
+    parts = call(
+        program.direction, w=at.w, p=data.parameters, lam=at.lam, s=at.s, z=at.z, delta=delta
+    )
+    step = {
+        name: parts[f"d{name}_{PARTS[0]}"] + MU * parts[f"d{name}_{PARTS[1]}"] for name in ITERATE
+    }
+    return step, Report(*parts["report"].tolist())
+
+
+@dataclass(frozen=True)
+class Dense:
+    """Terms of the optimality conditions as dense arrays; x_0 is left out of the unknowns."""
+
+    gradient: FloatArray
+    hessian: FloatArray
+    dynamics: FloatArray
+    defect: FloatArray
+    slopes: FloatArray
+    distances: FloatArray
+
+
+def dense_terms(
+    transcription: Transcription, parameters: ModelParameters, data: ProblemData, at: Iterate
+) -> Dense:
+    """Everything from the transcription's own derivatives, in the conventions of the method."""
+    t = transcription
+    sides = limit_sides(parameters.limits)
+    choose = np.zeros((len(sides) * STEPS, ROWS * STEPS))
+    bounds = np.zeros((len(sides) * STEPS, t.variable_count))
+    offsets = np.zeros(len(sides) * STEPS)
+    for step in range(STEPS):
+        for index, side in enumerate(sides):
+            row = step * len(sides) + index
+            offsets[row] = side.sign * side.bound
+            if side.index < layout.LIMITS:
+                choose[row, step * ROWS + layout.STATES + side.index] = side.sign
+            else:
+                bounds[row, step * BLOCK + layout.STATES + side.index - layout.LIMITS] = side.sign
+    is_dynamics = np.arange(ROWS * STEPS) % ROWS < layout.STATES
+    # The rows are x+ - F and the limits; the method counts F - x+ and subtracts the limits.
+    multipliers = -choose.T @ at.z
+    multipliers[is_dynamics] = -at.lam
+    lam_f, lam_rows = ca.MX.sym("lam_f"), ca.MX.sym("lam_rows", t.row_count)
+    terms = ca.Function(
+        "terms",
+        [t.variables, t.parameters, lam_f, lam_rows],
+        [t.gradient, t.rows, t.jacobian, t.hessian(lam_f, lam_rows)],
+    )(at.w, data.parameters, 1.0, multipliers)
+    gradient, rows, jacobian, hessian = (term.full() for term in terms)
+    free = slice(layout.STATES, None)
+    return Dense(
+        gradient=gradient.ravel()[free],
+        hessian=hessian[free, free],
+        dynamics=-jacobian[is_dynamics, free],
+        defect=-rows.ravel()[is_dynamics],
+        slopes=(choose @ jacobian + bounds)[:, free],
+        distances=choose @ rows.ravel() + bounds @ at.w - offsets,
+    )
+
+
+def newton_step(dense: Dense, at: Iterate, delta: float) -> dict[str, FloatArray]:
+    """Solve the full Newton system of the barrier problem at once."""
+    n, m, k = dense.gradient.size, at.lam.size, at.s.size
+    matrix = np.zeros((n + m + 2 * k, n + m + 2 * k))
+    w, lam = slice(0, n), slice(n, n + m)
+    s, z = slice(n + m, n + m + k), slice(n + m + k, None)
+    matrix[w, w] = dense.hessian + delta * np.eye(n)
+    matrix[w, lam], matrix[w, z] = dense.dynamics.T, -dense.slopes.T
+    matrix[lam, w] = dense.dynamics
+    matrix[s, w], matrix[s, s] = dense.slopes, -np.eye(k)
+    matrix[z, s], matrix[z, z] = np.diag(at.z), np.diag(at.s)
+    residual = np.concatenate(
+        [
+            dense.gradient + dense.dynamics.T @ at.lam - dense.slopes.T @ at.z,
+            dense.defect,
+            dense.distances - at.s,
+            at.s * at.z - MU,
+        ]
+    )
+    solved = np.linalg.solve(matrix, -residual)
+    return {"w": solved[w], "lam": solved[lam], "s": solved[s], "z": solved[z]}
+
+
+@pytest.mark.parametrize("delta", [0.0, 0.7])
+def test_the_recursion_solves_the_newton_system(
+    program: RiccatiProgram,
+    transcription_of: Callable[[str], Transcription],
+    parameters: ModelParameters,
+    problem: tuple[ProblemData, FloatArray],
+    iterate: Iterate,
+    delta: float,
+) -> None:
+    data, _ = problem
+    step, report = direction(program, data, iterate, delta)
+    assert report.changed_pivots == 0.0
+    dense = dense_terms(transcription_of(GRID), parameters, data, iterate)
+    # The last state has no stage of its own: nothing is added to its (absent) curvature.
+    hessian = dense.hessian.copy()
+    hessian[-layout.STATES :, -layout.STATES :] -= delta * np.eye(layout.STATES)
+    expected = newton_step(Dense(**{**dense.__dict__, "hessian": hessian}), iterate, delta)
+    np.testing.assert_array_equal(step["w"][: layout.STATES], 0.0)
+    np.testing.assert_allclose(step["w"][layout.STATES :], expected["w"], rtol=1e-6, atol=1e-7)
+    for name in ("lam", "s", "z"):
+        np.testing.assert_allclose(step[name], expected[name], rtol=1e-5, atol=1e-5)
+
+
+def test_the_report_tells_the_residuals(
+    program: RiccatiProgram,
+    transcription_of: Callable[[str], Transcription],
+    parameters: ModelParameters,
+    problem: tuple[ProblemData, FloatArray],
+    iterate: Iterate,
+) -> None:
+    data, _ = problem
+    step, report = direction(program, data, iterate, 0.0)
+    dense = dense_terms(transcription_of(GRID), parameters, data, iterate)
+    stationarity = dense.gradient + dense.dynamics.T @ iterate.lam - dense.slopes.T @ iterate.z
+    # lam of the last state has no counterpart but itself; the method keeps it at zero.
+    own = np.abs(stationarity[: -layout.STATES]).max()
+    assert report.stationarity == pytest.approx(own, rel=1e-9)
+    assert report.defect == pytest.approx(np.abs(dense.defect).max(), rel=1e-9)
+    assert report.gap == pytest.approx(np.abs(dense.distances - iterate.s).max(), rel=1e-9)
+    assert report.largest_product == pytest.approx((iterate.s * iterate.z).max())
+    assert report.product_sum == pytest.approx(iterate.s @ iterate.z)
+    assert report.multiplier_sum == pytest.approx(iterate.z.sum())
+    slope = report.slope_pull + MU * report.slope_centring
+    assert slope == pytest.approx(dense.gradient @ step["w"][layout.STATES :], rel=1e-8)
+    log_slope = report.log_slope_pull + MU * report.log_slope_centring
+    assert log_slope == pytest.approx((step["s"] / iterate.s).sum(), rel=1e-8)
+
+
+def test_advance_takes_the_step_and_looks_there(
+    program: RiccatiProgram,
+    transcription_of: Callable[[str], Transcription],
+    parameters: ModelParameters,
+    problem: tuple[ProblemData, FloatArray],
+    iterate: Iterate,
+) -> None:
+    data, _ = problem
+    given = {"w": iterate.w, "lam": iterate.lam, "s": iterate.s, "z": iterate.z}
+    parts = call(program.direction, p=data.parameters, delta=0.0, **given)
+    parts.pop("report")
+    answer = call(program.advance, p=data.parameters, mu=MU, shrink=0.5, **given, **parts)
+    length = float(answer["length"][0])
+    step = {name: parts[f"d{name}_pull"] + MU * parts[f"d{name}_centring"] for name in ITERATE}
+    assert 0.0 < length <= 0.5
+    np.testing.assert_allclose(answer["next_w"], iterate.w + length * step["w"], atol=1e-12)
+    np.testing.assert_allclose(answer["next_lam"], iterate.lam + length * step["lam"], atol=1e-12)
+    there = Iterate(answer["next_w"], answer["next_lam"], answer["next_s"], answer["next_z"])
+    assert there.s.min() > 0.0
+    assert there.z.min() > 0.0
+    dense = dense_terms(transcription_of(GRID), parameters, data, there)
+    moved = iterate.s + length * step["s"]
+    np.testing.assert_allclose(there.s, np.maximum(moved, dense.distances), atol=1e-9)
+    residual = np.concatenate([dense.defect, dense.distances - there.s])
+    cost, logarithms, total, largest = answer["values"]
+    assert np.isfinite(cost)
+    assert logarithms == pytest.approx(np.log(there.s).sum())
+    assert total == pytest.approx(np.abs(residual).sum())
+    assert largest == pytest.approx(np.abs(residual).max())
+
+
+def test_code_does_not_grow_with_the_horizon(parameters: ModelParameters) -> None:
+    """A step adds some index tables, not a copy of its stage, which has tens of thousands of characters."""
+
+    def length(grid: str) -> int:
+        generator = ca.CodeGenerator("code.c", {"with_header": False})
+        for function in build_program(Horizon.parse(grid), parameters).functions:
+            generator.add(function)
+        return len(generator.dump())
+
+    assert length("200x1") - length("20x1") < 180 * 3000
+
+
+def test_slacks_start_as_guessed_or_eased(
+    program: RiccatiProgram,
+    transcription_of: Callable[[str], Transcription],
+    parameters: ModelParameters,
+    problem_of: Pose,
+    make_scene: Callable[..., Measurements],
+) -> None:
+    """Far too close: eased, the slacks leave no soft limit out of reach."""
+    data, guess = problem_of(make_scene(gap_m=-20.0), GRID, "aging")
+    starts = {
+        ease: call(program.start, guess=guess, p=data.parameters, mu=1e-2, ease=ease)
+        for ease in (0.0, 1.0)
+    }
+    for ease, start in starts.items():
+        table = start["w"][: -layout.STATES].reshape(STEPS, BLOCK)
+        slacks = table[:, BLOCK - layout.SLACKS :]
+        assert slacks.min() > 0.0
+        assert start["s"].min() > 0.0
+        np.testing.assert_allclose(start["s"] * start["z"], 1e-2)
+        none = np.zeros(layout.STATES * STEPS)
+        at = Iterate(start["w"], none, start["s"], start["z"])
+        dense = dense_terms(transcription_of(GRID), parameters, data, at)
+        if ease:
+            assert dense.distances.min() > -1e-9
+            assert slacks.max() > 20.0
+        else:
+            assert dense.distances.min() < -20.0
+            assert slacks.max() < 0.1
