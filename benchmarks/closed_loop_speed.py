@@ -102,6 +102,7 @@ def measure(
             / processor_s,
         },
         "decision_ms": _quantiles(1e3 * np.array(times["decide"])),
+        "solve_total_s": parts["solve"],
         "solve_ms": _quantiles(solves),
         "solve_wall_ms": _quantiles(1e3 * log.solve_time_s[log.status != NO_SOLVE]),
         "iterations": _quantiles(log.iterations.astype(float)),

@@ -24,7 +24,7 @@ from benchmarks.page import write_page
 from benchmarks.problem_sets import ProblemSet
 from benchmarks.record_problems import record_problems
 from benchmarks.report_files import write_numbers
-from benchmarks.targets import DEFAULT_SOLVER
+from benchmarks.targets import DEFAULT_SOLVER, PROPOSED, SINGLE
 from iptm_core.errors import IptmError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -87,11 +87,15 @@ def _recorded(cycle: str, grid: str, *, quick: bool, long: bool) -> ProblemSet:
 
 def _loops(*, quick: bool) -> list[dict[str, Any]]:
     duration = 300.0 if quick else None
-    return [measure_loop(cycle, "3x1+5x5", STRATEGY, DEFAULT_SOLVER, duration) for cycle in CYCLES]
+    return [
+        measure_loop(cycle, grid, STRATEGY, DEFAULT_SOLVER, duration)
+        for cycle in CYCLES
+        for grid in (PROPOSED, SINGLE)
+    ]
 
 
 def _equivalence(*, quick: bool) -> list[dict[str, Any]]:
-    durations = (300.0, 300.0) if quick else (1200.0, 1200.0)
+    durations = (300.0, 300.0) if quick else (None, None)
     return [
         measure_equivalence(cycle, "3x1+5x5", STRATEGY, duration)
         for cycle, duration in zip(CYCLES, durations, strict=True)

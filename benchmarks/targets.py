@@ -46,7 +46,7 @@ def targets(found: dict[str, Any]) -> list[Target]:
         ("MH 3+5: median of a solve at most 1 ms, p99 below 5 ms", _median),
         ("no solve over 20 ms", _longest),
         ("unconverged solves below 1 in 10 000", _unconverged),
-        ("MH 3+5 at no more than half the time of SH 15", _half),
+        ("MH 3+5 at no more than half the time of SH 15, all solves of a trip", _half),
         ("headless comprehensive cycle (10 000 ticks) in under 30 s", _headless),
         ("over ROS 2 with recording at least 200 times real time", _ros),
         ("cost linear in the number of nodes up to 1000", _linear),
@@ -117,11 +117,12 @@ def _unconverged(found: dict[str, Any]) -> tuple[str, bool] | None:
 
 
 def _half(found: dict[str, Any]) -> tuple[str, bool] | None:
-    singles = dict(_row(found, SINGLE, DEFAULT_SOLVER))
+    """Computing time as the paper counts it: all solves of a trip together."""
+    singles = {run["cycle"]: run["solve_total_s"] for run in _loop(found, SINGLE)}
     shares = {
-        cycle: row["median_ms"] / singles[cycle]["median_ms"]
-        for cycle, row in _row(found, PROPOSED, DEFAULT_SOLVER)
-        if cycle in singles
+        run["cycle"]: run["solve_total_s"] / singles[run["cycle"]]
+        for run in _loop(found, PROPOSED)
+        if run["cycle"] in singles
     }
     if not shares:
         return None

@@ -74,7 +74,18 @@ def test_nothing_measured_nothing_claimed() -> None:
 def test_targets_are_judged_by_the_worst_case() -> None:
     reached = {target.text: target for target in targets({"comparisons": COMPARISONS})}
     assert reached["MH 3+5: at least 20 times faster than plain CasADi + IPOPT, median and p99"].met
-    half = reached["MH 3+5 at no more than half the time of SH 15"]
+
+
+def test_computing_time_is_that_of_all_solves() -> None:
+    loops = [
+        {"cycle": "wltc_class3b", "horizon": grid, "ticks": 1800, "wall_s": 2.0, "processor_s": 2.0,
+         "solve_total_s": total, "statuses": {"solved": 1800},
+         "solve_ms": {"median": 1.0, "p99": 2.0, "max": 3.0},
+         "solve_wall_ms": {"median": 1.0, "p99": 2.0, "max": 3.0}}
+        for grid, total in (("3x1+5x5", 1.06), ("15x1", 2.0))
+    ]  # fmt: skip
+    reached = {target.text: target for target in targets({"loops": loops})}
+    half = reached["MH 3+5 at no more than half the time of SH 15, all solves of a trip"]
     assert half.met is False
     assert half.measured == "wltc_class3b: 0.53"
 

@@ -269,7 +269,8 @@ def run_stage(parameters: ModelParameters) -> Callable[..., tuple[FloatArray, fl
         for node in quadrature(count)[0] * step_s:
             moved = state.speed_m_s * node + 0.5 * acceleration_m_s2 * node**2
             around = slope(state.position_m + moved)
-            step_parameters += [*around, moved, speed_reference_m_s]
+            ahead = leader[0] - state.position_m - leader[1] * (step_s - node)
+            step_parameters += [*around, moved, speed_reference_m_s, ahead, leader[1]]
         losses = [state.cell_1_capacity_loss, state.cell_n_capacity_loss]
         following, cost, limits = function(step_s, count, smoothing)(
             (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,

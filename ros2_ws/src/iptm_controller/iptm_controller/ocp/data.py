@@ -15,6 +15,7 @@ from iptm_controller.strategy import Strategy
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
+LONGEST_CHANGE_S = 5.0
 SLOPE_DIFFERENCE_M = 25.0
 
 
@@ -53,9 +54,12 @@ class ProblemDataBuilder:
         self.sample_times_s: FloatArray = np.concatenate(sample_times)
         self._sample_slots = np.concatenate(targets)
         self._step_slots = np.array(step_offsets)
-        # A change of input between two steps happens over the time between their middles.
+        # A change of input between two steps happens over the time between their middles, but braking
+        # that begins halfway into a long step comes too late: there it has to happen sooner.
         previous = np.concatenate([lengths[:1], lengths[:-1]])
-        self._rate_intervals_s = 0.5 * (previous + lengths)
+        grows = lengths > previous
+        following = np.where(grows, np.minimum(lengths, LONGEST_CHANGE_S), lengths)
+        self._rate_intervals_s = 0.5 * (previous + following)
 
     def build(
         self,
@@ -88,7 +92,7 @@ class ProblemDataBuilder:
         known_nodes = int(np.searchsorted(self._node_times_s[1:], known_s + 1e-6, side="right"))
         vector[slots[max(known_nodes, 1) - 1] + layout.StepIndex.END_OF_PREVIEW] = 1.0
         times = now_s + self.sample_times_s
-        recent, _ = leader.at(np.concatenate([times, times - REFERENCE_WINDOW_S]))
+        recent, speeds = leader.at(np.concatenate([times, times - REFERENCE_WINDOW_S]))
         reference = (recent[: times.size] - recent[times.size :]) / REFERENCE_WINDOW_S
         samples = self._sample_slots
         around = np.concatenate(
@@ -108,6 +112,8 @@ class ProblemDataBuilder:
         ) / SLOPE_DIFFERENCE_M**2
         vector[samples + layout.SampleIndex.POSITION] = expected_positions_m - origin_m
         vector[samples + layout.SampleIndex.SPEED_REFERENCE] = reference
+        vector[samples + layout.SampleIndex.LEADER_POSITION] = recent[: times.size] - origin_m
+        vector[samples + layout.SampleIndex.LEADER_SPEED] = speeds[: times.size]
         return ProblemData(self._scaled_state(state), vector)
 
     def _globals(self, state: VehicleState) -> list[float]:

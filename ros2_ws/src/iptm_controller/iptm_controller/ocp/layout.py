@@ -85,6 +85,8 @@ class SampleIndex(IntEnum):
     SLOPE_CURVATURE = 2
     POSITION = 3
     SPEED_REFERENCE = 4
+    LEADER_POSITION = 5
+    LEADER_SPEED = 6
 
 
 STATES = len(StateIndex)

@@ -3,7 +3,8 @@
 Inside a step the acceleration and the compressor power are constant, so position and speed are exact.
 Powers, heat and ageing are integrated by Gauss-Legendre quadrature over the moving speed and slope:
 one sample (the midpoint) for steps up to 1 s, more for long ones. That keeps a 5 s step as accurate as
-five 1 s steps at less than half of their cost.
+five 1 s steps at less than half of their cost. In steps longer than 5 s the gap is looked at in the
+samples, too: a leader can stop and be off again inside of them.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from iptm_core.physics.braking import braking_reserve_m
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.physics.longitudinal import advance_position_m, advance_speed_m_s
+from iptm_core.physics.ops import maximum
 from iptm_core.physics.power_thermal import (
     CellPair,
     PowerThermalRates,
@@ -40,6 +42,8 @@ DEFAULT_SMOOTHING = Smoothing(
 )
 MIDPOINT_UP_TO_S = 1.0
 SECONDS_PER_SAMPLE = 2.5
+LONGEST_UNWATCHED_S = 5.0
+GAP_SMOOTHING_M = 0.3
 NOT_ASKED_FOR_M = 1.0
 """Value of the row of the braking reserve where it is not asked for: satisfied, and of order one."""
 
@@ -138,7 +142,7 @@ def build_stage(spec: StageSpec, parameters: ModelParameters) -> StageExpression
         + spec.penalties.speed_1_m_s * inputs[InputIndex.SPEED_EXCESS]
         + spec.penalties.temperature_1_k * inputs[InputIndex.TEMPERATURE_EXCESS]
     )
-    limits = _limits(parameters, state, inputs, next_state, motion.outlet_k, p)
+    limits = _limits(parameters, state, inputs, next_state, motion, p)
     return StageExpressions(
         state=x,
         inputs=u,
@@ -152,12 +156,16 @@ def build_stage(spec: StageSpec, parameters: ModelParameters) -> StageExpression
 
 @dataclass(frozen=True)
 class _StepMotion:
-    """Integrals over a step: cell temperatures at its end, outlet temperature, cost of J1 to J4."""
+    """Integrals over a step: cell temperatures at its end, outlet temperature, cost of J1 to J4.
+
+    ``gaps_m`` are gap and s_min at the samples inside a step that is too long to look at its end only.
+    """
 
     cell_1_k: ca.SX
     cell_n_k: ca.SX
     outlet_k: ca.SX
     cost: ca.SX
+    gaps_m: list[tuple[ca.SX, ca.SX]]
 
 
 def _integrate(
@@ -171,6 +179,7 @@ def _integrate(
     acceleration = inputs[InputIndex.ACCELERATION]
     sample_1, sample_n = start_1, start_n
     end_1, end_n, cost = start_1, start_n, ca.SX(0.0)
+    gaps_m: list[tuple[ca.SX, ca.SX]] = []
     rates: PowerThermalRates | None = None
     for index, (node, weight) in enumerate(zip(nodes, weights, strict=True)):
         elapsed_s, share_s = float(node) * spec.step_s, float(weight) * spec.step_s
@@ -200,9 +209,13 @@ def _integrate(
         cost += share_s * _cost_rate(rates, speed_error, sample_1, sample_n, g)
         end_1 += share_s * rates.cell_1_temperature_rate_k_s
         end_n += share_s * rates.cell_n_temperature_rate_k_s
+        if spec.step_s > LONGEST_UNWATCHED_S:
+            leader_speed = sample[SampleIndex.LEADER_SPEED]
+            shortest = minimum_gap_m(sample_speed, leader_speed, parameters.gap, parameters.limits)
+            gaps_m.append((sample[SampleIndex.LEADER_POSITION] - sample_position, shortest))
     if rates is None:
         raise AssertionError("a step has at least one sample")
-    return _StepMotion(end_1, end_n, rates.coolant.outlet_k, cost)
+    return _StepMotion(end_1, end_n, rates.coolant.outlet_k, cost, gaps_m)
 
 
 def _cost_rate(
@@ -226,7 +239,7 @@ def _limits(
     state: ca.SX,
     inputs: ca.SX,
     next_state: ca.SX,
-    outlet_k: ca.SX,
+    motion: _StepMotion,
     p: ca.SX,
 ) -> ca.SX:
     """Inequality rows at the end of the step: paper eqs. 16b to 16i, and the braking reserve."""
@@ -239,6 +252,10 @@ def _limits(
     reserve = braking_reserve_m(
         gap, speed, next_state[StateIndex.LAST_ACCELERATION], leader_speed, gap_policy, bounds
     )
+    margin, floor = gap - shortest, gap - gap_policy.standstill_gap_m
+    for gap_inside, shortest_inside in motion.gaps_m:
+        margin = -maximum(-margin, shortest_inside - gap_inside, GAP_SMOOTHING_M)
+        floor = -maximum(-floor, gap_policy.standstill_gap_m - gap_inside, GAP_SMOOTHING_M)
     at_end = p[StepIndex.END_OF_PREVIEW]
     speed_slack = inputs[InputIndex.SPEED_EXCESS]
     temperature_slack = inputs[InputIndex.TEMPERATURE_EXCESS]
@@ -247,9 +264,9 @@ def _limits(
     rows = [
         acceleration_change / (bounds.max_jerk_m_s3 * rate_s),
         power_change / (bounds.max_compressor_rate_w_s * rate_s),
-        gap - shortest + inputs[InputIndex.GAP_SHORT],
+        margin + inputs[InputIndex.GAP_SHORT],
         # The printed s_min turns negative while the leader pulls away; the gap must not.
-        gap - gap_policy.standstill_gap_m + inputs[InputIndex.GAP_SHORT],
+        floor + inputs[InputIndex.GAP_SHORT],
         # Asked for where the preview ends. At other nodes the row is a number that solvers need not heed.
         at_end * reserve + (1.0 - at_end) * NOT_ASKED_FOR_M + inputs[InputIndex.GAP_SHORT],
         gap_policy.max_gap_m - gap + inputs[InputIndex.GAP_LONG],
@@ -259,7 +276,7 @@ def _limits(
     temperatures = (
         next_state[StateIndex.CELL_1_TEMPERATURE],
         next_state[StateIndex.CELL_N_TEMPERATURE],
-        outlet_k,
+        motion.outlet_k,
     )
     for temperature_k in temperatures:
         rows.append(temperature_k - bounds.min_temperature_k + temperature_slack)
