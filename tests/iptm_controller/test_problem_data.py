@@ -133,6 +133,29 @@ def test_rates_count_between_the_middles_of_two_steps(
     assert intervals == [1.0, 1.0, 1.0, 3.0, 5.0, 5.0, 5.0, 5.0]
 
 
+def test_a_change_into_a_long_step_has_to_happen_soon(
+    make_state: Callable[..., VehicleState], steady: Motion
+) -> None:
+    """Into a 15 s step as into one of 5 s; between equal steps nothing changes."""
+    horizon = Horizon.parse("2x1+2x15")
+    data = build(make_state(), steady, horizon=horizon)
+    intervals = [own[StepIndex.RATE_INTERVAL] for own, _ in steps_of(data, horizon)]
+    assert intervals == [1.0, 1.0, 3.0, 15.0]
+
+
+def test_the_leader_is_known_at_every_sample(
+    make_state: Callable[..., VehicleState], steady: Motion
+) -> None:
+    data = build(make_state(), steady)
+    times = sample_times(HORIZON)
+    samples = np.vstack([own for _, own in steps_of(data, HORIZON)])
+    position, speed = steady.at(make_state().time_s + times)
+    np.testing.assert_allclose(
+        samples[:, SampleIndex.LEADER_POSITION], position - make_state().position_m
+    )
+    np.testing.assert_allclose(samples[:, SampleIndex.LEADER_SPEED], speed)
+
+
 def test_braking_reserve_is_asked_for_where_the_preview_ends(
     make_state: Callable[..., VehicleState], steady: Motion
 ) -> None:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from iptm_controller.ocp.layout import LimitIndex, StateIndex
 from iptm_controller.ocp.stage import (
     DEFAULT_PENALTIES,
+    GAP_SMOOTHING_M,
     NOT_ASKED_FOR_M,
     quadrature,
     sample_count,
@@ -239,3 +240,29 @@ def test_outlet_is_that_of_the_coolant_loop(
     rates = exact_rates(state, 0.0, 1500.0, parameters)
     outlet_k = rows[LimitIndex.OUTLET_MIN] + parameters.limits.min_temperature_k
     assert outlet_k == pytest.approx(rates.coolant.outlet_k, abs=1e-3)
+
+
+@pytest.mark.parametrize(("step_s", "watched"), [(5.0, False), (10.0, True)])
+def test_the_gap_inside_a_long_step_counts(
+    run_stage: RunStage,
+    make_state: Callable[..., VehicleState],
+    parameters: ModelParameters,
+    step_s: float,
+    watched: bool,
+) -> None:
+    """The host comes closer and falls back again: least in the middle, the same gap at both ends."""
+    leader_speed, acceleration = 10.0, -1.0
+    speed = leader_speed - 0.5 * acceleration * step_s
+    state = make_state(speed_m_s=speed)
+    gap = 40.0
+    leader_m = state.position_m + gap + leader_speed * step_s
+    _, _, limits = run_stage(state, acceleration, 0.0, step_s, leader=(leader_m, leader_speed))
+    times = quadrature(sample_count(step_s))[0] * step_s
+    inside = gap + (leader_speed - speed) * times - 0.5 * acceleration * times**2
+    floor = (inside.min() if watched else gap) - parameters.gap.standstill_gap_m
+    # The smooth minimum is strict by up to half of its width per sample.
+    assert (
+        floor - 0.5 * GAP_SMOOTHING_M * times.size <= limits[LimitIndex.GAP_FLOOR] <= floor + 1e-9
+    )
+    if not watched:
+        assert limits[LimitIndex.GAP_FLOOR] == pytest.approx(floor)
