@@ -111,7 +111,8 @@ def _loops(loops: Sequence[dict[str, Any]] | None) -> list[str]:
         return []
     lines = [
         (
-            "| trip | grid | ticks | wall s | processor s | share of solver / data / plant / bridge / rest "
+            "| trip | strategy, grid | ticks | wall s | processor s "
+            "| share of solver / data / plant / bridge / rest "
             "| solve median / p99 / max ms | on the wall ms | iterations median / p99 / max "
             "| not converged | fallback ticks |"
         ),
@@ -122,7 +123,7 @@ def _loops(loops: Sequence[dict[str, Any]] | None) -> list[str]:
         solve, wall, iterations = run["solve_ms"], run["solve_wall_ms"], run["iterations"]
         bad = run["ticks"] - run["statuses"].get("solved", 0)
         lines.append(
-            f"| {run['cycle']} | {run['horizon']} | {run['ticks']} | {run['wall_s']:.1f} "
+            f"| {run['cycle']} | {run['strategy']}, {run['horizon']} | {run['ticks']} | {run['wall_s']:.1f} "
             f"| {run['processor_s']:.1f} | {share} "
             f"| {solve['median']:.2f} / {solve['p99']:.2f} / {solve['max']:.2f} "
             f"| {wall['median']:.2f} / {wall['p99']:.2f} / {wall['max']:.2f} "

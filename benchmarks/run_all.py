@@ -24,7 +24,7 @@ from benchmarks.page import write_page
 from benchmarks.problem_sets import ProblemSet
 from benchmarks.record_problems import record_problems
 from benchmarks.report_files import write_numbers
-from benchmarks.targets import DEFAULT_SOLVER, PROPOSED, SINGLE
+from benchmarks.targets import DEFAULT_SOLVER, PROPOSED, REFERENCE, SINGLE
 from iptm_core.errors import IptmError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -88,9 +88,9 @@ def _recorded(cycle: str, grid: str, *, quick: bool, long: bool) -> ProblemSet:
 def _loops(*, quick: bool) -> list[dict[str, Any]]:
     duration = 300.0 if quick else None
     return [
-        measure_loop(cycle, grid, STRATEGY, DEFAULT_SOLVER, duration)
+        measure_loop(cycle, grid, strategy, DEFAULT_SOLVER, duration)
         for cycle in CYCLES
-        for grid in (PROPOSED, SINGLE)
+        for grid, strategy in ((PROPOSED, STRATEGY), (SINGLE, STRATEGY), (SINGLE, REFERENCE))
     ]
 
 
