@@ -193,7 +193,7 @@ class StageSystem:
         return ca.Function(name, arguments, [ca.vertcat(*least)], {"cse": True})
 
     def evaluate(self, name: str) -> ca.Function:
-        """Values only: ``(x, u, next x, p, g, s) -> (distances, defect, cost)``."""
+        """Values only: ``(x, u, next x, p, g) -> (distances, defect, cost)``."""
         stage = self._stage
         successor = ca.SX.sym("x_next", layout.STATES)
         arguments = [
