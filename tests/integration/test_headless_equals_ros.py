@@ -14,7 +14,7 @@ from iptm_recording.trajectory_reader import read_solve_series, read_trajectory
 from iptm_studies.closed_loop import DecisionLog
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import PreviewSpec, RunSpec
-from iptm_studies.single_run import perform_run
+from iptm_studies.run import perform_run
 
 TICKS = 120
 RUN_TIMEOUT_S = 240.0
@@ -74,8 +74,8 @@ def test_headless_run_equals_the_run_over_ros(spec: RunSpec, launcher: Any, tmp_
     assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
 
     assert_same_trip(headless.trajectory, read_trajectory(bag))
-    assert headless.log is not None
-    assert_same_answers(headless.log, bag)
+    assert headless.decisions is not None
+    assert_same_answers(headless.decisions, bag)
 
 
 def assert_same_trip(here: Trajectory, there: Trajectory) -> None:

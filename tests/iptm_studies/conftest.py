@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_studies import cli
+from iptm_studies.campaign import Campaign
 from iptm_studies.closed_loop import DecisionLog
-from iptm_studies.run_inputs import RunInputs, resolve_inputs, run_key
+from iptm_studies.cluster import ClusterOptions
+from iptm_studies.execution import CampaignTotals, Observer, admit
+from iptm_studies.run import Run, RunRecord, perform_run
+from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec
-from iptm_studies.single_run import FinishedRun, WallTimes, perform_run
 from iptm_studies.store import ResultStore
-from iptm_studies.stored_run import StoredRun, stored_run
 
 TICKS = 5
 
@@ -32,7 +34,7 @@ def short_inputs(short_spec: RunSpec) -> RunInputs:
 
 
 @pytest.fixture(scope="session")
-def short_run(short_inputs: RunInputs) -> FinishedRun:
+def short_run(short_inputs: RunInputs) -> Run:
     """The real thing."""
     return perform_run(short_inputs)
 
@@ -73,30 +75,41 @@ def _log(ticks: int) -> DecisionLog:
 
 
 @pytest.fixture(scope="session")
-def made_run() -> FinishedRun:
-    """A run made by hand, with a bit of everything in its log."""
-    return FinishedRun(
-        _trajectory(TICKS + 1), _log(TICKS), None, WallTimes(0.5, 2.0), compiled=True
-    )
+def make_run() -> Callable[..., Run]:
+    """Give the function that makes up a run of a specification, with a bit of everything in it."""
+
+    def make(inputs: RunInputs, loss_factor: float = 1.0) -> Run:
+        columns = _trajectory(TICKS + 1).to_arrays()
+        for name in ("cell_1_capacity_loss", "cell_n_capacity_loss"):
+            columns[name] = 1e-3 + loss_factor * (columns[name] - 1e-3)
+        return Run(
+            key=inputs.key,
+            spec=inputs.spec,
+            parameters=inputs.parameters,
+            trajectory=Trajectory.from_arrays(columns),
+            decisions=_log(TICKS),
+            whole_trip=None,
+            record=RunRecord(
+                wall_time_s=2.5,
+                compiled=True,
+                finished_at_utc="2026-01-01T00:00:00+00:00",
+                git_revision="unknown",
+                versions={"python": "3.11"},
+                fingerprint=inputs.fingerprint,
+            ),
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def made_run(make_run: Callable[..., Run], short_inputs: RunInputs) -> Run:
+    return make_run(short_inputs)
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> ResultStore:
     return ResultStore(tmp_path / "results")
-
-
-@pytest.fixture(scope="session")
-def stored(made_run: FinishedRun) -> Callable[..., StoredRun]:
-    """Give the function that makes a stored run of the hand-made results for a specification."""
-
-    def make(inputs: RunInputs, loss_factor: float = 1.0) -> StoredRun:
-        columns = made_run.trajectory.to_arrays()
-        for name in ("cell_1_capacity_loss", "cell_n_capacity_loss"):
-            columns[name] = 1e-3 + loss_factor * (columns[name] - 1e-3)
-        finished = replace(made_run, trajectory=Trajectory.from_arrays(columns))
-        return stored_run(run_key(inputs), inputs, finished, "2026-01-01T00:00:00+00:00")
-
-    return make
 
 
 STUDY = """
@@ -120,3 +133,30 @@ def study_file(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
+
+
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch, make_run: Callable[..., Run]) -> None:
+    """Runs that are computed here, at once; those of the reference fail."""
+
+    def execute_here(
+        campaign: Campaign, store: ResultStore, options: ClusterOptions, observer: Observer
+    ) -> CampaignTotals:
+        del options
+        missing = admit(campaign, store)
+        found = campaign.finished
+        for inputs in missing:
+            observer.planned(inputs, 1.0)
+            if inputs.spec.strategy.name == "reference":
+                campaign.fail(inputs.key, "it went nowhere")
+                store.note_failure(inputs.key, "it went nowhere")
+                observer.failed(inputs, "it went nowhere")
+                continue
+            run = make_run(inputs)
+            store.save(run)
+            campaign.finish(run)
+            observer.finished(inputs, run)
+        observer.remaining(0.0)
+        return CampaignTotals(campaign.finished - found, found, len(campaign.failures), 90.0)
+
+    monkeypatch.setattr(cli, "execute", execute_here)

@@ -14,7 +14,6 @@ from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_studies.campaign import Campaign, plan_campaign
 from iptm_studies.closed_loop import DecisionLog
 from iptm_studies.execution import survey
-from iptm_studies.expected_time import ExpectedTimes
 from iptm_studies.report import build_report
 from iptm_studies.report.building import document_of
 from iptm_studies.report.claims import load_claims
@@ -25,13 +24,13 @@ from iptm_studies.report.plots.registry import PLOTS
 from iptm_studies.report.plots.style import MOST_BYTES
 from iptm_studies.report.rendering import render_html, render_markdown, spaced
 from iptm_studies.report.verdict import Verdict
+from iptm_studies.run import Run, RunRecord
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind
-from iptm_studies.single_run import FinishedRun, WallTimes, WholeTripRecord, WholeTripSolve
 from iptm_studies.store import ResultStore
-from iptm_studies.stored_run import stored_run
 from iptm_studies.study import ShortTrip
 from iptm_studies.study_loading import available_studies
+from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
 
 TRIP = ShortTrip(duration_s=200.0)
 
@@ -65,8 +64,8 @@ def made_trip(inputs: RunInputs, rng: np.random.Generator) -> Trajectory:
     )
 
 
-def made_run(key: str, inputs: RunInputs) -> FinishedRun:
-    rng = np.random.default_rng(int(key[:12], 16))
+def made_run(inputs: RunInputs) -> Run:
+    rng = np.random.default_rng(int(inputs.key[:12], 16))
     ticks = inputs.ticks
     whole = inputs.spec.kind is RunKind.WHOLE_TRIP
     log = DecisionLog(
@@ -83,12 +82,21 @@ def made_run(key: str, inputs: RunInputs) -> FinishedRun:
         WholeTripSolve("solved", 100, 20.0, 1.5, 1e-6, 30.0),
         WholeTripSolve("solved", 20, 4.0, 1.4, 1e-7, None),
     )
-    return FinishedRun(
+    return Run(
+        key=inputs.key,
+        spec=inputs.spec,
+        parameters=inputs.parameters,
         trajectory=made_trip(inputs, rng),
-        log=None if whole else log,
+        decisions=None if whole else log,
         whole_trip=WholeTripRecord(True, solves, 0.0, 0.0, 0.0) if whole else None,
-        wall=WallTimes(0.5, 2.0),
-        compiled=True,
+        record=RunRecord(
+            wall_time_s=2.5,
+            compiled=True,
+            finished_at_utc="2026-01-01T00:00:00+00:00",
+            git_revision="0123456789abcdef",
+            versions={"python": "3.11.0", "casadi": "3.7.0"},
+            fingerprint=inputs.fingerprint,
+        ),
     )
 
 
@@ -96,20 +104,15 @@ def filled(store: ResultStore, names: list[str]) -> None:
     """Store a made run for everything that the studies need."""
     campaign = plan_campaign(names, TRIP)
     while new := campaign.take():
-        for planned in new:
-            run = stored_run(
-                planned.key,
-                planned.inputs,
-                made_run(planned.key, planned.inputs),
-                "2026-01-01T00:00:00+00:00",
-            )
+        for inputs in new:
+            run = made_run(inputs)
             store.save(run)
-            campaign.finish(planned.key, run.summary)
+            campaign.finish(run)
 
 
 def surveyed(store: ResultStore) -> Campaign:
     campaign = plan_campaign(available_studies(), TRIP)
-    survey(campaign, store, ExpectedTimes())
+    survey(campaign, store)
     return campaign
 
 
@@ -334,8 +337,8 @@ def test_a_failed_run_is_named_with_its_cause(tmp_path: Path) -> None:
     filled(store, ["strategies"])
     campaign = plan_campaign(["prediction_horizon"], TRIP)
     for planned in campaign.take():
-        if planned.key not in store:
-            store.note_failure(planned.key, planned.inputs.spec, "the solver would not build")
+        if planned.key not in store.keys():
+            store.note_failure(planned.key, "the solver would not build")
     document = document_of(gather(store, surveyed(store)))
     missing = {block.key: block for block in document.missing}
     assert "the solver would not build" in missing["prediction_horizon"].reason
@@ -353,7 +356,7 @@ def test_nothing_stored_is_one_clear_error(tmp_path: Path) -> None:
 def test_small_studies_are_computed_with_their_own_option(tmp_path: Path) -> None:
     store = ResultStore(tmp_path / "results")
     campaign = plan_campaign(["prediction_horizon"], ShortTrip())
-    survey(campaign, store, ExpectedTimes())
+    survey(campaign, store)
     with pytest.raises(ScenarioError, match="scripts/reproduce run --small prediction_horizon"):
         build_report(store, campaign, tmp_path / "docs")
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from iptm_core.trajectory import Trajectory
+from iptm_studies.run import Run
 from iptm_studies.run_inputs import RunInputs
-from iptm_studies.single_run import FinishedRun
 from iptm_studies.summary import RunSummary, summarise
 
 
 @pytest.fixture
-def summary(made_run: FinishedRun, short_inputs: RunInputs) -> RunSummary:
-    return summarise(made_run.trajectory, made_run.log, None, short_inputs.parameters)
+def summary(made_run: Run, short_inputs: RunInputs) -> RunSummary:
+    return summarise(made_run.trajectory, made_run.decisions, None, short_inputs.parameters)
 
 
 def test_solver_record(summary: RunSummary) -> None:
@@ -39,7 +39,7 @@ def test_solver_record(summary: RunSummary) -> None:
     assert (solver.gap_slack_m, solver.temperature_slack_k) == (0.5, 0.0)
 
 
-def test_figures_of_the_trip(summary: RunSummary, made_run: FinishedRun) -> None:
+def test_figures_of_the_trip(summary: RunSummary, made_run: Run) -> None:
     values = summary.values()
     assert values["cell_1_degradation"] == pytest.approx(1e5 * 5e-9)
     assert values["total_degradation"] == pytest.approx(1e5 * 15e-9)
@@ -60,7 +60,7 @@ def test_rows_do_not_depend_on_the_run(summary: RunSummary) -> None:
 
 
 def test_gap_violations_count_collisions_and_short_gaps(
-    made_run: FinishedRun, short_inputs: RunInputs
+    made_run: Run, short_inputs: RunInputs
 ) -> None:
     columns = made_run.trajectory.to_arrays()
     columns["leader_position_m"] = columns["leader_position_m"].copy()
@@ -71,9 +71,9 @@ def test_gap_violations_count_collisions_and_short_gaps(
     assert short.metrics.hard_violations == 1
 
 
-def test_a_log_without_any_plan(made_run: FinishedRun, short_inputs: RunInputs) -> None:
-    assert made_run.log is not None
-    log = replace(made_run.log, gap_slack_m=np.full(5, np.nan))
+def test_a_log_without_any_plan(made_run: Run, short_inputs: RunInputs) -> None:
+    assert made_run.decisions is not None
+    log = replace(made_run.decisions, gap_slack_m=np.full(5, np.nan))
     summary = summarise(made_run.trajectory, log, None, short_inputs.parameters)
     assert summary.solver is not None
     assert summary.solver.gap_slack_m == 0.0

@@ -26,7 +26,7 @@ setup(
     zip_safe=False,
     maintainer="iptm maintainers",
     maintainer_email="maintainers@iptm.example.org",
-    entry_points={"console_scripts": ["reproduce = iptm_studies.cli:main"]},
+    entry_points={"console_scripts": ["reproduce = iptm_studies.report.cli:main"]},
     description="Closed loops without ROS, strategy and sensitivity studies",
     license="Apache-2.0",
 )

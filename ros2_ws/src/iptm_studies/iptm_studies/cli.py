@@ -1,22 +1,24 @@
-"""The command behind ``scripts/reproduce``: studies, from data to stored results and a report."""
+"""Compute studies: closed loops without ROS, kept in a store and computed once.
+
+The commands are parts, so that other programs (such as the reproduction of the paper) add their own.
+"""
 
 from __future__ import annotations
 
 import argparse
 import logging
 import sys
-from collections.abc import Sequence
-from importlib import import_module
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.logging import RichHandler
 
-from iptm_core.errors import IptmError, ScenarioError
-from iptm_studies.campaign import Campaign, plan_campaign
+from iptm_core.errors import IptmError
+from iptm_studies.campaign import NOT_COMPUTED, Campaign, plan_campaign
 from iptm_studies.cluster import ClusterOptions, available_cores
 from iptm_studies.execution import execute, survey
-from iptm_studies.expected_time import ExpectedTimes, clock_text
+from iptm_studies.expected_time import clock_text
 from iptm_studies.progress import progress_display
 from iptm_studies.store import ResultStore, default_store_folder
 from iptm_studies.study import SMALL
@@ -28,16 +30,21 @@ EXIT_REFUSED = 2
 EXIT_INTERRUPTED = 130
 ALL = "all"
 SMALL_STORE = "small"
-DEFAULT_COMMAND = "reproduce"
-_REPORT_MODULE = "iptm_studies.report"
+
+Command = Callable[[argparse.Namespace, Console], int]
+"""Does what is asked and returns the exit code."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if not given or (given[0].startswith("-") and given[0] not in {"-h", "--help"}):
-        given.insert(0, DEFAULT_COMMAND)
-    options = _parser().parse_args(given)
+    """Run the command line of the studies alone; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="studies", description=__doc__)
+    add_study_commands(parser.add_subparsers(dest="name", metavar="COMMAND", required=True))
+    return run_command(parser, sys.argv[1:] if arguments is None else arguments)
+
+
+def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> int:
+    """Parse arguments and run their command; errors become a line and an exit code."""
+    options = parser.parse_args(arguments)
     console = Console(stderr=True)
     logging.basicConfig(
         level=logging.WARNING,
@@ -48,12 +55,175 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code: int = options.command(options, console)
     except IptmError as error:
-        console.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
+        complain(console, f"error: {error}")
         return EXIT_REFUSED
     except KeyboardInterrupt:
         console.print("stopped; the same command goes on from what is stored", markup=False)
         return EXIT_INTERRUPTED
     return code
+
+
+def add_command(
+    commands: argparse._SubParsersAction[argparse.ArgumentParser],
+    name: str,
+    text: str,
+    function: Command,
+    *option_groups: Callable[[argparse.ArgumentParser], None],
+) -> None:
+    """Add a command.
+
+    Args:
+        commands: what ``add_subparsers`` returned.
+        name: of the command.
+        text: what it does, for the help.
+        function: does it.
+        option_groups: functions that add options, such as ``choice_options``.
+    """
+    parser = commands.add_parser(name, help=text, description=text)
+    parser.set_defaults(command=function)
+    for add_options in option_groups:
+        add_options(parser)
+
+
+def add_study_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the commands that compute studies and look after their results."""
+    add_command(
+        commands, "run", "compute what is missing", compute, choice_options, compute_options
+    )
+    add_command(commands, "list", "list the shipped studies", _list)
+    add_command(
+        commands,
+        "status",
+        "say what is stored and what is missing, and why",
+        _status,
+        choice_options,
+        _status_options,
+    )
+    add_command(
+        commands,
+        "tables",
+        "write the results as CSV, one file per study",
+        _tables,
+        choice_options,
+        output_options,
+    )
+    add_command(
+        commands,
+        "prune",
+        "delete stored runs that the studies do not need",
+        _prune,
+        choice_options,
+    )
+
+
+def choice_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose studies and store."""
+    parser.add_argument(
+        "studies",
+        nargs="*",
+        metavar="STUDY",
+        help="shipped study or path of a study file; all of the shipped ones by default",
+    )
+    parser.add_argument(
+        "--small",
+        action="store_true",
+        help=f"all runs on a short trip ({SMALL.duration_s:g} s of {SMALL.cycle}); takes minutes",
+    )
+    parser.add_argument("--store", default="", metavar="DIR", help="folder of the results")
+
+
+def compute_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of commands that compute."""
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes, one per core by default"
+    )
+    parser.add_argument(
+        "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"
+    )
+    parser.add_argument(
+        "--dry-run", action="store_true", help="show what would be computed, and the expected time"
+    )
+
+
+def output_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of commands that write files."""
+    parser.add_argument("--output", default="", metavar="DIR", help="folder of what is written")
+
+
+def _status_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--verbose", action="store_true", help="name every missing run")
+
+
+def chosen_store(options: argparse.Namespace) -> ResultStore:
+    """Return the store that ``choice_options`` name."""
+    if options.store:
+        return ResultStore(Path(options.store))
+    folder = default_store_folder()
+    return ResultStore(folder / SMALL_STORE if options.small else folder)
+
+
+def chosen_campaign(options: argparse.Namespace) -> Campaign:
+    """Plan the studies that ``choice_options`` name."""
+    names = [
+        name
+        for given in options.studies or [ALL]
+        for name in (available_studies() if given == ALL else [given])
+    ]
+    return plan_campaign(dict.fromkeys(names), SMALL if options.small else None)
+
+
+def surveyed_campaign(options: argparse.Namespace, store: ResultStore) -> Campaign:
+    """Plan the chosen studies and compare them with a store."""
+    campaign = chosen_campaign(options)
+    survey(campaign, store)
+    return campaign
+
+
+def say(console: Console, text: str) -> None:
+    """Print a line as it is."""
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def complain(console: Console, text: str) -> None:
+    """Print a line as it is, in red."""
+    console.print(text, style="red", markup=False, highlight=False, soft_wrap=True)
+
+
+def compute(options: argparse.Namespace, console: Console) -> int:
+    """Compute what is missing, or with ``--dry-run`` show what that would be."""
+    campaign, store = chosen_campaign(options), chosen_store(options)
+    cluster = ClusterOptions(options.scheduler, options.workers)
+    if options.dry_run:
+        return _dry_run(campaign, store, cluster)
+    with progress_display(console) as display:
+        totals = execute(campaign, store, cluster, display)
+    say(
+        console,
+        f"{totals.computed} runs computed, {totals.found} found in {store.folder}, "
+        f"{totals.failed} failed, in {clock_text(totals.wall_s)}",
+    )
+    for address, cause in campaign.failures.items():
+        complain(console, f"{address} failed: {cause}")
+    for address, reason in campaign.left_out.items():
+        complain(console, f"{address} was left out: {reason}")
+    return EXIT_FAILED_RUNS if campaign.failures or campaign.left_out else 0
+
+
+def _dry_run(campaign: Campaign, store: ResultStore, cluster: ClusterOptions) -> int:
+    lacking, later = survey(campaign, store), campaign.later_runs()
+    total_s = 0.0
+    for remark, runs in (("", lacking), ("once the weights are known: ", later)):
+        for inputs in runs:
+            expected_s = campaign.expected.of(inputs)
+            total_s += expected_s
+            what = f"{remark}{inputs.spec.describe()}"
+            print(f"{inputs.address:60} {clock_text(expected_s):>10}  {what}")
+    text = f"{len(lacking) + len(later)} runs to compute, about {clock_text(total_s)} on one core"
+    if not cluster.scheduler:
+        workers = cluster.workers or available_cores()
+        text += f", {clock_text(total_s / workers)} with {workers} workers"
+    print(text)
+    return 0
 
 
 def _list(options: argparse.Namespace, console: Console) -> int:
@@ -64,171 +234,33 @@ def _list(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
-def _run(options: argparse.Namespace, console: Console) -> int:
-    campaign, store = _campaign(options), _store(options)
-    cluster = ClusterOptions(options.scheduler, options.workers)
-    if options.dry_run:
-        return _dry_run(campaign, store, cluster)
-    with progress_display(console) as display:
-        outcome = execute(campaign, store, cluster, display)
-    console.print(
-        f"{outcome.computed} runs computed, {outcome.found} found in {store.folder}, "
-        f"{outcome.failed} failed, in {clock_text(outcome.wall_s)}",
-        markup=False,
-        highlight=False,
-        soft_wrap=True,
-    )
-    for run, cause in campaign.failures.items():
-        _complain(console, f"{run.address} failed: {cause}")
-    for address, why in campaign.hopeless.items():
-        _complain(console, f"{address} was left out: {why}")
-    return EXIT_FAILED_RUNS if campaign.failures or campaign.hopeless else 0
-
-
-def _dry_run(campaign: Campaign, store: ResultStore, cluster: ClusterOptions) -> int:
-    times = ExpectedTimes()
-    lacking = survey(campaign, store, times)
-    for run in lacking:
-        expected = clock_text(times.of(run.inputs))
-        print(f"{run.address:60} {expected:>10}  {run.inputs.spec.describe()}")
-    total_s = sum(times.of(run.inputs) for run in lacking)
-    later = campaign.run_estimates()
-    for address, inputs in later.items():
-        expected = clock_text(times.of(inputs))
-        print(f"{address:60} {expected:>10}  once the weights are known: {inputs.spec.describe()}")
-    total_s += sum(times.of(inputs) for inputs in later.values())
-    number = len(lacking) + len(later)
-    text = f"{number} runs to compute, about {clock_text(total_s)} on one core"
-    if not cluster.scheduler:
-        workers = cluster.workers or available_cores()
-        text += f", {clock_text(total_s / workers)} with {workers} workers"
-    print(text)
-    return 0
-
-
 def _status(options: argparse.Namespace, console: Console) -> int:
     del console
-    campaign, store = _campaign(options), _store(options)
-    survey(campaign, store, ExpectedTimes())
+    campaign = surveyed_campaign(options, chosen_store(options))
     for study in campaign.studies:
-        states = [state for state in campaign.cases() if state.study is study]
+        states = [state for state in campaign.cases if state.study is study]
         done = sum(state.summary is not None for state in states)
         print(f"{study.name:20} {done:3} of {len(states):3} cases")
         for state in states:
-            if state.reason and (options.verbose or state.reason != "not computed"):
+            if state.reason and (options.verbose or state.reason != NOT_COMPUTED):
                 print(f"    {state.case.name}: {state.reason}")
     return 0
 
 
 def _tables(options: argparse.Namespace, console: Console) -> int:
     del console
-    campaign, store = _campaign(options), _store(options)
-    survey(campaign, store, ExpectedTimes())
+    store = chosen_store(options)
     folder = Path(options.output) if options.output else store.folder / "tables"
-    for path in write_tables(campaign, folder):
+    for path in write_tables(surveyed_campaign(options, store), folder):
         print(path)
     return 0
 
 
-def _report(options: argparse.Namespace, console: Console) -> int:
-    campaign, store = _campaign(options), _store(options)
-    survey(campaign, store, ExpectedTimes())
-    output = Path(options.output) if options.output else store.folder / "report"
-    try:
-        build_report = import_module(_REPORT_MODULE).build_report
-    except (ImportError, AttributeError) as error:
-        raise ScenarioError(f"the report cannot be built: {error}") from error
-    for path in build_report(store, campaign, output):
-        console.print(f"report: {path}", markup=False, highlight=False, soft_wrap=True)
-    return 0
-
-
-def _reproduce(options: argparse.Namespace, console: Console) -> int:
-    code = _run(options, console)
-    return code if options.dry_run else max(code, _report(options, console))
-
-
 def _prune(options: argparse.Namespace, console: Console) -> int:
-    campaign, store = _campaign(options), _store(options)
-    survey(campaign, store, ExpectedTimes())
-    gone = store.prune(campaign.keys)
-    console.print(f"{len(gone)} files deleted from {store.folder}", markup=False, soft_wrap=True)
+    store = chosen_store(options)
+    gone = store.prune(surveyed_campaign(options, store).keys)
+    say(console, f"{len(gone)} files deleted from {store.folder}")
     return 0
-
-
-def _campaign(options: argparse.Namespace) -> Campaign:
-    names = options.studies or [ALL]
-    chosen = list(
-        dict.fromkeys(
-            name for given in names for name in (available_studies() if given == ALL else [given])
-        )
-    )
-    return plan_campaign(chosen, SMALL if options.small else None)
-
-
-def _store(options: argparse.Namespace) -> ResultStore:
-    if options.store:
-        return ResultStore(Path(options.store))
-    folder = default_store_folder()
-    return ResultStore(folder / SMALL_STORE if options.small else folder)
-
-
-def _complain(console: Console, text: str) -> None:
-    console.print(text, style="red", markup=False, highlight=False, soft_wrap=True)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="reproduce", description=__doc__)
-    commands = parser.add_subparsers(
-        dest="name", metavar="COMMAND", help=f"without one: {DEFAULT_COMMAND}"
-    )
-    chosen = argparse.ArgumentParser(add_help=False)
-    chosen.add_argument(
-        "studies",
-        nargs="*",
-        metavar="STUDY",
-        help="shipped study or path of a study file; all of the shipped ones by default",
-    )
-    chosen.add_argument(
-        "--small",
-        action="store_true",
-        help=f"all runs on a short trip ({SMALL.duration_s:g} s of {SMALL.cycle}); takes minutes",
-    )
-    chosen.add_argument("--store", default="", metavar="DIR", help="folder of the results")
-    computing = argparse.ArgumentParser(add_help=False)
-    computing.add_argument(
-        "--workers", type=int, metavar="N", help="processes, one per core by default"
-    )
-    computing.add_argument(
-        "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"
-    )
-    computing.add_argument(
-        "--dry-run", action="store_true", help="show what would be computed, and the expected time"
-    )
-    writing = argparse.ArgumentParser(add_help=False)
-    writing.add_argument("--output", default="", metavar="DIR", help="folder of what is written")
-
-    def add(name: str, text: str, function: object, *parents: argparse.ArgumentParser) -> None:
-        command = commands.add_parser(name, help=text, description=text, parents=parents)
-        command.set_defaults(command=function)
-        if name == "status":
-            command.add_argument("--verbose", action="store_true", help="name every missing run")
-
-    add(
-        "reproduce",
-        "compute what is missing, then write the report",
-        _reproduce,
-        chosen,
-        computing,
-        writing,
-    )
-    add("run", "compute what is missing", _run, chosen, computing)
-    add("report", "write the report from what is stored", _report, chosen, writing)
-    add("list", "list the shipped studies", _list)
-    add("status", "say what is stored and what is missing, and why", _status, chosen)
-    add("tables", "write the results as CSV, one file per study", _tables, chosen, writing)
-    add("prune", "delete stored runs that the studies do not need", _prune, chosen)
-    return parser
 
 
 if __name__ == "__main__":

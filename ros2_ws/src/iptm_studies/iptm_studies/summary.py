@@ -15,7 +15,7 @@ from iptm_core.metrics import MetricRow, RunMetrics, compute_metrics, metric_row
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
 from iptm_studies.closed_loop import NO_SOLVE, DecisionLog
-from iptm_studies.single_run import WholeTripRecord
+from iptm_studies.whole_trip import WholeTripRecord
 
 NO_PROBLEM = "no_problem"
 GAP_CHECKS = ("smallest_gap", "collision")

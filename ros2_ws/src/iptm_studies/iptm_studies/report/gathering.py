@@ -10,9 +10,9 @@ from iptm_core.trajectory import Trajectory
 from iptm_studies.campaign import Campaign, CaseState
 from iptm_studies.report.measures import measures_of
 from iptm_studies.report.runs import Gap, ReportRun, Results
+from iptm_studies.run import RunRecord
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.store import ResultStore
-from iptm_studies.stored_run import RunRecord
 from iptm_studies.study import SMALL
 
 COMMAND = "scripts/reproduce run"
@@ -77,7 +77,7 @@ def gather(store: ResultStore, campaign: Campaign) -> Gathered:
         ScenarioError: not a single run is there; says how many are missing and how to compute them.
         StoreError: a run has disappeared from the store since the survey.
     """
-    states = list(campaign.cases())
+    states = campaign.cases
     runs = [_run(store, state) for state in states if state.summary is not None]
     gaps = [
         Gap(state.address, state.study.name, state.reason)
@@ -172,5 +172,5 @@ def _provenance(
         first_utc=ends[0],
         last_utc=ends[-1],
         interpreted=sum(not record.compiled for record in records),
-        wall_h=sum(record.wall.setup_s + record.wall.run_s for record in records) / 3600.0,
+        wall_h=sum(record.wall_time_s for record in records) / 3600.0,
     )

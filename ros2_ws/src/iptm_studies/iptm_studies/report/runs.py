@@ -16,7 +16,7 @@ from iptm_controller.strategy import Strategy
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route
 from iptm_core.trajectory import Trajectory
-from iptm_studies.single_run import WholeTripRecord
+from iptm_studies.whole_trip import WholeTripRecord
 
 STUDIES = {
     "strategies": "Strategies",
