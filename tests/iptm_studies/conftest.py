@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iptm_core.decision_record import DecisionSeries
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_studies import cli
 from iptm_studies.campaign import Campaign
-from iptm_studies.closed_loop import DecisionLog
 from iptm_studies.cluster import ClusterOptions
 from iptm_studies.execution import CampaignTotals, Observer, admit
 from iptm_studies.run import Run, RunRecord, perform_run
@@ -61,8 +61,11 @@ def _trajectory(rows: int) -> Trajectory:
     return Trajectory.from_arrays(columns)
 
 
-def _log(ticks: int) -> DecisionLog:
-    return DecisionLog(
+def _decisions(ticks: int) -> DecisionSeries:
+    return DecisionSeries(
+        time_s=np.arange(float(ticks)),
+        objective=np.full(ticks, np.nan),
+        preview_age_s=np.zeros(ticks),
         status=np.array([0, 0, 1, -1, 2][:ticks]),
         rung=np.array([0, 0, 0, 2, 1][:ticks]),
         iterations=np.array([4, 6, 150, 0, 150][:ticks]),
@@ -87,7 +90,7 @@ def make_run() -> Callable[..., Run]:
             spec=inputs.spec,
             parameters=inputs.parameters,
             trajectory=Trajectory.from_arrays(columns),
-            decisions=_log(TICKS),
+            decisions=_decisions(TICKS),
             whole_trip=None,
             record=RunRecord(
                 wall_time_s=2.5,

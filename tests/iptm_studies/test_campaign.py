@@ -80,7 +80,7 @@ def test_the_best_weights_are_taken(campaign: Campaign, make_run: MakeRun) -> No
     found = states(campaign)
     assert found["table/best"].key == second.key, "the best run itself, not computed again"
     assert found["table/best"].reason == ""
-    assert found["table/best"].summary is not None
+    assert found["table/best"].metrics is not None
     assert found["table/best_without_preview"].reason == "not computed"
     assert campaign.later_runs() == ()
 

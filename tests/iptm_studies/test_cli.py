@@ -62,11 +62,11 @@ def test_run_status_tables_prune(
     (table,) = capsys.readouterr().out.split()
     good, bad = csv.DictReader(io.StringIO(Path(table).read_text(encoding="utf-8")))
     assert (good["study"], good["case"], good["horizon"]) == ("mini", "aging", "3x1+5x5")
-    assert float(good["cell_1_degradation [1e-5]"]) == pytest.approx(1e5 * 5e-9)
+    assert float(good["cell_1_degradation [10⁻⁵]"]) == pytest.approx(1e5 * 5e-9)
     assert float(good["fallbacks [ticks]"]) == 2.0
     assert good["mean_cop [1]"] == ""
     assert "lambda_Q=1e+09" in good["strategy"]
-    assert bad["cell_1_degradation [1e-5]"] == ""
+    assert bad["cell_1_degradation [10⁻⁵]"] == ""
     assert bad["reason"] == "it went nowhere"
 
     other = str(study_file(SHORTER_STUDY))

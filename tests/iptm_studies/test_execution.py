@@ -110,7 +110,7 @@ def test_computed_once_resumed_and_recomputed_where_needed(
     assert notes.times_left_s[-1] == 0.0
     cases = {state.case.name: state for state in campaign.cases}
     assert cases["aging"].key == cases["the_same"].key
-    assert cases["weak_pack"].summary is None
+    assert cases["weak_pack"].metrics is None
     assert "pack cannot supply" in cases["weak_pack"].reason
 
     # The numbers of a worker are those of this process.

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError, StoreError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_studies.campaign import Campaign, plan_campaign
-from iptm_studies.closed_loop import DecisionLog
 from iptm_studies.execution import survey
 from iptm_studies.report import build_report
 from iptm_studies.report.building import document_of
@@ -68,7 +68,10 @@ def made_run(inputs: RunInputs) -> Run:
     rng = np.random.default_rng(int(inputs.key[:12], 16))
     ticks = inputs.ticks
     whole = inputs.spec.kind is RunKind.WHOLE_TRIP
-    log = DecisionLog(
+    log = DecisionSeries(
+        time_s=np.arange(float(ticks)),
+        objective=np.zeros(ticks),
+        preview_age_s=np.zeros(ticks),
         status=np.zeros(ticks, dtype=np.int64),
         rung=np.zeros(ticks, dtype=np.int64),
         iterations=np.full(ticks, 5),

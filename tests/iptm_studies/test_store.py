@@ -47,7 +47,7 @@ def test_a_run_comes_back_bit_by_bit(store: ResultStore, run: Run) -> None:
     assert store.keys() == (run.key,)
     assert [entry.name for entry in store.folder.iterdir()] == [path.name]
     assert_same(store.load(run.key), run)
-    assert store.load(run.key).summary == run.summary
+    assert store.load(run.key).metrics == run.metrics
 
 
 def test_a_whole_trip_has_no_log(store: ResultStore, run: Run) -> None:
@@ -57,15 +57,14 @@ def test_a_whole_trip_has_no_log(store: ResultStore, run: Run) -> None:
     store.save(whole)
     found = store.load(run.key)
     assert_same(found, whole)
-    assert found.summary.solver is None
-    assert found.summary.values()["fallbacks"] is None
+    assert found.metrics.decisions is None
 
 
 def test_other_tools_read_the_file(store: ResultStore, run: Run) -> None:
     table = pq.read_table(store.save(run))
     assert table.num_rows == len(run.trajectory)
     assert table["speed_m_s"].to_pylist() == [10.0] * table.num_rows
-    assert table["answer_status"].to_pylist() == [0, 0, 1, -1, 2, None]
+    assert table["decision_status"].to_pylist() == [0, 0, 1, -1, 2, None]
     figures = json.loads(table.schema.metadata[b"iptm"])["figures"]
     assert figures["cell_1_degradation"] == pytest.approx(1e5 * 5e-9)
 

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.metrics import RunMetrics, figure_values
 from iptm_studies.expected_time import ExpectedTimes
 from iptm_studies.run import Run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import Case, Selection, ShortTrip, Study
 from iptm_studies.study_loading import load_study
-from iptm_studies.summary import RunSummary
 
 NOT_COMPUTED = "not computed"
 
@@ -27,7 +27,7 @@ class CaseState:
         candidates: runs by key whose best one gives the case its strategy; empty if it states its own.
         spec: its run; None while its strategy depends on runs that are not there.
         key: key of the run; None likewise.
-        summary: figures of the run; None while it is not there.
+        metrics: what the run achieved; None while it is not there.
         reason: why it is not there; empty if it is.
     """
 
@@ -36,7 +36,7 @@ class CaseState:
     candidates: Mapping[str, RunSpec] = field(default_factory=dict)
     spec: RunSpec | None = None
     key: str | None = None
-    summary: RunSummary | None = None
+    metrics: RunMetrics | None = None
     reason: str = "waits for the runs that its strategy depends on"
 
     @property
@@ -65,7 +65,7 @@ class Campaign:
         self.expected = ExpectedTimes()
         self._runs: dict[str, RunInputs] = {}
         self._new: list[str] = []
-        self._summaries: dict[str, RunSummary] = {}
+        self._metrics: dict[str, RunMetrics] = {}
         self._failures: dict[str, str] = {}
         self._left_out: dict[str, str] = {}
         known = {study.name: study for study in (*others, *self.studies)}
@@ -88,7 +88,7 @@ class Campaign:
 
     def finish(self, run: Run) -> None:
         """Note that a run is there."""
-        self._summaries[run.key] = run.summary
+        self._metrics[run.key] = run.metrics
         self._failures.pop(run.key, None)
         self.expected.learn(run.spec, run.ticks, run.record.wall_time_s)
         self._update(run.key)
@@ -101,7 +101,7 @@ class Campaign:
     @property
     def finished(self) -> int:
         """Number of runs that are there."""
-        return len(self._summaries)
+        return len(self._metrics)
 
     @property
     def failures(self) -> Mapping[str, str]:
@@ -146,8 +146,8 @@ class Campaign:
 
     def _show(self, state: CaseState) -> None:
         key = str(state.key)
-        state.summary = self._summaries.get(key)
-        state.reason = "" if state.summary else self._failures.get(key, NOT_COMPUTED)
+        state.metrics = self._metrics.get(key)
+        state.reason = "" if state.metrics else self._failures.get(key, NOT_COMPUTED)
 
     def _plan(self, spec: RunSpec, address: str) -> str:
         inputs = _resolve(spec, address)
@@ -180,7 +180,7 @@ class Campaign:
         self._release()
 
     def _release(self) -> None:
-        ended = {*self._summaries, *self._failures}
+        ended = {*self._metrics, *self._failures}
         for state in self._waiting():
             if state.case.best_of is None or not ended.issuperset(state.candidates):
                 continue
@@ -194,16 +194,17 @@ class Campaign:
     def _best(self, candidates: Iterable[str], lowest: str) -> str | None:
         ranked: list[tuple[bool, float, str]] = []
         for key in candidates:
-            summary = self._summaries.get(key)
-            if summary is None:
+            metrics = self._metrics.get(key)
+            if metrics is None:
                 continue
-            value = summary.values().get(lowest)
+            values = figure_values(metrics)
+            value = values.get(lowest)
             if value is None:
                 raise ScenarioError(
                     f"runs have no figure {lowest!r} to choose a strategy by; "
-                    f"allowed are {', '.join(summary.values())}"
+                    f"allowed are {', '.join(values)}"
                 )
-            ranked.append((summary.metrics.hard_violations > 0, value, key))
+            ranked.append((metrics.hard_violations > 0, value, key))
         return min(ranked)[2] if ranked else None
 
 

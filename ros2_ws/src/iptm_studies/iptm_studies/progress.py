@@ -48,7 +48,7 @@ class ProgressDisplay:
 
     def finished(self, inputs: RunInputs, run: Run) -> None:
         """A run was performed and stored."""
-        fallbacks = run.summary.solver.fallbacks if run.summary.solver is not None else 0
+        fallbacks = run.metrics.decisions.fallbacks if run.metrics.decisions is not None else 0
         remark = f", {fallbacks} fallbacks" if fallbacks else ""
         self._ended(inputs, f"({clock_text(run.record.wall_time_s)}{remark})")
 

@@ -16,16 +16,17 @@ from functools import cached_property
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
 from iptm_controller.solvers.factory import SolverOptions
+from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError
+from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.provenance import git_revision, versions
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import DecisionLog, run_closed_loop
+from iptm_studies.closed_loop import run_closed_loop
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
-from iptm_studies.summary import RunSummary, summarise
 from iptm_studies.whole_trip import WholeTripRecord, solve_whole_trip
 
 _REPORTED_LIBRARIES = ("casadi", "numpy", "dask", "distributed", "pyarrow")
@@ -61,7 +62,7 @@ class Run:
         spec: specification.
         parameters: parameters it ran with.
         trajectory: what happened.
-        decisions: what the controller answered; None for a whole trip.
+        decisions: how the decisions came about; None for a whole trip.
         whole_trip: how a whole trip was solved; None for a closed loop.
         record: where the result comes from.
     """
@@ -70,7 +71,7 @@ class Run:
     spec: RunSpec
     parameters: ModelParameters
     trajectory: Trajectory
-    decisions: DecisionLog | None
+    decisions: DecisionSeries | None
     whole_trip: WholeTripRecord | None
     record: RunRecord
 
@@ -80,9 +81,9 @@ class Run:
         return len(self.trajectory) - 1
 
     @cached_property
-    def summary(self) -> RunSummary:
-        """The figures of the run, worked out from its trajectory with today's metrics."""
-        return summarise(self.trajectory, self.decisions, self.whole_trip, self.parameters)
+    def metrics(self) -> RunMetrics:
+        """What the run achieved, worked out from its trajectory with today's metrics."""
+        return compute_metrics(self.trajectory, self.parameters, self.decisions)
 
 
 def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None) -> Run:
@@ -113,7 +114,7 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
     controller = Controller(inputs.parameters, controller_options(spec))
     loop = run_closed_loop(route, plant, controller, spec.bridge_settings(), on_tick=progress)
     trajectory: Trajectory = loop.trajectory
-    decisions: DecisionLog | None = loop.log
+    decisions: DecisionSeries | None = loop.decisions
     whole_trip: WholeTripRecord | None = None
     if spec.kind is RunKind.WHOLE_TRIP:
         # What the closed loop of the same strategy drove is the first guess.

@@ -1,6 +1,6 @@
 """The store of finished runs: a folder with one Parquet file per key.
 
-Trajectory and answers are columns, everything else is JSON metadata; any Parquet reader opens the files.
+Trajectory and decisions are columns, everything else is JSON metadata; any Parquet reader opens the files.
 Parquet's own checksums cover the pages. A digest over columns and metadata is kept inside as well, so that
 damage is found whatever part of the file it hits.
 """
@@ -15,17 +15,18 @@ import os
 import re
 import uuid
 from collections.abc import Collection
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from iptm_core.decision_record import DECISION_COLUMNS, DecisionSeries
 from iptm_core.errors import IptmError, StoreError
+from iptm_core.metrics import figure_values
 from iptm_core.parameters import flat_to_parameters, to_flat_dict
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_studies.closed_loop import DecisionLog
 from iptm_studies.run import Run, RunRecord
 from iptm_studies.run_inputs import KEY_LENGTH
 from iptm_studies.run_spec import RunSpec, canonical_json
@@ -34,11 +35,10 @@ from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
 LOGGER = logging.getLogger(__name__)
 DEFAULT_FOLDER = "results"
 ROOT_VARIABLE = "IPTM_ROOT"
-FORMAT = 2
+FORMAT = 3
 _METADATA = b"iptm"
 _DIGEST = b"iptm_digest"
-_DECISION_PREFIX = "answer_"
-_DECISION_COLUMNS = tuple(entry.name for entry in fields(DecisionLog))
+_DECISION_PREFIX = "decision_"
 _SUFFIX = ".parquet"
 _DAMAGED = ".damaged"
 _FAILED = ".failed"
@@ -183,9 +183,9 @@ def write_run(path: Path, run: Run) -> None:
     """
     columns = {name: pa.array(values) for name, values in run.trajectory.to_arrays().items()}
     if run.decisions is not None:
-        for name in _DECISION_COLUMNS:
+        for name, decided in run.decisions.to_arrays().items():
             # The last row of a trajectory ends the trip: nothing is decided there.
-            values = pa.array(getattr(run.decisions, name))
+            values = pa.array(decided)
             columns[_DECISION_PREFIX + name] = pa.concat_arrays([values, pa.nulls(1, values.type)])
     content = {
         "format": FORMAT,
@@ -195,7 +195,7 @@ def write_run(path: Path, run: Run) -> None:
         "whole_trip": None if run.whole_trip is None else asdict(run.whole_trip),
         "record": asdict(run.record),
         # For other readers of the file; here the figures are worked out anew.
-        "figures": run.summary.values(),
+        "figures": figure_values(run.metrics),
     }
     table = pa.table(columns, metadata={_METADATA: canonical_json(content)})
     table = table.replace_schema_metadata({**table.schema.metadata, _DIGEST: _digest(table)})
@@ -232,10 +232,10 @@ def _run(content: dict[str, Any], table: pa.Table) -> Run:
         raise StoreError(f"format is {content['format']}; allowed: {FORMAT}")
     decisions, whole_trip = None, content["whole_trip"]
     if whole_trip is None:
-        decisions = DecisionLog(
-            **{
+        decisions = DecisionSeries.from_arrays(
+            {
                 name: table[_DECISION_PREFIX + name].drop_null().to_numpy()
-                for name in _DECISION_COLUMNS
+                for name in DECISION_COLUMNS
             }
         )
     else:

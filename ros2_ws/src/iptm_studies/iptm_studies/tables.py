@@ -9,6 +9,7 @@ from pathlib import Path
 
 from iptm_controller.strategy import Strategy
 from iptm_core.errors import StoreError
+from iptm_core.metrics import FIGURES, figure_values
 from iptm_studies.campaign import Campaign, CaseState
 
 _LAST_COLUMNS = ("horizon", "kind", "strategy", "key", "reason")
@@ -41,21 +42,18 @@ def write_tables(campaign: Campaign, folder: Path) -> tuple[Path, ...]:
 def table_text(states: Sequence[CaseState]) -> str:
     """Return the cases of one study as CSV text."""
     labels = list(dict.fromkeys(name for state in states for name in state.case.labels))
-    figures: dict[str, str] = {}
-    for state in states:
-        if state.summary is not None:
-            figures |= {row.key: f"{row.key} [{row.unit}]" for row in state.summary.rows()}
+    figures = [f"{key} [{figure.unit or 1}]" for key, figure in FIGURES.items()]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["study", "case", *labels, *figures.values(), *_LAST_COLUMNS])
+    writer.writerow(["study", "case", *labels, *figures, *_LAST_COLUMNS])
     for state in states:
-        values = {} if state.summary is None else state.summary.values()
+        values = {} if state.metrics is None else figure_values(state.metrics)
         writer.writerow(
             [
                 state.study.name,
                 state.case.name,
                 *(state.case.labels.get(name) for name in labels),
-                *(values.get(key) for key in figures),
+                *(values.get(key) for key in FIGURES),
                 None if state.spec is None else state.spec.horizon,
                 state.case.spec.kind.value,
                 None if state.spec is None else _weights(state.spec.strategy),

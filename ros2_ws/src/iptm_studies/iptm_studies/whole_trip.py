@@ -28,13 +28,13 @@ from iptm_controller.plan import (
 from iptm_controller.solvers.budget import SolveBudget
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.interior_point import InteriorPointOptions
-from iptm_controller.solvers.result import SolveResult, SolveStatus
+from iptm_controller.solvers.result import SolveResult
 from iptm_controller.strategy import Strategy
+from iptm_core.decision_record import SolveStatus
 from iptm_core.routes.route import Route
 from iptm_core.state import Command, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import TripRecorder
 
 TOLERANCE = 1e-4
 """Optimality tolerance of the scaled problem."""
@@ -198,13 +198,12 @@ def _drive(
     plan: Plan, route: Route, plant: Plant, state: VehicleState, tick_s: float
 ) -> Trajectory:
     """Drive the plant with the plan's inputs, without feedback."""
-    recorder = TripRecorder()
     step = plant.observe(state)
+    ticks = [(step, route.leader.state_at(step.state.time_s))]
     for row in plan.inputs:
-        recorder.row(step, route.leader.state_at(step.state.time_s))
         command = Command(
             float(row[InputIndex.ACCELERATION]), float(row[InputIndex.COMPRESSOR_POWER])
         )
         step = plant.advance(step.state, command, tick_s)
-    recorder.row(step, route.leader.state_at(step.state.time_s))
-    return recorder.trajectory()
+        ticks.append((step, route.leader.state_at(step.state.time_s)))
+    return Trajectory.from_ticks(ticks)
