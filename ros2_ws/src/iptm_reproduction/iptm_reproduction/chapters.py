@@ -2,31 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable
+from functools import partial
 
-from iptm_studies.report.beyond_chapters import (
-    omitted_chapter,
-    optimum_chapter,
-    previews_chapter,
-    reliability_chapter,
+from iptm_reproduction.causes import causes, remarks
+from iptm_reproduction.check import Verdict, check_topic, tally
+from iptm_reproduction.claims import TOPICS
+from iptm_reproduction.claims.headline import AGING_MODEL, HEADLINE
+from iptm_reproduction.claims.multi_horizon import LENGTH, SAMPLING_TIME
+from iptm_reproduction.claims.sensitivity import HORIZON, WEIGHTS
+from iptm_reproduction.claims.strategies import STRATEGY_TABLE
+from iptm_reproduction.claims.trip import POWER, TRIP
+from iptm_reproduction.document import Block, Cell, Document, Paragraph, Table, cells
+from iptm_reproduction.gathering import Gathered
+from iptm_reproduction.parts import Chapter, Material, Part, claims, picture, table, text
+from iptm_reproduction.plots import (
+    comparison_plots,
+    model_plots,
+    power_plots,
+    sensitivity_plots,
+    trip_plots,
 )
-from iptm_studies.report.document import Block, Cell, Document, Paragraph, Section, Table
-from iptm_studies.report.evaluation import EvaluatedClaim, by_group, tally
-from iptm_studies.report.gathering import Provenance
-from iptm_studies.report.naming import STRATEGY_NAMES
-from iptm_studies.report.paper import PaperClaims
-from iptm_studies.report.plots.trip_plots import HORIZONS_S
-from iptm_studies.report.runs import (
-    PROPOSED_RUN,
-    REFERENCE_RUN,
+from iptm_reproduction.printed import PAPER, PARAMETER_TABLES
+from iptm_reproduction.runs import (
+    HORIZONS_S,
+    MULTI_HORIZON,
+    OPTIMUM,
+    PROPOSED,
+    REFERENCE,
+    SHORT_STEP_COUNTS,
+    SPLITS,
+    STRATEGIES,
     STUDIES,
-    Results,
+    WEIGHTED,
+    horizons,
+    lengthened,
+    sampled,
+    weighted,
 )
-from iptm_studies.report.sections import Chapters
-from iptm_studies.report.tables.diagnosis_tables import cooling_table, payback_table
-from iptm_studies.report.tables.limit_tables import discretisation_table
-from iptm_studies.report.tables.paper_tables import (
+from iptm_reproduction.tables.diagnosis_tables import cooling_table, payback_table
+from iptm_reproduction.tables.limit_tables import (
+    discretisation_table,
+    optimum_solve_table,
+    optimum_table,
+)
+from iptm_reproduction.tables.paper_tables import (
     formulation_table,
     headline_table,
     omitted_parameter_table,
@@ -34,10 +54,12 @@ from iptm_studies.report.tables.paper_tables import (
     ranking_text,
     strategy_table,
 )
-from iptm_studies.report.tables.study_tables import run_table, weight_table
-from iptm_studies.report.verdict import Verdict
-
-from iptm_core.errors import ScenarioError
+from iptm_reproduction.tables.robustness_tables import (
+    conclusion_table,
+    summary_text,
+    variation_table,
+)
+from iptm_reproduction.tables.study_tables import reliability_table, run_table, weight_table
 
 TITLE = "Reproduction of the paper"
 _RULES_TEXT = (
@@ -49,305 +71,301 @@ _RULES_TEXT = (
 )
 
 
-def compose(
-    results: Results,
-    paper: PaperClaims,
-    evaluated: Sequence[EvaluatedClaim],
-    provenance: Provenance,
-    command: str,
-) -> Document:
-    """Build the whole report.
-
-    Args:
-        results: the runs.
-        paper: what the paper prints.
-        evaluated: the checked statements.
-        provenance: where the runs come from.
-        command: what computes a study, without its name.
-
-    Returns:
-        The report; what cannot be built says why.
-    """
-    chapters = Chapters(results, paper, evaluated, command)
-    sections = [
-        _summary(chapters, provenance),
-        _parameters(paper),
-        _model(chapters),
-        _strategies(chapters),
-        _power(chapters),
-        _trip(chapters),
-        _weights(chapters),
-        _horizon(chapters),
-        _sampling_time(chapters),
-        _long_horizon(chapters),
-        optimum_chapter(chapters),
-        previews_chapter(chapters),
-        omitted_chapter(chapters),
-    ]
-    sections += chapters.unplaced()
-    sections += [reliability_chapter(chapters, provenance)]
-    return Document(TITLE, f"{paper.paper.authors}: {paper.paper.title}", tuple(sections))
+def compose(gathered: Gathered) -> Document:
+    """Check every statement and put the report together; what cannot be built says why."""
+    reasons, notes = causes(gathered.results), remarks(gathered.results)
+    checked = {topic.title: check_topic(topic, gathered.results, reasons) for topic in TOPICS}
+    material = Material(gathered, checked)
+    sections = (chapter.section(material, notes.get(chapter.key, "")) for chapter in CHAPTERS)
+    return Document(TITLE, PAPER, tuple(sections))
 
 
-def with_remarks(document: Document, remarks: Mapping[str, str], file: str) -> Document:
-    """Put a remark at the beginning of each chapter that has one.
-
-    Raises:
-        ScenarioError: there is no chapter of that key.
-    """
-    unknown = set(remarks) - {section.key for section in document.sections}
-    if unknown:
-        raise ScenarioError(
-            f"{file}: there is no chapter {', '.join(sorted(unknown))}; there are "
-            f"{', '.join(section.key for section in document.sections)}"
-        )
-    return replace(
-        document,
-        sections=tuple(
-            replace(section, blocks=(Paragraph(remarks[section.key]), *section.blocks))
-            if section.key in remarks
-            else section
-            for section in document.sections
-        ),
+def _origin(material: Material) -> Block:
+    origin = material.provenance
+    return Paragraph(
+        f"Every number on this page comes from {origin.runs} stored runs of the trip "
+        f"{origin.trip} ({origin.cases} cases of the studies; equal runs are stored once)."
     )
 
 
-def _summary(chapters: Chapters, provenance: Provenance) -> Section:
-    paper, results = chapters.paper, chapters.results
-    blocks: list[Block] = [
-        Paragraph(
-            f"Every number on this page comes from {provenance.runs} stored runs of the trip "
-            f"{provenance.trip} ({provenance.cases} cases of the studies; equal runs are stored once)."
-        ),
-        _verdict_table(chapters.evaluated),
-        Paragraph(_RULES_TEXT),
-    ]
-    if not provenance.whole_cycle:
-        blocks.insert(
-            1,
-            Paragraph(
-                "The runs do not all drive the whole comprehensive cycle. What is printed holds for "
-                "that cycle, so that verdicts on numbers mean little here."
-            ),
-        )
-    if results.gaps:
-        names = dict.fromkeys(gap.study for gap in results.gaps)
-        blocks.append(
-            Paragraph(
-                f"This report is incomplete: {len(results.gaps)} cases are missing, of the studies "
-                f"{', '.join(names)}. What is not shown for this reason says so in its place. To "
-                f"compute them: {chapters.command} {' '.join(names)}"
-            )
-        )
-    headline = (paper.headline.run, paper.headline.base)
-    blocks += [
-        chapters.table(
-            "headline-table",
-            "Headline comparison",
-            headline,
-            lambda: headline_table(results, paper),
-        ),
-        chapters.picture("headline"),
-        chapters.claims("Headline comparison"),
-    ]
-    return Section("summary", "Summary", tuple(blocks))
+def _other_trip(material: Material) -> Block | None:
+    if material.provenance.whole_cycle:
+        return None
+    return Paragraph(
+        "The runs do not all drive the whole comprehensive cycle. What is printed holds for "
+        "that cycle, so that verdicts on numbers mean little here."
+    )
 
 
-def _verdict_table(evaluated: Sequence[EvaluatedClaim]) -> Table:
-    """Number of statements by heading and verdict."""
-    verdicts = tuple(Verdict)
-    groups = {**by_group(evaluated), "all statements": list(evaluated)}
+def _incomplete(material: Material) -> Block | None:
+    missing = material.results.missing
+    if not missing:
+        return None
+    names = dict.fromkeys(run.study for run in missing)
+    return Paragraph(
+        f"This report is incomplete: {len(missing)} cases are missing, of the studies "
+        f"{', '.join(names)}. What is not shown for this reason says so in its place. To "
+        f"compute them: {material.gathered.command} {' '.join(names)}"
+    )
+
+
+def _verdicts(material: Material) -> Block:
+    """Return the number of statements by topic and verdict."""
+    every = tuple(entry for entries in material.checked.values() for entry in entries)
+    rows = [
+        (
+            Cell(title, strong=entries is every),
+            Cell(str(len(entries))),
+            *(Cell(str(count)) for count in tally(entries).values()),
+        )
+        for title, entries in (*material.checked.items(), ("all statements", every))
+    ]
     return Table(
         "verdicts",
         "Statements of the paper by verdict",
-        ("statements about", "number", *(verdict.value for verdict in verdicts)),
-        tuple(
-            (
-                Cell(name, strong=entries == list(evaluated)),
-                Cell(str(len(entries))),
-                *(Cell(str(tally(entries)[verdict])) for verdict in verdicts),
-            )
-            for name, entries in groups.items()
+        ("statements about", "number", *(verdict.value for verdict in Verdict)),
+        tuple(rows),
+    )
+
+
+def _provenance_table(material: Material) -> Block:
+    origin = material.provenance
+    return Table(
+        "origin",
+        "Origin of the runs",
+        ("", ""),
+        (
+            cells("trip", origin.trip),
+            cells("runs", f"{origin.runs} ({origin.cases} cases)"),
+            cells("computed", f"{origin.first_utc} to {origin.last_utc}"),
+            cells("wall time of all runs, one after the other", f"{origin.wall_h:.2f} h"),
+            cells("runs without compiled problem", str(origin.interpreted)),
+            cells("source", _counted(origin.revisions)),
+            *(cells(name, _counted(versions)) for name, versions in origin.versions.items()),
         ),
     )
 
 
-def _parameters(paper: PaperClaims) -> Section:
-    return Section(
+def _counted(values: dict[str, int]) -> str:
+    if len(values) == 1:
+        return next(iter(values))
+    return ", ".join(f"{name} ({count} runs)" for name, count in values.items())
+
+
+def _without_runs(build: Callable[[], Table]) -> Part:
+    """Show a table that does not depend on any run."""
+    return lambda _: build()
+
+
+def _study(study: str, base: str, paper: str, runs: tuple[str, ...]) -> Part:
+    """Show all runs of a study against one run."""
+    build = partial(run_table, study=study, base=base, paper=paper)
+    return table(f"{study.replace('_', '-')}-table", STUDIES[study], build, any_of=runs)
+
+
+def _cooling(key: str, runs: tuple[str, ...]) -> Part:
+    """Show when the compressor runs, for those of the runs that are there."""
+    build = partial(cooling_table, key=key, addresses=runs)
+    return table(key, "When the compressor runs", build, any_of=runs)
+
+
+def _robustness(
+    study: str, first: str, base: str | None, conclusions: str, runs: str
+) -> tuple[Part, ...]:
+    """Show which conclusions hold whatever varies in a study, in words and as a table, and all its runs."""
+    return (
+        text(partial(summary_text, study=study)),
+        table(
+            f"conclusions-{study.replace('_', '-')}",
+            "Conclusions",
+            partial(conclusion_table, study=study, title=conclusions),
+            (first,),
+        ),
+        table(
+            study.replace("_", "-"),
+            STUDIES[study],
+            partial(variation_table, study=study, title=runs, base=base),
+            (first,),
+        ),
+    )
+
+
+CHAPTERS = (
+    Chapter(
+        "summary",
+        "Summary",
+        (
+            _origin,
+            _other_trip,
+            _verdicts,
+            text(lambda _: _RULES_TEXT),
+            _incomplete,
+            table("headline", "Headline comparison", headline_table, (MULTI_HORIZON, REFERENCE)),
+            picture(comparison_plots.headline),
+            claims(HEADLINE),
+        ),
+    ),
+    Chapter(
         "parameters",
         "Parameters and formulations",
         (
-            *(parameter_table(table) for table in paper.parameter_tables),
-            omitted_parameter_table(paper),
-            formulation_table(paper),
+            *(_without_runs(partial(parameter_table, printed)) for printed in PARAMETER_TABLES),
+            _without_runs(omitted_parameter_table),
+            _without_runs(formulation_table),
         ),
-    )
-
-
-def _model(chapters: Chapters) -> Section:
-    return Section(
+    ),
+    Chapter(
         "model",
         "Aging model and driving cycle",
         (
-            chapters.picture("aging_map"),
-            chapters.claims("Aging model"),
-            chapters.picture("driving_cycle"),
+            picture(model_plots.aging_map),
+            claims(AGING_MODEL),
+            picture(model_plots.driving_cycle),
         ),
-    )
-
-
-def _strategies(chapters: Chapters) -> Section:
-    return Section(
+    ),
+    Chapter(
         "strategies",
         "Six strategies on a single horizon",
         (
-            chapters.table(
-                "strategies",
-                chapters.paper.strategy_table.title,
-                (REFERENCE_RUN, PROPOSED_RUN),
-                lambda: strategy_table(chapters.results, chapters.paper),
-            ),
-            Paragraph(ranking_text(chapters.results)),
-            chapters.picture("strategy_changes"),
-            chapters.claims("Strategies"),
+            table("strategies", "Table of strategies", strategy_table, (REFERENCE, PROPOSED)),
+            text(ranking_text),
+            picture(comparison_plots.strategy_changes),
+            claims(STRATEGY_TABLE),
         ),
-    )
-
-
-def _power(chapters: Chapters) -> Section:
-    return Section(
+    ),
+    Chapter(
         "power",
         "Power",
         (
-            chapters.picture("power_distribution"),
-            chapters.picture("power_statistics"),
-            chapters.picture("power_profiles"),
-            chapters.claims("Power"),
+            picture(power_plots.power_distribution),
+            picture(power_plots.power_statistics),
+            picture(power_plots.power_profiles),
+            claims(POWER),
         ),
-    )
-
-
-def _trip(chapters: Chapters) -> Section:
-    return Section(
+    ),
+    Chapter(
         "trip",
         "Temperature, degradation and spacing",
         (
-            chapters.picture("temperature_comparison"),
-            _cooling(
-                chapters, "cooling-strategies", [f"strategies/{name}" for name in STRATEGY_NAMES]
-            ),
-            chapters.table(
+            picture(trip_plots.temperature_comparison),
+            _cooling("cooling-strategies", STRATEGIES),
+            table(
                 "payback",
                 "How long cooling takes to pay",
-                (PROPOSED_RUN,),
-                lambda: payback_table(chapters.results[PROPOSED_RUN]),
+                lambda results: payback_table(results[PROPOSED]),
+                (PROPOSED,),
             ),
-            chapters.picture("degradation_comparison"),
-            chapters.picture("spacing"),
-            chapters.claims("Temperature and spacing"),
+            picture(trip_plots.degradation_comparison),
+            picture(trip_plots.spacing),
+            claims(TRIP),
         ),
-    )
-
-
-def _cooling(chapters: Chapters, key: str, addresses: Sequence[str]) -> Block:
-    """When the compressor runs, for those of the runs that are there."""
-    present = [address for address in addresses if address in chapters.results]
-    return chapters.table(
-        key,
-        "When the compressor runs",
-        () if present else addresses[:1],
-        lambda: cooling_table(chapters.results, key, present),
-    )
-
-
-def _weights(chapters: Chapters) -> Section:
-    results = chapters.results
-    needs = () if results.study("weighting") else ("weighting/reference_energy/1",)
-    return Section(
+    ),
+    Chapter(
         "weights",
         "Sensitivity to the weights",
         (
-            chapters.table(
+            table(
                 "weights",
                 "Weights of the weighted strategies",
-                needs,
-                lambda: weight_table(results, "Fig. 9"),
+                weight_table,
+                any_of=tuple(run for strategy in WEIGHTED for run in weighted(strategy)),
             ),
-            chapters.picture("weighting"),
-            chapters.claims("Weighting sensitivity"),
+            picture(sensitivity_plots.weighting),
+            claims(WEIGHTS),
         ),
-    )
-
-
-def _horizon(chapters: Chapters) -> Section:
-    return Section(
+    ),
+    Chapter(
         "horizon",
         "Sensitivity to the prediction horizon",
         (
-            _study_table(chapters, "prediction_horizon", REFERENCE_RUN, "Fig. 10", HORIZONS_S[0]),
-            chapters.picture("prediction_horizon"),
-            chapters.picture("horizon_temperatures"),
-            _cooling(
-                chapters,
-                "cooling-horizons",
-                [f"prediction_horizon/{horizon}" for horizon in HORIZONS_S],
-            ),
-            chapters.claims("Prediction horizon"),
+            _study("prediction_horizon", REFERENCE, "Fig. 10", horizons(*HORIZONS_S)),
+            picture(sensitivity_plots.prediction_horizon),
+            picture(trip_plots.horizon_temperatures),
+            _cooling("cooling-horizons", horizons(*HORIZONS_S)),
+            claims(HORIZON),
         ),
-    )
-
-
-def _sampling_time(chapters: Chapters) -> Section:
-    return Section(
+    ),
+    Chapter(
         "sampling-time",
         "Multi-horizon: sampling time of the long horizon",
         (
-            _study_table(chapters, "sampling_time", PROPOSED_RUN, "Fig. 12", "3+12/5"),
-            chapters.picture("sampling_time"),
-            chapters.claims("Multi-horizon sampling time"),
+            _study(
+                "sampling_time",
+                PROPOSED,
+                "Fig. 12",
+                tuple(run for split in SPLITS for run in sampled(split)),
+            ),
+            picture(sensitivity_plots.sampling_time),
+            claims(SAMPLING_TIME),
         ),
-    )
-
-
-def _long_horizon(chapters: Chapters) -> Section:
-    return Section(
+    ),
+    Chapter(
         "long-horizon",
         "Multi-horizon: length of the long horizon",
         (
-            _study_table(chapters, "long_horizon", PROPOSED_RUN, "Fig. 13", "3+5"),
-            chapters.picture("long_horizon"),
-            chapters.claims("Multi-horizon length"),
-            chapters.table(
+            _study(
+                "long_horizon",
+                PROPOSED,
+                "Fig. 13",
+                tuple(run for count in SHORT_STEP_COUNTS for run in lengthened(count)),
+            ),
+            picture(sensitivity_plots.long_horizon),
+            claims(LENGTH),
+            table(
                 "discretisation-table",
                 STUDIES["discretisation"],
+                discretisation_table,
                 ("discretisation/28/3+5", "discretisation/28/fine"),
-                lambda: discretisation_table(chapters.results),
             ),
-            chapters.picture("discretisation"),
+            picture(comparison_plots.discretisation),
         ),
-    )
-
-
-def _study_table(
-    chapters: Chapters,
-    study: str,
-    base: str,
-    paper: str,
-    first: object,
-) -> Block:
-    """All runs of a study against one run."""
-    results = chapters.results
-    addresses = [run.address for run in results.study(study)]
-    return chapters.table(
-        f"{study.replace('_', '-')}-table",
-        STUDIES[study],
-        () if addresses else (f"{study}/{first}",),
-        lambda: run_table(
-            results,
-            f"{study.replace('_', '-')}-table",
-            STUDIES[study],
-            addresses,
-            base,
-            paper=paper,
+    ),
+    Chapter(
+        "optimum",
+        "Beyond the paper: the limit",
+        (
+            table(
+                "optimum-table",
+                "The whole trip as one problem",
+                optimum_table,
+                (REFERENCE, PROPOSED, OPTIMUM),
+            ),
+            picture(comparison_plots.saving_shares),
+            picture(trip_plots.optimum),
+            table("optimum-solves", "Solves of the whole trip", optimum_solve_table, (OPTIMUM,)),
         ),
-    )
+    ),
+    Chapter(
+        "previews",
+        "Beyond the paper: imperfect previews",
+        (
+            picture(comparison_plots.imperfect_previews),
+            *_robustness(
+                "imperfect_previews",
+                "imperfect_previews/perfect/reference",
+                "imperfect_previews/perfect/reference",
+                "Conclusions under imperfect previews",
+                "All strategies under imperfect previews",
+            ),
+        ),
+    ),
+    Chapter(
+        "omitted",
+        "Beyond the paper: parameters that the paper omits",
+        (
+            picture(comparison_plots.omitted_parameters),
+            *_robustness(
+                "omitted_parameters",
+                "omitted_parameters/as_chosen/reference",
+                None,
+                "Conclusions under other parameters",
+                "All runs with other parameters",
+            ),
+        ),
+    ),
+    Chapter(
+        "reliability",
+        "Reliability and origin of the runs",
+        (table("reliability", "Reliability", reliability_table), _provenance_table),
+    ),
+)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from iptm_core.metrics.figures import FIGURES, Figure
+from iptm_core.metrics.figures import FIGURES, NO_VALUE, PAPER_TABLE, Figure
 
 COOLING = FIGURES["cooling_energy"]
 TRACTION = FIGURES["traction_energy"]
@@ -34,7 +34,7 @@ FAILED_SOLVES = FIGURES["failed_solves"]
 SOLVES_FEASIBLE = FIGURES["solves_feasible"]
 LIMITER_TICKS = FIGURES["limiter_ticks"]
 
-TABLE_FIGURES = (COOLING, TRACTION, TOTAL, CELL_1, CELL_N, INCONSISTENCY)
+TABLE_FIGURES = tuple(FIGURES[key] for key in PAPER_TABLE)
 """The rows of the paper's results table, in its order."""
 ENERGIES = (COOLING, TRACTION, TOTAL)
 CELLS = (CELL_1, CELL_N)
@@ -42,7 +42,7 @@ MEAN_TEMPERATURES = (CELL_1_MEAN, CELL_N_MEAN)
 FOUR = (COOLING, TRACTION, CELL_1, CELL_N)
 """What most of the paper's sensitivity figures show."""
 
-DASH = "–"
+DASH = NO_VALUE
 
 
 def relative_change(value: float | None, base: float | None) -> float | None:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
-
-from iptm_studies.report.measures import measures_of
-from iptm_studies.report.runs import Gap, ReportRun, Results
+from functools import partial
 
 from iptm_core.errors import ScenarioError
+from iptm_core.metrics import RunMetrics, figure_values
 from iptm_core.trajectory import Trajectory
-from iptm_studies.campaign import Campaign, CaseState
+from iptm_reproduction.runs import MissingRun, ReportRun, Results
+from iptm_studies.campaign import Campaign
 from iptm_studies.run_inputs import resolve_inputs
-from iptm_studies.run_spec import RunKind
+from iptm_studies.run_spec import RunKind, RunSpec
 from iptm_studies.store import ResultStore
 from iptm_studies.stored_run import RunRecord
 from iptm_studies.study import SMALL
@@ -65,6 +66,24 @@ class Gathered:
     command: str
 
 
+@dataclass(frozen=True)
+class _Finished:
+    """A case whose run is there."""
+
+    address: str
+    key: str
+    spec: RunSpec
+    metrics: RunMetrics
+
+    @property
+    def trip(self) -> str:
+        return f"{self.spec.cycle}, slope {self.spec.slope}, {self.metrics.duration_s:.0f} s"
+
+    @property
+    def drives_whole_cycle(self) -> bool:
+        return self.spec.cycle == _CYCLE and self.spec.duration_s is None
+
+
 def gather(store: ResultStore, campaign: Campaign) -> Gathered:
     """Collect the cases of a campaign.
 
@@ -73,47 +92,37 @@ def gather(store: ResultStore, campaign: Campaign) -> Gathered:
         campaign: studies that were compared with the store (``execution.survey``).
 
     Returns:
-        Its runs; a missing one is a gap with its reason.
+        Its runs; a missing one with its reason.
 
     Raises:
         ScenarioError: not a single run is there; says how many are missing and how to compute them.
         StoreError: a run has disappeared from the store since the survey.
     """
-    states = list(campaign.cases())
-    runs = [_run(store, state) for state in states if state.metrics is not None]
-    gaps = [
-        Gap(state.address, state.study.name, state.reason)
-        for state in states
-        if state.metrics is None
-    ]
-    if not runs:
-        missing = Counter(gap.study for gap in gaps)
+    finished: list[_Finished] = []
+    missing: list[MissingRun] = []
+    for state in campaign.cases():
+        if state.key is None or state.spec is None or state.metrics is None:
+            missing.append(MissingRun(state.address, state.reason))
+        else:
+            finished.append(_Finished(state.address, state.key, state.spec, state.metrics))
+    command = _command(campaign)
+    if not finished:
+        lacking = Counter(run.study for run in missing)
         raise ScenarioError(
             f"store {store.folder} holds none of the results that the report is made of; missing are "
-            f"{', '.join(f'{count} runs of {study}' for study, count in missing.items())}. "
-            f"Compute them with: {_command(campaign)} {' '.join(missing)}"
+            f"{', '.join(f'{count} runs of {study}' for study, count in lacking.items())}. "
+            f"Compute them with: {command} {' '.join(lacking)}"
         )
-    keys = {state.key for state in states if state.metrics is not None and state.key is not None}
-    records = [store.load(key).record for key in sorted(keys)]
-    trips = Counter(
-        f"{state.spec.cycle}, slope {state.spec.slope}, {_length(state)}"
-        for state in states
-        if state.spec is not None and state.metrics is not None
-    )
+    keys = sorted({case.key for case in finished})
     return Gathered(
-        Results(runs, gaps),
-        _provenance(
-            trips.most_common(1)[0][0],
-            all(_drives_whole_cycle(state) for state in states if state.metrics is not None),
-            len(runs),
-            records,
-        ),
-        _command(campaign),
+        Results([_run(store, case) for case in finished], missing),
+        _provenance(finished, [store.load(key).record for key in keys]),
+        command,
     )
 
 
 def _command(campaign: Campaign) -> str:
-    """What computes a study of this campaign, without its name."""
+    """Return what computes a study of this campaign, without its name."""
     specs = [case.spec for study in campaign.studies for case in study.cases]
     small = all(
         (spec.cycle, spec.slope, spec.duration_s) == (SMALL.cycle, SMALL.slope, SMALL.duration_s)
@@ -122,50 +131,33 @@ def _command(campaign: Campaign) -> str:
     return f"{COMMAND} --small" if small else COMMAND
 
 
-def _length(state: CaseState) -> str:
-    assert state.metrics is not None  # noqa: S101 - only asked for finished cases
-    return f"{state.metrics.duration_s:.0f} s"
-
-
-def _run(store: ResultStore, state: CaseState) -> ReportRun:
-    assert state.spec is not None  # noqa: S101 - a finished case has a run
-    assert state.key is not None  # noqa: S101
-    assert state.metrics is not None  # noqa: S101
-    inputs = resolve_inputs(state.spec)
-    key = state.key
-
-    def load() -> Trajectory:
-        return store.load(key).trajectory
-
+def _run(store: ResultStore, case: _Finished) -> ReportRun:
+    inputs = resolve_inputs(case.spec)
+    whole = case.spec.kind is RunKind.WHOLE_TRIP
     return ReportRun(
-        address=state.address,
-        measures=measures_of(state.metrics),
+        address=case.address,
+        values=figure_values(case.metrics),
         parameters=inputs.parameters,
         route=inputs.route,
-        strategy=state.spec.strategy,
-        load=load,
-        whole_trip=store.load(key).whole_trip if state.spec.kind is RunKind.WHOLE_TRIP else None,
+        strategy=case.spec.strategy,
+        load=partial(_trajectory, store, case.key),
+        whole_trip=store.load(case.key).whole_trip if whole else None,
     )
 
 
-def _drives_whole_cycle(state: CaseState) -> bool:
-    spec = state.spec
-    return spec is not None and spec.cycle == _CYCLE and spec.duration_s is None
+def _trajectory(store: ResultStore, key: str) -> Trajectory:
+    return store.load(key).trajectory
 
 
-def _provenance(
-    trip: str,
-    whole_cycle: bool,  # noqa: FBT001
-    cases: int,
-    records: list[RunRecord],
-) -> Provenance:
+def _provenance(finished: Iterable[_Finished], records: list[RunRecord]) -> Provenance:
+    cases = list(finished)
     names = dict.fromkeys(name for record in records for name in record.versions)
     ends = sorted(record.finished_at_utc for record in records)
     return Provenance(
-        trip=trip,
-        whole_cycle=whole_cycle,
+        trip=Counter(case.trip for case in cases).most_common(1)[0][0],
+        whole_cycle=all(case.drives_whole_cycle for case in cases),
         runs=len(records),
-        cases=cases,
+        cases=len(cases),
         revisions=dict(Counter(record.git_revision for record in records)),
         versions={
             name: dict(Counter(record.versions.get(name, "unknown") for record in records))

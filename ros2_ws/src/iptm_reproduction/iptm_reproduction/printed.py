@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iptm_core.metrics.figures import Figure
-
 from iptm_reproduction.figures import (
     CELL_1,
     CELL_N,
@@ -119,7 +118,11 @@ STRATEGY_CHANGES: dict[Figure, tuple[float, ...]] = {
 }
 """Table IV: changes against the reference, from the second strategy on, as printed with the values."""
 
-STRATEGY_NOTE = "One printed value contradicts its neighbours: for Energy + Aging, the degradation of cell 1 neither gives the change printed with it nor, with that of cell N, the inconsistency printed below; with its digits swapped (1.2190) it gives both."
+STRATEGY_NOTE = (
+    "One printed value contradicts its neighbours: for Energy + Aging, the degradation of cell 1 neither "
+    "gives the change printed with it nor, with that of cell N, the inconsistency printed below; with its "
+    "digits swapped (1.2190) it gives both."
+)
 
 HEADLINE_WHERE = "Abstract, Section IV-D.2, Conclusion"
 HEADLINE_CHANGES: dict[Figure, float] = {
@@ -187,7 +190,7 @@ FIGURE_CAPTIONS = {
         "Sensitivity analysis on long horizon step of the proposed strategy.",
     ),
 }
-"""Figures of results by the key of the one that stands for it here; Figs. 1 to 3 are drawings of the system."""
+"""Figures of results by the key of the one that stands for it here; Figs. 1 to 3 draw the system."""
 
 
 def printed_value(run: str, figure: Figure) -> float | None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import base64
 import re
 from pathlib import Path
-from typing import Any
 
 import jinja2
-from iptm_studies.report.document import Block, Document
-from iptm_studies.report.verdict import Verdict
+
+from iptm_reproduction.check import Verdict
+from iptm_reproduction.document import Document
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _SYMBOLS = {
@@ -25,19 +25,23 @@ _RUNS = "|-"
 
 
 def render_html(document: Document) -> str:
-    """The page; figures are embedded, so that the one file is all."""
-    return _environment(escape=True).get_template("report.html.j2").render(**_context(document))
+    """Return the page; figures are embedded, so that the one file is all."""
+    return (
+        _environment(escape=True)
+        .get_template("report.html.j2")
+        .render(document=document, legend=LEGEND)
+    )
 
 
 def render_markdown(document: Document, folder: str) -> str:
-    """The page as Markdown.
+    """Return the page as Markdown.
 
     Args:
         document: the report.
         folder: where its figures lie, relative to the file.
     """
     template = _environment(escape=False).get_template("report.md.j2")
-    text = template.render(folder=folder, **_context(document))
+    text = template.render(folder=folder, document=document, legend=LEGEND)
     return spaced(text)
 
 
@@ -65,7 +69,7 @@ def _environment(*, escape: bool) -> jinja2.Environment:
     )
     environment.filters.update(cell_text=_cell_text)
     environment.globals.update(
-        kind=_kind,
+        kind=lambda block: type(block).__name__,
         symbol=_SYMBOLS.__getitem__,
         css=lambda verdict: verdict.name.lower().replace("_", "-"),
         encoded=lambda content: base64.b64encode(content).decode("ascii"),
@@ -74,14 +78,6 @@ def _environment(*, escape: bool) -> jinja2.Environment:
     return environment
 
 
-def _context(document: Document) -> dict[str, Any]:
-    return {"document": document, "legend": LEGEND}
-
-
-def _kind(block: Block) -> str:
-    return type(block).__name__
-
-
 def _cell_text(text: str) -> str:
-    """Text that keeps a Markdown table whole."""
+    """Return a text that keeps a Markdown table whole."""
     return " ".join(text.replace("|", "\\|").split())

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from iptm_core.metrics.figures import Figure
-
 from iptm_reproduction.check import (
     CHANGE_FLOOR,
     CHANGE_SHARE,

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from iptm_core.metrics.figures import Figure
 
+from iptm_core.metrics.figures import Figure
 from iptm_reproduction.check import Check, Finding, graded
 from iptm_reproduction.figures import label, labels
 from iptm_reproduction.printed import printed_value

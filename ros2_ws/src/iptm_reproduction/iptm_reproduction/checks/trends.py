@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from enum import Enum
 
 import numpy as np
-from iptm_core.metrics.figures import Figure
 
+from iptm_core.metrics.figures import Figure
 from iptm_core.state import FloatArray
 from iptm_reproduction.check import Check, Finding, Verdict, graded, worst
 from iptm_reproduction.figures import DASH, change_text, label, labels

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from iptm_core.metrics.figures import Figure
-
 from iptm_reproduction.check import Check, Claim, Topic
 from iptm_reproduction.checks.numbers import change, changes_in_range, reduction_at_least
 from iptm_reproduction.checks.orders import all_lower, between, rank

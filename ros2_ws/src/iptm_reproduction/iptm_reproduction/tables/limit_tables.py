@@ -14,7 +14,13 @@ from iptm_reproduction.figures import (
     change_text,
 )
 from iptm_reproduction.runs import OPTIMUM, PROPOSED, REFERENCE, STUDIES, Results, name_of
-from iptm_reproduction.tables.cells import SAVING, change_cell, change_cells, figure_cell, share_cell
+from iptm_reproduction.tables.cells import (
+    SAVING,
+    change_cell,
+    change_cells,
+    figure_cell,
+    share_cell,
+)
 
 LONG_STEP_PRICE = 0.01
 """Degradation that a multi-horizon grid may cost against 1 s steps over the same length."""

@@ -92,7 +92,9 @@ def omitted_parameter_table() -> Table:
         "Parameters that the paper's tables do not state",
         ("symbol", "parameter", "used", "source", "remark"),
         tuple(
-            cells(row.symbol, row.key, _with_unit(row.value, row.unit), row.source, row.note or DASH)
+            cells(
+                row.symbol, row.key, _with_unit(row.value, row.unit), row.source, row.note or DASH
+            )
             for row in describe_parameters(load_parameters())
             if row.key not in stated
         ),
@@ -213,11 +215,10 @@ def ranking_text(results: Results) -> str:
     sentences = []
     names = dict(zip(STRATEGIES, STRATEGY_NAMES.values(), strict=True))
     for figure in (DEGRADATION, TOTAL, COOLING, INCONSISTENCY):
-        known = {
-            run: value for run in names if (value := results.find(run, figure)) is not None
-        }
+        known = {run: value for run in names if (value := results.find(run, figure)) is not None}
         order = ", ".join(
-            f"{names[run]} ({figure.text(known[run])})" for run in sorted(known, key=known.__getitem__)
+            f"{names[run]} ({figure.text(known[run])})"
+            for run in sorted(known, key=known.__getitem__)
         )
         sentences += [f"{figure.title}: {order}."] if order else []
     return f"The strategies in order, lowest first. {' '.join(sentences)}"
