@@ -227,7 +227,12 @@ CHAPTERS = (
         "strategies",
         "Six strategies on a single horizon",
         (
-            table("strategies", "Table of strategies", strategy_table, (REFERENCE, PROPOSED)),
+            table(
+                "strategies",
+                "Comparisons among different strategies",
+                strategy_table,
+                (REFERENCE, PROPOSED),
+            ),
             text(ranking_text),
             picture(comparison_plots.strategy_changes),
             claims(STRATEGY_TABLE),

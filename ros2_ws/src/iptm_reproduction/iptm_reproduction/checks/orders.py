@@ -87,7 +87,10 @@ def between(run: str, ends: tuple[str, str], figures: tuple[Figure, ...]) -> Che
                 )
         return _Count(len(figures), tuple(failures))
 
-    rule = f"Reproduced if each of {labels(figures)} of {name_of(run)} lies between those of {names_of(ends)}."
+    rule = (
+        f"Reproduced if each of {labels(figures)} of {name_of(run)} lies between those of "
+        f"{names_of(ends)}."
+    )
     return _counted(rule, (run, *ends), figures, count, 1.0)
 
 
