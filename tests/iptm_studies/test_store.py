@@ -201,6 +201,7 @@ def test_prune_keeps_what_is_needed_and_what_is_not_ours(store: ResultStore, run
     (store.folder / ".unfinished-1.parquet").write_bytes(b"old")
     mine = store.folder / "my_table.parquet"
     mine.write_bytes(b"mine")
+    assert store.keys() == (run.key, gone.stem)
     assert len(store.prune([run.key])) == 4
     assert sorted(store.folder.iterdir()) == sorted([store.path_of(run.key), mine])
 

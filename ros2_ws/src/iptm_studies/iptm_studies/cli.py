@@ -1,7 +1,4 @@
-"""Compute studies: closed loops without ROS, kept in a store and computed once.
-
-The commands are parts, so that other programs (such as the reproduction of the paper) add their own.
-"""
+"""The commands on studies: compute, list, status, tables, prune; a package above can add its own."""
 
 from __future__ import annotations
 
@@ -9,6 +6,7 @@ import argparse
 import logging
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -32,138 +30,124 @@ ALL = "all"
 SMALL_STORE = "small"
 
 Command = Callable[[argparse.Namespace, Console], int]
-"""Does what is asked and returns the exit code."""
+"""Performs a command; returns the exit code."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line of the studies alone; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="studies", description=__doc__)
-    add_study_commands(parser.add_subparsers(dest="name", metavar="COMMAND", required=True))
-    return run_command(parser, sys.argv[1:] if arguments is None else arguments)
+    """Run the command line; returns the exit code."""
+    commands = StudyCommands("studies", __doc__, default="run")
+    commands.add_study_commands()
+    return commands.run(arguments)
 
 
-def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> int:
-    """Parse arguments and run their command; errors become a line and an exit code."""
-    options = parser.parse_args(arguments)
-    console = Console(stderr=True)
-    logging.basicConfig(
-        level=logging.WARNING,
-        format="%(message)s",
-        handlers=[RichHandler(console=console, show_time=False, show_path=False)],
-        force=True,
-    )
-    try:
-        code: int = options.command(options, console)
-    except IptmError as error:
-        complain(console, f"error: {error}")
-        return EXIT_REFUSED
-    except KeyboardInterrupt:
-        console.print("stopped; the same command goes on from what is stored", markup=False)
-        return EXIT_INTERRUPTED
-    return code
+class StudyCommands:
+    """A command line on studies.
 
-
-def add_command(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser],
-    name: str,
-    text: str,
-    function: Command,
-    *option_groups: Callable[[argparse.ArgumentParser], None],
-) -> None:
-    """Add a command.
-
-    Args:
-        commands: what ``add_subparsers`` returned.
-        name: of the command.
-        text: what it does, for the help.
-        function: does it.
-        option_groups: functions that add options, such as ``choice_options``.
+    Attributes:
+        choosing: options that name studies and a store.
+        computing: options on where runs are computed.
+        writing: option that names a folder of output.
     """
-    parser = commands.add_parser(name, help=text, description=text)
-    parser.set_defaults(command=function)
-    for add_options in option_groups:
-        add_options(parser)
 
+    def __init__(self, program: str, description: str, default: str) -> None:
+        """Begin a command line without commands; the default one is meant where none is named."""
+        self._default = default
+        self._parser = argparse.ArgumentParser(prog=program, description=description)
+        self._commands = self._parser.add_subparsers(
+            dest="name", metavar="COMMAND", help=f"without one: {default}"
+        )
+        self.choosing, self.computing, self.writing = (
+            argparse.ArgumentParser(add_help=False) for _ in range(3)
+        )
+        self.choosing.add_argument(
+            "studies",
+            nargs="*",
+            metavar="STUDY",
+            help="shipped study or path of a study file; all of the shipped ones by default",
+        )
+        self.choosing.add_argument(
+            "--small",
+            action="store_true",
+            help=f"all runs on a short trip ({SMALL.duration_s:g} s of {SMALL.cycle}); takes minutes",
+        )
+        self.choosing.add_argument(
+            "--store", default="", metavar="DIR", help="folder of the results"
+        )
+        self.computing.add_argument(
+            "--workers", type=int, metavar="N", help="processes, one per core by default"
+        )
+        self.computing.add_argument(
+            "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"
+        )
+        self.computing.add_argument(
+            "--dry-run",
+            action="store_true",
+            help="show what would be computed, and the expected time",
+        )
+        self.writing.add_argument(
+            "--output", default="", metavar="DIR", help="folder of what is written"
+        )
 
-def add_study_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the commands that compute studies and look after their results."""
-    add_command(
-        commands, "run", "compute what is missing", compute, choice_options, compute_options
-    )
-    add_command(commands, "list", "list the shipped studies", _list)
-    add_command(
-        commands,
-        "status",
-        "say what is stored and what is missing, and why",
-        _status,
-        choice_options,
-        _status_options,
-    )
-    add_command(
-        commands,
-        "tables",
-        "write the results as CSV, one file per study",
-        _tables,
-        choice_options,
-        output_options,
-    )
-    add_command(
-        commands,
-        "prune",
-        "delete stored runs that the studies do not need",
-        _prune,
-        choice_options,
-    )
+    def add(
+        self, name: str, text: str, command: Command, *options: argparse.ArgumentParser
+    ) -> argparse.ArgumentParser:
+        """Add a command with groups of options; returns its parser."""
+        added = self._commands.add_parser(name, help=text, description=text, parents=options)
+        added.set_defaults(command=command)
+        return added
 
+    def add_study_commands(self) -> None:
+        """Add the commands of this package."""
+        self.add("run", "compute what is missing", run_studies, self.choosing, self.computing)
+        self.add("list", "list the shipped studies", _list)
+        status = self.add(
+            "status", "say what is stored and what is missing, and why", _status, self.choosing
+        )
+        status.add_argument("--verbose", action="store_true", help="name every missing run")
+        text = "write the results as CSV, one file per study"
+        self.add("tables", text, _tables, self.choosing, self.writing)
+        self.add("prune", "delete stored runs that the studies do not need", _prune, self.choosing)
 
-def choice_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose studies and store."""
-    parser.add_argument(
-        "studies",
-        nargs="*",
-        metavar="STUDY",
-        help="shipped study or path of a study file; all of the shipped ones by default",
-    )
-    parser.add_argument(
-        "--small",
-        action="store_true",
-        help=f"all runs on a short trip ({SMALL.duration_s:g} s of {SMALL.cycle}); takes minutes",
-    )
-    parser.add_argument("--store", default="", metavar="DIR", help="folder of the results")
-
-
-def compute_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of commands that compute."""
-    parser.add_argument(
-        "--workers", type=int, metavar="N", help="processes, one per core by default"
-    )
-    parser.add_argument(
-        "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"
-    )
-    parser.add_argument(
-        "--dry-run", action="store_true", help="show what would be computed, and the expected time"
-    )
-
-
-def output_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of commands that write files."""
-    parser.add_argument("--output", default="", metavar="DIR", help="folder of what is written")
-
-
-def _status_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--verbose", action="store_true", help="name every missing run")
+    def run(self, arguments: Sequence[str] | None = None) -> int:
+        """Perform what the arguments say (those of the process for None); returns the exit code."""
+        given = list(sys.argv[1:] if arguments is None else arguments)
+        if not given or (given[0].startswith("-") and given[0] not in {"-h", "--help"}):
+            given.insert(0, self._default)
+        options = self._parser.parse_args(given)
+        console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
+        logging.basicConfig(
+            level=logging.WARNING,
+            format="%(message)s",
+            handlers=[RichHandler(console=console, show_time=False, show_path=False)],
+            force=True,
+        )
+        try:
+            code: int = options.command(options, console)
+        except IptmError as error:
+            console.print(f"error: {error}", style="red")
+            return EXIT_REFUSED
+        except KeyboardInterrupt:
+            console.print("stopped; the same command goes on from what is stored")
+            return EXIT_INTERRUPTED
+        return code
 
 
 def chosen_store(options: argparse.Namespace) -> ResultStore:
-    """Return the store that ``choice_options`` name."""
+    """Return the store that the options name."""
     if options.store:
         return ResultStore(Path(options.store))
     folder = default_store_folder()
     return ResultStore(folder / SMALL_STORE if options.small else folder)
 
 
-def chosen_campaign(options: argparse.Namespace) -> Campaign:
-    """Plan the studies that ``choice_options`` name."""
+def surveyed_campaign(options: argparse.Namespace, store: ResultStore) -> Campaign:
+    """Return the chosen studies, compared with what is stored."""
+    campaign = _chosen_campaign(options)
+    survey(campaign, store)
+    return campaign
+
+
+def _chosen_campaign(options: argparse.Namespace) -> Campaign:
     names = [
         name
         for given in options.studies or [ALL]
@@ -172,40 +156,23 @@ def chosen_campaign(options: argparse.Namespace) -> Campaign:
     return plan_campaign(dict.fromkeys(names), SMALL if options.small else None)
 
 
-def surveyed_campaign(options: argparse.Namespace, store: ResultStore) -> Campaign:
-    """Plan the chosen studies and compare them with a store."""
-    campaign = chosen_campaign(options)
-    survey(campaign, store)
-    return campaign
-
-
-def say(console: Console, text: str) -> None:
-    """Print a line as it is."""
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
-
-
-def complain(console: Console, text: str) -> None:
-    """Print a line as it is, in red."""
-    console.print(text, style="red", markup=False, highlight=False, soft_wrap=True)
-
-
-def compute(options: argparse.Namespace, console: Console) -> int:
-    """Compute what is missing, or with ``--dry-run`` show what that would be."""
-    campaign, store = chosen_campaign(options), chosen_store(options)
+def run_studies(options: argparse.Namespace, console: Console) -> int:
+    """Compute what is missing, or show what that would be; returns the exit code."""
+    campaign, store = _chosen_campaign(options), chosen_store(options)
     cluster = ClusterOptions(options.scheduler, options.workers)
     if options.dry_run:
         return _dry_run(campaign, store, cluster)
     with progress_display(console) as display:
         totals = execute(campaign, store, cluster, display)
-    say(
-        console,
+    console.print(
         f"{totals.computed} runs computed, {totals.found} found in {store.folder}, "
-        f"{totals.failed} failed, in {clock_text(totals.wall_s)}",
+        f"{totals.failed} failed, in {clock_text(totals.wall_s)}"
     )
+    complain = partial(console.print, style="red")
     for address, cause in campaign.failures.items():
-        complain(console, f"{address} failed: {cause}")
+        complain(f"{address} failed: {cause}")
     for address, reason in campaign.left_out.items():
-        complain(console, f"{address} was left out: {reason}")
+        complain(f"{address} was left out: {reason}")
     return EXIT_FAILED_RUNS if campaign.failures or campaign.left_out else 0
 
 
@@ -259,7 +226,7 @@ def _tables(options: argparse.Namespace, console: Console) -> int:
 def _prune(options: argparse.Namespace, console: Console) -> int:
     store = chosen_store(options)
     gone = store.prune(surveyed_campaign(options, store).keys)
-    say(console, f"{len(gone)} files deleted from {store.folder}")
+    console.print(f"{len(gone)} files deleted from {store.folder}")
     return 0
 
 

@@ -65,7 +65,11 @@ class ResultStore:
 
     def keys(self) -> tuple[str, ...]:
         """Return the keys of all files, sound or not, sorted."""
-        return tuple(path.stem for path in self._files() if path.suffix == _SUFFIX)
+        return tuple(
+            path.stem
+            for path in self._files()
+            if path.suffix == _SUFFIX and _KEY.fullmatch(path.stem)
+        )
 
     def load(self, key: str) -> Run:
         """Load a run and check it.
