@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import signal
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import reduce
 from typing import Any
@@ -52,13 +51,6 @@ ANSWERS = (
 )
 SMALL: dict[str, object] = {"horizon": "2x1+2x5", "input_timeout_s": 60.0}
 """A small problem, and no time limit that a busy machine could break; tests of the limit set their own."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compile_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("IPTM_CACHE_DIR", str(tmp_path_factory.mktemp("compiled")))
-        yield
 
 
 def tick_messages(

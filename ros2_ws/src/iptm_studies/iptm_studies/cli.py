@@ -9,12 +9,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+from dask.system import CPU_COUNT
 from rich.console import Console
 from rich.logging import RichHandler
 
 from iptm_core.errors import IptmError
 from iptm_studies.campaign import NOT_COMPUTED, Campaign, plan_campaign
-from iptm_studies.cluster import ClusterOptions, available_cores
+from iptm_studies.cluster import ClusterOptions
 from iptm_studies.execution import execute, survey
 from iptm_studies.expected_time import clock_text
 from iptm_studies.progress import progress_display
@@ -187,7 +188,7 @@ def _dry_run(campaign: Campaign, store: ResultStore, cluster: ClusterOptions) ->
             print(f"{inputs.address:60} {clock_text(expected_s):>10}  {what}")
     text = f"{len(lacking) + len(later)} runs to compute, about {clock_text(total_s)} on one core"
     if not cluster.scheduler:
-        workers = cluster.workers or available_cores()
+        workers = cluster.workers or CPU_COUNT
         text += f", {clock_text(total_s / workers)} with {workers} workers"
     print(text)
     return 0

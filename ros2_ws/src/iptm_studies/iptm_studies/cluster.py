@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from dataclasses import dataclass
 
 import dask
 import distributed
+from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Worker, WorkerPlugin
 
 from iptm_core.errors import ScenarioError
@@ -60,16 +60,9 @@ def connected(options: ClusterOptions) -> Iterator[Client]:
         if options.scheduler:
             cluster = _existing(options.scheduler)
         else:
-            cluster = _embedded(options.workers or available_cores())
+            cluster = _embedded(options.workers or CPU_COUNT)
         with cluster as client:
             yield client
-
-
-def available_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def worker_threads(client: Client) -> int:
