@@ -50,7 +50,7 @@ def test_run_status_tables_prune(
     assert main(["run", path, "--store", folder]) == cli.EXIT_FAILED_RUNS
     said = capsys.readouterr().err
     assert "1 runs computed, 0 found" in said
-    assert "1 failed, in 1:30 min" in said
+    assert "1 failed, in " in said
     assert "mini/reference failed: it went nowhere" in said
 
     assert main(["status", path, "--store", folder]) == 0

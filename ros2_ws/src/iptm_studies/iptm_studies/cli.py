@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -163,11 +164,12 @@ def run_studies(options: argparse.Namespace, console: Console) -> int:
     cluster = ClusterOptions(options.scheduler, options.workers)
     if options.dry_run:
         return _dry_run(campaign, store, cluster)
+    began = time.perf_counter()
     with progress_display(console) as display:
-        totals = execute(campaign, store, cluster, display)
+        computed = execute(campaign, store, cluster, display)
     console.print(
-        f"{totals.computed} runs computed, {totals.found} found in {store.folder}, "
-        f"{totals.failed} failed, in {clock_text(totals.wall_s)}"
+        f"{computed} runs computed, {campaign.finished - computed} found in {store.folder}, "
+        f"{len(campaign.failures)} failed, in {clock_text(time.perf_counter() - began)}"
     )
     complain = partial(console.print, style="red")
     for address, cause in campaign.failures.items():

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Protocol
 
 import distributed
@@ -36,23 +34,6 @@ class Observer(Protocol):
 
     def remaining(self, seconds: float) -> None:
         """Expected wall time until the end."""
-
-
-@dataclass(frozen=True)
-class CampaignTotals:
-    """How a campaign ended.
-
-    Attributes:
-        computed: runs performed now.
-        found: runs that the store had.
-        failed: runs that failed.
-        wall_s: wall time.
-    """
-
-    computed: int
-    found: int
-    failed: int
-    wall_s: float
 
 
 def admit(campaign: Campaign, store: ResultStore) -> list[RunInputs]:
@@ -91,7 +72,7 @@ def execute(
     options: ClusterOptions,
     observer: Observer,
     perform: Callable[[RunInputs], Run] = work,
-) -> CampaignTotals:
+) -> int:
     """Perform all missing runs of a campaign, the longest first.
 
     Each run is stored as soon as it is done, so that an interrupted campaign goes on where it stopped. A
@@ -104,21 +85,18 @@ def execute(
         observer: told about every run.
         perform: performs a run on a worker.
 
+    Returns:
+        The number of runs performed; those of the campaign that are there beside them were found.
+
     Raises:
         ScenarioError: the scheduler does not answer, or the cluster has no workers.
         StoreError: the store cannot be written.
     """
-    began = time.perf_counter()
     execution = _Execution(campaign, store, observer, perform)
     if execution.waiting:
         with connected(options) as client:
             execution.run(client)
-    return CampaignTotals(
-        computed=execution.computed,
-        found=campaign.finished - execution.computed,
-        failed=len(campaign.failures),
-        wall_s=time.perf_counter() - began,
-    )
+    return execution.computed
 
 
 class _Execution:
