@@ -6,15 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from iptm_reproduction.check import CheckedClaim, Topic
-from iptm_reproduction.document import (
-    Block,
-    ClaimList,
-    Missing,
-    Paragraph,
-    Picture,
-    Section,
-    Table,
-)
+from iptm_reproduction.document import Block, ClaimList, Missing, Paragraph, Picture, Section, Table
 from iptm_reproduction.gathering import Gathered, Provenance
 from iptm_reproduction.plots.style import Plot, png_bytes
 from iptm_reproduction.printed import FIGURE_CAPTIONS

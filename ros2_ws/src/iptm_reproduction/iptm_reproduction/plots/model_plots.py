@@ -34,10 +34,7 @@ def aging_map(_: Results) -> Figure:
     for share, colour in zip((0.0, 0.5, 1.0), ("#2171b5", "#41ab5d", "#a50f15"), strict=True):
         row = round(share * (found.temperatures_c.size - 1))
         right.plot(
-            found.currents_a,
-            loss[row],
-            color=colour,
-            label=f"{found.temperatures_c[row]:.1f} °C",
+            found.currents_a, loss[row], color=colour, label=f"{found.temperatures_c[row]:.1f} °C"
         )
     for rate in (1.0, 2.0):
         right.axvline(

@@ -92,11 +92,7 @@ def power_statistics(results: Results) -> Figure:
     for name in present:
         share = 100.0 * np.histogram(powers[name], edges)[0] / powers[name].size
         left.stairs(
-            share,
-            edges,
-            color=STRATEGY_COLOURS[name],
-            linewidth=1.4,
-            label=STRATEGY_NAMES[name],
+            share, edges, color=STRATEGY_COLOURS[name], linewidth=1.4, label=STRATEGY_NAMES[name]
         )
     left.set_yscale("log")
     for bound in (regions.low_kw, regions.high_kw):

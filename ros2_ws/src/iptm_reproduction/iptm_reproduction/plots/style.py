@@ -116,12 +116,7 @@ def legend_below(figure: Figure, panel: Axes, columns: int) -> None:
     """Put one legend for all panels, under them."""
     handles, labels = panel.get_legend_handles_labels()
     figure.legend(
-        handles,
-        labels,
-        loc="outside lower center",
-        ncols=columns,
-        fontsize=8,
-        frameon=False,
+        handles, labels, loc="outside lower center", ncols=columns, fontsize=8, frameon=False
     )
 
 

@@ -112,10 +112,7 @@ def degradation_comparison(results: Results) -> Figure:
         for strategy, run in runs.items():
             loss = 1e5 * (getattr(run, cell) - getattr(run, cell)[0])
             difference = loss - 1e5 * reference if loss.size == reference.size else np.nan * loss
-            for panel, values in (
-                (panels[column], loss),
-                (panels[2 + column], difference),
-            ):
+            for panel, values in ((panels[column], loss), (panels[2 + column], difference)):
                 times, means = thinned(run, values, _MOST_POINTS)
                 panel.plot(
                     times,

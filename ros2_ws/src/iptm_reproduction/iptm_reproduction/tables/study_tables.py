@@ -21,12 +21,7 @@ from iptm_reproduction.figures import (
     TABLE_FIGURES,
 )
 from iptm_reproduction.runs import REFERENCE, STUDIES, ReportRun, Results, name_of
-from iptm_reproduction.tables.cells import (
-    change_cells,
-    figure_cell,
-    figure_cells,
-    share_cell,
-)
+from iptm_reproduction.tables.cells import change_cells, figure_cell, figure_cells, share_cell
 
 _RELIABILITY = (
     GAP_VIOLATIONS,
@@ -72,12 +67,7 @@ def run_table(results: Results, study: str, base: str, paper: str) -> Table:
     return Table(
         f"{study.replace('_', '-')}-table",
         STUDIES[study],
-        (
-            "run",
-            *(figure.title for figure in shown),
-            _SAVING,
-            *(figure.label for figure in _MARKS),
-        ),
+        ("run", *(figure.title for figure in shown), _SAVING, *(figure.label for figure in _MARKS)),
         tuple(rows),
         note="The first row has figures, the others their change against it.",
         paper=paper,
