@@ -8,7 +8,7 @@ from iptm_controller.strategy import STRATEGIES as COST_TERMS
 from iptm_core.metrics.figures import Figure
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
-from iptm_reproduction.check import Check, Claim, Finding, Topic, Verdict, check_topic, tally
+from iptm_reproduction.check import Check, Claim, ClaimTopic, Finding, Verdict, check_topic, tally
 from iptm_reproduction.checks.numbers import (
     change,
     changes_in_range,
@@ -276,7 +276,7 @@ def test_missing_runs_and_figures_leave_a_claim_untested() -> None:
 
 def test_a_cause_is_shown_unless_the_claim_is_reproduced() -> None:
     check = value_between(*horizons(0), MEAN_GAP, lowest=1.0)
-    topic = Topic("A topic", (Claim("the-claim", "Section I", "Something is so.", check),))
+    topic = ClaimTopic("A topic", (Claim("the-claim", "Section I", "Something is so.", check),))
     causes = {"the-claim": "shown"}
     (good,) = check_topic(topic, series(2.0), causes)
     (bad,) = check_topic(topic, series(0.0), causes)

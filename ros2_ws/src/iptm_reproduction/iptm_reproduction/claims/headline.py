@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from iptm_core.metrics.figures import Figure
-from iptm_reproduction.check import Claim, Topic
+from iptm_reproduction.check import Claim, ClaimTopic
 from iptm_reproduction.checks.aging_model import aging_exponential, aging_falls
 from iptm_reproduction.checks.numbers import change, reduction_at_least, value_between
 from iptm_reproduction.checks.powers import lower_peaks, traction_dominates
@@ -34,7 +34,7 @@ def _reduces(name: str, figure: Figure, what: str, where: str = "Section IV-D.2"
     )
 
 
-HEADLINE = Topic(
+HEADLINE = ClaimTopic(
     "Headline comparison",
     (
         Claim(
@@ -66,7 +66,7 @@ HEADLINE = Topic(
     ),
 )
 
-AGING_MODEL = Topic(
+AGING_MODEL = ClaimTopic(
     "Aging model",
     (
         Claim(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from iptm_core.metrics.figures import Figure
-from iptm_reproduction.check import Claim, Topic
+from iptm_reproduction.check import Claim, ClaimTopic
 from iptm_reproduction.checks.numbers import changes_in_range
 from iptm_reproduction.checks.orders import all_lower, best_choice
 from iptm_reproduction.checks.trends import FALLS, RISES, levels_off, trend_in_groups
@@ -44,7 +44,7 @@ def _in_printed_range(name: str, figure: Figure, statement: str, note: str = "")
     return Claim(name, "Section IV-D.2", statement, check, note)
 
 
-SAMPLING_TIME = Topic(
+SAMPLING_TIME = ClaimTopic(
     "Multi-horizon sampling time",
     (
         Claim(
@@ -86,7 +86,7 @@ SAMPLING_TIME = Topic(
     ),
 )
 
-LENGTH = Topic(
+LENGTH = ClaimTopic(
     "Multi-horizon length",
     (
         Claim(

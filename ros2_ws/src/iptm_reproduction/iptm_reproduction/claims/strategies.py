@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from iptm_core.metrics.figures import Figure
-from iptm_reproduction.check import Claim, Topic
+from iptm_reproduction.check import Claim, ClaimTopic
 from iptm_reproduction.checks.numbers import change, changes_in_range, reduction_at_least
 from iptm_reproduction.checks.orders import all_lower, between, rank
 from iptm_reproduction.figures import (
@@ -38,7 +38,7 @@ def _reduces(name: str, where: str, run: str, figure: Figure, what: str) -> Clai
     return Claim(name, where, statement, change(run, REFERENCE, figure, printed))
 
 
-STRATEGY_TABLE = Topic(
+STRATEGY_TABLE = ClaimTopic(
     "Strategies",
     (
         Claim(
