@@ -149,5 +149,5 @@ def png_bytes(figure: Figure, name: str) -> bytes:
     figure.savefig(buffer, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True})
     content = buffer.getvalue()
     if len(content) > MOST_BYTES:
-        raise StoreError(f"figure {name} takes {len(content)} bytes; allowed are {MOST_BYTES}")
+        raise StoreError(f"figure {name} takes {len(content)} bytes; allowed: up to {MOST_BYTES}")
     return content

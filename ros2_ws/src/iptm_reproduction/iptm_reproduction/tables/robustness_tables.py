@@ -166,16 +166,11 @@ def variation_table(results: Results, study: str, title: str, base: str | None =
     for run in results.study(study):
         _, variation, controller = run.address.split("/")
         reference = base or f"{study}/{variation}/reference"
-        own = run.address == reference
         rows.append(
             (
                 Cell(words(variation)),
-                Cell(controller_name(controller), strong=own),
-                *(
-                    figure_cells(results, run.address, shown)
-                    if own
-                    else change_cells(results, run.address, reference, shown)
-                ),
+                Cell(controller_name(controller), strong=run.address == reference),
+                *change_cells(results, run.address, reference, shown),
                 *figure_cells(results, run.address, _MARKS),
             )
         )
