@@ -85,7 +85,7 @@ def test_dry_run_shows_what_would_be_computed(
     assert "2 runs to compute" in text
     assert "with 4 workers" in text
     assert not Path(folder).exists()
-    assert main(["run", "--small", "--store", folder, "--dry-run"]) == 0
+    assert main(["--small", "--store", folder, "--dry-run"]) == 0  # the default command
     text = capsys.readouterr().out
     assert "once the weights are known" in text
     assert "comprehensive" not in text

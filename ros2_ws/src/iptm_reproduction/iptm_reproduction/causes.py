@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iptm_core.metrics.figures import Figure
-
 from iptm_reproduction.figures import (
     CELL_1,
     CELL_N,
@@ -315,5 +314,5 @@ def remarks(results: Results) -> dict[str, str]:
             f"{n.value('imperfect_previews/none/multi_horizon', SMALLEST_GAP)} without any prediction and "
             f"{n.value('imperfect_previews/noise/multi_horizon', SMALLEST_GAP)} with noise, the standstill "
             "gap 5 m."
-        ),
+        )
     }

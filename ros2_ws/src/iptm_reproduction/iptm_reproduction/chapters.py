@@ -6,15 +6,23 @@ from collections.abc import Callable
 from functools import partial
 
 from iptm_reproduction.causes import causes, remarks
-from iptm_reproduction.check import Verdict, check_topic, tally
+from iptm_reproduction.check import check_topic
 from iptm_reproduction.claims import TOPICS
 from iptm_reproduction.claims.headline import AGING_MODEL, HEADLINE
 from iptm_reproduction.claims.multi_horizon import LENGTH, SAMPLING_TIME
 from iptm_reproduction.claims.sensitivity import HORIZON, WEIGHTS
 from iptm_reproduction.claims.strategies import STRATEGY_TABLE
 from iptm_reproduction.claims.trip import POWER, TRIP
-from iptm_reproduction.document import Block, Cell, Document, Paragraph, Table, cells
+from iptm_reproduction.document import Document, Table
 from iptm_reproduction.gathering import Gathered
+from iptm_reproduction.overview import (
+    RULES_TEXT,
+    incomplete,
+    origin_table,
+    other_trip,
+    runs_used,
+    verdicts,
+)
 from iptm_reproduction.parts import Chapter, Material, Part, claims, picture, table, text
 from iptm_reproduction.plots import (
     comparison_plots,
@@ -62,13 +70,6 @@ from iptm_reproduction.tables.robustness_tables import (
 from iptm_reproduction.tables.study_tables import reliability_table, run_table, weight_table
 
 TITLE = "Reproduction of the paper"
-_RULES_TEXT = (
-    "A statement is reproduced if the rule beside it holds within the stated tolerance; reproduced in "
-    "sign only if the direction is right and the size is not; not reproduced otherwise; not tested if "
-    "a run is missing. Rules are applied by code to stored runs. Where a rule can be applied to the "
-    "paper's printed numbers alone, its outcome for them is given, too. The printed numbers and "
-    "statements are data, each with its place in the paper."
-)
 
 
 def compose(gathered: Gathered) -> Document:
@@ -78,78 +79,6 @@ def compose(gathered: Gathered) -> Document:
     material = Material(gathered, checked)
     sections = (chapter.section(material, notes.get(chapter.key, "")) for chapter in CHAPTERS)
     return Document(TITLE, PAPER, tuple(sections))
-
-
-def _origin(material: Material) -> Block:
-    origin = material.provenance
-    return Paragraph(
-        f"Every number on this page comes from {origin.runs} stored runs of the trip "
-        f"{origin.trip} ({origin.cases} cases of the studies; equal runs are stored once)."
-    )
-
-
-def _other_trip(material: Material) -> Block | None:
-    if material.provenance.whole_cycle:
-        return None
-    return Paragraph(
-        "The runs do not all drive the whole comprehensive cycle. What is printed holds for "
-        "that cycle, so that verdicts on numbers mean little here."
-    )
-
-
-def _incomplete(material: Material) -> Block | None:
-    missing = material.results.missing
-    if not missing:
-        return None
-    names = dict.fromkeys(run.study for run in missing)
-    return Paragraph(
-        f"This report is incomplete: {len(missing)} cases are missing, of the studies "
-        f"{', '.join(names)}. What is not shown for this reason says so in its place. To "
-        f"compute them: {material.gathered.command} {' '.join(names)}"
-    )
-
-
-def _verdicts(material: Material) -> Block:
-    """Return the number of statements by topic and verdict."""
-    every = tuple(entry for entries in material.checked.values() for entry in entries)
-    rows = [
-        (
-            Cell(title, strong=entries is every),
-            Cell(str(len(entries))),
-            *(Cell(str(count)) for count in tally(entries).values()),
-        )
-        for title, entries in (*material.checked.items(), ("all statements", every))
-    ]
-    return Table(
-        "verdicts",
-        "Statements of the paper by verdict",
-        ("statements about", "number", *(verdict.value for verdict in Verdict)),
-        tuple(rows),
-    )
-
-
-def _provenance_table(material: Material) -> Block:
-    origin = material.provenance
-    return Table(
-        "origin",
-        "Origin of the runs",
-        ("", ""),
-        (
-            cells("trip", origin.trip),
-            cells("runs", f"{origin.runs} ({origin.cases} cases)"),
-            cells("computed", f"{origin.first_utc} to {origin.last_utc}"),
-            cells("wall time of all runs, one after the other", f"{origin.wall_h:.2f} h"),
-            cells("runs without compiled problem", str(origin.interpreted)),
-            cells("source", _counted(origin.revisions)),
-            *(cells(name, _counted(versions)) for name, versions in origin.versions.items()),
-        ),
-    )
-
-
-def _counted(values: dict[str, int]) -> str:
-    if len(values) == 1:
-        return next(iter(values))
-    return ", ".join(f"{name} ({count} runs)" for name, count in values.items())
 
 
 def _without_runs(build: Callable[[], Table]) -> Part:
@@ -195,11 +124,11 @@ CHAPTERS = (
         "summary",
         "Summary",
         (
-            _origin,
-            _other_trip,
-            _verdicts,
-            text(lambda _: _RULES_TEXT),
-            _incomplete,
+            runs_used,
+            other_trip,
+            verdicts,
+            text(lambda _: RULES_TEXT),
+            incomplete,
             table("headline", "Headline comparison", headline_table, (MULTI_HORIZON, REFERENCE)),
             picture(comparison_plots.headline),
             claims(HEADLINE),
@@ -217,11 +146,7 @@ CHAPTERS = (
     Chapter(
         "model",
         "Aging model and driving cycle",
-        (
-            picture(model_plots.aging_map),
-            claims(AGING_MODEL),
-            picture(model_plots.driving_cycle),
-        ),
+        (picture(model_plots.aging_map), claims(AGING_MODEL), picture(model_plots.driving_cycle)),
     ),
     Chapter(
         "strategies",
@@ -371,6 +296,6 @@ CHAPTERS = (
     Chapter(
         "reliability",
         "Reliability and origin of the runs",
-        (table("reliability", "Reliability", reliability_table), _provenance_table),
+        (table("reliability", "Reliability", reliability_table), origin_table),
     ),
 )

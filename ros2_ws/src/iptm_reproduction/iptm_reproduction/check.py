@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from enum import Enum
 
 from iptm_core.metrics.figures import Figure
-
 from iptm_reproduction.figures import labels
 from iptm_reproduction.runs import Results
 
@@ -90,7 +89,7 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Topic:
+class ClaimTopic:
     """Statements under one heading."""
 
     title: str
@@ -145,7 +144,7 @@ def compared(
 
 
 def check_topic(
-    topic: Topic, results: Results, causes: Mapping[str, str]
+    topic: ClaimTopic, results: Results, causes: Mapping[str, str]
 ) -> tuple[CheckedClaim, ...]:
     """Check every statement of a topic, in its order.
 

@@ -5,16 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from iptm_reproduction.check import CheckedClaim, Topic
-from iptm_reproduction.document import (
-    Block,
-    ClaimList,
-    Missing,
-    Paragraph,
-    Picture,
-    Section,
-    Table,
-)
+from iptm_reproduction.check import CheckedClaim, ClaimTopic
+from iptm_reproduction.document import Block, ClaimList, Missing, Paragraph, Picture, Section, Table
 from iptm_reproduction.gathering import Gathered, Provenance
 from iptm_reproduction.plots.style import Plot, png_bytes
 from iptm_reproduction.printed import FIGURE_CAPTIONS
@@ -65,7 +57,7 @@ class Chapter:
         )
 
 
-def claims(topic: Topic) -> Part:
+def claims(topic: ClaimTopic) -> Part:
     """Show the statements of a topic with their verdicts."""
     return lambda material: ClaimList(material.checked[topic.title])
 

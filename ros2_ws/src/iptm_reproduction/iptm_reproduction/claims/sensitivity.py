@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from iptm_reproduction.check import Claim, Topic
+from iptm_reproduction.check import Claim, ClaimTopic
 from iptm_reproduction.checks.numbers import value_between
 from iptm_reproduction.checks.orders import all_lower
 from iptm_reproduction.checks.temperatures import cooled_before_demand, heats_in_demand
@@ -20,7 +20,7 @@ from iptm_reproduction.figures import (
 )
 from iptm_reproduction.runs import PROPOSED, REFERENCE, WEIGHTED, horizons, weighted
 
-WEIGHTS = Topic(
+WEIGHTS = ClaimTopic(
     "Weighting sensitivity",
     (
         Claim(
@@ -106,7 +106,7 @@ WEIGHTS = Topic(
     ),
 )
 
-HORIZON = Topic(
+HORIZON = ClaimTopic(
     "Prediction horizon",
     (
         Claim(

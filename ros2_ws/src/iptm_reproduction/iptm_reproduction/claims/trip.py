@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from iptm_reproduction.check import Claim, Topic
+from iptm_reproduction.check import Claim, ClaimTopic
 from iptm_reproduction.checks.numbers import reduction_at_least, value, value_between
 from iptm_reproduction.checks.orders import all_lower
 from iptm_reproduction.checks.powers import cools_off_peak, power_regions
@@ -21,7 +21,7 @@ from iptm_reproduction.figures import (
 from iptm_reproduction.printed import SMALLEST_MARGIN_M
 from iptm_reproduction.runs import PROPOSED, REF_AGING, REF_ENERGY, REFERENCE, STRATEGIES, VICE
 
-POWER = Topic(
+POWER = ClaimTopic(
     "Power",
     (
         Claim(
@@ -63,7 +63,7 @@ POWER = Topic(
     ),
 )
 
-TRIP = Topic(
+TRIP = ClaimTopic(
     "Temperature and spacing",
     (
         Claim(

@@ -22,7 +22,7 @@ _M_S_IN_KM_H = 3.6
     "parameters: over the permitted temperatures, and as sections.",
 )
 def aging_map(_: Results) -> Figure:
-    """Capacity loss per hour over current and temperature, as a map and as lines."""
+    """Draw capacity loss per hour over current and temperature, as a map and as lines."""
     found = model.aging_map(load_parameters().values)
     loss = 1e5 * found.loss_per_hour
     figure, (left, right) = new_figure(3.3, 1, 2)
@@ -34,10 +34,7 @@ def aging_map(_: Results) -> Figure:
     for share, colour in zip((0.0, 0.5, 1.0), ("#2171b5", "#41ab5d", "#a50f15"), strict=True):
         row = round(share * (found.temperatures_c.size - 1))
         right.plot(
-            found.currents_a,
-            loss[row],
-            color=colour,
-            label=f"{found.temperatures_c[row]:.1f} °C",
+            found.currents_a, loss[row], color=colour, label=f"{found.temperatures_c[row]:.1f} °C"
         )
     for rate in (1.0, 2.0):
         right.axvline(
@@ -63,7 +60,7 @@ def aging_map(_: Results) -> Figure:
     needs=(REFERENCE,),
 )
 def driving_cycle(results: Results) -> Figure:
-    """Speed of the leader and the slope where it drives, over time."""
+    """Draw speed of the leader and the slope where it drives, over time."""
     route = results[REFERENCE].route
     step_s = max(1.0, round(route.duration_s / 5000.0))
     times = np.arange(0.0, route.duration_s + 0.5, step_s, dtype=np.float64)

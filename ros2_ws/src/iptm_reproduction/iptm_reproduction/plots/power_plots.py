@@ -39,7 +39,7 @@ _ZOOM_S = 300.0
     wanted=STRATEGIES,
 )
 def power_distribution(results: Results) -> Figure:
-    """Distribution of the battery power of each strategy, with mean and extremes."""
+    """Draw distribution of the battery power of each strategy, with mean and extremes."""
     figure, (panel,) = new_figure(3.6)
     present = [name for name in STRATEGY_NAMES if f"strategies/{name}" in results]
     for index, strategy in enumerate(present):
@@ -81,7 +81,7 @@ def power_distribution(results: Results) -> Figure:
     wanted=(VICE,),
 )
 def power_statistics(results: Results) -> Figure:
-    """Share of time by battery power, and by low, medium and high power."""
+    """Draw share of time by battery power, and by low, medium and high power."""
     present = [name for name in COMPARED if f"strategies/{name}" in results]
     powers = {name: battery_power_kw(results[f"strategies/{name}"].trajectory) for name in present}
     regions = PowerRegions.of_reference(results[REFERENCE].trajectory)
@@ -92,11 +92,7 @@ def power_statistics(results: Results) -> Figure:
     for name in present:
         share = 100.0 * np.histogram(powers[name], edges)[0] / powers[name].size
         left.stairs(
-            share,
-            edges,
-            color=STRATEGY_COLOURS[name],
-            linewidth=1.4,
-            label=STRATEGY_NAMES[name],
+            share, edges, color=STRATEGY_COLOURS[name], linewidth=1.4, label=STRATEGY_NAMES[name]
         )
     left.set_yscale("log")
     for bound in (regions.low_kw, regions.high_kw):
@@ -122,7 +118,7 @@ def power_statistics(results: Results) -> Figure:
     needs=(PROPOSED,),
 )
 def power_profiles(results: Results) -> Figure:
-    """Traction and compressor power of the proposed strategy: the whole trip, and where it cools most."""
+    """Draw traction and compressor power of the proposed strategy: the whole trip, and where it cools most."""
     run = results[PROPOSED].trajectory
     length_s = min(_ZOOM_S, 0.5 * float(run.time_s[-1]))
     window = busiest_window(run, length_s, run.compressor_power_w)
@@ -146,7 +142,7 @@ def power_profiles(results: Results) -> Figure:
 
 
 def _band(panel: Axes, times: FloatArray, values: FloatArray, colour: str) -> None:
-    """Range and mean per column of the picture, instead of a line that fills the page."""
+    """Draw range and mean per column of the picture, instead of a line that fills the page."""
     block = max(1, times.size // _MOST_COLUMNS)
     whole = times.size // block * block
     centres = times[:whole].reshape(-1, block).mean(axis=1)

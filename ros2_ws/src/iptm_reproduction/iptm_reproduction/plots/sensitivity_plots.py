@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from iptm_core.metrics.figures import Figure as RunFigure
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from iptm_core.metrics.figures import Figure as RunFigure
 from iptm_reproduction.figures import COMPUTING_TIME, FOUR, INCONSISTENCY
 from iptm_reproduction.plots.style import (
     PAPER_COLOUR,
@@ -49,7 +49,7 @@ from iptm_reproduction.runs import (
     wanted=tuple(run for name in WEIGHTED[1:] for run in weighted(name)),
 )
 def weighting(results: Results) -> Figure:
-    """Four figures of each weighted strategy for its four weights, shades from small to large."""
+    """Draw four figures of each weighted strategy for its four weights, shades from small to large."""
     figure, panels = new_figure(5.2, 2, 2)
     present = [name for name in WEIGHTED if not results.lacking(weighted(name))]
     for panel, shown in zip(panels, FOUR, strict=True):
@@ -77,7 +77,7 @@ def weighting(results: Results) -> Figure:
     wanted=(REFERENCE,),
 )
 def prediction_horizon(results: Results) -> Figure:
-    """Figures of the proposed strategy over the length of a single horizon."""
+    """Draw figures of the proposed strategy over the length of a single horizon."""
     figure, panels = new_figure(4.2, 2, 3)
     for panel, shown in zip(panels, (*FOUR, INCONSISTENCY, COMPUTING_TIME), strict=True):
         series = _series(results, HORIZONS_S, horizons(*HORIZONS_S), shown)
@@ -100,7 +100,7 @@ def prediction_horizon(results: Results) -> Figure:
     wanted=(PROPOSED,),
 )
 def sampling_time(results: Results) -> Figure:
-    """Figures of the proposed strategy over the sampling time of the long horizon, by split."""
+    """Draw figures of the proposed strategy over the sampling time of the long horizon, by split."""
     figure, panels = new_figure(4.9, 2, 2, sharex=True)
     for panel, shown in zip(panels, FOUR, strict=True):
         seen = []
@@ -125,7 +125,7 @@ def sampling_time(results: Results) -> Figure:
     wanted=(PROPOSED,),
 )
 def long_horizon(results: Results) -> Figure:
-    """Figures of the proposed strategy over the number of long steps; the paper's range as a band."""
+    """Draw figures of the proposed strategy over the number of long steps; the paper's range as a band."""
     figure, panels = new_figure(4.4, 2, 3)
     for panel, shown in zip(panels, (COMPUTING_TIME, *FOUR, INCONSISTENCY), strict=True):
         seen = []

@@ -116,12 +116,7 @@ def legend_below(figure: Figure, panel: Axes, columns: int) -> None:
     """Put one legend for all panels, under them."""
     handles, labels = panel.get_legend_handles_labels()
     figure.legend(
-        handles,
-        labels,
-        loc="outside lower center",
-        ncols=columns,
-        fontsize=8,
-        frameon=False,
+        handles, labels, loc="outside lower center", ncols=columns, fontsize=8, frameon=False
     )
 
 
@@ -154,5 +149,5 @@ def png_bytes(figure: Figure, name: str) -> bytes:
     figure.savefig(buffer, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True})
     content = buffer.getvalue()
     if len(content) > MOST_BYTES:
-        raise StoreError(f"figure {name} takes {len(content)} bytes; allowed are {MOST_BYTES}")
+        raise StoreError(f"figure {name} takes {len(content)} bytes; allowed: up to {MOST_BYTES}")
     return content

@@ -48,7 +48,7 @@ _MOST_POINTS = 600
     wanted=STRATEGIES,
 )
 def temperature_comparison(results: Results) -> Figure:
-    """Temperature of both cells under each strategy."""
+    """Draw temperature of both cells under each strategy."""
     lines = {
         STRATEGY_NAMES[name]: (results[run], STRATEGY_COLOURS[name])
         for name, run in zip(STRATEGY_NAMES, STRATEGIES, strict=True)
@@ -63,7 +63,7 @@ def temperature_comparison(results: Results) -> Figure:
     needs=horizons(*HORIZONS_S),
 )
 def horizon_temperatures(results: Results) -> Figure:
-    """Temperature of both cells of the proposed strategy by prediction horizon."""
+    """Draw temperature of both cells of the proposed strategy by prediction horizon."""
     lines = {
         f"{length} s": (results[f"prediction_horizon/{length}"], colour)
         for length, colour in zip(HORIZONS_S, SERIES_COLOURS[1:], strict=True)
@@ -99,7 +99,7 @@ def _temperature_figure(lines: Mapping[str, tuple[ReportRun, str]], columns: int
     wanted=STRATEGIES,
 )
 def degradation_comparison(results: Results) -> Figure:
-    """Capacity loss of both cells under each strategy, and its difference to the reference."""
+    """Draw capacity loss of both cells under each strategy, and its difference to the reference."""
     figure, panels = new_figure(4.6, 2, 2, sharex=True, sharey="row")
     runs = {
         name: results[run].trajectory
@@ -112,10 +112,7 @@ def degradation_comparison(results: Results) -> Figure:
         for strategy, run in runs.items():
             loss = 1e5 * (getattr(run, cell) - getattr(run, cell)[0])
             difference = loss - 1e5 * reference if loss.size == reference.size else np.nan * loss
-            for panel, values in (
-                (panels[column], loss),
-                (panels[2 + column], difference),
-            ):
+            for panel, values in ((panels[column], loss), (panels[2 + column], difference)):
                 times, means = thinned(run, values, _MOST_POINTS)
                 panel.plot(
                     times,
@@ -139,7 +136,7 @@ def degradation_comparison(results: Results) -> Figure:
     needs=(PROPOSED,),
 )
 def spacing(results: Results) -> Figure:
-    """Gap of the proposed strategy between its limits, and its margin to the lower one."""
+    """Draw gap of the proposed strategy between its limits, and its margin to the lower one."""
     run = results[PROPOSED]
     trip, parameters = run.trajectory, run.parameters
     margins = gap_margins_m(trip, parameters)
@@ -174,7 +171,7 @@ def spacing(results: Results) -> Figure:
 
 
 def _line(panel: Axes, run: ReportRun, values: FloatArray, colour: str, name: str) -> None:
-    """One line with few enough points; smallest value of each block, so that no dip is lost."""
+    """Draw a line with few enough points: the smallest value of each block, so that no dip is lost."""
     block = max(1, values.size // _MOST_POINTS)
     whole = values.size // block * block
     panel.plot(
@@ -192,7 +189,7 @@ def _line(panel: Axes, run: ReportRun, values: FloatArray, colour: str, name: st
     needs=(REFERENCE, PROPOSED, OPTIMUM),
 )
 def optimum(results: Results) -> Figure:
-    """How the whole-trip optimum differs from the proposed strategy and the reference, over the trip."""
+    """Draw how the whole-trip optimum differs from the proposed strategy and the reference, over the trip."""
     figure, panels = new_figure(4.4, 3, 1, sharex=True)
     lines = {
         "Reference": (REFERENCE, STRATEGY_COLOURS["reference"]),

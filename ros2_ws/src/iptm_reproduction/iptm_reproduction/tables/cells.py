@@ -28,7 +28,9 @@ def figure_cells(results: Results, run: str, figures: Iterable[Figure]) -> Row:
 
 
 def change_cells(results: Results, run: str, base: str, figures: Iterable[Figure]) -> Row:
-    """Return the changes of several figures against a base run."""
+    """Return the changes of several figures against a base run; for the base itself, its figures."""
+    if run == base:
+        return figure_cells(results, run, figures)
     return tuple(change_cell(results, run, base, figure) for figure in figures)
 
 

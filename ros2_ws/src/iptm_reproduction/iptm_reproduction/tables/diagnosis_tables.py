@@ -88,9 +88,7 @@ def payback_table(run: ReportRun) -> Table:
 def _payback_rows(found: Payback) -> tuple[Row, ...]:
     return tuple(
         cells(
-            f"percentile {percentile:g} of the power drawn",
-            f"{1e-3 * power:.2f}",
-            f"{time_s:.0f}",
+            f"percentile {percentile:g} of the power drawn", f"{1e-3 * power:.2f}", f"{time_s:.0f}"
         )
         for percentile, (power, time_s) in zip(_PERCENTILES, found.times_s.items(), strict=True)
     )

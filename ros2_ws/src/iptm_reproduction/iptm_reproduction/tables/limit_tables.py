@@ -35,11 +35,7 @@ def optimum_table(results: Results) -> Table:
         found = (figure_cell(results, run, figure) for run in runs)
         changes = (change_cell(results, run, REFERENCE, figure) for run in runs[1:])
         rows.append(
-            (
-                Cell(figure.title),
-                *found,
-                *(changes if figure in changed else cells(DASH, DASH)),
-            )
+            (Cell(figure.title), *found, *(changes if figure in changed else cells(DASH, DASH)))
         )
     rows.append((Cell(SAVING), *(share_cell(results, run) for run in runs), *cells(DASH, DASH)))
     return Table(

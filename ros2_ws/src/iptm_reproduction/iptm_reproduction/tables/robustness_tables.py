@@ -92,12 +92,16 @@ CONCLUSIONS = {
 """What is checked in each of both studies."""
 
 
+def _variations(results: Results, study: str) -> list[str]:
+    """Return what varies in a study of two labels, in its order."""
+    return list(dict.fromkeys(run.address.split("/")[1] for run in results.study(study)))
+
+
 def _outcomes(results: Results, study: str) -> dict[Conclusion, dict[str, bool | None]]:
     """Return whether each conclusion holds by what varies, but for those that no run can say."""
-    runs = results.study(study)
-    variations = list(dict.fromkeys(run.address.split("/")[1] for run in runs))
+    names = _variations(results, study)
     table = {
-        conclusion: {name: conclusion.holds(results, study, name) for name in variations}
+        conclusion: {name: conclusion.holds(results, study, name) for name in names}
         for conclusion in CONCLUSIONS[study]
     }
     return {
@@ -109,10 +113,8 @@ def _outcomes(results: Results, study: str) -> dict[Conclusion, dict[str, bool |
 
 def conclusion_table(results: Results, study: str, title: str) -> Table:
     """Return conclusions as rows, variations as columns."""
-    outcomes = _outcomes(results, study)
-    names = next(iter(outcomes.values()), {})
     rows = []
-    for conclusion, marks in outcomes.items():
+    for conclusion, marks in _outcomes(results, study).items():
         known = [mark for mark in marks.values() if mark is not None]
         rows.append(
             (
@@ -124,7 +126,7 @@ def conclusion_table(results: Results, study: str, title: str) -> Table:
     return Table(
         f"conclusions-{study.replace('_', '-')}",
         title,
-        ("conclusion", *(words(name) for name in names), "holds in"),
+        ("conclusion", *map(words, _variations(results, study)), "holds in"),
         tuple(rows),
     )
 
@@ -164,16 +166,11 @@ def variation_table(results: Results, study: str, title: str, base: str | None =
     for run in results.study(study):
         _, variation, controller = run.address.split("/")
         reference = base or f"{study}/{variation}/reference"
-        own = run.address == reference
         rows.append(
             (
                 Cell(words(variation)),
-                Cell(controller_name(controller), strong=own),
-                *(
-                    figure_cells(results, run.address, shown)
-                    if own
-                    else change_cells(results, run.address, reference, shown)
-                ),
+                Cell(controller_name(controller), strong=run.address == reference),
+                *change_cells(results, run.address, reference, shown),
                 *figure_cells(results, run.address, _MARKS),
             )
         )

@@ -21,12 +21,7 @@ from iptm_reproduction.figures import (
     TABLE_FIGURES,
 )
 from iptm_reproduction.runs import REFERENCE, STUDIES, ReportRun, Results, name_of
-from iptm_reproduction.tables.cells import (
-    change_cells,
-    figure_cell,
-    figure_cells,
-    share_cell,
-)
+from iptm_reproduction.tables.cells import change_cells, figure_cell, figure_cells, share_cell
 
 _RELIABILITY = (
     GAP_VIOLATIONS,
@@ -51,33 +46,20 @@ def run_table(results: Results, study: str, base: str, paper: str) -> Table:
         paper: where its figure stands in the paper.
     """
     shown = (*TABLE_FIGURES, COMPUTING_TIME)
+    others = [run.address for run in results.study(study) if run.address != base]
     rows = [
         (
-            Cell(name_of(base), strong=True),
-            *figure_cells(results, base, shown),
-            share_cell(results, base),
-            *figure_cells(results, base, _MARKS),
+            Cell(name_of(run), strong=run == base),
+            *change_cells(results, run, base, shown),
+            share_cell(results, run),
+            *figure_cells(results, run, _MARKS),
         )
-    ]
-    rows += [
-        (
-            Cell(name_of(run.address)),
-            *change_cells(results, run.address, base, shown),
-            share_cell(results, run.address),
-            *figure_cells(results, run.address, _MARKS),
-        )
-        for run in results.study(study)
-        if run.address != base
+        for run in (base, *others)
     ]
     return Table(
         f"{study.replace('_', '-')}-table",
         STUDIES[study],
-        (
-            "run",
-            *(figure.title for figure in shown),
-            _SAVING,
-            *(figure.label for figure in _MARKS),
-        ),
+        ("run", *(figure.title for figure in shown), _SAVING, *(figure.label for figure in _MARKS)),
         tuple(rows),
         note="The first row has figures, the others their change against it.",
         paper=paper,

@@ -9,21 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm_core.decision_record import DecisionSeries
+from iptm_core.decision_record import DECISION_COLUMNS, DecisionSeries
 from iptm_core.errors import ScenarioError, StoreError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_reproduction.chapters import compose
+from iptm_reproduction.check import CheckedClaim, Verdict
+from iptm_reproduction.claims import CLAIMS
+from iptm_reproduction.document import ClaimList, Document, Missing, Table
+from iptm_reproduction.gathering import gather
+from iptm_reproduction.plots.style import MOST_BYTES
+from iptm_reproduction.printed import FIGURE_CAPTIONS
+from iptm_reproduction.rendering import render_html, render_markdown, spaced
+from iptm_reproduction.report import build_report, write_report
 from iptm_studies.campaign import Campaign, plan_campaign
 from iptm_studies.execution import survey
-from iptm_studies.report import build_report
-from iptm_studies.report.building import document_of
-from iptm_studies.report.claims import load_claims
-from iptm_studies.report.document import ClaimList, Document, Missing, Picture, Table
-from iptm_studies.report.evaluation import NO_CAUSE
-from iptm_studies.report.gathering import gather
-from iptm_studies.report.plots.registry import PLOTS
-from iptm_studies.report.plots.style import MOST_BYTES
-from iptm_studies.report.rendering import render_html, render_markdown, spaced
-from iptm_studies.report.verdict import Verdict
 from iptm_studies.run import Run, RunRecord
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind
@@ -32,6 +31,7 @@ from iptm_studies.study import ShortTrip
 from iptm_studies.study_loading import available_studies
 from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
 
+PICTURES = 20
 TRIP = ShortTrip(duration_s=200.0)
 
 
@@ -66,21 +66,13 @@ def made_trip(inputs: RunInputs, rng: np.random.Generator) -> Trajectory:
 
 def made_run(inputs: RunInputs) -> Run:
     rng = np.random.default_rng(int(inputs.key[:12], 16))
-    ticks = inputs.ticks
     whole = inputs.spec.kind is RunKind.WHOLE_TRIP
-    log = DecisionSeries(
-        time_s=np.arange(float(ticks)),
-        objective=np.zeros(ticks),
-        preview_age_s=np.zeros(ticks),
-        status=np.zeros(ticks, dtype=np.int64),
-        rung=np.zeros(ticks, dtype=np.int64),
-        iterations=np.full(ticks, 5),
-        solve_time_s=1e-3 * (1.0 + rng.random(ticks)),
-        gap_slack_m=np.zeros(ticks),
-        speed_slack_m_s=np.zeros(ticks),
-        temperature_slack_k=np.zeros(ticks),
-        limiter_active=np.zeros(ticks, dtype=bool),
-    )
+    times = np.arange(float(inputs.ticks))
+    columns = dict.fromkeys(DECISION_COLUMNS, np.zeros(times.size)) | {
+        "time_s": times,
+        "solve_time_s": 1e-3 * (1.0 + rng.random(times.size)),
+        "iterations": np.full(times.size, 5),
+    }
     solves = (
         WholeTripSolve("solved", 100, 20.0, 1.5, 1e-6, 30.0),
         WholeTripSolve("solved", 20, 4.0, 1.4, 1e-7, None),
@@ -90,7 +82,7 @@ def made_run(inputs: RunInputs) -> Run:
         spec=inputs.spec,
         parameters=inputs.parameters,
         trajectory=made_trip(inputs, rng),
-        decisions=None if whole else log,
+        decisions=None if whole else DecisionSeries.from_arrays(columns),
         whole_trip=WholeTripRecord(True, solves, 0.0, 0.0, 0.0) if whole else None,
         record=RunRecord(
             wall_time_s=2.5,
@@ -120,28 +112,42 @@ def surveyed(store: ResultStore) -> Campaign:
 
 
 @pytest.fixture(scope="module")
-def full_store(tmp_path_factory: pytest.TempPathFactory) -> ResultStore:
+def full(tmp_path_factory: pytest.TempPathFactory) -> Document:
     store = ResultStore(tmp_path_factory.mktemp("report") / "results")
     filled(store, list(available_studies()))
+    return compose(gather(store, surveyed(store)))
+
+
+@pytest.fixture(scope="module")
+def partial_store(tmp_path_factory: pytest.TempPathFactory) -> ResultStore:
+    """All strategies, but no other study; and one run that failed."""
+    store = ResultStore(tmp_path_factory.mktemp("report") / "results")
+    filled(store, ["strategies"])
+    for inputs in plan_campaign(["prediction_horizon"], TRIP).take():
+        if not store.path_of(inputs.key).is_file():
+            store.note_failure(inputs.key, "the solver would not build")
     return store
 
 
 @pytest.fixture(scope="module")
-def full(full_store: ResultStore) -> Document:
-    return document_of(gather(full_store, surveyed(full_store)))
+def partial(partial_store: ResultStore) -> Iterator[Document]:
+    with pytest.MonkeyPatch.context() as patch:
+        # What takes long and is looked at in the full report.
+        patch.setattr("iptm_reproduction.parts.png_bytes", lambda _figure, _name: b"\x89PNG")
+        yield compose(gather(partial_store, surveyed(partial_store)))
 
 
-@pytest.fixture(scope="module")
-def partial(tmp_path_factory: pytest.TempPathFactory) -> Document:
-    store = ResultStore(tmp_path_factory.mktemp("report") / "results")
-    filled(store, ["strategies"])
-    return document_of(gather(store, surveyed(store)))
+def statements(document: Document) -> list[CheckedClaim]:
+    return [
+        entry
+        for block in document.blocks()
+        if isinstance(block, ClaimList)
+        for entry in block.entries
+    ]
 
 
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out what takes long and is not looked at."""
-    monkeypatch.setattr("iptm_studies.report.sections.png_bytes", lambda _figure, _name: b"\x89PNG")
+def tables(document: Document) -> dict[str, Table]:
+    return {block.key: block for block in document.blocks() if isinstance(block, Table)}
 
 
 class Page(HTMLParser):
@@ -179,41 +185,29 @@ def tables_of(text: str) -> Iterator[list[str]]:
             rows = []
 
 
-def test_a_full_store_leaves_no_gap(full: Document) -> None:
-    assert [block.title for block in full.missing] == []
-    assert {picture.key for picture in full.pictures} == set(PLOTS)
-    untested = [
-        entry.claim.id
-        for block in full.blocks()
-        if isinstance(block, ClaimList)
-        for entry in block.entries
-        if entry.verdict is Verdict.NOT_TESTED
-    ]
-    assert untested == []
+def test_a_full_store_leaves_nothing_out(full: Document) -> None:
+    assert not any(isinstance(block, Missing) for block in full.blocks())
+    assert len(full.pictures) == PICTURES
+    assert [entry for entry in statements(full) if entry.verdict is Verdict.NOT_TESTED] == []
 
 
-def test_every_statement_is_shown_once(full: Document) -> None:
-    shown = [
-        entry.claim.id
-        for block in full.blocks()
-        if isinstance(block, ClaimList)
-        for entry in block.entries
+def test_every_statement_is_shown_once_and_differences_have_a_cause(full: Document) -> None:
+    shown = statements(full)
+    assert sorted(entry.claim.id for entry in shown) == sorted(claim.id for claim in CLAIMS)
+    differing = [
+        entry for entry in shown if entry.verdict in {Verdict.SIGN_ONLY, Verdict.NOT_REPRODUCED}
     ]
-    assert sorted(shown) == sorted(claim.id for claim in load_claims().claims)
+    assert differing
+    assert all(entry.cause for entry in differing)
+    assert render_html(full).count("<strong>Why ") == len(differing)
 
 
 def test_every_table_and_figure_of_the_paper_is_there(full: Document) -> None:
-    paper = load_claims()
     figures = {picture.paper.split(":")[0] for picture in full.pictures if picture.paper}
-    assert figures == {figure.figure for figure in paper.figures}
-    tables = {block.paper for block in full.blocks() if isinstance(block, Table)}
-    assert {"Table I", "Table II", "Table III", "Table IV"} <= tables
-    keys = [
-        (type(block), block.key)
-        for block in full.blocks()
-        if isinstance(block, Table | Picture | Missing)
-    ]
-    assert len(keys) == len(set(keys))
+    assert figures == {figure for figure, _ in FIGURE_CAPTIONS.values()}
+    assert {"Table I", "Table II", "Table III", "Table IV"} <= {
+        table.paper for table in tables(full).values()
+    }
 
 
 def test_figures_are_small_pictures(full: Document) -> None:
@@ -223,128 +217,75 @@ def test_figures_are_small_pictures(full: Document) -> None:
 
 
 def test_strategy_table_gives_found_and_printed(full: Document) -> None:
-    (table,) = (
-        block for block in full.blocks() if isinstance(block, Table) and block.key == "strategies"
-    )
-    cooling = next(row for row in table.rows if row[0].text.startswith("Cooling energy"))
-    printed = table.rows[table.rows.index(cooling) + 1]
-    assert [cell.text for cell in printed[1:4]] == [
-        "printed",
-        "8 049.01",
-        "6 925.07 (-13.96 %)",
-    ]
+    rows = tables(full)["strategies"].rows
+    cooling = next(row for row in rows if row[0].text.startswith("Cooling energy"))
+    printed = rows[rows.index(cooling) + 1]
+    assert [cell.text for cell in printed[1:4]] == ["printed", "8 049.01", "6 925.07 (-13.96 %)"]
     assert cooling[2].verdict is None
     assert all(cell.verdict is not None for cell in cooling[3:])
     assert all(re.fullmatch(r"[\d .]+ \([+-][\d.]+ %\)", cell.text) for cell in cooling[3:])
-    assert any(row[0].text.startswith("Ticks on a fallback") for row in table.rows)
+
+
+def test_verdict_table_counts_every_statement(full: Document) -> None:
+    *topics, every = [[cell.text for cell in row] for row in tables(full)["verdicts"].rows]
+    assert every[:2] == ["all statements", str(len(CLAIMS))]
+    for column in range(1, 6):
+        assert sum(int(row[column]) for row in topics) == int(every[column])
 
 
 def test_html_page_is_whole_and_self_contained(full: Document) -> None:
     page = Page()
     page.feed(render_html(full))
     assert page.open == []
-    assert len(page.sources) == len(PLOTS)
+    assert len(page.sources) == PICTURES
     assert all(source.startswith("data:image/png;base64,") for source in page.sources)
     assert len(page.ids) == len(set(page.ids))
     assert {anchor.removeprefix("#") for anchor in page.anchors} <= set(page.ids)
-    assert {f"figure-{key}" for key in PLOTS} <= set(page.ids)
 
 
 def test_markdown_has_sound_tables_and_every_figure(full: Document) -> None:
-    text = render_markdown(full, "pictures")
-    for key in PLOTS:
-        assert f"(pictures/{key}.png)" in text
-    found = list(tables_of(text))
+    markdown = render_markdown(full, "pictures")
+    assert all(f"(pictures/{picture.key}.png)" in markdown for picture in full.pictures)
+    found = list(tables_of(markdown))
     assert len(found) > 20
     for rows in found:
         assert set(rows[1]) <= set("|-"), rows[:2]
         assert len({len(re.findall(r"(?<!\\)\|", row)) for row in rows}) == 1, rows[0]
 
 
-def test_no_statement_differs_without_a_place_for_the_reason(full: Document) -> None:
-    differing = [
-        entry
-        for block in full.blocks()
-        if isinstance(block, ClaimList)
-        for entry in block.entries
-        if entry.verdict in {Verdict.SIGN_ONLY, Verdict.NOT_REPRODUCED}
-    ]
-    assert differing
-    assert all(entry.cause for entry in differing)
-    page = render_html(full)
-    assert page.count("<strong>Why ") == len(differing)
+def test_causes_and_remarks_are_filled_in(full: Document) -> None:
+    page, markdown = render_html(full), render_markdown(full, "pictures")
+    assert re.search(r"Cooling with drawn power pays only after \d+ to \d+ s on this trip", page)
+    assert re.search(r"multi-horizon controller is [\d.]+ m without any prediction", markdown)
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_causes_reach_the_page(full_store: ResultStore, tmp_path: Path) -> None:
-    causes = tmp_path / "causes.yaml"
-    lines = [
-        f'  {claim.id}: \'Because {{{{ change("strategies/aging", "strategies/reference", '
-        f'"cooling_energy") }}}} <& so on>\''
-        for claim in load_claims().claims
-    ]
-    chapters = "chapters:\n  power: 'Braking: {{ braking_share(\"strategies/aging\") }}'"
-    causes.write_text("\n".join(["claims:", *lines, chapters]), encoding="utf-8")
-    gathered = gather(full_store, surveyed(full_store))
-    document = document_of(gathered, causes_file=causes)
-    assert re.search(r"Because [+-][\d.]+ % &lt;&amp; so on&gt;", render_html(document))
-    assert NO_CAUSE not in render_html(document)
-    assert re.search(r"<p>Braking: [\d.]+ %</p>", render_html(document))
-    causes.write_text("claims: {}\nchapters: {nowhere: text}\n", encoding="utf-8")
-    with pytest.raises(ScenarioError, match="no chapter nowhere; there are summary, "):
-        document_of(gathered, causes_file=causes)
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_build_writes_pages_and_removes_old_figures(
-    full_store: ResultStore, tmp_path: Path
-) -> None:
+def test_pages_are_written_and_old_figures_removed(full: Document, tmp_path: Path) -> None:
     old = tmp_path / "docs" / "paper-reproduction" / "old.png"
     old.parent.mkdir(parents=True)
     old.write_bytes(b"")
-    pages = build_report(full_store, surveyed(full_store), tmp_path / "docs")
+    pages = write_report(full, tmp_path / "docs")
     assert [page.name for page in pages] == ["paper-reproduction.html", "paper-reproduction.md"]
     assert all(page.is_file() for page in pages)
-    written = {path.stem for path in old.parent.iterdir()}
-    assert written == set(PLOTS)
+    assert {path.stem for path in old.parent.iterdir()} == {figure.key for figure in full.pictures}
 
 
 def test_a_partial_store_says_what_is_missing(partial: Document) -> None:
     shown = {picture.key for picture in partial.pictures}
     assert {"aging_map", "driving_cycle", "power_distribution", "strategy_changes"} <= shown
-    missing = {block.key: block for block in partial.missing}
-    assert {"prediction_horizon", "sampling_time", "long_horizon", "headline"} <= set(missing)
-    assert shown | set(missing) >= set(PLOTS)
-    horizon = missing["prediction_horizon"]
-    assert "not computed" in horizon.reason
-    assert horizon.command == "scripts/reproduce run prediction_horizon"
+    missing = {block.key: block for block in partial.blocks() if isinstance(block, Missing)}
+    assert {"sampling_time", "long_horizon", "headline", "sampling-time-table"} <= set(missing)
+    assert "not computed" in missing["sampling_time"].reason
+    assert missing["sampling_time"].command == "scripts/reproduce run sampling_time"
+    assert "the solver would not build" in missing["prediction_horizon"].reason
     page = render_html(partial)
     assert "This report is incomplete" in page
     assert "do not all drive the whole comprehensive cycle" in page
-    assert horizon.reason in page
+    assert missing["sampling_time"].reason in page
     assert "> **" in render_markdown(partial, "pictures")
-    verdicts = {
-        entry.claim.id: entry.verdict
-        for block in partial.blocks()
-        if isinstance(block, ClaimList)
-        for entry in block.entries
-    }
+    verdicts = {entry.claim.id: entry.verdict for entry in statements(partial)}
     assert verdicts["headline-cooling"] is Verdict.NOT_TESTED
     assert verdicts["proposed-cooling"] is not Verdict.NOT_TESTED
     assert verdicts["aging-falls"] is Verdict.REPRODUCED
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_failed_run_is_named_with_its_cause(tmp_path: Path) -> None:
-    store = ResultStore(tmp_path / "results")
-    filled(store, ["strategies"])
-    campaign = plan_campaign(["prediction_horizon"], TRIP)
-    for planned in campaign.take():
-        if not store.path_of(planned.key).is_file():
-            store.note_failure(planned.key, "the solver would not build")
-    document = document_of(gather(store, surveyed(store)))
-    missing = {block.key: block for block in document.missing}
-    assert "the solver would not build" in missing["prediction_horizon"].reason
 
 
 def test_nothing_stored_is_one_clear_error(tmp_path: Path) -> None:
@@ -365,8 +306,6 @@ def test_small_studies_are_computed_with_their_own_option(tmp_path: Path) -> Non
 
 
 def test_unwritable_folder_is_one_clear_error(partial: Document, tmp_path: Path) -> None:
-    from iptm_studies.report.building import write_report  # noqa: PLC0415
-
     (tmp_path / "docs").write_text("a file", encoding="utf-8")
     with pytest.raises(StoreError, match="cannot be written"):
         write_report(partial, tmp_path / "docs")
@@ -378,8 +317,6 @@ def test_blocks_of_markdown_are_parted() -> None:
 
 
 def test_ragged_tables_are_refused(full: Document) -> None:
-    (table,) = (
-        block for block in full.blocks() if isinstance(block, Table) and block.key == "headline"
-    )
+    table = tables(full)["headline"]
     with pytest.raises(ValueError, match="cells under"):
         replace(table, head=table.head[:-1])
