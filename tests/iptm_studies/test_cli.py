@@ -129,7 +129,7 @@ cases:
     path, store = study_file(text), ResultStore(tmp_path / "kept")
     short = next(run for run in plan_campaign([str(path)]).take() if run.address == "mini/short")
     command = [sys.executable, "-m", "iptm_studies.cli", "run", str(path)]
-    command += ["--store", str(store.folder), "--workers", "2"]
+    command += ["--store", str(store.folder), "--workers", "3"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
         wait_for(lambda: len(store.keys()) == 1, process)

@@ -39,8 +39,8 @@ cases:
     run: {strategy: aging}
   - name: the_same
     run: {strategy: aging}
-  - name: close
-    run: {strategy: aging, overrides: {gap.max_gap_m: 80}}
+  - name: late
+    run: {strategy: aging, preview: {latency_s: 1}}
 """
 FAILING = """
   - name: weak_pack
@@ -106,7 +106,7 @@ def test_computed_once_resumed_and_recomputed_where_needed(
     path = study_file(STUDY + FAILING)
     totals, campaign, notes = run_study(path, store, existing)
     assert totals == (2, 0, 1)
-    assert sorted(notes.finished_runs) == ["mini/aging", "mini/close"]
+    assert sorted(notes.finished_runs) == ["mini/aging", "mini/late"]
     assert list(notes.failed_runs) == ["mini/weak_pack"]
     assert "pack cannot supply" in notes.failed_runs["mini/weak_pack"]
     assert notes.times_left_s[-1] == 0.0
@@ -116,9 +116,9 @@ def test_computed_once_resumed_and_recomputed_where_needed(
     assert "pack cannot supply" in cases["weak_pack"].reason
 
     # The numbers of a worker are those of this process.
-    stored = store.load(str(cases["close"].key))
+    stored = store.load(str(cases["late"].key))
     inputs = {inputs.address: inputs for inputs in plan_campaign([path]).take()}
-    here = perform_run(inputs["mini/close"])
+    here = perform_run(inputs["mini/late"])
     for name, values in here.trajectory.to_arrays().items():
         np.testing.assert_array_equal(getattr(stored.trajectory, name), values)
     assert stored.decisions is not None
@@ -129,11 +129,11 @@ def test_computed_once_resumed_and_recomputed_where_needed(
     totals, _, notes = run_study(path, store, existing)
     assert totals == (0, 2, 1)
 
-    # Another parameter in one case, another case gone: one run is computed.
-    changed = study_file(STUDY.replace("max_gap_m: 80", "max_gap_m: 90"))
+    # Another setting in one case, another case gone: one run is computed.
+    changed = study_file(STUDY.replace("latency_s: 1", "latency_s: 2"))
     totals, _, notes = run_study(changed, store, existing)
     assert totals == (1, 1, 0)
-    assert notes.finished_runs == ["mini/close"]
+    assert notes.finished_runs == ["mini/late"]
 
     # A damaged entry is computed anew, with a notice.
     store.path_of(str(cases["aging"].key)).write_bytes(b"PAR1 nonsense")
