@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader, read_run_information
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.definitions import MessageDefinition
+from iptm_recording.message_types import MessageDefinition
 
 FLOAT = "std_msgs/msg/Float64"
 Encode = Callable[[float], bytes]

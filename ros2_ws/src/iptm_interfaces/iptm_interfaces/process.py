@@ -104,7 +104,9 @@ def _spin(node: SuiteNode, stop: _StopFlag, program: str, stderr: TextIO | None)
     code = EXIT_OK
     try:
         # A timeout is essential: without one this executor never runs a callback.
-        while rclpy.ok() and not stop.is_set and not node.finished:
+        while rclpy.ok() and not node.finished:
+            if stop.is_set:
+                node.stop()
             executor.spin_once(timeout_sec=_SPIN_TIMEOUT_S)
         code = node.exit_code
     except ExternalShutdownException:

@@ -68,6 +68,13 @@ class SuiteNode(Node):
             hint = f"did you mean {close[0]}?" if close else f"allowed: {', '.join(known)}"
             raise ParameterError(f"parameter {name} is unknown to {self.get_name()}; {hint}")
 
+    def stop(self) -> None:
+        """Answer a request to stop (SIGINT, SIGTERM); repeated until the node has finished.
+
+        A node with work left overrides this and finishes later.
+        """
+        self.finish(self.exit_code)
+
     def finish(self, exit_code: int = 0) -> None:
         """Ask for the end of the process; the current callback still completes."""
         self.exit_code = exit_code

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rosbags.interfaces import QosDurability
 
 from iptm_core.errors import BagError, IptmError
 from iptm_core.metrics import compute_metrics, metric_rows
 from iptm_core.state import FloatArray
 from iptm_recording.bag_reader import BagReader
-from iptm_recording.metadata import TopicRecord
+from iptm_recording.recorded_topics import TopicRecord
 from iptm_recording.run_information import RunInformation
 
 _PIPE_WIDTH = 140
@@ -141,8 +142,8 @@ def _has_rate(topic: TopicRecord, duration_s: float) -> bool:
 
 def _qos_text(topic: TopicRecord) -> str:
     texts = [
-        f"{qos.reliability.replace('_', ' ')}, {qos.history.replace('_', ' ')} {qos.depth}"
-        + (", transient-local" if qos.durability == "transient_local" else "")
+        f"{qos.reliability.name}, {qos.history.name} {qos.depth}".lower().replace("_", " ")
+        + (", transient-local" if qos.durability is QosDurability.TRANSIENT_LOCAL else "")
         for qos in topic.offered_qos
     ]
     return "; ".join(dict.fromkeys(texts))

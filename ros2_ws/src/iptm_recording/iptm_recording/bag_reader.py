@@ -14,11 +14,10 @@ from typing import Any, final
 
 from iptm_core.errors import BagError
 from iptm_recording.bag_files import BagFile, find_files
-from iptm_recording.definitions import MessageDefinition
-from iptm_recording.metadata import METADATA_FILE, TopicRecord, read_metadata
-from iptm_recording.qos import parse_profiles
+from iptm_recording.message_types import Decoder, MessageDefinition
+from iptm_recording.metadata import METADATA_FILE, read_metadata
+from iptm_recording.recorded_topics import TopicRecord, parse_profiles
 from iptm_recording.run_information import RECORD_NAME, RunInformation
-from iptm_recording.typed import Decoder
 
 
 @dataclass(frozen=True)

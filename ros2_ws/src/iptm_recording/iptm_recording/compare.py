@@ -15,7 +15,7 @@ from pathlib import Path
 from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader, RawMessage
 from iptm_recording.field_differences import FieldDifference, Tolerance, differences
-from iptm_recording.selection import TopicSelection
+from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.timeline import StampKind, read_stamp_ns, stamp_kind
 
 # What depends on the machine and not on the run.

@@ -20,7 +20,7 @@ from iptm_recording.compare import (
     compare_bags,
 )
 from iptm_recording.field_differences import Tolerance
-from iptm_recording.selection import TopicSelection
+from iptm_recording.recorded_topics import TopicSelection
 
 _PIPE_WIDTH = 140
 _FIELDS_SHOWN = 8

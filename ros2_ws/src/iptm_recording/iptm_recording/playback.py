@@ -8,8 +8,7 @@ from pathlib import Path
 
 from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader, RawMessage
-from iptm_recording.metadata import TopicRecord
-from iptm_recording.selection import TopicSelection
+from iptm_recording.recorded_topics import TopicRecord, TopicSelection
 from iptm_recording.timeline import CLOCK_TOPIC
 
 
@@ -118,11 +117,7 @@ class Playback:
         yield from self._reader.raw_messages(names, self.start_ns, self.end_ns + 1)
 
     def _latched_before(self) -> Iterator[RawMessage]:
-        latched = [
-            topic.name
-            for topic in self.topics
-            if any(qos.durability == "transient_local" for qos in topic.offered_qos)
-        ]
+        latched = [topic.name for topic in self.topics if topic.is_latched]
         if not latched or self._options.start_s == 0.0:
             return
         last: dict[str, RawMessage] = {}
@@ -137,4 +132,4 @@ class Playback:
 
 def _check(name: str, value: float, allowed: str, *, is_allowed: bool) -> None:
     if not is_allowed:
-        raise BagError(f"{name} is {value:g}, must be {allowed}")
+        raise BagError(f"{name} is {value:g}; allowed: {allowed}")

@@ -11,15 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.records import Channel, Header, Message, Metadata, Schema
+from mcap.records import Channel, McapRecord, Message, Metadata, Schema
 
 from iptm_core.errors import BagError, IptmError
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.definitions import SCHEMA_ENCODING, MessageDefinition
-from iptm_recording.mcap_scan import McapScanner
+from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_recording.metadata import METADATA_FILE, read_metadata
-from iptm_recording.qos import parse_profiles
+from iptm_recording.recorded_topics import parse_profiles
 from iptm_recording.run_information import RECORD_NAME
+from iptm_recording.salvage import SalvageReader
 
 
 @dataclass(frozen=True)
@@ -75,12 +75,12 @@ def recover(source: Path, output: Path | None = None) -> RecoveryReport:
     if output is None:
         stem = source.absolute().name if source.is_dir() else source.stem
         output = source.absolute().parent / f"{stem}_recovered"
-    scanners = [McapScanner(path) for path in files]
+    readers = [SalvageReader(path) for path in files]
     writer = BagWriter(output, custom_data=_custom_data(folder, files))
     copy = _Copy(writer)
-    for scanner in scanners:
+    for reader in readers:
         copy.next_file()
-        for record in scanner.records():
+        for record in reader.records():
             copy.take(record)
     if not any(writer.message_counts.values()):
         _discard(writer)
@@ -89,10 +89,10 @@ def recover(source: Path, output: Path | None = None) -> RecoveryReport:
     return RecoveryReport(
         output=output,
         message_counts=writer.message_counts,
-        total_bytes=sum(scanner.total_bytes for scanner in scanners),
-        dropped_bytes=sum(scanner.dropped_bytes for scanner in scanners),
-        was_complete=all(scanner.complete for scanner in scanners),
-        notes=(*(note for scanner in scanners for note in scanner.notes), *copy.notes()),
+        total_bytes=sum(reader.total_bytes for reader in readers),
+        dropped_bytes=sum(reader.dropped_bytes for reader in readers),
+        was_complete=all(reader.complete for reader in readers),
+        notes=(*(note for reader in readers for note in reader.notes), *copy.notes()),
     )
 
 
@@ -121,7 +121,7 @@ def _file_number(path: Path) -> tuple[int, str]:
 def _custom_data(folder: Path, files: Sequence[Path]) -> dict[str, str]:
     """Return the texts about the run, from the files themselves or else from the metadata."""
     for path in files:
-        for record in McapScanner(path).records():
+        for record in SalvageReader(path).records():
             if isinstance(record, Metadata) and record.name == RECORD_NAME:
                 return dict(record.metadata)
             if isinstance(record, Message):
@@ -157,7 +157,7 @@ class _Copy:
         self._schemas.clear()
         self._channels.clear()
 
-    def take(self, record: Header | Schema | Channel | Message | Metadata) -> None:
+    def take(self, record: McapRecord) -> None:
         """Take over one record."""
         if isinstance(record, Schema):
             self._schemas[record.id] = record
