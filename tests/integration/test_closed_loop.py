@@ -17,8 +17,7 @@ from iptm_core.metrics import compute_metrics, metric_rows
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.run_parameters import read_model_parameters
+from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.trajectory_reader import read_trajectory
 
 MODULE = "iptm_bringup.run_closed_loop"

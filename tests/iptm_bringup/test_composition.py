@@ -32,8 +32,7 @@ from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.parameters import checked_value, parameter_specs
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_recording.recorder_cli import build_parser
-from iptm_recording.run_information import load_run_information
-from iptm_recording.run_parameters import stored_model_parameters
+from iptm_recording.run_information import load_run_information, stored_model_parameters
 from iptm_v2x_bridge.node import BridgeParameters
 
 NODES: dict[str, type[Any]] = {

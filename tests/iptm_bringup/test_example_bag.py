@@ -12,8 +12,7 @@ from iptm_bringup.scenario_files import scenario_from
 from iptm_core.metrics import compute_metrics, metric_rows
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_interfaces.topics import TOPICS
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.run_parameters import read_model_parameters
+from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.trajectory_reader import read_trajectory
 
 BAGS = Path(__file__).resolve().parents[2] / "bags"

@@ -11,17 +11,16 @@ import pytest
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64
 
-from iptm_core.state import LeaderState, VehicleState
+from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
+from iptm_core.state import IntervalPowers, LeaderState, VehicleState
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_interfaces.codecs import (
-    IntervalPowers,
-    SolveReport,
     encode_acceleration,
     encode_capacity_loss,
+    encode_decision_record,
     encode_host_odometry,
     encode_leader,
     encode_powers,
-    encode_solve_report,
     encode_temperature,
 )
 from iptm_interfaces.topics import TOPICS, Topic
@@ -113,7 +112,18 @@ def _tick(run: Trajectory, row: int, solve_time_s: float) -> list[tuple[Topic, A
     state = VehicleState(**{name: values[name] for name in VehicleState.__dataclass_fields__})
     powers = IntervalPowers(**{name: values[name] for name in IntervalPowers.__dataclass_fields__})
     leader = LeaderState(time_s, values["leader_position_m"], values["leader_speed_m_s"])
-    report = SolveReport(0, solve_time_s, 12 + row, 0.0, 0.0, 0.0, 1.5, 0, row == 3, 0.0)
+    decision = DecisionRecord(
+        status=SolveStatus.SOLVED,
+        solve_time_s=solve_time_s,
+        iterations=12 + row,
+        gap_slack_m=0.0,
+        speed_slack_m_s=0.0,
+        temperature_slack_k=0.0,
+        objective=1.5,
+        rung=Rung.OPTIMAL,
+        limiter_active=row == 3,
+        preview_age_s=0.0,
+    )
     temperatures = (
         (Topic.PLANT_CELL_1_TEMPERATURE, "cell_1_temperature_k"),
         (Topic.PLANT_CELL_N_TEMPERATURE, "cell_n_temperature_k"),
@@ -124,8 +134,8 @@ def _tick(run: Trajectory, row: int, solve_time_s: float) -> list[tuple[Topic, A
         (Topic.PLANT_ODOMETRY, encode_host_odometry(state)),
         (Topic.PLANT_ACCELERATION, encode_acceleration(state)),
         *((topic, encode_temperature(time_s, values[name])) for topic, name in temperatures),
-        (Topic.PLANT_POWERS, encode_powers(powers)),
+        (Topic.PLANT_POWERS, encode_powers(time_s, powers)),
         (Topic.PLANT_CAPACITY_LOSS, encode_capacity_loss(state)),
         (Topic.LEADER, encode_leader(leader)),
-        (Topic.SOLVE, encode_solve_report(round(time_s * 1e9), report)),
+        (Topic.SOLVE, encode_decision_record(round(time_s * 1e9), decision)),
     ]

@@ -90,17 +90,24 @@ def test_every_cut_gives_a_sound_bag_with_a_prefix_of_the_messages(
 
 
 def test_every_complete_message_is_found_at_every_cut(
-    content: dict[str, tuple[bytes, list[RawMessage]]], tmp_path: Path
+    tmp_path: Path,
+    encode: Encode,
 ) -> None:
     """Uncompressed, a message is complete as soon as its last byte is there."""
-    whole, messages = content["none"]
+    with BagWriter(tmp_path / "bag") as writer:
+        topic = writer.add_topic("/a", FLOAT)
+        for k in range(12):
+            writer.write(topic, encode(k), k, 100 + k)
+            if k % 4 == 3:
+                writer.flush()
+    whole, messages = (tmp_path / "bag" / "bag_0.mcap").read_bytes(), messages_of(tmp_path / "bag")
     ends = []
     for message in messages:
         # Each message record is found once: its data is unique together with its times.
         times = struct.pack("<QQ", message.log_time_ns, message.publish_time_ns)
         ends.append(whole.index(times + message.data) + len(times) + len(message.data))
     path = tmp_path / "cut.mcap"
-    for length in range(len(MAGIC), len(whole)):
+    for length in range(len(MAGIC), ends[-1] + 50):
         path.write_bytes(whole[:length])
         reader = SalvageReader(path)
         found = [record for record in reader.records() if isinstance(record, Message)]

@@ -16,7 +16,7 @@ from iptm_bringup.preparation import PreparedScenario
 from iptm_bringup.scenario import Scalar
 from iptm_bringup.scenario_files import scenario_text
 from iptm_core.parameters import to_flat_dict
-from iptm_recording.run_parameters import MODEL_KEY
+from iptm_recording.run_information import MODEL_KEY
 
 PLANT = "plant"
 BRIDGE = "v2x_bridge"

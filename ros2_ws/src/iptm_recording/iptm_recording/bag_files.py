@@ -26,7 +26,7 @@ def find_files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
 
     Args:
         path: bag folder or .mcap file.
-        metadata: content of the folder's ``metadata.yaml``; empty when there is none.
+        metadata: content of the folder's `metadata.yaml`; empty when there is none.
 
     Raises:
         BagError: there is no such bag, or it is stored in another way.

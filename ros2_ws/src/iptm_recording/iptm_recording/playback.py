@@ -22,7 +22,7 @@ class PlaybackOptions:
         start_s: offset into the bag at which to begin.
         duration_s: length of the part to play, recorded time; None up to the end.
         selection: topics wanted.
-        clock_hz: publish ``/clock`` at this rate (of the computer's time) instead of the recorded
+        clock_hz: publish `/clock` at this rate (of the computer's time) instead of the recorded
             one; None plays the recorded clock like any other topic.
         wait_for_subscribers: subscriptions, over all topics, to wait for before beginning.
         delay_s: time for subscribers to find the player before it begins.
@@ -102,7 +102,7 @@ class Playback:
         return max(0.0, (log_time_ns - self.start_ns) * 1e-9 / self._options.rate)
 
     def recorded_ns(self, elapsed_s: float) -> int:
-        """Return the recorded time that corresponds to a time since the begin (for ``/clock``)."""
+        """Return the recorded time that corresponds to a time since the begin (for `/clock`)."""
         passed_ns = round(elapsed_s * self._options.rate * 1e9)
         return min(self.start_ns + passed_ns, self.end_ns)
 

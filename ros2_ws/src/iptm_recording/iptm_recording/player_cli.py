@@ -1,4 +1,4 @@
-"""The command ``replay``: its arguments, and the life of the player process."""
+"""The command `replay`: its arguments, and the life of the player process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command ``record``: its arguments, and the life of the recorder process."""
+"""The command `record`: its arguments, and the life of the recorder process."""
 
 from __future__ import annotations
 

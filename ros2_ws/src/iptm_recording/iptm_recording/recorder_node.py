@@ -41,7 +41,7 @@ class RecorderOptions:
         output: bag folder to create.
         selection: topics wanted; without discovery, of the suite's topic table.
         discover: take topics from the graph as they appear, not from the topic table.
-        time_source: simulated time from ``/clock``, or wall time.
+        time_source: simulated time from `/clock`, or wall time.
         run_information: what the run depends on.
         compression: "none", "lz4" or "zstd".
         depth: messages queued per topic while the recorder is busy.
@@ -57,7 +57,7 @@ class RecorderOptions:
 
 
 class RecorderNode(SuiteNode):
-    """Records until ``stop`` is called; then drains, closes the bag and finishes.
+    """Records until `stop` is called; then drains, closes the bag and finishes.
 
     Args:
         options: what to record.

@@ -64,8 +64,8 @@ def recover(source: Path, output: Path | None = None) -> RecoveryReport:
     """Write a sound bag with every complete message of a damaged one.
 
     Args:
-        source: bag folder, with or without ``metadata.yaml``, or a single .mcap file.
-        output: bag folder to create; by default beside the source, ``<name>_recovered``.
+        source: bag folder, with or without `metadata.yaml`, or a single .mcap file.
+        output: bag folder to create; by default beside the source, `<name>_recovered`.
 
     Raises:
         BagError: the source is missing, not MCAP, or holds no complete message; the output exists.
@@ -113,7 +113,7 @@ def mcap_files(source: Path) -> list[Path]:
 
 
 def _file_number(path: Path) -> tuple[int, str]:
-    """Order split files by their number: ``run_10.mcap`` comes after ``run_9.mcap``."""
+    """Order split files by their number: `run_10.mcap` comes after `run_9.mcap`."""
     number = path.stem.rpartition("_")[2]
     return (int(number) if number.isdecimal() else 0, path.name)
 
@@ -200,7 +200,7 @@ class _Copy:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command ``recover_bag``.
+    """Run the command `recover_bag`.
 
     Returns:
         0 on success, 1 when nothing could be recovered.

@@ -2,7 +2,7 @@
 
 A bag of a simulated run must play back, plot and join in simulated time, whatever the speed of the
 machine that recorded it. The log time of a message is therefore the recorder's node time, taken from
-the latest ``/clock``. Within a tick the plant publishes its state before the clock that announces
+the latest `/clock`. Within a tick the plant publishes its state before the clock that announces
 it; so that this state is not logged one tick early, a header stamp that is a little ahead of the
 clock moves the time on. Log times never decrease unless the clock itself is set back.
 
@@ -48,7 +48,7 @@ def stamp_kind(topic: str, type_name: str, definition: str) -> StampKind:
 
     Args:
         topic: fully qualified name.
-        type_name: ``package/msg/Type``.
+        type_name: `package/msg/Type`.
         definition: text of the type's definition.
     """
     if type_name == CLOCK_TYPE:
@@ -74,7 +74,7 @@ class Timeline:
     """Current time of the recorder.
 
     Args:
-        source: simulated time from ``/clock``, or wall time.
+        source: simulated time from `/clock`, or wall time.
     """
 
     def __init__(self, source: TimeSource) -> None:
@@ -109,7 +109,7 @@ class Timeline:
 
         Args:
             data: CDR bytes.
-            kind: what ``stamp_kind`` said about its topic.
+            kind: what `stamp_kind` said about its topic.
 
         Returns:
             Both times in nanoseconds; None when simulated time has not begun: ask again later.
