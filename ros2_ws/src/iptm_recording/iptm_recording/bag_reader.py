@@ -145,8 +145,8 @@ class BagReader:
         topic = self.topics[found[0]]
         if type_name is not None and topic.type_name != type_name:
             raise BagError(
-                f"topic {topic.name} of {self.path} has the type {topic.type_name},"
-                f" must be {type_name}"
+                f"type of topic {topic.name} of {self.path} is {topic.type_name};"
+                f" allowed: {type_name}"
             )
         return topic
 
@@ -169,7 +169,7 @@ class BagReader:
         for name in topics or ():
             if name not in self.topics:
                 self.resolve(name)
-                raise BagError(f"topic {name!r} must be given in full, starting with '/'")
+                raise BagError(f"topic is {name!r}; allowed: a full name, with '/' in front")
         for file in self._files:
             for channel, message in file.messages(topics, start_ns, end_ns):
                 yield RawMessage(

@@ -22,7 +22,7 @@ class NumberTolerance:
     relative: float = 0.0
 
     def accepts(self, first: float, second: float) -> bool:
-        """Tell whether two numbers agree; NaN agrees with NaN."""
+        """Return whether two numbers agree; NaN agrees with NaN."""
         if first == second or (math.isnan(first) and math.isnan(second)):
             return True
         if not (math.isfinite(first) and math.isfinite(second)):

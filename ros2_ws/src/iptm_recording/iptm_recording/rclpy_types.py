@@ -23,7 +23,7 @@ from rosbags.interfaces import (
 )
 
 from iptm_core.errors import BagError
-from iptm_interfaces.codecs.time import NS_PER_S
+from iptm_core.trip_time import NS_PER_S
 
 
 def message_class(type_name: str) -> type[Any]:

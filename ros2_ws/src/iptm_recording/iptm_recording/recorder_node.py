@@ -132,7 +132,7 @@ class RecorderNode(SuiteNode):
         self._report()
 
     def _is_drained(self, stopping_s: float, idle_s: float) -> bool:
-        """Tell whether everything that was received before the request to stop has been written.
+        """Return whether everything that was received before the request to stop has been written.
 
         The executor works in the order of arrival: by the second look after the request, all that
         was queued at the first one is done, however large the backlog. A moment more is given to

@@ -1,4 +1,4 @@
-"""Subscribes the recorder to what is published, with the quality of service that is offered."""
+"""Subscribes the recorder to what is published, when and how the publishers need it."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Gate:
         self._is_running = False
 
     def holds(self, topic: str) -> bool:
-        """Tell whether a topic belongs to the gate."""
+        """Return whether a topic belongs to the gate."""
         return topic in self._gate_topics
 
     @property
@@ -68,7 +68,7 @@ class Gate:
     def is_open(
         self, now_s: float, published: Collection[str], subscribed: Collection[str]
     ) -> bool:
-        """Tell whether the gate topics may be subscribed to.
+        """Return whether the gate topics may be subscribed to.
 
         Args:
             now_s: steady time.
@@ -155,7 +155,7 @@ class TopicSubscriber:
 
     @property
     def awaited_topics(self) -> list[str]:
-        """Topics of the suite that nobody has published so far."""
+        """Topics of the suite that have had no publisher so far."""
         return [name for name in self._suite if name not in self._subscribed]
 
     def look(self) -> None:
@@ -209,7 +209,7 @@ class TopicSubscriber:
                 return
 
     def _is_matched(self, name: str) -> bool:
-        """Tell whether the subscription to a topic receives, as far as this side can know."""
+        """Return whether the subscription to a topic receives, as far as this side can know."""
         matched: int = self._subscribed[name].subscription.get_publisher_count()
         return matched > 0
 

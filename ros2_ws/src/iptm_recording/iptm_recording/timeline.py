@@ -17,10 +17,12 @@ import time
 from collections.abc import Iterable
 from enum import Enum
 
+from iptm_core.trip_time import NS_PER_S
+
 CLOCK_TOPIC = "/clock"
 CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 # Stamps further ahead of the clock than this come from another clock (wall time, another run).
-MAX_LEAD_NS = 10 * 10**9
+MAX_LEAD_NS = 10 * NS_PER_S
 
 _HEADER_FIELD = re.compile(r"^\s*std_msgs/(?:msg/)?Header\s+\w+")
 _LITTLE_ENDIAN = struct.Struct("<4xiI")
@@ -44,7 +46,7 @@ class TimeSource(Enum):
 
 
 def stamp_kind(topic: str, type_name: str, definition: str) -> StampKind:
-    """Tell how the messages of a topic are stamped.
+    """Return how the messages of a topic are stamped.
 
     Args:
         topic: fully qualified name.
@@ -66,7 +68,7 @@ def read_stamp_ns(data: bytes) -> int | None:
         return None
     layout = _BIG_ENDIAN if data[1] == _BIG_ENDIAN_MARK else _LITTLE_ENDIAN
     seconds, nanoseconds = layout.unpack_from(data)
-    stamp_ns: int = seconds * 10**9 + nanoseconds
+    stamp_ns: int = seconds * NS_PER_S + nanoseconds
     return stamp_ns if stamp_ns >= 0 else None
 
 
