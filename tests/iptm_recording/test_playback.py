@@ -11,7 +11,6 @@ from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.playback import Playback, PlaybackOptions
-from iptm_recording.player_cli import build_parser, options_from
 from iptm_recording.recorded_topics import DEFAULT_QOS, TopicSelection
 
 S = 10**9
@@ -96,13 +95,3 @@ def test_nothing_to_play(small_bag: Path, tmp_path: Path) -> None:
     ):
         with pytest.raises(BagError, match=message):
             played(options)
-
-
-def test_arguments_become_options() -> None:
-    text = "bag --rate 5 --start 1 --duration 2 --topics a b --exclude c --clock"
-    options = options_from(
-        build_parser().parse_args([*text.split(), "--wait-for-subscribers", "3"])
-    )
-    assert options == PlaybackOptions(
-        Path("bag"), 5.0, 1.0, 2.0, TopicSelection(("a", "b"), ("c",)), 40.0, 3, 1.0
-    )

@@ -41,13 +41,9 @@ class RawMessage:
 
 
 @dataclass(frozen=True)
-class TypedMessage:
+class TypedMessage(RawMessage):
     """One decoded message; `message` has the fields of its type, arrays are NumPy arrays."""
 
-    topic: str
-    type_name: str
-    log_time_ns: int
-    publish_time_ns: int
     message: Any
 
 
@@ -192,13 +188,7 @@ class BagReader:
             BagError: as there, or a message does not fit its type.
         """
         for raw in self.raw_messages(topics, start_ns, end_ns):
-            yield TypedMessage(
-                raw.topic,
-                raw.type_name,
-                raw.log_time_ns,
-                raw.publish_time_ns,
-                self.decode(raw),
-            )
+            yield TypedMessage(**vars(raw), message=self.decode(raw))
 
     def decode(self, raw: RawMessage) -> Any:
         """Decode one message with the definition stored in the bag.

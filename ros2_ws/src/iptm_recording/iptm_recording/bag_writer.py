@@ -49,7 +49,6 @@ class BagWriter:
     Args:
         folder: bag folder to create; refuses an existing one.
         custom_data: texts about the run, by name.
-        ros_distro: distribution named in the metadata; the sourced one by default.
         compression: key of `COMPRESSIONS`; with compression a kill loses a whole chunk.
         chunk_bytes: content after which a chunk of the file is written.
 
@@ -62,13 +61,11 @@ class BagWriter:
         folder: Path,
         *,
         custom_data: Mapping[str, str] | None = None,
-        ros_distro: str = "",
         compression: str = "none",
         chunk_bytes: int = DEFAULT_CHUNK_BYTES,
     ) -> None:
         self.folder = folder.absolute()
         self._custom_data = dict(custom_data or {})
-        self._ros_distro = ros_distro or os.environ.get("ROS_DISTRO", "") or DEFAULT_DISTRO
         self._is_compressed = compression != "none"
         self._schema_ids: dict[str, int] = {}
         self._topics: dict[int, _Topic] = {}
@@ -213,7 +210,7 @@ class BagWriter:
                 for topic in self._topics.values()
             ],
             self._custom_data,
-            self._ros_distro,
+            os.environ.get("ROS_DISTRO", "") or DEFAULT_DISTRO,
         )
         try:
             self._writer.flush()
