@@ -1,0 +1,199 @@
+"""Parameters declared once: a frozen dataclass whose fields carry unit, range, choices and meaning.
+
+    @dataclass(frozen=True)
+    class LinkSettings(Settings):
+        latency_s: float = parameter(0.0, "age of a prediction on arrival", "s", 0.0, 60.0)
+
+An instance holds only permitted values, whoever builds it: a node, a scenario file, a study. Whoever
+needs the same parameter inherits from the group or refers to its declaration with `declared`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from enum import Enum
+from functools import cache
+from typing import Any
+
+from iptm_core.errors import ParameterError
+from iptm_core.strict_mapping import shown
+
+Value = (
+    bool
+    | int
+    | float
+    | str
+    | Enum
+    | tuple[bool, ...]
+    | tuple[int, ...]
+    | tuple[float, ...]
+    | tuple[str, ...]
+)
+Scalar = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """The declaration of one parameter.
+
+    Attributes:
+        name: name of the field, behind a prefix if there is one.
+        default: value that nobody needs to state; its type is the type of the parameter. A tuple is an
+            array and must not be empty, because ROS cannot tell the type of an empty one. An `Enum`
+            of texts is written by the value of its members.
+        description: what it does, in a few words.
+        unit: unit of the value, empty for none.
+        minimum: smallest permitted number, also for every entry of an array.
+        maximum: largest permitted number.
+        choices: permitted texts, empty for any.
+        optional: None is permitted as well.
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ""
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    choices: tuple[str, ...] = ()
+    optional: bool = False
+
+    @property
+    def kind(self) -> type[Scalar]:
+        """Type of the value as it is written, for an array that of its entries."""
+        sample = self.default[0] if isinstance(self.default, tuple) else self.default
+        return str if isinstance(sample, Enum) else type(sample)
+
+    @property
+    def allowed(self) -> str:
+        """What is permitted, in words."""
+        words = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+        kind = "one of " + ", ".join(self.choices) if self.choices else words[self.kind]
+        bounds = {
+            (True, True): f" from {self.minimum:g} to {self.maximum:g}",
+            (True, False): f", at least {self.minimum:g}",
+            (False, True): f", at most {self.maximum:g}",
+            (False, False): "",
+        }[math.isfinite(self.minimum), math.isfinite(self.maximum)]
+        text = kind + bounds + (f" {self.unit}" if self.unit and bounds else "")
+        return f"a list, each {text}" if isinstance(self.default, tuple) else text
+
+    @property
+    def plain_default(self) -> Scalar | list[Scalar]:
+        """The default as it is written."""
+        return plain(self.default)
+
+
+def parameter(
+    default: Value,
+    description: str,
+    unit: str = "",
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Declare a dataclass field as a parameter; see `ParameterSpec`."""
+    if isinstance(default, Enum):
+        choices = tuple(member.value for member in type(default))
+    spec = ParameterSpec("", default, description, unit, minimum, maximum, choices)
+    return field(default=default, metadata={"spec": spec})
+
+
+def declared(owner: type[Any], name: str, default: Any = MISSING) -> Any:
+    """Declare a dataclass field by the declaration of another class.
+
+    Args:
+        owner: the class that declares the parameter.
+        name: its name there.
+        default: another default; None makes the parameter optional.
+    """
+    (entry,) = (entry for entry in fields(owner) if entry.name == name)
+    spec: ParameterSpec = entry.metadata["spec"]
+    options = {**vars(spec), "optional": default is None}
+    if default is not MISSING and default is not None:
+        options["default"] = default
+    usual = entry.default if default is MISSING else default
+    return field(default=usual, metadata={"spec": ParameterSpec(**options)})
+
+
+@cache
+def parameter_specs(description: type[Any], prefix: str = "") -> tuple[ParameterSpec, ...]:
+    """Return the parameters that a dataclass declares, those of its bases included.
+
+    Args:
+        description: the dataclass; fields that are no parameters are left out.
+        prefix: put in front of every name, e.g. `limiter.`.
+    """
+    return tuple(
+        ParameterSpec(**{**vars(entry.metadata["spec"]), "name": prefix + entry.name})
+        for entry in fields(description)
+        if "spec" in entry.metadata
+    )
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Base of dataclasses of parameters: every value is checked, and brought to its type.
+
+    Raises:
+        ParameterError: a value has the wrong type, is not finite or out of range.
+    """
+
+    def __post_init__(self) -> None:
+        for spec in parameter_specs(type(self)):
+            value = checked_value(spec, getattr(self, spec.name))
+            object.__setattr__(self, spec.name, value)
+
+
+def checked_value(spec: ParameterSpec, given: object) -> Value | None:
+    """Return a given value in the type of the parameter; a whole number is welcome for a float.
+
+    Raises:
+        ParameterError: wrong type, not finite or out of range.
+    """
+    if given is None and spec.optional:
+        return None
+    if not isinstance(spec.default, tuple):
+        return _checked_scalar(spec, given, given)
+    if isinstance(given, (str, bytes)) or not isinstance(given, Sequence) or not given:
+        raise _error(spec, given)
+    return tuple(_checked_scalar(spec, entry, given) for entry in given)
+
+
+def plain(value: Value) -> Scalar | list[Scalar]:
+    """Return a value as files and messages hold it: a list for an array, a text for an `Enum`."""
+    if isinstance(value, tuple):
+        return list(value)
+    return str(value.value) if isinstance(value, Enum) else value
+
+
+def _checked_scalar(spec: ParameterSpec, entry: Any, given: object) -> Any:
+    if isinstance(entry, Enum):
+        entry = entry.value
+    if spec.kind is float and isinstance(entry, (int, float)) and not isinstance(entry, bool):
+        entry = _as_float(entry)
+    if type(entry) is not spec.kind:
+        raise _error(spec, given)
+    # NaN fails this comparison as well; infinity is refused even without a bound.
+    if spec.kind in {int, float} and not (
+        spec.minimum <= entry <= spec.maximum and abs(entry) < math.inf
+    ):
+        raise _error(spec, given)
+    if spec.choices and entry not in spec.choices:
+        raise _error(spec, given)
+    return type(spec.default)(entry) if isinstance(spec.default, Enum) else entry
+
+
+def _as_float(number: float) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        return math.inf
+
+
+def _error(spec: ParameterSpec, given: object) -> ParameterError:
+    kinds = {bool: "bool", int: "integer", float: "float", str: "text"}
+    kind = kinds.get(type(given), type(given).__name__)
+    return ParameterError(f"{spec.name} is {shown(given)} ({kind}); allowed: {spec.allowed}")
