@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from types import FrameType, TracebackType
+from types import TracebackType
 
 from rclpy.executors import Executor
 
-from iptm_bringup.composition import BRIDGE, CONTROLLER, PLANT, RECORDER
+from iptm_bringup.composition import RECORDER
 from iptm_bringup.monitor import RunMonitor
 from iptm_bringup.progress import Progress
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_bringup.supervisor import Ending, Supervisor
-from iptm_interfaces.process import EXIT_USER_ERROR
+from iptm_interfaces.process import EXIT_USER_ERROR, StopRequest
 from iptm_interfaces.topics import Topic
 
 START_TIMEOUT_S = 180.0
@@ -55,26 +55,6 @@ class DriveResult:
     message: str = ""
     last_lines: tuple[str, ...] = ()
     wall_time_s: float = 0.0
-
-
-class StopRequest:
-    """Notes SIGINT and SIGTERM; a second one changes nothing, so the end cannot be cut short.
-
-    Attributes:
-        number: the signal, None while there was none.
-    """
-
-    def __init__(self) -> None:
-        self.number: signal.Signals | None = None
-
-    def install(self) -> None:
-        """Take over both signals for the rest of the process."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._on_signal)
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
-        if self.number is None:
-            self.number = signal.Signals(number)
 
 
 class Drive:

@@ -19,7 +19,8 @@ from rclpy.context import Context
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
-from iptm_bringup.composition import BRIDGE, CONTROLLER, PLANT, RECORDER
+from iptm_bringup.composition import RECORDER
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_interfaces.codecs import decode_solve_report, decode_temperature

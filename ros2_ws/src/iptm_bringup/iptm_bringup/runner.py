@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,9 +16,6 @@ from rich.console import Console
 from rich.text import Text
 
 from iptm_bringup.composition import (
-    BRIDGE,
-    CONTROLLER,
-    PLANT,
     RECORDER,
     Listeners,
     RecorderRequest,
@@ -29,8 +25,13 @@ from iptm_bringup.composition import (
     recorder_command,
     run_information,
 )
-from iptm_bringup.drive import Drive, DriveResult, Outcome, StopRequest, unclean_ends
-from iptm_bringup.environment import RunDomain, domain_of_run, environment_of_run
+from iptm_bringup.drive import Drive, DriveResult, Outcome, unclean_ends
+from iptm_bringup.environment import (
+    RunDomain,
+    domain_of_run,
+    environment_of_run,
+    process_environment,
+)
 from iptm_bringup.evaluation import EvaluatedRun, evaluate
 from iptm_bringup.live_run import live_run
 from iptm_bringup.monitor import RunMonitor
@@ -38,11 +39,12 @@ from iptm_bringup.preparation import PreparedScenario
 from iptm_bringup.progress import make_progress
 from iptm_bringup.results import results_json
 from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.scenario import Scalar
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_bringup.supervisor import Supervisor
 from iptm_bringup.tables import print_results
+from iptm_core.declaration import Scalar
 from iptm_core.errors import IptmError
-from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
+from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
 from iptm_interfaces.topics import Topic
 from iptm_recording.run_information import collect_run_information
 
@@ -105,10 +107,12 @@ def _run_in(
 ) -> int:
     with domain_of_run(prepared.scenario.domain) as domain:
         environment = environment_of_run(domain.number, folder.logs / "ros")
-        os.environ.update(environment)  # the runner takes part in the graph itself
         supervisor = Supervisor(environment, folder.log_path)
         console.print(_introduction(prepared, domain.number), soft_wrap=True)
-        with _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor):
+        with (
+            process_environment(environment),  # the runner takes part in the graph itself
+            _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor),
+        ):
             progress = make_progress(console, prepared.route.duration_s)
             with Drive(supervisor, monitor, executor, progress, stop) as drive:
                 start = _Start(folder, prepared, options)
@@ -243,7 +247,7 @@ def _title(prepared: PreparedScenario) -> str:
     scenario = prepared.scenario
     return (
         f"{prepared.route.name}, {prepared.route.duration_s:g} s: strategy {scenario.strategy},"
-        f" horizon {scenario.horizon}, {scenario.solver}, {scenario.mode.replace('_', '-')}"
+        f" horizon {scenario.horizon}, {scenario.solver}, {scenario.mode.value.replace('_', '-')}"
     )
 
 

@@ -11,27 +11,18 @@ needs the same parameter inherits from the group or refers to its declaration wi
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from enum import Enum
-from functools import cache
 from typing import Any
 
 from iptm_core.errors import ParameterError
 from iptm_core.strict_mapping import shown
 
-Value = (
-    bool
-    | int
-    | float
-    | str
-    | Enum
-    | tuple[bool, ...]
-    | tuple[int, ...]
-    | tuple[float, ...]
-    | tuple[str, ...]
-)
 Scalar = bool | int | float | str
+"""A value as files and messages hold it."""
+
+Value = Scalar | Enum
+"""A value as the code holds it; an `Enum` of texts is written by the value of its members."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +30,11 @@ class ParameterSpec:
     """The declaration of one parameter.
 
     Attributes:
-        name: name of the field, behind a prefix if there is one.
-        default: value that nobody needs to state; its type is the type of the parameter. A tuple is an
-            array and must not be empty, because ROS cannot tell the type of an empty one. An `Enum`
-            of texts is written by the value of its members.
+        name: name of the field.
+        default: value that nobody needs to state; its type is the type of the parameter.
         description: what it does, in a few words.
         unit: unit of the value, empty for none.
-        minimum: smallest permitted number, also for every entry of an array.
+        minimum: smallest permitted number.
         maximum: largest permitted number.
         choices: permitted texts, empty for any.
         optional: None is permitted as well.
@@ -62,9 +51,8 @@ class ParameterSpec:
 
     @property
     def kind(self) -> type[Scalar]:
-        """Type of the value as it is written, for an array that of its entries."""
-        sample = self.default[0] if isinstance(self.default, tuple) else self.default
-        return str if isinstance(sample, Enum) else type(sample)
+        """Type of the value as it is written."""
+        return type(plain(self.default))
 
     @property
     def allowed(self) -> str:
@@ -77,13 +65,7 @@ class ParameterSpec:
             (False, True): f", at most {self.maximum:g}",
             (False, False): "",
         }[math.isfinite(self.minimum), math.isfinite(self.maximum)]
-        text = kind + bounds + (f" {self.unit}" if self.unit and bounds else "")
-        return f"a list, each {text}" if isinstance(self.default, tuple) else text
-
-    @property
-    def plain_default(self) -> Scalar | list[Scalar]:
-        """The default as it is written."""
-        return plain(self.default)
+        return kind + bounds + (f" {self.unit}" if self.unit and bounds else "")
 
 
 def parameter(
@@ -118,16 +100,14 @@ def declared(owner: type[Any], name: str, default: Any = MISSING) -> Any:
     return field(default=usual, metadata={"spec": ParameterSpec(**options)})
 
 
-@cache
-def parameter_specs(description: type[Any], prefix: str = "") -> tuple[ParameterSpec, ...]:
+def parameter_specs(description: type[Any]) -> tuple[ParameterSpec, ...]:
     """Return the parameters that a dataclass declares, those of its bases included.
 
     Args:
         description: the dataclass; fields that are no parameters are left out.
-        prefix: put in front of every name, e.g. `limiter.`.
     """
     return tuple(
-        ParameterSpec(**{**vars(entry.metadata["spec"]), "name": prefix + entry.name})
+        ParameterSpec(**{**vars(entry.metadata["spec"]), "name": entry.name})
         for entry in fields(description)
         if "spec" in entry.metadata
     )
@@ -147,7 +127,7 @@ class Settings:
             object.__setattr__(self, spec.name, value)
 
 
-def checked_value(spec: ParameterSpec, given: object) -> Value | None:
+def checked_value(spec: ParameterSpec, given: Any) -> Any:
     """Return a given value in the type of the parameter; a whole number is welcome for a float.
 
     Raises:
@@ -155,35 +135,27 @@ def checked_value(spec: ParameterSpec, given: object) -> Value | None:
     """
     if given is None and spec.optional:
         return None
-    if not isinstance(spec.default, tuple):
-        return _checked_scalar(spec, given, given)
-    if isinstance(given, (str, bytes)) or not isinstance(given, Sequence) or not given:
+    value: Any = plain(given) if isinstance(given, Enum) else given
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if spec.kind is float:
+            value = _as_float(value)
+        if not _is_inside(spec, value):
+            raise _error(spec, given)
+    if type(value) is not spec.kind:
         raise _error(spec, given)
-    return tuple(_checked_scalar(spec, entry, given) for entry in given)
+    if spec.choices and value not in spec.choices:
+        raise _error(spec, given)
+    return type(spec.default)(value) if isinstance(spec.default, Enum) else value
 
 
-def plain(value: Value) -> Scalar | list[Scalar]:
-    """Return a value as files and messages hold it: a list for an array, a text for an `Enum`."""
-    if isinstance(value, tuple):
-        return list(value)
+def plain(value: Value) -> Scalar:
+    """Return a value as files and messages hold it: a text for an `Enum`."""
     return str(value.value) if isinstance(value, Enum) else value
 
 
-def _checked_scalar(spec: ParameterSpec, entry: Any, given: object) -> Any:
-    if isinstance(entry, Enum):
-        entry = entry.value
-    if spec.kind is float and isinstance(entry, (int, float)) and not isinstance(entry, bool):
-        entry = _as_float(entry)
-    if type(entry) is not spec.kind:
-        raise _error(spec, given)
-    # NaN fails this comparison as well; infinity is refused even without a bound.
-    if spec.kind in {int, float} and not (
-        spec.minimum <= entry <= spec.maximum and abs(entry) < math.inf
-    ):
-        raise _error(spec, given)
-    if spec.choices and entry not in spec.choices:
-        raise _error(spec, given)
-    return type(spec.default)(entry) if isinstance(spec.default, Enum) else entry
+def _is_inside(spec: ParameterSpec, number: float) -> bool:
+    # NaN fails the first comparison as well; infinity is refused even without a bound.
+    return spec.minimum <= number <= spec.maximum and abs(number) < math.inf
 
 
 def _as_float(number: float) -> float:

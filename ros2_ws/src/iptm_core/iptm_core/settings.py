@@ -129,11 +129,10 @@ class PreviewSettings(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        length_s: float | None = self.preview_length_s
-        if length_s is not None and self.preview_step_s > length_s:
+        if self.preview_step_s > self.preview_length_s:
             raise ParameterError(
                 f"preview_step_s is {self.preview_step_s} s; allowed: up to preview_length_s, "
-                f"{length_s:g} s"
+                f"{self.preview_length_s:g} s"
             )
 
 

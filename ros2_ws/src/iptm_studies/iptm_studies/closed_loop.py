@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_core.routes.route import Route
+from iptm_core.settings import PreviewSettings
 from iptm_core.state import FloatArray, LeaderState, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant, PlantStep
-from iptm_v2x_bridge.bridge import BridgeSettings, V2xBridge
+from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.cycle_source import CycleSource
 
 NS_PER_S = 1_000_000_000
@@ -60,7 +61,7 @@ def run_closed_loop(
     route: Route,
     plant: Plant,
     controller: Controller,
-    bridge_settings: BridgeSettings | None = None,
+    bridge_settings: PreviewSettings | None = None,
     on_tick: Callable[[int, Measurements, Decision], None] | None = None,
 ) -> ClosedLoopRun:
     """Drive a route from standstill.
