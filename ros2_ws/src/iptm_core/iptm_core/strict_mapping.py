@@ -103,7 +103,8 @@ class StrictMapping:
         self.where = where
         self._error = error
         if not isinstance(content, Mapping):
-            raise error(f"{where} is {shown(content)}; allowed: a mapping of names to values")
+            held = "nothing" if content is None else shown(content)
+            raise error(f"{where} holds {held}; allowed: a mapping of names to values")
         names = None if known is None else list(known)
         for key in content:
             if not isinstance(key, str):
@@ -126,11 +127,12 @@ class StrictMapping:
             f"{self.where}: {key} is {shown(self.content.get(key))}; allowed: {allowed}"
         )
 
-    def require(self, *keys: str) -> None:
-        """Refuse the mapping if a key is missing."""
+    def require(self, *keys: str, allowed: str = "") -> None:
+        """Refuse the mapping if a key is missing, and say what is allowed for it."""
         for key in keys:
             if key not in self.content:
-                raise self._error(f"{self.where}: {key!r} is missing")
+                hint = f"; allowed: {allowed}" if allowed else ""
+                raise self._error(f"{self.where}: {key!r} is missing{hint}")
 
     def value(self, key: str) -> Any:
         """Return the value of a key that must be stated."""
@@ -165,11 +167,12 @@ class StrictMapping:
 
     def choice(self, key: str, choices: Iterable[str]) -> str:
         """Return one of several texts."""
-        value = self.text(key)
         names = list(choices)
+        self.require(key, allowed=", ".join(names))
+        value = self.content[key]
         if value not in names:
             self.refuse(key, ", ".join(names))
-        return value
+        return str(value)
 
     def section(
         self, key: str, known: Iterable[str] | None = None, *, kind: str = "key"

@@ -46,7 +46,7 @@ class FieldSpec:
         """The permitted range in words, in the unit of the model."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         whole = "whole numbers from " if self.integral else ""
-        return f"allowed: {whole}{self.minimum:g} to {self.maximum:g}{unit}"
+        return f"{whole}{self.minimum:g} to {self.maximum:g}{unit}"
 
 
 @lru_cache(maxsize=1)
@@ -92,7 +92,7 @@ def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None
     """
     where = f"{origin}: {spec.key} is {shown(value)}"
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ParameterError(f"{where}, no number; {spec.allowed}")
+        raise ParameterError(f"{where}, no number; allowed: {spec.allowed}")
     written_unit = spec.unit if unit is None else unit
     if written_unit not in accepted_units(spec.unit):
         allowed = " or ".join(repr(known) for known in accepted_units(spec.unit))
@@ -106,7 +106,7 @@ def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None
         where = f"{where} {written_unit} = {number!r} {spec.unit}"
     # NaN fails the comparison as well.
     if not spec.minimum <= number <= spec.maximum or (spec.integral and not number.is_integer()):
-        raise ParameterError(f"{where}; {spec.allowed}")
+        raise ParameterError(f"{where}; allowed: {spec.allowed}")
     return int(number) if spec.integral else number
 
 

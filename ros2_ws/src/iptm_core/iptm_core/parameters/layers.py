@@ -85,12 +85,12 @@ def _read_entry(entry: object, spec: FieldSpec, origin: str) -> Source:
     if not isinstance(entry, Mapping):
         raise ParameterError(
             f"{where} is {shown(entry)}; allowed: {{value: ..., unit: {spec.unit}, source: ...}}, "
-            f"{spec.allowed.removeprefix('allowed: ')}"
+            f"{spec.allowed}"
         )
     written = StrictMapping(
         entry, where, ("value", "unit", "source", "note"), kind="entry", error=ParameterError
     )
-    written.require("value", "unit", "source")
+    written.require("value", "unit", allowed=f"{spec.unit}, {spec.allowed}")
     unit = written.text("unit")
     checked_number(entry["value"], spec, origin, unit)
     return Source(
