@@ -153,7 +153,9 @@ class PaceSettings(Settings):
 class SamplingSettings(Settings):
     """Sampling time of the loop."""
 
-    period_s: float = parameter(1.0, "trip time between two states", "s", 0.01, 10.0)
+    period_s: float = parameter(
+        1.0, "sampling time of the loop, trip time between two states", "s", 0.01, 10.0
+    )
 
 
 @dataclass(frozen=True)
