@@ -11,7 +11,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions, build_plain_solver
 from iptm_controller.solvers.nlpsol_backend import NlpsolBackend
-from iptm_controller.solvers.result import SolveStatus
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray

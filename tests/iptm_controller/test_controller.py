@@ -12,11 +12,12 @@ import pytest
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.forecast import PreviewQuality
 from iptm_controller.horizon import Horizon
-from iptm_controller.ladder import LadderOptions, Rung
+from iptm_controller.ladder import LadderOptions
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.solvers.backend import SolverBackend
-from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus
+from iptm_controller.solvers.result import STATUS_TEXT, SolveResult
+from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from iptm_controller.horizon import Horizon
-from iptm_controller.ladder import FallbackLadder, LadderOptions, Rung
+from iptm_controller.ladder import FallbackLadder, LadderOptions
 from iptm_controller.ocp import layout
 from iptm_controller.plan import Plan
 from iptm_controller.safe_driving import controlled_stop, safe_following
+from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, LeaderState, VehicleState
 

@@ -14,8 +14,9 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.budget import FEASIBILITY_TOLERANCE, SolveBudget
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.interior_point import InteriorPointOptions
-from iptm_controller.solvers.result import SolveResult, SolveStatus
+from iptm_controller.solvers.result import SolveResult
 from iptm_controller.solvers.riccati.report import Report
+from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 

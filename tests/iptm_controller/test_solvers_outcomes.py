@@ -22,7 +22,8 @@ from iptm_controller.solvers.factory import (
     build_plain_solver,
     build_solver,
 )
-from iptm_controller.solvers.result import STATUS_TEXT, SolveStatus
+from iptm_controller.solvers.result import STATUS_TEXT
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray

@@ -1,4 +1,4 @@
-"""The runner's own ear: keeps the bytes of every message that the figures of a run need.
+"""Listens to a run: keeps the bytes of every message that the figures of a run need.
 
 A lock-step run passes some thousand messages a second, and the runner must not take time from the
 nodes. So messages stay bytes until the run is over; while it lasts, only the newest are decoded, a
@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -21,29 +20,20 @@ from rclpy.serialization import deserialize_message
 
 from iptm_bringup.composition import RECORDER
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
+from iptm_core.decision_record import Rung
 from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_interfaces.codecs import decode_solve_report, decode_temperature
+from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces.codecs import decode_decision_record, decode_temperature
 from iptm_interfaces.diagnostics import Level, find_status, status_values
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 
 NAME = "run_monitor"
 GATE = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
 """Topics by which the plant counts who is there; they are subscribed last."""
 
-BEFORE_GATE = (
-    Topic.PLANT_ACCELERATION,
-    Topic.PLANT_CELL_1_TEMPERATURE,
-    Topic.PLANT_CELL_N_TEMPERATURE,
-    Topic.PLANT_COOLANT_INLET_TEMPERATURE,
-    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
-    Topic.PLANT_POWERS,
-    Topic.PLANT_CAPACITY_LOSS,
-    Topic.LEADER,
-    Topic.SOLVE,
-    Topic.COMMAND,
-)
+BEFORE_GATE = (*(topic for topic in TICK_TOPICS if topic not in GATE), Topic.SOLVE, Topic.COMMAND)
 
 _DEPTH = 10_000  # the runner may be busy for a moment, the nodes do not wait for it
 _SETTLE_S = 0.1  # time for the publishers to learn of the subscriptions made last
@@ -66,7 +56,7 @@ class Snapshot:
         cell_n_temperature_c: of the last cell.
         solve_time_s: wall time of the latest solve.
         iterations: of the latest solve.
-        fallback_rung: of the latest decision, 0 for the solver.
+        rung: where the latest command comes from.
     """
 
     time_s: float
@@ -76,7 +66,7 @@ class Snapshot:
     cell_n_temperature_c: float
     solve_time_s: float
     iterations: int
-    fallback_rung: int
+    rung: Rung
 
 
 class RunMonitor(SuiteNode):
@@ -108,11 +98,6 @@ class RunMonitor(SuiteNode):
         self._prefix = self.get_namespace().rstrip("/")
         self.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
         self._timer = self.every(_LOOK_PERIOD_S, self._look)
-
-    @property
-    def is_listening(self) -> bool:
-        """Whether every topic is subscribed to."""
-        return self._timer.is_canceled()
 
     @property
     def awaited_nodes(self) -> tuple[str, ...]:
@@ -166,7 +151,7 @@ class RunMonitor(SuiteNode):
                 return None
             odometry = self._newest(Topic.PLANT_ODOMETRY)
             leader = self._newest(Topic.LEADER)
-            _, solve = decode_solve_report(self._newest(Topic.SOLVE))
+            solve = decode_decision_record(self._newest(Topic.SOLVE))
             cell_1_k, cell_n_k = (
                 decode_temperature(topic, self._newest(topic))
                 for topic in (Topic.PLANT_CELL_1_TEMPERATURE, Topic.PLANT_CELL_N_TEMPERATURE)
@@ -182,7 +167,7 @@ class RunMonitor(SuiteNode):
             cell_n_temperature_c=cell_n_k - CELSIUS_ZERO_K,
             solve_time_s=solve.solve_time_s,
             iterations=solve.iterations,
-            fallback_rung=solve.fallback_rung,
+            rung=solve.rung,
         )
 
     def _newest(self, topic: Topic) -> Any:
@@ -241,10 +226,13 @@ class RunMonitor(SuiteNode):
 def stamp_ns_of(data: bytes) -> int:
     """Return the stamp of a clock or of a message that starts with a header, from its bytes."""
     seconds, nanoseconds = _STAMP.unpack_from(data)
-    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+    return int(seconds) * NS_PER_S + int(nanoseconds)
 
 
-def messages_by_stamp(topic: Topic, data: Sequence[bytes]) -> dict[int, Any]:
-    """Decode the messages of a stamped topic, keyed by their stamps."""
-    decode = partial(deserialize_message, message_type=TOPICS[topic].message_type)
-    return {stamp_ns_of(entry): decode(entry) for entry in data}
+def messages_by_stamp(topic: Topic, data: Iterable[bytes]) -> dict[int, Any]:
+    """Decode the messages of a stamped topic, keyed by their stamps (ns) and in their order."""
+    kind = TOPICS[topic].message_type
+    return {
+        stamp_ns: deserialize_message(entry, kind)
+        for stamp_ns, entry in sorted((stamp_ns_of(entry), entry) for entry in data)
+    }

@@ -6,11 +6,12 @@ raises for bad measurements or failed solves: both are outcomes, reported in the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 from iptm_controller.forecast import LeaderForecast, LeaderForecaster
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
-from iptm_controller.ladder import FallbackLadder, LadderDecision, LadderOptions, Rung
+from iptm_controller.ladder import FallbackLadder, LadderDecision, LadderOptions
 from iptm_controller.limiter import CommandLimiter, LimitedCommand
 from iptm_controller.ocp.data import ProblemDataBuilder
 from iptm_controller.plan import (
@@ -25,6 +26,7 @@ from iptm_controller.solvers.factory import SolverOptions, build_solver
 from iptm_controller.solvers.result import SolveResult
 from iptm_controller.state_check import check_leader, check_slope, check_state
 from iptm_controller.strategy import STRATEGIES, Strategy
+from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, LeaderPreview, LeaderState, SlopePreview, VehicleState
@@ -91,6 +93,24 @@ class Decision:
     plan: Plan | None
     result: SolveResult | None
     forecast: LeaderForecast | None
+
+    @property
+    def record(self) -> DecisionRecord:
+        """How the decision came about, as published and stored."""
+        result, forecast = self.result, self.forecast
+        slacks = None if self.plan is None else self.plan.slacks
+        return DecisionRecord(
+            status=SolveStatus.NOT_POSED if result is None else result.status,
+            solve_time_s=math.nan if result is None else result.time_s,
+            iterations=0 if result is None else result.iterations,
+            gap_slack_m=math.nan if slacks is None else slacks.gap_m,
+            speed_slack_m_s=math.nan if slacks is None else slacks.speed_m_s,
+            temperature_slack_k=math.nan if slacks is None else slacks.temperature_k,
+            objective=math.nan if result is None else result.objective,
+            rung=self.rung,
+            limiter_active=self.limited.active,
+            preview_age_s=math.nan if forecast is None else forecast.age_s,
+        )
 
 
 class Controller:

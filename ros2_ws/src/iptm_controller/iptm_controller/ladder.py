@@ -7,21 +7,12 @@ with a thermostat for a limited time; a controlled stop. A usable solution leads
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 from iptm_controller.plan import Plan
 from iptm_controller.safe_driving import controlled_stop, safe_following
+from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, LeaderState, VehicleState
-
-
-class Rung(IntEnum):
-    """Where a command comes from."""
-
-    OPTIMAL = 0
-    SHIFTED_PLAN = 1
-    SAFE_LAW = 2
-    STOP = 3
 
 
 @dataclass(frozen=True)

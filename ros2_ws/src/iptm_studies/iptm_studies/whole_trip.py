@@ -35,7 +35,6 @@ from iptm_core.routes.route import Route
 from iptm_core.state import Command, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import TripRecorder
 
 NEAR_BARRIER = 1e-2
 
@@ -184,13 +183,12 @@ def _drive(
     plan: Plan, route: Route, plant: Plant, state: VehicleState, tick_s: float
 ) -> Trajectory:
     """Drive the plant with the plan's inputs, without feedback."""
-    recorder = TripRecorder()
     step = plant.observe(state)
+    ticks = [(step, route.leader.state_at(step.state.time_s))]
     for row in plan.inputs:
-        recorder.row(step, route.leader.state_at(step.state.time_s))
         command = Command(
             float(row[InputIndex.ACCELERATION]), float(row[InputIndex.COMPRESSOR_POWER])
         )
         step = plant.advance(step.state, command, tick_s)
-    recorder.row(step, route.leader.state_at(step.state.time_s))
-    return recorder.trajectory()
+        ticks.append((step, route.leader.state_at(step.state.time_s)))
+    return Trajectory.from_ticks(ticks)

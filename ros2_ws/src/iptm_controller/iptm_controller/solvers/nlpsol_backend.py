@@ -24,7 +24,8 @@ from iptm_controller.ocp.oracle import OracleSignature, oracle_expressions, orac
 from iptm_controller.ocp.transcription import Transcription, problem_bounds
 from iptm_controller.solvers.budget import FEASIBILITY_TOLERANCE, SolveBudget
 from iptm_controller.solvers.buffered import BufferedFunction
-from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus, broken
+from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, broken
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray

@@ -4,30 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 
+from iptm_core.decision_record import SolveStatus
 from iptm_core.state import FloatArray
-
-
-class SolveStatus(IntEnum):
-    """Outcome of one solve; the numbers travel in messages and bags."""
-
-    SOLVED = 0
-    """Converged to the requested tolerance."""
-    FEASIBLE = 1
-    """Stopped early (iterations or time), but the iterate keeps dynamics and limits: usable."""
-    ITERATION_LIMIT = 2
-    """Stopped at the iteration limit with an iterate that cannot be used."""
-    DEADLINE = 3
-    """Stopped at the time limit with an iterate that cannot be used."""
-    NUMERICAL_ERROR = 4
-    """The solver broke off (not a number, singular system, internal error)."""
-
-    @property
-    def usable(self) -> bool:
-        """True if the iterate may be acted on."""
-        return self in {SolveStatus.SOLVED, SolveStatus.FEASIBLE}
-
 
 STATUS_TEXT: dict[SolveStatus, str] = {
     SolveStatus.SOLVED: "converged",

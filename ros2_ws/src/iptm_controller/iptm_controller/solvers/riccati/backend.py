@@ -14,9 +14,10 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.budget import FEASIBILITY_TOLERANCE, SolveBudget
 from iptm_controller.solvers.buffered import BufferedFunction
 from iptm_controller.solvers.interior_point import InteriorPointOptions
-from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus
+from iptm_controller.solvers.result import STATUS_TEXT, SolveResult
 from iptm_controller.solvers.riccati.method import Ending, MethodSettings, Outcome, RiccatiMethod
 from iptm_controller.solvers.riccati.program import ITERATE, STEP, RiccatiProgram, build_program
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
