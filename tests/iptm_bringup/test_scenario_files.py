@@ -109,7 +109,10 @@ def test_options_come_last(tmp_path: Path) -> None:
         ("seed: 1\nseed: 2", ("mine.yaml", "'seed' occurs twice")),
         ("[1, 2]", ("mine.yaml holds [1, 2]", "allowed: a mapping")),
         ("a: {", ("mine.yaml", "not valid YAML")),
-        ("preview_length_s: 5\npreview_step_s: 10", ("mine.yaml", "preview_step_s is 10", "5 s")),
+        (
+            "preview_length_s: 5\npreview_step_s: 10",
+            ("scenario mine", "preview_step_s is 10", "5 s"),
+        ),
         ("parameter_overrides: {body.mass_kg: heavy}", ("body.mass_kg is 'heavy'", "a number")),
         ("node_parameters: 3", ("node_parameters holds 3", "a mapping")),
         ("node_parameters: {plnt: {}}", ("unknown node 'plnt'", "did you mean 'plant'?")),

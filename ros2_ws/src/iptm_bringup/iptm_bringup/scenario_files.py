@@ -100,7 +100,7 @@ def scenario_from(
     try:
         return Scenario(**values)
     except ParameterError as error:
-        raise ScenarioError(f"{origin}: {error}") from None
+        raise ScenarioError(f"scenario {name}: {error}") from None
 
 
 def with_node_parameters(scenario: Scenario, assignments: Iterable[str]) -> dict[str, Any]:

@@ -135,10 +135,6 @@ class RunSpec(Settings):
         content["overrides"] = dict(self.overrides)
         return content
 
-    def to_json(self) -> str:
-        """Canonical text: sorted keys, shortest floats that read back exactly."""
-        return canonical_json(self.to_dict())
-
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> RunSpec:
         """Rebuild a specification.
@@ -195,5 +191,5 @@ def canonical_json(content: object) -> str:
         return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     except ValueError as error:
         raise ScenarioError(
-            f"a value is not a finite number; allowed are finite ones: {error}"
+            f"a value is not a finite number; allowed: finite ones: {error}"
         ) from error
