@@ -47,7 +47,7 @@ class Wall(Paint):
 class Plan(Settings):
     coat_m: float | None = declared(Paint, "thickness_m", default=None)
     colour: Colour = declared(Paint, "colour", default=Colour.BLUE)
-    coats: int = declared(Paint, "coats")
+    coats: int = declared(Paint, "coats", maximum=20)
 
 
 def test_values_arrive_in_their_type() -> None:
@@ -98,8 +98,8 @@ def test_a_group_brings_its_parameters_along() -> None:
 
 def test_a_declaration_may_be_reused_with_another_default() -> None:
     assert Plan() == Plan(coat_m=None, colour=Colour.BLUE, coats=3)
-    assert Plan(coat_m=1).coat_m == 1.0
-    for wrong in ({"coat_m": 61.0}, {"colour": "green"}, {"coats": None}):
+    assert Plan(coat_m=1, coats=20).coat_m == 1.0
+    for wrong in ({"coat_m": 61.0}, {"colour": "green"}, {"coats": None}, {"coats": 21}):
         with pytest.raises(ParameterError):
             Plan(**wrong)  # type: ignore[arg-type]
 

@@ -11,7 +11,7 @@ needs the same parameter inherits from the group or refers to its declaration wi
 from __future__ import annotations
 
 import math
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from enum import Enum
 from typing import Any
 
@@ -83,21 +83,22 @@ def parameter(
     return field(default=default, metadata={"spec": spec})
 
 
-def declared(owner: type[Any], name: str, default: Any = MISSING) -> Any:
+def declared(owner: type[Any], name: str, default: Any = MISSING, **bounds: float) -> Any:
     """Declare a dataclass field by the declaration of another class.
 
     Args:
         owner: the class that declares the parameter.
         name: its name there.
         default: another default; None makes the parameter optional.
+        bounds: another ``minimum`` or ``maximum``.
     """
     (entry,) = (entry for entry in fields(owner) if entry.name == name)
-    spec: ParameterSpec = entry.metadata["spec"]
-    options = {**vars(spec), "optional": default is None}
-    if default is not MISSING and default is not None:
-        options["default"] = default
-    usual = entry.default if default is MISSING else default
-    return field(default=usual, metadata={"spec": ParameterSpec(**options)})
+    spec: ParameterSpec = replace(entry.metadata["spec"], optional=default is None, **bounds)
+    if default is MISSING:
+        default = entry.default
+    elif default is not None:
+        spec = replace(spec, default=default)
+    return field(default=default, metadata={"spec": spec})
 
 
 def parameter_specs(description: type[Any]) -> tuple[ParameterSpec, ...]:
@@ -107,7 +108,7 @@ def parameter_specs(description: type[Any]) -> tuple[ParameterSpec, ...]:
         description: the dataclass; fields that are no parameters are left out.
     """
     return tuple(
-        ParameterSpec(**{**vars(entry.metadata["spec"]), "name": entry.name})
+        replace(entry.metadata["spec"], name=entry.name)
         for entry in fields(description)
         if "spec" in entry.metadata
     )

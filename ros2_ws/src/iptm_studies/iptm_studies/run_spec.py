@@ -43,11 +43,11 @@ class RunKind(Enum):
 
 @dataclass(frozen=True)
 class SolverSpec(Settings):
-    """Solver of the controller; the defaults are the controller's own."""
+    """Solver of the controller; the defaults are its own, the ranges wide enough for experiments."""
 
     name: str = declared(ControllerSettings, "solver")
-    tolerance: float = declared(SolveSettings, "tolerance")
-    max_iterations: int = declared(SolveSettings, "max_iterations")
+    tolerance: float = declared(SolveSettings, "tolerance", minimum=1e-16)
+    max_iterations: int = declared(SolveSettings, "max_iterations", maximum=100_000)
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,8 @@ class RunSpec(Settings):
     horizon: str = declared(ControllerSettings, "horizon", default="15x1")
     solver: SolverSpec = field(default_factory=SolverSpec)
     preview: PreviewSpec = field(default_factory=PreviewSpec)
-    tick_s: float = declared(SamplingSettings, "period_s")
-    plant_step_s: float = declared(IntegrationSettings, "integration_step_s")
+    tick_s: float = declared(SamplingSettings, "period_s", minimum=1e-3)
+    plant_step_s: float = declared(IntegrationSettings, "integration_step_s", maximum=10.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
