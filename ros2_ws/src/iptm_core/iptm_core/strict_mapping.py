@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 from iptm_core.errors import IptmError, ParameterError, ScenarioError
 
 _MANY_NAMES = 30
-_SOME_NAMES = 12
+_FEW_NAMES = 12
 _MAX_SHOWN = 80
 
 
@@ -32,19 +32,19 @@ def suggestion(name: object, known: Iterable[str]) -> str:
 
     Args:
         name: the name that is not among the known ones.
-        known: permitted names; of very many only the nearest or the first ones are named.
+        known: permitted names; of many only the nearest or the first ones are named.
 
     Returns:
         Text such as ``did you mean 'cycle'? allowed: cycle, slope``.
     """
     names = list(known)
     near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}?" if near else ""
-    if len(names) <= _MANY_NAMES:
-        listed = f"allowed: {', '.join(names) or 'none'}"
-    else:
-        listed = "" if near else f"allowed: {', '.join(names[:_SOME_NAMES])}, ..."
-    return f"{hint} {listed}".strip()
+    hint = [f"did you mean {near[0]!r}?"] if near else []
+    if len(names) <= _FEW_NAMES or not near:
+        more = ", ..." if len(names) > _MANY_NAMES else ""
+        listed = names[:_FEW_NAMES] if more else names
+        hint.append(f"allowed: {', '.join(listed) or 'none'}{more}")
+    return " ".join(hint)
 
 
 def check_known(

@@ -63,7 +63,8 @@ class SuiteNode(Node):
         for name in overrides:
             if self.has_parameter(name) or name.startswith(_ROS_PARAMETERS):
                 continue
-            hint = suggestion(name, sorted(self._parameters))
+            own = [known for known in self._parameters if not known.startswith(_ROS_PARAMETERS)]
+            hint = suggestion(name, sorted(own))
             raise ParameterError(f"parameter {name} is unknown to {self.get_name()}; {hint}")
 
     def finish(self, exit_code: int = 0) -> None:
