@@ -25,7 +25,7 @@ from iptm_bringup.composition import (
     recorder_command,
     run_information,
 )
-from iptm_bringup.drive import Drive, DriveResult, Outcome, unclean_ends
+from iptm_bringup.drive import Drive, DriveOutcome, DriveResult, unclean_ends
 from iptm_bringup.environment import (
     RunDomain,
     domain_of_run,
@@ -114,19 +114,19 @@ def _run_in(
         ):
             progress = make_progress(console, prepared.route.duration_s)
             with Drive(supervisor, monitor, executor, progress, stop) as drive:
-                start = _Start(folder, prepared, options)
+                start = _ProcessStarter(folder, prepared, options)
                 drive.start(start.first())
                 # Nobody else can be in a private domain.
                 result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
-                if result.outcome is Outcome.FINISHED:
+                if result.outcome is DriveOutcome.FINISHED:
                     drive.start(start.then(monitor))
                     result = drive.run(folder.settle)
-    if result.outcome is not Outcome.FINISHED:
+    if result.outcome is not DriveOutcome.FINISHED:
         return _report_failure(result, folder, stop, errors)
     return _report(folder, prepared, options, monitor, supervisor, result, console, errors)
 
 
-class _Start:
+class _ProcessStarter:
     """Writes the files that the processes need and gives the commands to start them."""
 
     def __init__(self, folder: RunFolder, prepared: PreparedScenario, options: RunOptions) -> None:
@@ -227,7 +227,7 @@ def _draw(folder: RunFolder, prepared: PreparedScenario, evaluated: EvaluatedRun
 def _report_failure(
     result: DriveResult, folder: RunFolder, stop: StopRequest, errors: Console
 ) -> int:
-    if result.outcome is Outcome.REFUSED:
+    if result.outcome is DriveOutcome.REFUSED:
         folder.discard()
         errors.print(
             f"run_closed_loop: {result.message}", markup=False, highlight=False, soft_wrap=True
@@ -237,7 +237,7 @@ def _report_failure(
     lines = [f"run_closed_loop: {result.message}", *(f"    {line}" for line in result.last_lines)]
     lines.append(f"logs: {folder.logs}")
     errors.print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)
-    if result.outcome is Outcome.INTERRUPTED and stop.number is not None:
+    if result.outcome is DriveOutcome.INTERRUPTED and stop.number is not None:
         return EXIT_SIGNAL + int(stop.number)
     return EXIT_RUN_FAILED
 
