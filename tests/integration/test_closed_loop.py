@@ -223,7 +223,7 @@ def test_a_run_keeps_its_domain_and_can_be_interrupted(
     [
         (["no_such_scenario"], "scenario 'no_such_scenario' is unknown"),
         # Known only to the node, which is started to say so.
-        (["--set", "controller.tolerence=1e-4"], "did you mean tolerance?"),
+        (["--set", "controller.tolerence=1e-4"], "did you mean 'tolerance'?"),
     ],
 )
 def test_a_mistake_is_one_line(
