@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from iptm_core.metrics.figures import Figure as RunFigure
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from iptm_core.metrics.figures import Figure as RunFigure
 from iptm_reproduction.figures import COMPUTING_TIME, FOUR, INCONSISTENCY
 from iptm_reproduction.plots.style import (
     PAPER_COLOUR,
