@@ -12,9 +12,9 @@ from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import LadderOptions
 from iptm_controller.node_parameters import FROM_STRATEGY, ControllerNodeParameters
 from iptm_controller.strategy import STRATEGIES
+from iptm_core.declaration import parameter_specs
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
-from iptm_interfaces.parameters import parameter_specs
 
 SMALL = ControllerNodeParameters(horizon="2x1", compile_code=False)
 
