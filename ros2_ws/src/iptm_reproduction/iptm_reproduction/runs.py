@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from iptm_core.metrics.figures import Figure
-
 from iptm_controller.strategy import Strategy
+from iptm_core.metrics.figures import Figure
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route
 from iptm_core.trajectory import Trajectory
