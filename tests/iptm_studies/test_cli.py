@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-import iptm_studies.report
 from iptm_core.errors import StateError
 from iptm_studies import cli, execution
 from iptm_studies.campaign import Campaign, plan_campaign
@@ -124,36 +123,11 @@ def test_dry_run_shows_what_would_be_computed(
     assert "2 runs to compute" in text
     assert "with 4 workers" in text
     assert not Path(folder).exists()
-    assert main(["--small", "--store", folder, "--dry-run"]) == 0
+    assert main(["--small", "--store", folder, "--dry-run"]) == 0  # the default command
     text = capsys.readouterr().out
     assert "once the weights are known" in text
     assert "comprehensive" not in text
     assert "us06 600 s" in text
-
-
-@pytest.mark.usefixtures("at_once")
-def test_without_a_command_it_computes_and_reports(
-    study_file: WriteFile,
-    folder: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    seen: list[tuple[ResultStore, Campaign, Path]] = []
-
-    def build(store: ResultStore, campaign: Campaign, output: Path) -> tuple[Path, ...]:
-        seen.append((store, campaign, output))
-        return (output / "page.html",)
-
-    monkeypatch.setattr(iptm_studies.report, "build_report", build)
-    good = str(study_file(FAILING.partition("  - {name: bad")[0]))
-    assert main(["--store", folder, "--output", folder + "/page", "--", good]) == 0
-    ((store, campaign, output),) = seen
-    assert [state.reason for state in campaign.cases()] == [""]
-    assert (store.folder, output) == (Path(folder), Path(folder) / "page")
-    assert "report: " in capsys.readouterr().err
-    # The report is written all the same when a run failed, and the exit code tells.
-    assert main(["reproduce", str(study_file(FAILING)), "--store", folder]) == 1
-    assert len(seen) == 2
 
 
 @pytest.mark.parametrize(
@@ -162,7 +136,6 @@ def test_without_a_command_it_computes_and_reports(
         (["run", "strategys"], "did you mean 'strategies'"),
         (["run", "no.yaml"], "no such file"),
         (["run", "strategies", "--workers", "0"], "workers is 0"),
-        (["report", "strategies"], "error: "),
     ],
 )
 def test_refusals(

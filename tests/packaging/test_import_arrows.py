@@ -23,10 +23,18 @@ ALLOWED = {
         "iptm_recording",
     },
     "iptm_studies": {"iptm_core", "iptm_plant_sim", "iptm_v2x_bridge", "iptm_controller"},
+    "iptm_reproduction": {"iptm_core", "iptm_controller", "iptm_studies"},
 }
 
 # All of these packages runs without ROS, but for the node modules of those that have one.
-PURE = {"iptm_core", "iptm_plant_sim", "iptm_v2x_bridge", "iptm_controller", "iptm_studies"}
+PURE = {
+    "iptm_core",
+    "iptm_plant_sim",
+    "iptm_v2x_bridge",
+    "iptm_controller",
+    "iptm_studies",
+    "iptm_reproduction",
+}
 
 ROS = {
     "rclpy",

@@ -19,6 +19,7 @@ PACKAGES = [
     "iptm_recording",
     "iptm_bringup",
     "iptm_studies",
+    "iptm_reproduction",
 ]
 
 # Import name -> (key in package.xml, name on the package index). ROS packages are their own key.

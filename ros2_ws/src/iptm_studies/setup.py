@@ -6,7 +6,7 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed", "**/*.yaml", "**/*.j2"]},
+    package_data={PACKAGE: ["py.typed", "**/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -15,8 +15,6 @@ setup(
         "setuptools",
         "dask>=2024.1",
         "distributed>=2024.1",
-        "jinja2>=3.1",
-        "matplotlib>=3.8",
         "numpy>=1.24",
         "pyarrow>=15",
         "rich>=13",
@@ -26,7 +24,7 @@ setup(
     zip_safe=False,
     maintainer="iptm maintainers",
     maintainer_email="maintainers@iptm.example.org",
-    entry_points={"console_scripts": ["reproduce = iptm_studies.cli:main"]},
-    description="Closed loops without ROS, strategy and sensitivity studies",
+    entry_points={"console_scripts": ["studies = iptm_studies.cli:main"]},
+    description="Closed loops without ROS, strategy and sensitivity studies of them",
     license="Apache-2.0",
 )

@@ -1,18 +1,17 @@
-"""The command behind ``scripts/reproduce``: studies, from data to stored results and a report."""
+"""The commands on studies: compute, list, status, tables, prune; a package above can add its own."""
 
 from __future__ import annotations
 
 import argparse
 import logging
 import sys
-from collections.abc import Sequence
-from importlib import import_module
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.logging import RichHandler
 
-from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.errors import IptmError
 from iptm_studies.campaign import Campaign, plan_campaign
 from iptm_studies.cluster import ClusterOptions, available_cores
 from iptm_studies.execution import execute, survey
@@ -28,32 +27,98 @@ EXIT_REFUSED = 2
 EXIT_INTERRUPTED = 130
 ALL = "all"
 SMALL_STORE = "small"
-DEFAULT_COMMAND = "reproduce"
-_REPORT_MODULE = "iptm_studies.report"
+
+Command = Callable[[argparse.Namespace, Console], int]
+"""Performs a command; returns the exit code."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if not given or (given[0].startswith("-") and given[0] not in {"-h", "--help"}):
-        given.insert(0, DEFAULT_COMMAND)
-    options = _parser().parse_args(given)
-    console = Console(stderr=True)
-    logging.basicConfig(
-        level=logging.WARNING,
-        format="%(message)s",
-        handlers=[RichHandler(console=console, show_time=False, show_path=False)],
-        force=True,
-    )
-    try:
-        code: int = options.command(options, console)
-    except IptmError as error:
-        console.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
-        return EXIT_REFUSED
-    except KeyboardInterrupt:
-        console.print("stopped; the same command goes on from what is stored", markup=False)
-        return EXIT_INTERRUPTED
-    return code
+    commands = StudyCommands("studies", __doc__, default="run")
+    commands.add_study_commands()
+    return commands.run(arguments)
+
+
+class StudyCommands:
+    """A command line on studies.
+
+    Attributes:
+        choosing: options that name studies and a store.
+        computing: options on where runs are computed.
+        writing: option that names a folder of output.
+    """
+
+    def __init__(self, program: str, description: str, default: str) -> None:
+        """Begin a command line without commands; the default one is meant where none is named."""
+        self._default = default
+        self._parser = argparse.ArgumentParser(prog=program, description=description)
+        self._commands = self._parser.add_subparsers(
+            dest="name", metavar="COMMAND", help=f"without one: {default}"
+        )
+        self.choosing = _options_of_choice()
+        self.computing = _options_of_computing()
+        self.writing = argparse.ArgumentParser(add_help=False)
+        self.writing.add_argument(
+            "--output", default="", metavar="DIR", help="folder of what is written"
+        )
+
+    def add(
+        self, name: str, text: str, command: Command, *options: argparse.ArgumentParser
+    ) -> argparse.ArgumentParser:
+        """Add a command with groups of options; returns its parser."""
+        added = self._commands.add_parser(name, help=text, description=text, parents=options)
+        added.set_defaults(command=command)
+        return added
+
+    def add_study_commands(self) -> None:
+        """Add the commands of this package."""
+        self.add("run", "compute what is missing", run_studies, self.choosing, self.computing)
+        self.add("list", "list the shipped studies", _list)
+        status = self.add(
+            "status", "say what is stored and what is missing, and why", _status, self.choosing
+        )
+        status.add_argument("--verbose", action="store_true", help="name every missing run")
+        text = "write the results as CSV, one file per study"
+        self.add("tables", text, _tables, self.choosing, self.writing)
+        self.add("prune", "delete stored runs that the studies do not need", _prune, self.choosing)
+
+    def run(self, arguments: Sequence[str] | None = None) -> int:
+        """Perform what the arguments say (those of the process for None); returns the exit code."""
+        given = list(sys.argv[1:] if arguments is None else arguments)
+        if not given or (given[0].startswith("-") and given[0] not in {"-h", "--help"}):
+            given.insert(0, self._default)
+        options = self._parser.parse_args(given)
+        console = Console(stderr=True)
+        logging.basicConfig(
+            level=logging.WARNING,
+            format="%(message)s",
+            handlers=[RichHandler(console=console, show_time=False, show_path=False)],
+            force=True,
+        )
+        try:
+            code: int = options.command(options, console)
+        except IptmError as error:
+            _complain(console, f"error: {error}")
+            return EXIT_REFUSED
+        except KeyboardInterrupt:
+            console.print("stopped; the same command goes on from what is stored", markup=False)
+            return EXIT_INTERRUPTED
+        return code
+
+
+def surveyed_campaign(options: argparse.Namespace, store: ResultStore) -> Campaign:
+    """Return the chosen studies, compared with what is stored."""
+    campaign = _campaign(options)
+    survey(campaign, store, ExpectedTimes())
+    return campaign
+
+
+def chosen_store(options: argparse.Namespace) -> ResultStore:
+    """Return the store that the options name."""
+    if options.store:
+        return ResultStore(Path(options.store))
+    folder = default_store_folder()
+    return ResultStore(folder / SMALL_STORE if options.small else folder)
 
 
 def _list(options: argparse.Namespace, console: Console) -> int:
@@ -64,8 +129,9 @@ def _list(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
-def _run(options: argparse.Namespace, console: Console) -> int:
-    campaign, store = _campaign(options), _store(options)
+def run_studies(options: argparse.Namespace, console: Console) -> int:
+    """Compute what is missing; returns the exit code."""
+    campaign, store = _campaign(options), chosen_store(options)
     cluster = ClusterOptions(options.scheduler, options.workers)
     if options.dry_run:
         return _dry_run(campaign, store, cluster)
@@ -108,8 +174,8 @@ def _dry_run(campaign: Campaign, store: ResultStore, cluster: ClusterOptions) ->
 
 def _status(options: argparse.Namespace, console: Console) -> int:
     del console
-    campaign, store = _campaign(options), _store(options)
-    survey(campaign, store, ExpectedTimes())
+    store = chosen_store(options)
+    campaign = surveyed_campaign(options, store)
     for study in campaign.studies:
         states = [state for state in campaign.cases() if state.study is study]
         done = sum(state.metrics is not None for state in states)
@@ -122,35 +188,17 @@ def _status(options: argparse.Namespace, console: Console) -> int:
 
 def _tables(options: argparse.Namespace, console: Console) -> int:
     del console
-    campaign, store = _campaign(options), _store(options)
-    survey(campaign, store, ExpectedTimes())
+    store = chosen_store(options)
+    campaign = surveyed_campaign(options, store)
     folder = Path(options.output) if options.output else store.folder / "tables"
     for path in write_tables(campaign, folder):
         print(path)
     return 0
 
 
-def _report(options: argparse.Namespace, console: Console) -> int:
-    campaign, store = _campaign(options), _store(options)
-    survey(campaign, store, ExpectedTimes())
-    output = Path(options.output) if options.output else store.folder / "report"
-    try:
-        build_report = import_module(_REPORT_MODULE).build_report
-    except (ImportError, AttributeError) as error:
-        raise ScenarioError(f"the report cannot be built: {error}") from error
-    for path in build_report(store, campaign, output):
-        console.print(f"report: {path}", markup=False, highlight=False, soft_wrap=True)
-    return 0
-
-
-def _reproduce(options: argparse.Namespace, console: Console) -> int:
-    code = _run(options, console)
-    return code if options.dry_run else max(code, _report(options, console))
-
-
 def _prune(options: argparse.Namespace, console: Console) -> int:
-    campaign, store = _campaign(options), _store(options)
-    survey(campaign, store, ExpectedTimes())
+    store = chosen_store(options)
+    campaign = surveyed_campaign(options, store)
     gone = store.prune(campaign.keys)
     console.print(f"{len(gone)} files deleted from {store.folder}", markup=False, soft_wrap=True)
     return 0
@@ -166,68 +214,38 @@ def _campaign(options: argparse.Namespace) -> Campaign:
     return plan_campaign(chosen, SMALL if options.small else None)
 
 
-def _store(options: argparse.Namespace) -> ResultStore:
-    if options.store:
-        return ResultStore(Path(options.store))
-    folder = default_store_folder()
-    return ResultStore(folder / SMALL_STORE if options.small else folder)
-
-
 def _complain(console: Console, text: str) -> None:
     console.print(text, style="red", markup=False, highlight=False, soft_wrap=True)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="reproduce", description=__doc__)
-    commands = parser.add_subparsers(
-        dest="name", metavar="COMMAND", help=f"without one: {DEFAULT_COMMAND}"
-    )
-    chosen = argparse.ArgumentParser(add_help=False)
-    chosen.add_argument(
+def _options_of_choice() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument(
         "studies",
         nargs="*",
         metavar="STUDY",
         help="shipped study or path of a study file; all of the shipped ones by default",
     )
-    chosen.add_argument(
+    parser.add_argument(
         "--small",
         action="store_true",
         help=f"all runs on a short trip ({SMALL.duration_s:g} s of {SMALL.cycle}); takes minutes",
     )
-    chosen.add_argument("--store", default="", metavar="DIR", help="folder of the results")
-    computing = argparse.ArgumentParser(add_help=False)
-    computing.add_argument(
+    parser.add_argument("--store", default="", metavar="DIR", help="folder of the results")
+    return parser
+
+
+def _options_of_computing() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument(
         "--workers", type=int, metavar="N", help="processes, one per core by default"
     )
-    computing.add_argument(
+    parser.add_argument(
         "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"
     )
-    computing.add_argument(
+    parser.add_argument(
         "--dry-run", action="store_true", help="show what would be computed, and the expected time"
     )
-    writing = argparse.ArgumentParser(add_help=False)
-    writing.add_argument("--output", default="", metavar="DIR", help="folder of what is written")
-
-    def add(name: str, text: str, function: object, *parents: argparse.ArgumentParser) -> None:
-        command = commands.add_parser(name, help=text, description=text, parents=parents)
-        command.set_defaults(command=function)
-        if name == "status":
-            command.add_argument("--verbose", action="store_true", help="name every missing run")
-
-    add(
-        "reproduce",
-        "compute what is missing, then write the report",
-        _reproduce,
-        chosen,
-        computing,
-        writing,
-    )
-    add("run", "compute what is missing", _run, chosen, computing)
-    add("report", "write the report from what is stored", _report, chosen, writing)
-    add("list", "list the shipped studies", _list)
-    add("status", "say what is stored and what is missing, and why", _status, chosen)
-    add("tables", "write the results as CSV, one file per study", _tables, chosen, writing)
-    add("prune", "delete stored runs that the studies do not need", _prune, chosen)
     return parser
 
 

@@ -1,0 +1,301 @@
+"""The order of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from iptm_reproduction.causes import causes, remarks
+from iptm_reproduction.check import check_topic
+from iptm_reproduction.claims import TOPICS
+from iptm_reproduction.claims.headline import AGING_MODEL, HEADLINE
+from iptm_reproduction.claims.multi_horizon import LENGTH, SAMPLING_TIME
+from iptm_reproduction.claims.sensitivity import HORIZON, WEIGHTS
+from iptm_reproduction.claims.strategies import STRATEGY_TABLE
+from iptm_reproduction.claims.trip import POWER, TRIP
+from iptm_reproduction.document import Document, Table
+from iptm_reproduction.gathering import Gathered
+from iptm_reproduction.overview import (
+    RULES_TEXT,
+    incomplete,
+    origin_table,
+    other_trip,
+    runs_used,
+    verdicts,
+)
+from iptm_reproduction.parts import Chapter, Material, Part, claims, picture, table, text
+from iptm_reproduction.plots import (
+    comparison_plots,
+    model_plots,
+    power_plots,
+    sensitivity_plots,
+    trip_plots,
+)
+from iptm_reproduction.printed import PAPER, PARAMETER_TABLES
+from iptm_reproduction.runs import (
+    HORIZONS_S,
+    MULTI_HORIZON,
+    OPTIMUM,
+    PROPOSED,
+    REFERENCE,
+    SHORT_STEP_COUNTS,
+    SPLITS,
+    STRATEGIES,
+    STUDIES,
+    WEIGHTED,
+    horizons,
+    lengthened,
+    sampled,
+    weighted,
+)
+from iptm_reproduction.tables.diagnosis_tables import cooling_table, payback_table
+from iptm_reproduction.tables.limit_tables import (
+    discretisation_table,
+    optimum_solve_table,
+    optimum_table,
+)
+from iptm_reproduction.tables.paper_tables import (
+    formulation_table,
+    headline_table,
+    omitted_parameter_table,
+    parameter_table,
+    ranking_text,
+    strategy_table,
+)
+from iptm_reproduction.tables.robustness_tables import (
+    conclusion_table,
+    summary_text,
+    variation_table,
+)
+from iptm_reproduction.tables.study_tables import reliability_table, run_table, weight_table
+
+TITLE = "Reproduction of the paper"
+
+
+def compose(gathered: Gathered) -> Document:
+    """Check every statement and put the report together; what cannot be built says why."""
+    reasons, notes = causes(gathered.results), remarks(gathered.results)
+    checked = {topic.title: check_topic(topic, gathered.results, reasons) for topic in TOPICS}
+    material = Material(gathered, checked)
+    sections = (chapter.section(material, notes.get(chapter.key, "")) for chapter in CHAPTERS)
+    return Document(TITLE, PAPER, tuple(sections))
+
+
+def _without_runs(build: Callable[[], Table]) -> Part:
+    """Show a table that does not depend on any run."""
+    return lambda _: build()
+
+
+def _study(study: str, base: str, paper: str, runs: tuple[str, ...]) -> Part:
+    """Show all runs of a study against one run."""
+    build = partial(run_table, study=study, base=base, paper=paper)
+    return table(f"{study.replace('_', '-')}-table", STUDIES[study], build, any_of=runs)
+
+
+def _cooling(key: str, runs: tuple[str, ...]) -> Part:
+    """Show when the compressor runs, for those of the runs that are there."""
+    build = partial(cooling_table, key=key, addresses=runs)
+    return table(key, "When the compressor runs", build, any_of=runs)
+
+
+def _robustness(
+    study: str, first: str, base: str | None, conclusions: str, runs: str
+) -> tuple[Part, ...]:
+    """Show which conclusions hold whatever varies in a study, in words and as a table, and all its runs."""
+    return (
+        text(partial(summary_text, study=study)),
+        table(
+            f"conclusions-{study.replace('_', '-')}",
+            "Conclusions",
+            partial(conclusion_table, study=study, title=conclusions),
+            (first,),
+        ),
+        table(
+            study.replace("_", "-"),
+            STUDIES[study],
+            partial(variation_table, study=study, title=runs, base=base),
+            (first,),
+        ),
+    )
+
+
+CHAPTERS = (
+    Chapter(
+        "summary",
+        "Summary",
+        (
+            runs_used,
+            other_trip,
+            verdicts,
+            text(lambda _: RULES_TEXT),
+            incomplete,
+            table("headline", "Headline comparison", headline_table, (MULTI_HORIZON, REFERENCE)),
+            picture(comparison_plots.headline),
+            claims(HEADLINE),
+        ),
+    ),
+    Chapter(
+        "parameters",
+        "Parameters and formulations",
+        (
+            *(_without_runs(partial(parameter_table, printed)) for printed in PARAMETER_TABLES),
+            _without_runs(omitted_parameter_table),
+            _without_runs(formulation_table),
+        ),
+    ),
+    Chapter(
+        "model",
+        "Aging model and driving cycle",
+        (picture(model_plots.aging_map), claims(AGING_MODEL), picture(model_plots.driving_cycle)),
+    ),
+    Chapter(
+        "strategies",
+        "Six strategies on a single horizon",
+        (
+            table(
+                "strategies",
+                "Comparisons among different strategies",
+                strategy_table,
+                (REFERENCE, PROPOSED),
+            ),
+            text(ranking_text),
+            picture(comparison_plots.strategy_changes),
+            claims(STRATEGY_TABLE),
+        ),
+    ),
+    Chapter(
+        "power",
+        "Power",
+        (
+            picture(power_plots.power_distribution),
+            picture(power_plots.power_statistics),
+            picture(power_plots.power_profiles),
+            claims(POWER),
+        ),
+    ),
+    Chapter(
+        "trip",
+        "Temperature, degradation and spacing",
+        (
+            picture(trip_plots.temperature_comparison),
+            _cooling("cooling-strategies", STRATEGIES),
+            table(
+                "payback",
+                "How long cooling takes to pay",
+                lambda results: payback_table(results[PROPOSED]),
+                (PROPOSED,),
+            ),
+            picture(trip_plots.degradation_comparison),
+            picture(trip_plots.spacing),
+            claims(TRIP),
+        ),
+    ),
+    Chapter(
+        "weights",
+        "Sensitivity to the weights",
+        (
+            table(
+                "weights",
+                "Weights of the weighted strategies",
+                weight_table,
+                any_of=tuple(run for strategy in WEIGHTED for run in weighted(strategy)),
+            ),
+            picture(sensitivity_plots.weighting),
+            claims(WEIGHTS),
+        ),
+    ),
+    Chapter(
+        "horizon",
+        "Sensitivity to the prediction horizon",
+        (
+            _study("prediction_horizon", REFERENCE, "Fig. 10", horizons(*HORIZONS_S)),
+            picture(sensitivity_plots.prediction_horizon),
+            picture(trip_plots.horizon_temperatures),
+            _cooling("cooling-horizons", horizons(*HORIZONS_S)),
+            claims(HORIZON),
+        ),
+    ),
+    Chapter(
+        "sampling-time",
+        "Multi-horizon: sampling time of the long horizon",
+        (
+            _study(
+                "sampling_time",
+                PROPOSED,
+                "Fig. 12",
+                tuple(run for split in SPLITS for run in sampled(split)),
+            ),
+            picture(sensitivity_plots.sampling_time),
+            claims(SAMPLING_TIME),
+        ),
+    ),
+    Chapter(
+        "long-horizon",
+        "Multi-horizon: length of the long horizon",
+        (
+            _study(
+                "long_horizon",
+                PROPOSED,
+                "Fig. 13",
+                tuple(run for count in SHORT_STEP_COUNTS for run in lengthened(count)),
+            ),
+            picture(sensitivity_plots.long_horizon),
+            claims(LENGTH),
+            table(
+                "discretisation-table",
+                STUDIES["discretisation"],
+                discretisation_table,
+                ("discretisation/28/3+5", "discretisation/28/fine"),
+            ),
+            picture(comparison_plots.discretisation),
+        ),
+    ),
+    Chapter(
+        "optimum",
+        "Beyond the paper: the limit",
+        (
+            table(
+                "optimum-table",
+                "The whole trip as one problem",
+                optimum_table,
+                (REFERENCE, PROPOSED, OPTIMUM),
+            ),
+            picture(comparison_plots.saving_shares),
+            picture(trip_plots.optimum),
+            table("optimum-solves", "Solves of the whole trip", optimum_solve_table, (OPTIMUM,)),
+        ),
+    ),
+    Chapter(
+        "previews",
+        "Beyond the paper: imperfect previews",
+        (
+            picture(comparison_plots.imperfect_previews),
+            *_robustness(
+                "imperfect_previews",
+                "imperfect_previews/perfect/reference",
+                "imperfect_previews/perfect/reference",
+                "Conclusions under imperfect previews",
+                "All strategies under imperfect previews",
+            ),
+        ),
+    ),
+    Chapter(
+        "omitted",
+        "Beyond the paper: parameters that the paper omits",
+        (
+            picture(comparison_plots.omitted_parameters),
+            *_robustness(
+                "omitted_parameters",
+                "omitted_parameters/as_chosen/reference",
+                None,
+                "Conclusions under other parameters",
+                "All runs with other parameters",
+            ),
+        ),
+    ),
+    Chapter(
+        "reliability",
+        "Reliability and origin of the runs",
+        (table("reliability", "Reliability", reliability_table), origin_table),
+    ),
+)

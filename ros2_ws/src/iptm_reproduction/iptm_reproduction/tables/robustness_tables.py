@@ -1,0 +1,183 @@
+"""Which conclusions hold under imperfect previews and for other values of what the paper omits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from iptm_core.metrics.figures import Figure
+from iptm_reproduction.check import graded
+from iptm_reproduction.document import Cell, Table
+from iptm_reproduction.figures import (
+    CELLS,
+    COOLING,
+    DASH,
+    DEGRADATION,
+    FALLBACKS,
+    GAP_VIOLATIONS,
+    INCONSISTENCY,
+    SMALLEST_MARGIN,
+    SOFT_VIOLATIONS,
+    TABLE_FIGURES,
+    TOTAL,
+    TRACTION,
+)
+from iptm_reproduction.runs import WEIGHTED, Results, controller_name, words
+from iptm_reproduction.tables.cells import change_cells, figure_cells
+
+_MARKS = (SMALLEST_MARGIN, GAP_VIOLATIONS, SOFT_VIOLATIONS, FALLBACKS)
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """A comparison that should hold whatever varies.
+
+    Attributes:
+        text: what it says.
+        better: controller with the lower figures.
+        worse: controller with the higher ones.
+        figures: what is compared; all must be lower.
+    """
+
+    text: str
+    better: str
+    worse: str
+    figures: tuple[Figure, ...]
+
+    def holds(self, results: Results, study: str, variation: str) -> bool | None:
+        """Return whether it holds for a variation; None where a run is missing."""
+        pairs = [
+            tuple(
+                results.find(f"{study}/{variation}/{controller}", figure)
+                for controller in (self.better, self.worse)
+            )
+            for figure in self.figures
+        ]
+        known = [(low, high) for low, high in pairs if low is not None and high is not None]
+        return all(low < high for low, high in known) if len(known) == len(pairs) else None
+
+
+_COMMON = (
+    *(
+        Conclusion(f"Aging (proposed) {text} than Reference", "aging", "reference", figures)
+        for text, figures in (
+            ("takes less cooling energy", (COOLING,)),
+            ("takes less traction energy", (TRACTION,)),
+            ("takes less total energy", (TOTAL,)),
+            ("degrades both cells less", CELLS),
+            ("degrades them more evenly", (INCONSISTENCY,)),
+        )
+    ),
+    Conclusion(
+        "Aging, MH 3+5 degrades the cells less than Aging on SH 15",
+        "multi_horizon",
+        "aging",
+        (DEGRADATION,),
+    ),
+)
+CONCLUSIONS = {
+    "imperfect_previews": (
+        *_COMMON,
+        *(
+            Conclusion(
+                f"Aging (proposed) degrades the cells less than {controller_name(other)}",
+                "aging",
+                other,
+                (DEGRADATION,),
+            )
+            for other in WEIGHTED
+        ),
+    ),
+    "omitted_parameters": _COMMON,
+}
+"""What is checked in each of both studies."""
+
+
+def _variations(results: Results, study: str) -> list[str]:
+    """Return what varies in a study of two labels, in its order."""
+    return list(dict.fromkeys(run.address.split("/")[1] for run in results.study(study)))
+
+
+def _outcomes(results: Results, study: str) -> dict[Conclusion, dict[str, bool | None]]:
+    """Return whether each conclusion holds by what varies, but for those that no run can say."""
+    names = _variations(results, study)
+    table = {
+        conclusion: {name: conclusion.holds(results, study, name) for name in names}
+        for conclusion in CONCLUSIONS[study]
+    }
+    return {
+        conclusion: marks
+        for conclusion, marks in table.items()
+        if any(mark is not None for mark in marks.values())
+    }
+
+
+def conclusion_table(results: Results, study: str, title: str) -> Table:
+    """Return conclusions as rows, variations as columns."""
+    rows = []
+    for conclusion, marks in _outcomes(results, study).items():
+        known = [mark for mark in marks.values() if mark is not None]
+        rows.append(
+            (
+                Cell(conclusion.text),
+                *map(_mark_cell, marks.values()),
+                Cell(f"{sum(known)} of {len(known)}"),
+            )
+        )
+    return Table(
+        f"conclusions-{study.replace('_', '-')}",
+        title,
+        ("conclusion", *map(words, _variations(results, study)), "holds in"),
+        tuple(rows),
+    )
+
+
+def _mark_cell(holds: bool | None) -> Cell:  # noqa: FBT001
+    return Cell(DASH) if holds is None else Cell("yes" if holds else "no", graded(holds))
+
+
+def summary_text(results: Results, study: str) -> str:
+    """Return which conclusions hold throughout and which do not, in words."""
+    throughout, others = [], []
+    for conclusion, marks in _outcomes(results, study).items():
+        failing = [words(name) for name, mark in marks.items() if mark is False]
+        if failing:
+            others.append(f"{conclusion.text} (not with: {', '.join(failing)})")
+        else:
+            throughout.append(conclusion.text)
+    sentences = []
+    if throughout:
+        sentences.append(f"Hold in every case that was run: {'; '.join(throughout)}.")
+    if others:
+        sentences.append(f"Depend on the case: {'; '.join(others)}.")
+    return " ".join(sentences) or "Nothing to conclude from yet."
+
+
+def variation_table(results: Results, study: str, title: str, base: str | None = None) -> Table:
+    """Return every run of a study, its changes against the reference.
+
+    Args:
+        results: the runs.
+        study: a study of two labels, the second one being the controller.
+        title: heading.
+        base: address of one reference for all; None for the reference of the same variation.
+    """
+    shown = (*TABLE_FIGURES, DEGRADATION)
+    rows = []
+    for run in results.study(study):
+        _, variation, controller = run.address.split("/")
+        reference = base or f"{study}/{variation}/reference"
+        rows.append(
+            (
+                Cell(words(variation)),
+                Cell(controller_name(controller), strong=run.address == reference),
+                *change_cells(results, run.address, reference, shown),
+                *figure_cells(results, run.address, _MARKS),
+            )
+        )
+    return Table(
+        study.replace("_", "-"),
+        title,
+        ("case", "controller", *(figure.title for figure in (*shown, *_MARKS))),
+        tuple(rows),
+        note="The reference has figures, the others their change against it.",
+    )

@@ -1,0 +1,242 @@
+"""Checks on whole trips and what they read off a trajectory, against trips made by hand."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import build_route
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_reproduction.check import Check, Finding, Verdict
+from iptm_reproduction.checks.aging_model import aging_exponential, aging_falls
+from iptm_reproduction.checks.powers import (
+    cools_off_peak,
+    lower_peaks,
+    power_regions,
+    traction_dominates,
+)
+from iptm_reproduction.checks.temperatures import (
+    cooled_before_demand,
+    heats_in_demand,
+    last_cell_falls_slower,
+    settles_near,
+)
+from iptm_reproduction.payback import cooling_payback
+from iptm_reproduction.quantities import (
+    PowerRegions,
+    busiest_window,
+    share_while_braking,
+    thinned,
+    time_to_fall_s,
+)
+from iptm_reproduction.runs import PROPOSED, REFERENCE, ReportRun, Results
+
+REPRODUCED, SIGN_ONLY, NOT, _ = Verdict
+PARAMETERS = load_parameters().values
+ROUTE = build_route("us06", initial_gap_m=15.0, duration_s=60.0)
+
+
+def trip(**columns: Any) -> Trajectory:
+    """A trip whose columns are constant but for those given; the latter set its length."""
+    rows = max((np.size(values) for values in columns.values()), default=11)
+    level = dict.fromkeys(TRAJECTORY_COLUMNS, 0.0) | {
+        "cell_1_temperature_k": 303.15,
+        "cell_n_temperature_k": 303.15,
+        "coolant_inlet_temperature_k": 298.15,
+        "coolant_outlet_temperature_k": 300.15,
+        "cell_1_capacity_loss": 1e-3,
+        "cell_n_capacity_loss": 1e-3,
+        "leader_position_m": 50.0,
+    }
+    arrays = {name: np.full(rows, value) for name, value in level.items()}
+    arrays["time_s"] = np.arange(float(rows))
+    return Trajectory.from_arrays({**arrays, **columns})
+
+
+def run(address: str, trajectory: Trajectory, **values: float) -> ReportRun:
+    return ReportRun(address, values, PARAMETERS, ROUTE, STRATEGIES["aging"], lambda: trajectory)
+
+
+def found(check: Check, **trips: Trajectory) -> Finding:
+    assert "eproduced" in check.rule
+    finding = check.apply(Results(run(f"strategies/{name}", trip) for name, trip in trips.items()))
+    assert finding.found
+    return finding
+
+
+def drawing(power_kw: Any) -> Trajectory:
+    """A trip with the given battery power in kW; row 0 ends no interval."""
+    return trip(battery_power_w=np.concatenate([[0.0], 1e3 * np.asarray(power_kw, dtype=float)]))
+
+
+def test_power_regions_hold_their_share_of_time() -> None:
+    reference = drawing(np.arange(1.0, 101.0))
+    regions = PowerRegions.of_reference(reference)
+    assert (regions.low_kw, regions.high_kw) == pytest.approx((50.5, 90.1))
+    assert regions.shares(reference) == pytest.approx((0.5, 0.4, 0.1))
+    assert regions.shares(drawing(np.full(100, 2.0))) == pytest.approx((1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("power_kw", "expected"),
+    # 60 kW: less time at high power, but none at low power.
+    [(2.0, REPRODUCED), (60.0, SIGN_ONLY), (95.0, NOT)],
+)
+def test_power_regions(power_kw: float, expected: Verdict) -> None:
+    check = power_regions(PROPOSED, (REFERENCE,), REFERENCE)
+    reference = drawing(np.arange(1.0, 101.0))
+    finding = found(check, reference=reference, aging=drawing(np.full(100, power_kw)))
+    assert finding.verdict is expected
+
+
+@pytest.mark.parametrize(("peak_kw", "expected"), [(5.0, REPRODUCED), (9.0, NOT)])
+def test_lower_peaks(peak_kw: float, expected: Verdict) -> None:
+    check = lower_peaks(PROPOSED, (REFERENCE,), percentile=99.0)
+    finding = found(check, reference=drawing([1.0, 9.0]), aging=drawing([1.0, peak_kw]))
+    assert finding.verdict is expected
+
+
+@pytest.mark.parametrize(
+    ("compressor", "expected"), [(900.0, REPRODUCED), (3000.0, SIGN_ONLY), (9000.0, NOT)]
+)
+def test_traction_dominates(compressor: float, expected: Verdict) -> None:
+    check = traction_dominates(PROPOSED, factor=5.0)
+    power = np.tile([-6000.0, 6000.0], 6)
+    trajectory = trip(
+        traction_power_w=power,
+        compressor_power_w=np.full(12, compressor),
+        auxiliary_power_w=np.full(12, 100.0),
+    )
+    assert found(check, aging=trajectory).verdict is expected
+
+
+@pytest.mark.parametrize(
+    ("at_low", "at_high", "braking", "expected"),
+    [(500.0, 0.0, 600.0, REPRODUCED), (500.0, 100.0, 50.0, SIGN_ONLY), (0.0, 500.0, 0.0, NOT)],
+)
+def test_cooling_off_peak(at_low: float, at_high: float, braking: float, expected: Verdict) -> None:
+    check = cools_off_peak(PROPOSED)
+    traction = np.concatenate([[0.0], np.full(20, -1e3), np.full(60, 1e3), np.full(20, 2e4)])
+    traction[-5:] = 3e4
+    compressor = np.select([traction < 0.0, traction >= 2e4], [braking, at_high], default=at_low)
+    trajectory = trip(traction_power_w=traction, compressor_power_w=compressor)
+    assert found(check, aging=trajectory).verdict is expected
+
+
+def warm(cell_1_c: Any, cell_n_c: Any, traction_w: Any = 0.0) -> Trajectory:
+    return trip(
+        cell_1_temperature_k=np.asarray(cell_1_c, dtype=float) + 273.15,
+        cell_n_temperature_k=np.asarray(cell_n_c, dtype=float) + 273.15,
+        traction_power_w=np.broadcast_to(traction_w, np.shape(cell_1_c)).astype(float),
+    )
+
+
+@pytest.mark.parametrize(
+    ("end_c", "expected"), [(31.0, REPRODUCED), (33.5, SIGN_ONLY), (36.0, NOT), (27.0, NOT)]
+)
+def test_settling_temperature(end_c: float, expected: Verdict) -> None:
+    check = settles_near(PROPOSED, printed_c=30.0, tolerance_k=2.0, last_share=0.5)
+    values = np.concatenate([np.full(10, 35.0), np.full(10, end_c)])
+    assert found(check, aging=warm(values, values)).verdict is expected
+
+
+def test_last_cell_falls_slower() -> None:
+    check = last_cell_falls_slower(REFERENCE, share=0.63)
+    times = np.arange(100.0)
+    quick, slow = 25.0 + 10.0 * np.exp(-times / 5.0), 25.0 + 10.0 * np.exp(-times / 20.0)
+    finding = found(check, reference=warm(quick, slow))
+    assert (finding.verdict, finding.found) == (REPRODUCED, "cell 1 5 s, cell N 20 s")
+    assert found(check, reference=warm(slow, quick)).verdict is NOT
+
+
+@pytest.mark.parametrize(
+    ("after_c", "expected"), [(33.0, REPRODUCED), (30.2, SIGN_ONLY), (29.0, NOT)]
+)
+def test_demand_heats_the_pack(after_c: float, expected: Verdict) -> None:
+    check = heats_in_demand((PROPOSED,), length_s=10.0, least_rise_k=1.0)
+    demand = np.zeros(40)
+    demand[21:31] = 1e4
+    values = np.interp(np.arange(40.0), [0.0, 20.0, 30.0, 39.0], [35.0, 30.0, after_c, 28.0])
+    finding = found(check, aging=warm(values, values, demand))
+    assert finding.verdict is expected
+    assert "from 20 s on" in finding.found
+
+
+@pytest.mark.parametrize(
+    ("before_c", "expected"), [(30.0, REPRODUCED), (34.0, SIGN_ONLY), (35.0, NOT)]
+)
+def test_pack_is_cooled_before_demand(before_c: float, expected: Verdict) -> None:
+    check = cooled_before_demand((PROPOSED,), length_s=10.0, least_drop_k=2.0)
+    demand = np.zeros(40)
+    demand[21:31] = 1e4
+    values = np.interp(np.arange(40.0), [0.0, 20.0], [35.0, before_c])
+    assert found(check, aging=warm(values, values, demand)).verdict is expected
+
+
+def test_aging_model_is_as_the_paper_says() -> None:
+    assert found(aging_falls()).verdict is REPRODUCED
+    assert found(aging_exponential(temperature_c=30.0, least_excess=0.5)).verdict is REPRODUCED
+    # Doubling the current does not multiply the loss by 20.
+    assert found(aging_exponential(temperature_c=30.0, least_excess=9.0)).verdict is SIGN_ONLY
+
+
+def test_busiest_window_is_found_wherever_it_lies() -> None:
+    power = np.zeros(100)
+    power[41:51] = 5.0
+    power[80] = 7.0
+    window = busiest_window(trip(traction_power_w=power), 10.0)
+    assert (window.start_row, window.end_row) == (40, 50)
+    whole = busiest_window(trip(traction_power_w=power), 1000.0)
+    assert (whole.start_row, whole.end_row) == (0, 99)
+
+
+def test_helpers_of_quantities() -> None:
+    times = np.arange(5.0)
+    assert time_to_fall_s(times, np.array([10.0, 8.0, 6.0, 2.0, 0.0]), 0.5) == 3.0
+    shown, means = thinned(trip(battery_power_w=np.arange(12.0)), np.arange(12.0), 4)
+    assert shown.tolist() == [1.0, 4.0, 7.0, 10.0]
+    assert means.tolist() == [1.0, 4.0, 7.0, 10.0]
+
+
+def test_cooling_pays_after_the_time_worked_out_by_hand() -> None:
+    """At constant power, without resistance and entropy, the derivatives have a closed form."""
+    parameters = load_parameters(
+        overrides={
+            "cell.nominal_resistance_ohm": 1e-5,
+            "cell.resistance_temperature_coefficient_1_k": 0.0,
+            "cell.entropic_coefficient_v_k": 0.0,
+        }
+    ).values
+    power_w, cop = 10_000.0, 2.0
+    trajectory = trip(battery_power_w=np.full(20, power_w))
+    record = replace(run(PROPOSED, trajectory, mean_cop=cop), parameters=parameters)
+    payback = cooling_payback(record, (50.0,))
+    assert payback is not None
+    aging, cell, pack = parameters.aging, parameters.cell, parameters.pack
+    current = power_w / (pack.open_circuit_voltage_v * pack.parallel)
+    scale = aging.throughput_exponent * aging.gas_constant_j_mol_k * 303.15
+    rate = current / cell.nominal_capacity_ah
+    per_ampere = 1.0 / current + aging.compensation_factor_j_mol / (
+        cell.nominal_capacity_ah * scale
+    )
+    per_kelvin = (aging.activation_energy_j_mol - aging.compensation_factor_j_mol * rate) / (
+        scale * 303.15
+    )
+    per_watt = per_ampere / (pack.open_circuit_voltage_v * pack.parallel)
+    kelvin_per_joule = cop / (16 * 228 * cell.heat_capacity_j_k)
+    assert payback.times_s[power_w] == pytest.approx(
+        per_watt / (per_kelvin * kelvin_per_joule), rel=1e-3
+    )
+    assert payback.cooling_k_kj == pytest.approx(1e3 * kelvin_per_joule)
+    assert payback.aging_per_kelvin == pytest.approx(per_kelvin, rel=1e-3)
+
+
+def test_cooling_that_never_ran_pays_never() -> None:
+    assert cooling_payback(run(PROPOSED, trip()), (50.0,)) is None
+    assert share_while_braking(trip()) is None
+    power = np.array([0.0, 100.0, 300.0])
+    trajectory = trip(compressor_power_w=power, traction_power_w=np.array([0.0, 5.0, -5.0]))
+    assert share_while_braking(trajectory) == pytest.approx(0.75)
