@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
 
+from iptm_controller.ocp.compilation import CACHE_VARIABLE
 from iptm_core.state import IntervalPowers, LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.codecs import (
@@ -23,6 +25,15 @@ from iptm_interfaces.topics import Topic
 # The same examples in every run, and no deadline: a busy machine must not fail a test.
 settings.register_profile("iptm", deadline=None, derandomize=True)
 settings.load_profile("iptm")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compile_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Keep compiled problems out of the user's cache, and share them between the tests."""
+    folder = tmp_path_factory.mktemp("compiled")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(CACHE_VARIABLE, str(folder))
+        yield folder
 
 
 @pytest.fixture

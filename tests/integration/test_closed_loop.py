@@ -169,7 +169,7 @@ def test_real_time_in_a_namespace_without_recording(start: Start, tmp_path: Path
     assert sorted(path.name for path in output.iterdir()) == ["logs", "results.json"]
     results = json.loads((output / "results.json").read_text(encoding="utf-8"))
     assert results["metrics"]["duration_s"] == 40.0
-    assert results["live_equals_bag"] is None
+    assert results["bag_messages"] is None
     # Two seconds of wall time at least: the wall clock set the pace.
     assert results["wall_time_s"] > 1.9
 

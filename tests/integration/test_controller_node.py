@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import signal
-from collections.abc import Iterator
 from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
 import pytest
 
-from iptm_controller.controller import Controller, Decision, Measurements
+from iptm_controller.controller import Controller, Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import plan_trajectory
@@ -36,19 +36,11 @@ from iptm_interfaces.codecs import (
     ns_from_time,
 )
 from iptm_interfaces.diagnostics import Level, find_status, level_of, status_values
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import STATE_TOPICS, Topic
 
 MODULE = "iptm_controller.node"
 S = 1_000_000_000
 ROAD = SlopePreview(np.arange(0.0, 3000.0, 10.0), 0.04 * np.sin(np.arange(300) / 9.0))
-STATE = (
-    Topic.PLANT_ODOMETRY,
-    Topic.PLANT_ACCELERATION,
-    Topic.PLANT_CELL_1_TEMPERATURE,
-    Topic.PLANT_CELL_N_TEMPERATURE,
-    Topic.PLANT_POWERS,
-    Topic.PLANT_CAPACITY_LOSS,
-)
 LINK = (Topic.LEADER, Topic.LEADER_PREVIEW)
 ANSWERS = (
     Topic.COMMAND,
@@ -59,13 +51,6 @@ ANSWERS = (
 )
 SMALL: dict[str, object] = {"horizon": "2x1+2x5", "input_timeout_s": 60.0}
 """A small problem, and no time limit that a busy machine could break; tests of the limit set their own."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compile_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("IPTM_CACHE_DIR", str(tmp_path_factory.mktemp("compiled")))
-        yield
 
 
 def tick_messages(
@@ -110,15 +95,12 @@ class World:
     def __init__(self, peer: Any) -> None:
         self.peer = peer
         self.heard: dict[Topic, list[Any]] = {topic: [] for topic in (*ANSWERS, Topic.DIAGNOSTICS)}
-        self.order: list[Topic] = []
         node = peer.node
-        self.publishers = {topic: node.advertise(topic) for topic in (*STATE, *LINK, Topic.SLOPE)}
+        self.publishers = {
+            topic: node.advertise(topic) for topic in (*STATE_TOPICS, *LINK, Topic.SLOPE)
+        }
         for topic in self.heard:
-            node.listen(topic, lambda message, topic=topic: self._on(topic, message))
-
-    def _on(self, topic: Topic, message: Any) -> None:
-        self.heard[topic].append(message)
-        self.order.append(topic)
+            node.listen(topic, self.heard[topic].append)
 
     def wait_for_controller(self) -> None:
         self.peer.wait_until(
@@ -148,8 +130,8 @@ class World:
         self.peer.wait_until(found, what=f"the answer to {time_s} s")
         return found()[0]
 
-    def wait_for_report(self, time_s: float) -> Any:
-        """Wait for the report on the command of a stamp and return it."""
+    def wait_for_record(self, time_s: float) -> Any:
+        """Wait for the record of the decision of a stamp and return it."""
         stamp_ns = round(time_s * S)
 
         def found() -> list[Any]:
@@ -159,8 +141,14 @@ class World:
                 if ns_from_time(message.header.stamp) == stamp_ns
             ]
 
-        self.peer.wait_until(found, what=f"the report on {time_s} s")
+        self.peer.wait_until(found, what=f"the record of {time_s} s")
         return found()[-1]
+
+    def wait_for_reports(self, number: int) -> None:
+        heard = len(self.heard[Topic.DIAGNOSTICS])
+        self.peer.wait_until(
+            lambda: len(self.heard[Topic.DIAGNOSTICS]) >= heard + number, what="further reports"
+        )
 
     def situations(self) -> list[tuple[Level, str]]:
         found = [find_status(message, "/controller") for message in self.heard[Topic.DIAGNOSTICS]]
@@ -189,21 +177,35 @@ def start(launcher: Any, world: World, **parameters: object) -> Any:
     return process
 
 
+def stop_twice(process: Any, number: signal.Signals) -> None:
+    """Users press Ctrl-C twice."""
+    process.send(number)
+    process.send(number)
+    assert process.wait() == 0
+    assert "Traceback" not in process.stderr
+
+
 def pure_controller() -> Controller:
     return ControllerNodeParameters(horizon=str(SMALL["horizon"])).build_controller()
 
 
 def test_answers_every_tick_as_the_pure_controller_would(launcher: Any, world: World) -> None:
     process = start(launcher, world)
+    # The road comes once, and maybe after the first state: it is not taken for flat too soon.
+    world.publish(tick_messages(0.0))
+    world.wait_for_reports(2)
+    assert not world.heard[Topic.COMMAND]
     world.tell_road()
     pure = pure_controller()
-    decision: Decision | None = None
-    for tick in range(12):
+    decision = pure.decide(as_measured(tick_messages(0.0)))
+    assert world.wait_for_answer(0.0) == decision.command
+    for tick in range(1, 12):
         messages = tick_messages(float(tick), leader_acceleration_m_s2=0.1 * (tick - 6))
-        world.publish(messages)
+        # The order of arrival does not matter: all at once, the link first, the odometry last.
+        first = ([], LINK, STATE_TOPICS[1:])[tick % 3]
+        world.publish(messages, *first, *(topic for topic in messages if topic not in first))
         decision = pure.decide(as_measured(messages))
         assert world.wait_for_answer(float(tick)) == decision.command
-    assert decision is not None
     assert decision.plan is not None
     assert decision.result is not None
     world.peer.wait_until(
@@ -215,44 +217,17 @@ def test_answers_every_tick_as_the_pure_controller_would(launcher: Any, world: W
     for name, values in vars(expected).items():
         np.testing.assert_allclose(getattr(plan, name), values, rtol=0.0, atol=1e-9, err_msg=name)
     assert plan.times_s.size == Horizon.parse(str(SMALL["horizon"])).steps + 1
-    report = world.wait_for_report(11.0)
-    assert report.rung == Rung.OPTIMAL
-    assert report.objective == decision.result.objective
-    assert report.iterations == decision.result.iterations
+    record = world.wait_for_record(11.0)
+    assert record.rung == Rung.OPTIMAL
+    assert record.objective == decision.result.objective
+    assert record.iterations == decision.result.iterations
     acceleration = world.heard[Topic.ACCELERATION_COMMAND][-1].data
     power = world.heard[Topic.COMPRESSOR_POWER_COMMAND][-1].data
     assert acceleration == decision.command.acceleration_m_s2
     assert power == decision.command.compressor_power_w
     world.wait_for_details(ticks_optimal="12", rung="optimal", preview="full")
     assert world.details()["machine_code"] == str(pure.backend.compiled).lower()
-    assert process.stop(signal.SIGINT) == 0
-    assert "Traceback" not in process.stderr
-
-
-@pytest.mark.parametrize("order", ["link first", "odometry last"])
-def test_order_of_arrival_does_not_matter(launcher: Any, world: World, order: str) -> None:
-    start(launcher, world)
-    world.tell_road()
-    messages = tick_messages(0.0)
-    topics = [*LINK, *STATE] if order == "link first" else [*reversed(STATE), *LINK]
-    world.publish(messages, *topics[1:], topics[0])
-    expected = pure_controller().decide(as_measured(messages)).command
-    assert world.wait_for_answer(0.0) == expected
-
-
-def test_waits_for_the_road_before_its_first_answer(launcher: Any, world: World) -> None:
-    """The road comes once, and maybe after the first state: it is not taken for flat too soon."""
-    start(launcher, world)
-    messages = tick_messages(0.0)
-    world.publish(messages)
-    heard = len(world.heard[Topic.DIAGNOSTICS])
-    world.peer.wait_until(
-        lambda: len(world.heard[Topic.DIAGNOSTICS]) >= heard + 2, what="two more reports"
-    )
-    assert not world.heard[Topic.COMMAND]
-    world.tell_road()
-    expected = pure_controller().decide(as_measured(messages)).command
-    assert world.wait_for_answer(0.0) == expected
+    stop_twice(process, signal.SIGINT)
 
 
 def test_a_malformed_road_is_taken_as_flat_and_reported(launcher: Any, world: World) -> None:
@@ -271,92 +246,59 @@ def test_a_malformed_road_is_taken_as_flat_and_reported(launcher: Any, world: Wo
     )
 
 
-def test_a_missing_leader_is_answered_when_the_time_is_up(launcher: Any, world: World) -> None:
+def test_what_does_not_arrive_is_named_and_done_without(launcher: Any, world: World) -> None:
+    """Ticks of one trip, each with something missing, answered when the time is up."""
     start(launcher, world, input_timeout_s=0.5)
     world.tell_road()
-    messages = tick_messages(0.0)
-    world.publish(messages, *STATE)
-    command = world.wait_for_answer(0.0)
-    assert command.acceleration_m_s2 <= 0.1
-    report = world.wait_for_report(0.0)
-    assert report.rung == Rung.STOP
-    assert report.status is SolveStatus.NOT_POSED
-    assert math.isnan(report.objective)
-    world.wait_for_details(reason="no measurement of the leader received", solves_not_posed="1")
-    # The next complete tick is an ordinary one.
-    following = tick_messages(1.0)
-    world.publish(following)
-    world.wait_for_answer(1.0)
-    world.wait_for_details(rung="optimal", reason="none")
+    pure = pure_controller()
 
+    def tick(time_s: float, *topics: Topic, **left_out: Any) -> None:
+        """Publish some topics of a tick; the answer is that of the pure controller without the rest."""
+        messages = tick_messages(time_s)
+        world.publish(messages, *topics)
+        measured = replace(as_measured(messages), **left_out)
+        assert world.wait_for_answer(time_s) == pure.decide(measured).command
 
-def test_a_missing_part_of_the_state_is_named(launcher: Any, world: World) -> None:
-    start(launcher, world, input_timeout_s=0.5)
-    world.tell_road()
-    messages = tick_messages(0.0)
-    world.publish(messages, *STATE[:3], *LINK)
-    command = world.wait_for_answer(0.0)
-    assert vars(command) == {"acceleration_m_s2": 0.0, "compressor_power_w": 0.0}
-    world.wait_for_details(reason="no cell_n_temperature, powers, capacity_loss received")
+    nothing = empty_leader_preview()
+    no_leader = "no measurement of the leader received"
+    tick(0.0, *STATE_TOPICS, leader=None, preview=nothing, fault=no_leader)
+    record = world.wait_for_record(0.0)
+    assert record.rung == Rung.STOP
+    assert record.status == SolveStatus.NOT_POSED
+    assert math.isnan(record.objective)
+    world.wait_for_details(reason=no_leader, solves_not_posed="1")
 
+    absent = ", ".join(topic.value for topic in STATE_TOPICS[3:])
+    no_state = f"no {absent} received"
+    tick(1.0, *STATE_TOPICS[:3], Topic.LEADER, state=None, preview=nothing, fault=no_state)
+    world.wait_for_details(reason=no_state)
 
-def test_a_missing_preview_is_no_reason_to_stop_optimising(launcher: Any, world: World) -> None:
-    start(launcher, world, input_timeout_s=0.5)
-    world.tell_road()
-    messages = tick_messages(0.0)
-    world.publish(messages, *STATE, Topic.LEADER)
-    measured = replace(as_measured(messages), preview=empty_leader_preview())
-    assert world.wait_for_answer(0.0) == pure_controller().decide(measured).command
+    # A missing preview is no reason to stop optimising, nor is a malformed one.
+    tick(2.0, *STATE_TOPICS, Topic.LEADER, preview=nothing)
     world.wait_for_details(rung="optimal", preview="missing", preview_age_s="nan")
+    messages = tick_messages(3.0)
+    messages[Topic.LEADER_PREVIEW].points[3].velocities = [-1.0]
+    world.publish(messages)
+    world.wait_for_answer(3.0)
+    world.wait_for_details(rung="optimal", preview="missing")
+
+    # There is no tick to answer without a state; what the bridge says before it is not thrown away.
+    world.publish(tick_messages(4.0), *LINK)
+    world.wait_for_reports(2)
+    assert len(world.heard[Topic.COMMAND]) == 4
+    world.publish(tick_messages(4.0), *STATE_TOPICS)
+    world.wait_for_answer(4.0)
+    world.wait_for_details(rung="optimal", reason="none", preview="full")
 
 
-def test_a_leader_ahead_of_its_state_is_kept(launcher: Any, world: World) -> None:
-    """There is no tick to answer without a state; what the bridge said before is not thrown away."""
-    start(launcher, world, input_timeout_s=0.05)
-    world.tell_road()
-    messages = tick_messages(0.0)
-    world.publish(messages, *LINK)
-    heard = len(world.heard[Topic.DIAGNOSTICS])
-    world.peer.wait_until(
-        lambda: len(world.heard[Topic.DIAGNOSTICS]) >= heard + 2, what="two more reports"
-    )
-    assert not world.heard[Topic.COMMAND]
-    world.publish(messages, *STATE)
-    world.wait_for_answer(0.0)
-
-
-def nan_speed(messages: dict[Topic, Any]) -> None:
-    messages[Topic.PLANT_ODOMETRY].twist.twist.linear.x = math.nan
-
-
-def nan_temperature(messages: dict[Topic, Any]) -> None:
-    messages[Topic.PLANT_CELL_1_TEMPERATURE].temperature = math.nan
-
-
-def wrong_names(messages: dict[Topic, Any]) -> None:
-    messages[Topic.PLANT_POWERS].name = ["a", "b", "c", "d", "e"]
-
-
-def negative_loss(messages: dict[Topic, Any]) -> None:
-    messages[Topic.PLANT_CAPACITY_LOSS].position[0] = -0.1
-
-
-def hot_cell(messages: dict[Topic, Any]) -> None:
-    messages[Topic.PLANT_CELL_N_TEMPERATURE].temperature = 150.0
-
-
-def nan_leader(messages: dict[Topic, Any]) -> None:
-    messages[Topic.LEADER].pose.pose.position.x = math.nan
-
-
-MALFORMED = {
-    nan_speed: ("plant/odometry", Rung.STOP),
-    nan_temperature: ("plant/cell_1_temperature", Rung.STOP),
-    wrong_names: ("plant/powers", Rung.STOP),
-    negative_loss: ("plant/capacity_loss", Rung.STOP),
-    hot_cell: ("measured cell_n_temperature_k", Rung.STOP),
-    nan_leader: ("v2x/leader", Rung.SHIFTED_PLAN),
-}
+MALFORMED: list[tuple[Topic, str, object, str, Rung]] = [
+    (Topic.PLANT_ODOMETRY, "twist.twist.linear.x", math.nan, "plant/odometry", Rung.STOP),
+    (Topic.PLANT_CELL_1_TEMPERATURE, "temperature", math.nan, "cell_1_temperature", Rung.STOP),
+    (Topic.PLANT_POWERS, "name", ["a", "b", "c", "d", "e"], "plant/powers", Rung.STOP),
+    (Topic.PLANT_CAPACITY_LOSS, "position", [-0.1, 1e-3], "plant/capacity_loss", Rung.STOP),
+    (Topic.PLANT_CELL_N_TEMPERATURE, "temperature", 150.0, "cell_n_temperature_k", Rung.STOP),
+    (Topic.LEADER, "pose.pose.position.x", math.nan, "v2x/leader", Rung.SHIFTED_PLAN),
+]
 
 
 def test_malformed_messages_are_answered_and_named_and_forgotten(
@@ -364,64 +306,35 @@ def test_malformed_messages_are_answered_and_named_and_forgotten(
 ) -> None:
     process = start(launcher, world)
     world.tell_road()
-    time_s = 0.0
-    for spoil, (complaint, rung) in MALFORMED.items():
+    for row, (topic, field, value, complaint, rung) in enumerate(MALFORMED):
+        time_s = 2.0 * row
         world.publish(tick_messages(time_s))
         world.wait_for_answer(time_s)
-        assert world.wait_for_report(time_s).rung == Rung.OPTIMAL
+        assert world.wait_for_record(time_s).rung == Rung.OPTIMAL
         messages = tick_messages(time_s + 1.0)
-        spoil(messages)
+        *parents, name = field.split(".")
+        setattr(reduce(getattr, parents, messages[topic]), name, value)
         world.publish(messages)
         command = world.wait_for_answer(time_s + 1.0)
         assert math.isfinite(command.acceleration_m_s2)
-        assert world.wait_for_report(time_s + 1.0).rung == rung, spoil.__name__
+        assert world.wait_for_record(time_s + 1.0).rung == rung, complaint
         world.peer.wait_until(
             lambda complaint=complaint: complaint in world.details().get("reason", ""),
             what=f"'{complaint}' in the diagnostics",
         )
-        time_s += 2.0
     assert process.is_running
     assert "Traceback" not in process.stderr
 
 
-def test_a_malformed_preview_is_replaced_when_the_time_is_up(launcher: Any, world: World) -> None:
-    start(launcher, world, input_timeout_s=0.5)
+def test_new_trips_and_repeated_messages(launcher: Any, world: World) -> None:
+    """A new trip is answered by the same process; what comes late or again is counted, not answered."""
+    process = start(launcher, world)
     world.tell_road()
-    messages = tick_messages(0.0)
-    messages[Topic.LEADER_PREVIEW].points[3].velocities = [-1.0]
-    world.publish(messages)
-    world.wait_for_answer(0.0)
-    world.wait_for_details(rung="optimal", preview="missing")
-
-
-def test_a_new_trip_is_answered_by_the_same_process(launcher: Any, world: World) -> None:
-    start(launcher, world)
-    world.tell_road()
-    for time_s in (500.0, 501.0, 0.0, 1.0):
+    for time_s in (500.0, 501.0, 0.0, 5.0, 6.0):
         world.publish(tick_messages(time_s))
         world.wait_for_answer(time_s)
-        assert world.wait_for_report(time_s).rung == Rung.OPTIMAL
-
-
-def test_late_and_repeated_messages_are_counted_and_not_answered_again(
-    launcher: Any, world: World
-) -> None:
-    start(launcher, world)
-    world.tell_road()
-    for time_s in (5.0, 6.0):
-        world.publish(tick_messages(time_s))
-        world.wait_for_answer(time_s)
+        assert world.wait_for_record(time_s).rung == Rung.OPTIMAL
     world.publish(tick_messages(5.0))
     world.wait_for_details(late_messages="8")
-    assert len(world.heard[Topic.COMMAND]) == 2
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_stops_cleanly_even_when_the_signal_comes_twice(
-    launcher: Any, world: World, number: signal.Signals
-) -> None:
-    process = start(launcher, world)
-    process.send(number)
-    process.send(number)
-    assert process.wait() == 0
-    assert "Traceback" not in process.stderr
+    assert len(world.heard[Topic.COMMAND]) == 5
+    stop_twice(process, signal.SIGTERM)

@@ -13,9 +13,9 @@ import pytest
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
+from iptm_studies.run import perform_run
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import PreviewSpec, RunSpec
-from iptm_studies.single_run import perform_run
 
 TICKS = 120
 RUN_TIMEOUT_S = 240.0

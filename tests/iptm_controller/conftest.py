@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -15,7 +14,6 @@ from iptm_controller.controller import Measurements
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import CACHE_VARIABLE
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.stage import (
     DEFAULT_SMOOTHING,
@@ -43,15 +41,6 @@ HERE_M = 1000.0
 def pytest_configure(config: pytest.Config) -> None:
     """Let ROS's message generator import the parser it brings along, which is a little dated."""
     config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
-
-
-@pytest.fixture(scope="session", autouse=True)
-def compile_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Keep compiled problems out of the user's cache, and share them between the tests."""
-    folder = tmp_path_factory.mktemp("compiled")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(CACHE_VARIABLE, str(folder))
-        yield folder
 
 
 @pytest.fixture(scope="session")

@@ -23,14 +23,13 @@ from iptm_reproduction.rendering import render_html, render_markdown, spaced
 from iptm_reproduction.report import build_report, write_report
 from iptm_studies.campaign import Campaign, plan_campaign
 from iptm_studies.execution import survey
-from iptm_studies.expected_time import ExpectedTimes
+from iptm_studies.run import Run, RunRecord
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind
-from iptm_studies.single_run import FinishedRun, WallTimes, WholeTripRecord, WholeTripSolve
 from iptm_studies.store import ResultStore
-from iptm_studies.stored_run import stored_run
 from iptm_studies.study import ShortTrip
 from iptm_studies.study_loading import available_studies
+from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
 
 PICTURES = 20
 TRIP = ShortTrip(duration_s=200.0)
@@ -65,8 +64,8 @@ def made_trip(inputs: RunInputs, rng: np.random.Generator) -> Trajectory:
     )
 
 
-def made_run(key: str, inputs: RunInputs) -> FinishedRun:
-    rng = np.random.default_rng(int(key[:12], 16))
+def made_run(inputs: RunInputs) -> Run:
+    rng = np.random.default_rng(int(inputs.key[:12], 16))
     whole = inputs.spec.kind is RunKind.WHOLE_TRIP
     times = np.arange(float(inputs.ticks))
     columns = dict.fromkeys(DECISION_COLUMNS, np.zeros(times.size)) | {
@@ -78,12 +77,21 @@ def made_run(key: str, inputs: RunInputs) -> FinishedRun:
         WholeTripSolve("solved", 100, 20.0, 1.5, 1e-6, 30.0),
         WholeTripSolve("solved", 20, 4.0, 1.4, 1e-7, None),
     )
-    return FinishedRun(
+    return Run(
+        key=inputs.key,
+        spec=inputs.spec,
+        parameters=inputs.parameters,
         trajectory=made_trip(inputs, rng),
         decisions=None if whole else DecisionSeries.from_arrays(columns),
         whole_trip=WholeTripRecord(True, solves, 0.0, 0.0, 0.0) if whole else None,
-        wall=WallTimes(0.5, 2.0),
-        compiled=True,
+        record=RunRecord(
+            wall_time_s=2.5,
+            compiled=True,
+            finished_at_utc="2026-01-01T00:00:00+00:00",
+            git_revision="0123456789abcdef",
+            versions={"python": "3.11.0", "casadi": "3.7.0"},
+            fingerprint=inputs.fingerprint,
+        ),
     )
 
 
@@ -91,16 +99,15 @@ def filled(store: ResultStore, names: list[str]) -> None:
     """Store a made run for everything that the studies need."""
     campaign = plan_campaign(names, TRIP)
     while new := campaign.take():
-        for planned in new:
-            finished = made_run(planned.key, planned.inputs)
-            run = stored_run(planned.key, planned.inputs, finished, "2026-01-01T00:00:00+00:00")
+        for inputs in new:
+            run = made_run(inputs)
             store.save(run)
-            campaign.finish(planned.key, run.metrics)
+            campaign.finish(run)
 
 
 def surveyed(store: ResultStore) -> Campaign:
     campaign = plan_campaign(available_studies(), TRIP)
-    survey(campaign, store, ExpectedTimes())
+    survey(campaign, store)
     return campaign
 
 
@@ -116,9 +123,9 @@ def partial_store(tmp_path_factory: pytest.TempPathFactory) -> ResultStore:
     """All strategies, but no other study; and one run that failed."""
     store = ResultStore(tmp_path_factory.mktemp("report") / "results")
     filled(store, ["strategies"])
-    for planned in plan_campaign(["prediction_horizon"], TRIP).take():
-        if planned.key not in store:
-            store.note_failure(planned.key, planned.inputs.spec, "the solver would not build")
+    for inputs in plan_campaign(["prediction_horizon"], TRIP).take():
+        if not store.path_of(inputs.key).is_file():
+            store.note_failure(inputs.key, "the solver would not build")
     return store
 
 
@@ -293,7 +300,7 @@ def test_nothing_stored_is_one_clear_error(tmp_path: Path) -> None:
 def test_small_studies_are_computed_with_their_own_option(tmp_path: Path) -> None:
     store = ResultStore(tmp_path / "results")
     campaign = plan_campaign(["prediction_horizon"], ShortTrip())
-    survey(campaign, store, ExpectedTimes())
+    survey(campaign, store)
     with pytest.raises(ScenarioError, match="scripts/reproduce run --small prediction_horizon"):
         build_report(store, campaign, tmp_path / "docs")
 

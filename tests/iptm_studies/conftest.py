@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +10,14 @@ import pytest
 
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_studies.run_inputs import RunInputs, resolve_inputs, run_key
+from iptm_studies import cli
+from iptm_studies.campaign import Campaign
+from iptm_studies.cluster import ClusterOptions
+from iptm_studies.execution import Observer, admit
+from iptm_studies.run import Run, RunRecord, perform_run
+from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec
-from iptm_studies.single_run import FinishedRun, WallTimes, perform_run
 from iptm_studies.store import ResultStore
-from iptm_studies.stored_run import StoredRun, stored_run
 
 TICKS = 5
 
@@ -32,7 +34,7 @@ def short_inputs(short_spec: RunSpec) -> RunInputs:
 
 
 @pytest.fixture(scope="session")
-def short_run(short_inputs: RunInputs) -> FinishedRun:
+def short_run(short_inputs: RunInputs) -> Run:
     """The real thing."""
     return perform_run(short_inputs)
 
@@ -62,44 +64,55 @@ def _trajectory(rows: int) -> Trajectory:
 def _decisions(ticks: int) -> DecisionSeries:
     return DecisionSeries(
         time_s=np.arange(float(ticks)),
+        objective=np.full(ticks, np.nan),
+        preview_age_s=np.zeros(ticks),
         status=np.array([0, 0, 1, -1, 2][:ticks]),
         rung=np.array([0, 0, 0, 2, 1][:ticks]),
         iterations=np.array([4, 6, 150, 0, 150][:ticks]),
-        solve_time_s=np.array([0.001, 0.002, 0.003, np.nan, 0.004][:ticks]),
+        solve_time_s=np.array([0.001, 0.002, 0.003, 0.0, 0.004][:ticks]),
         gap_slack_m=np.array([0.0, 0.5, 0.25, np.nan, np.nan][:ticks]),
         speed_slack_m_s=np.zeros(ticks),
         temperature_slack_k=np.full(ticks, np.nan),
         limiter_active=np.array([False, True, False, False, True][:ticks]),
-        objective=np.arange(float(ticks)),
-        preview_age_s=np.zeros(ticks),
     )
 
 
 @pytest.fixture(scope="session")
-def made_run() -> FinishedRun:
-    """A run made by hand, with a bit of everything in its decisions."""
-    return FinishedRun(
-        _trajectory(TICKS + 1), _decisions(TICKS), None, WallTimes(0.5, 2.0), compiled=True
-    )
+def make_run() -> Callable[..., Run]:
+    """Give the function that makes up a run of a specification, with a bit of everything in it."""
+
+    def make(inputs: RunInputs, loss_factor: float = 1.0) -> Run:
+        columns = _trajectory(TICKS + 1).to_arrays()
+        for name in ("cell_1_capacity_loss", "cell_n_capacity_loss"):
+            columns[name] = 1e-3 + loss_factor * (columns[name] - 1e-3)
+        return Run(
+            key=inputs.key,
+            spec=inputs.spec,
+            parameters=inputs.parameters,
+            trajectory=Trajectory.from_arrays(columns),
+            decisions=_decisions(TICKS),
+            whole_trip=None,
+            record=RunRecord(
+                wall_time_s=2.5,
+                compiled=True,
+                finished_at_utc="2026-01-01T00:00:00+00:00",
+                git_revision="unknown",
+                versions={"python": "3.11"},
+                fingerprint=inputs.fingerprint,
+            ),
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def made_run(make_run: Callable[..., Run], short_inputs: RunInputs) -> Run:
+    return make_run(short_inputs)
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> ResultStore:
     return ResultStore(tmp_path / "results")
-
-
-@pytest.fixture(scope="session")
-def stored(made_run: FinishedRun) -> Callable[..., StoredRun]:
-    """Give the function that makes a stored run of the hand-made results for a specification."""
-
-    def make(inputs: RunInputs, loss_factor: float = 1.0) -> StoredRun:
-        columns = made_run.trajectory.to_arrays()
-        for name in ("cell_1_capacity_loss", "cell_n_capacity_loss"):
-            columns[name] = 1e-3 + loss_factor * (columns[name] - 1e-3)
-        finished = replace(made_run, trajectory=Trajectory.from_arrays(columns))
-        return stored_run(run_key(inputs), inputs, finished, "2026-01-01T00:00:00+00:00")
-
-    return make
 
 
 STUDY = """
@@ -123,3 +136,30 @@ def study_file(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
+
+
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch, make_run: Callable[..., Run]) -> None:
+    """Runs that are computed here, at once; those of the reference fail."""
+
+    def execute_here(
+        campaign: Campaign, store: ResultStore, options: ClusterOptions, observer: Observer
+    ) -> int:
+        del options
+        missing = admit(campaign, store)
+        found = campaign.finished
+        for inputs in missing:
+            observer.planned(inputs, 1.0)
+            if inputs.spec.strategy.name == "reference":
+                campaign.fail(inputs.key, "it went nowhere")
+                store.note_failure(inputs.key, "it went nowhere")
+                observer.failed(inputs, "it went nowhere")
+                continue
+            run = make_run(inputs)
+            store.save(run)
+            campaign.finish(run)
+            observer.finished(inputs, run)
+        observer.remaining(0.0)
+        return campaign.finished - found
+
+    monkeypatch.setattr(cli, "execute", execute_here)

@@ -7,14 +7,12 @@ from pathlib import Path
 import pytest
 
 from iptm_core.errors import ScenarioError
-from iptm_core.metrics import RunMetrics
 from iptm_core.settings import PreviewMode
 from iptm_studies.campaign import Campaign, CaseState, plan_campaign
-from iptm_studies.run_inputs import RunInputs
-from iptm_studies.stored_run import StoredRun
+from iptm_studies.run import Run
 from iptm_studies.study_loading import read_study
 
-MakeRun = Callable[..., StoredRun]
+MakeRun = Callable[..., Run]
 WriteFile = Callable[..., Path]
 
 WEIGHTS = """
@@ -54,13 +52,8 @@ def campaign(study_file: WriteFile) -> Campaign:
     return Campaign([read_study(study_file(TABLE, "table.yaml"))], [weights])
 
 
-@pytest.fixture
-def metrics_of(stored: MakeRun) -> Callable[[RunInputs, float], RunMetrics]:
-    return lambda inputs, factor: stored(inputs, factor).metrics
-
-
 def states(campaign: Campaign) -> dict[str, CaseState]:
-    return {state.address: state for state in campaign.cases()}
+    return {state.address: state for state in campaign.cases}
 
 
 def test_each_run_once(campaign: Campaign) -> None:
@@ -69,41 +62,36 @@ def test_each_run_once(campaign: Campaign) -> None:
     assert len(runs) == 3
     assert [run.address for run in runs] == ["weights/1", "weights/2", "table/aging"]
     assert campaign.take() == ()
-    assert campaign.unfinished == 3
 
 
-def test_the_best_weights_are_taken(
-    campaign: Campaign, metrics_of: Callable[[RunInputs, float], RunMetrics]
-) -> None:
+def test_the_best_weights_are_taken(campaign: Campaign, make_run: MakeRun) -> None:
     first, second, aging = campaign.take()
-    assert list(campaign.run_estimates()) == ["table/best_without_preview"]
-    campaign.finish(aging.key, metrics_of(aging.inputs, 1.0))
-    campaign.finish(first.key, metrics_of(first.inputs, 3.0))
+    assert [run.address for run in campaign.later_runs()] == ["table/best_without_preview"]
+    campaign.finish(make_run(aging, 1.0))
+    campaign.finish(make_run(first, 3.0))
     assert campaign.take() == ()
-    assert states(campaign)["table/best"].key is None
+    waiting = states(campaign)["table/best"]
+    assert waiting.key is None
     assert "waits" in states(campaign)["table/best"].reason
-    campaign.finish(second.key, metrics_of(second.inputs, 2.0))
+    campaign.finish(make_run(second, 2.0))
     (new,) = campaign.take()
     assert new.address == "table/best_without_preview"
-    assert new.inputs.spec.strategy.aging_weight == 2e7
-    assert new.inputs.spec.preview.preview_mode is PreviewMode.NONE
+    assert new.spec.strategy.aging_weight == 2e7
+    assert new.spec.preview.preview_mode is PreviewMode.NONE
     found = states(campaign)
     assert found["table/best"].key == second.key, "the best run itself, not computed again"
     assert found["table/best"].reason == ""
     assert found["table/best"].metrics is not None
     assert found["table/best_without_preview"].reason == "not computed"
-    assert campaign.unfinished == 1
-    assert campaign.run_estimates() == {}
+    assert campaign.later_runs() == ()
 
 
-def test_a_failed_candidate_is_passed_over(
-    campaign: Campaign, metrics_of: Callable[[RunInputs, float], RunMetrics]
-) -> None:
+def test_a_failed_candidate_is_passed_over(campaign: Campaign, make_run: MakeRun) -> None:
     first, second, _ = campaign.take()
     campaign.fail(second.key, "broke off")
-    campaign.finish(first.key, metrics_of(first.inputs, 3.0))
+    campaign.finish(make_run(first, 3.0))
     (new,) = campaign.take()
-    assert new.inputs.spec.strategy.aging_weight == 1e7
+    assert new.spec.strategy.aging_weight == 1e7
     assert list(campaign.failures.values()) == ["broke off"]
 
 
@@ -112,36 +100,32 @@ def test_without_any_candidate_the_case_is_left_out(campaign: Campaign) -> None:
     campaign.fail(first.key, "a")
     campaign.fail(second.key, "b")
     assert campaign.take() == ()
-    assert set(campaign.hopeless) == {"table/best", "table/best_without_preview"}
+    assert set(campaign.left_out) == {"table/best", "table/best_without_preview"}
     assert "failed" in states(campaign)["table/best"].reason
 
 
-def test_runs_that_break_hard_limits_come_last(
-    campaign: Campaign, stored: MakeRun, metrics_of: Callable[[RunInputs, float], RunMetrics]
-) -> None:
+def test_runs_that_break_hard_limits_come_last(campaign: Campaign, make_run: MakeRun) -> None:
     first, second, _ = campaign.take()
-    broken = stored(first.inputs, 0.1)
+    broken = make_run(first, 0.1)
     columns = broken.trajectory.to_arrays()
     columns["leader_position_m"] = columns["position_m"] - 1.0
     crashed = replace(broken, trajectory=type(broken.trajectory).from_arrays(columns))
-    campaign.finish(first.key, crashed.metrics)
-    campaign.finish(second.key, metrics_of(second.inputs, 2.0))
+    campaign.finish(crashed)
+    campaign.finish(make_run(second, 2.0))
     (new,) = campaign.take()
-    assert new.inputs.spec.strategy.aging_weight == 2e7
+    assert new.spec.strategy.aging_weight == 2e7
 
 
-def test_an_unknown_figure_to_choose_by(
-    study_file: WriteFile, metrics_of: Callable[[RunInputs, float], RunMetrics]
-) -> None:
+def test_an_unknown_figure_to_choose_by(study_file: WriteFile, make_run: MakeRun) -> None:
     table = TABLE.replace("labels: {group: a}}", "labels: {group: a}, lowest: beauty}")
     campaign = Campaign(
         [read_study(study_file(table, "table.yaml"))],
         [read_study(study_file(WEIGHTS, "weights.yaml"))],
     )
     first, second, _ = campaign.take()
-    campaign.finish(first.key, metrics_of(first.inputs, 1.0))
+    campaign.finish(make_run(first, 1.0))
     with pytest.raises(ScenarioError, match="no figure 'beauty'"):
-        campaign.finish(second.key, metrics_of(second.inputs, 1.0))
+        campaign.finish(make_run(second, 1.0))
 
 
 @pytest.mark.parametrize(

@@ -13,56 +13,18 @@ from pathlib import Path
 
 import pytest
 
-from iptm_core.errors import StateError
-from iptm_studies import cli, execution
-from iptm_studies.campaign import Campaign, plan_campaign
+from iptm_studies import cli
+from iptm_studies.campaign import plan_campaign
 from iptm_studies.cli import main
-from iptm_studies.cluster import ClusterOptions
-from iptm_studies.execution import Observer, Outcome
-from iptm_studies.run_spec import RunSpec
 from iptm_studies.store import ResultStore
-from iptm_studies.stored_run import StoredRun
 
 WriteFile = Callable[..., Path]
-MakeRun = Callable[..., StoredRun]
-PATIENCE_S = 120.0
-
-FAILING = """
-title: Fails
-defaults: {cycle: us06, duration_s: 5, horizon: 3x1+5x5}
-cases:
-  - {name: good, run: {strategy: aging}}
-  - {name: bad, run: {strategy: reference}}
+PATIENCE_S = 300.0
+SHORTER_STUDY = """
+title: Another
+defaults: {cycle: us06, duration_s: 6, horizon: 3x1+5x5}
+cases: [{name: aging}]
 """
-
-
-@pytest.fixture
-def at_once(monkeypatch: pytest.MonkeyPatch, stored: MakeRun) -> None:
-    """Runs that are computed here, at once; those of the reference fail."""
-
-    def execute_here(
-        campaign: Campaign, store: ResultStore, options: ClusterOptions, observer: Observer
-    ) -> Outcome:
-        del options
-        missing, found = execution.admit(campaign, store, execution.ExpectedTimes())
-        failed = 0
-        for run in missing:
-            observer.planned(run, 1.0)
-            if run.inputs.spec.strategy.name == "reference":
-                failed += 1
-                cause = str(StateError("it went nowhere"))
-                campaign.fail(run.key, cause)
-                store.note_failure(run.key, run.inputs.spec, cause)
-                observer.failed(run, 1.0, cause)
-                continue
-            result = stored(run.inputs)
-            store.save(result)
-            campaign.finish(run.key, result.metrics)
-            observer.finished(run, 1.0, result)
-        observer.remaining(0.0)
-        return Outcome(len(missing) - failed, found, failed, 90.0)
-
-    monkeypatch.setattr(cli, "execute", execute_here)
 
 
 @pytest.fixture
@@ -81,33 +43,33 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
 def test_run_status_tables_prune(
     study_file: WriteFile, folder: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = str(study_file(FAILING))
+    path = str(study_file())
     assert main(["status", path, "--store", folder, "--verbose"]) == 0
     assert "mini                   0 of   2 cases" in capsys.readouterr().out
 
     assert main(["run", path, "--store", folder]) == cli.EXIT_FAILED_RUNS
     said = capsys.readouterr().err
     assert "1 runs computed, 0 found" in said
-    assert "1 failed, in 1:30 min" in said
-    assert "mini/bad failed: it went nowhere" in said
+    assert "1 failed, in " in said
+    assert "mini/reference failed: it went nowhere" in said
 
     assert main(["status", path, "--store", folder]) == 0
     said = capsys.readouterr().out
     assert "1 of   2 cases" in said
-    assert "bad: it went nowhere" in said
+    assert "reference: it went nowhere" in said
 
     assert main(["tables", path, "--store", folder]) == 0
     (table,) = capsys.readouterr().out.split()
     good, bad = csv.DictReader(io.StringIO(Path(table).read_text(encoding="utf-8")))
-    assert (good["study"], good["case"], good["horizon"]) == ("mini", "good", "3x1+5x5")
-    assert float(good["cell_1_degradation [1e-5]"]) == pytest.approx(1e5 * 5e-9)
+    assert (good["study"], good["case"], good["horizon"]) == ("mini", "aging", "3x1+5x5")
+    assert float(good["cell_1_degradation [10⁻⁵]"]) == pytest.approx(1e5 * 5e-9)
     assert float(good["fallbacks [ticks]"]) == 2.0
     assert good["mean_cop [1]"] == ""
     assert "lambda_Q=1e+09" in good["strategy"]
-    assert bad["cell_1_degradation [1e-5]"] == ""
+    assert bad["cell_1_degradation [10⁻⁵]"] == ""
     assert bad["reason"] == "it went nowhere"
 
-    other = str(study_file(FAILING.replace("duration_s: 5", "duration_s: 6")))
+    other = str(study_file(SHORTER_STUDY))
     assert main(["prune", other, "--store", folder]) == 0
     assert "2 files deleted" in capsys.readouterr().err
     assert ResultStore(Path(folder)).keys() == ()
@@ -116,10 +78,10 @@ def test_run_status_tables_prune(
 def test_dry_run_shows_what_would_be_computed(
     study_file: WriteFile, folder: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = str(study_file(FAILING))
+    path = str(study_file())
     assert main(["run", path, "--store", folder, "--dry-run", "--workers", "4"]) == 0
     text = capsys.readouterr().out
-    assert "mini/good" in text
+    assert "mini/aging" in text
     assert "2 runs to compute" in text
     assert "with 4 workers" in text
     assert not Path(folder).exists()
@@ -165,11 +127,9 @@ cases:
   - {name: longer, run: {duration_s: 1000, strategy: reference}}
 """
     path, store = study_file(text), ResultStore(tmp_path / "kept")
-    short = next(
-        run for run in plan_campaign([path]).take() if run.address == "mini/short"
-    ).inputs.spec
+    short = next(run for run in plan_campaign([str(path)]).take() if run.address == "mini/short")
     command = [sys.executable, "-m", "iptm_studies.cli", "run", str(path)]
-    command += ["--store", str(store.folder), "--workers", "3"]
+    command += ["--store", str(store.folder), "--workers", "2"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
         wait_for(lambda: len(store.keys()) == 1, process)
@@ -181,7 +141,8 @@ cases:
     assert process.returncode == cli.EXIT_INTERRUPTED
     assert "goes on from what is stored" in said
     assert "Traceback" not in said
-    assert [run.spec for run in store.runs()] == [short]
+    assert store.keys() == (short.key,)
+    assert store.load(short.key).spec == short.spec
     assert {entry.suffix for entry in store.folder.iterdir()} == {".parquet"}
     wait_for(lambda: not group_lives(process.pid), None)
 
@@ -200,11 +161,3 @@ def group_lives(group: int) -> bool:
     except ProcessLookupError:
         return False
     return True
-
-
-def test_specification_of_a_stored_run_is_readable(
-    study_file: WriteFile, stored: MakeRun, store: ResultStore
-) -> None:
-    (run, *_) = plan_campaign([study_file(FAILING)]).take()
-    store.save(stored(run.inputs))
-    assert RunSpec.from_dict(store.load(run.key).spec.to_dict()) == run.inputs.spec

@@ -4,7 +4,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import dask
@@ -14,16 +14,13 @@ from distributed import LocalCluster
 
 from iptm_core.errors import ScenarioError, StateError
 from iptm_studies import cluster as cluster_module
-from iptm_studies import execution
-from iptm_studies.campaign import Campaign, PlannedRun, plan_campaign
+from iptm_studies.campaign import Campaign, plan_campaign
 from iptm_studies.cluster import ClusterOptions
-from iptm_studies.execution import Outcome, Perform, execute, survey
-from iptm_studies.expected_time import ExpectedTimes
+from iptm_studies.execution import execute, survey
+from iptm_studies.run import Run, perform_run
 from iptm_studies.run_inputs import RunInputs
-from iptm_studies.single_run import FinishedRun, perform_run
 from iptm_studies.store import ResultStore
-from iptm_studies.stored_run import StoredRun
-from iptm_studies.worker import _watched, work
+from iptm_studies.worker import progress_watched, work
 
 WriteFile = Callable[..., Path]
 
@@ -60,62 +57,68 @@ class Notes:
     failed_runs: dict[str, str] = field(default_factory=dict)
     times_left_s: list[float] = field(default_factory=list)
 
-    def planned(self, run: PlannedRun, expected_s: float) -> None:
+    def planned(self, inputs: RunInputs, expected_s: float) -> None:
         assert expected_s > 0.0
-        self.planned_runs.append(run.address)
+        self.planned_runs.append(inputs.address)
 
-    def finished(self, run: PlannedRun, expected_s: float, stored: StoredRun) -> None:
-        assert expected_s > 0.0
-        assert stored.key == run.key
-        self.finished_runs.append(run.address)
+    def finished(self, inputs: RunInputs, run: Run) -> None:
+        assert run.key == inputs.key
+        self.finished_runs.append(inputs.address)
 
-    def failed(self, run: PlannedRun, expected_s: float, cause: str) -> None:
-        assert expected_s > 0.0
-        self.failed_runs[run.address] = cause
+    def failed(self, inputs: RunInputs, cause: str) -> None:
+        self.failed_runs[inputs.address] = cause
 
     def remaining(self, seconds: float) -> None:
         self.times_left_s.append(seconds)
 
 
 @pytest.fixture(scope="module")
-def address() -> Iterator[str]:
-    """An existing cluster that several tests share."""
+def existing() -> Iterator[ClusterOptions]:
+    """An existing cluster that the tests share; an embedded one is that of the command's own test."""
     with (
         dask.config.set(cluster_module.SETTINGS),
         LocalCluster(
             n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
-        ) as existing,
+        ) as cluster,
     ):
-        yield existing.scheduler_address
+        yield ClusterOptions(cluster.scheduler_address)
 
 
 def run_study(
-    path: Path, store: ResultStore, options: ClusterOptions, perform: Perform = work
-) -> tuple[Outcome, Campaign, Notes]:
+    path: Path,
+    store: ResultStore,
+    options: ClusterOptions,
+    perform: Callable[[RunInputs], Run] = work,
+) -> tuple[tuple[int, int, int], Campaign, Notes]:
     campaign, notes = plan_campaign([path]), Notes()
-    outcome = execute(campaign, store, options, notes, perform)
-    return outcome, campaign, notes
+    computed = execute(campaign, store, options, notes, perform)
+    found, failed = campaign.finished - computed, len(campaign.failures)
+    # Runs computed, found and failed.
+    return (computed, found, failed), campaign, notes
 
 
 def test_computed_once_resumed_and_recomputed_where_needed(
-    store: ResultStore, study_file: WriteFile, caplog: pytest.LogCaptureFixture
+    store: ResultStore,
+    study_file: WriteFile,
+    existing: ClusterOptions,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
-    embedded = ClusterOptions(workers=2)
     path = study_file(STUDY + FAILING)
-    outcome, campaign, notes = run_study(path, store, embedded)
-    assert (outcome.computed, outcome.found, outcome.failed) == (2, 0, 1)
+    totals, campaign, notes = run_study(path, store, existing)
+    assert totals == (2, 0, 1)
     assert sorted(notes.finished_runs) == ["mini/aging", "mini/close"]
     assert list(notes.failed_runs) == ["mini/weak_pack"]
     assert "pack cannot supply" in notes.failed_runs["mini/weak_pack"]
     assert notes.times_left_s[-1] == 0.0
-    cases = {state.case.name: state for state in campaign.cases()}
+    cases = {state.case.name: state for state in campaign.cases}
     assert cases["aging"].key == cases["the_same"].key
     assert cases["weak_pack"].metrics is None
     assert "pack cannot supply" in cases["weak_pack"].reason
 
     # The numbers of a worker are those of this process.
     stored = store.load(str(cases["close"].key))
-    here = perform_run(next(r.inputs for r in plan_runs(path) if r.address == "mini/close"))
+    inputs = {inputs.address: inputs for inputs in plan_campaign([path]).take()}
+    here = perform_run(inputs["mini/close"])
     for name, values in here.trajectory.to_arrays().items():
         np.testing.assert_array_equal(getattr(stored.trajectory, name), values)
     assert stored.decisions is not None
@@ -123,44 +126,39 @@ def test_computed_once_resumed_and_recomputed_where_needed(
     np.testing.assert_array_equal(stored.decisions.iterations, here.decisions.iterations)
 
     # The same again: nothing is computed but the failed run, which gets another chance.
-    outcome, _, notes = run_study(path, store, embedded)
-    assert (outcome.computed, outcome.found, outcome.failed) == (0, 2, 1)
+    totals, _, notes = run_study(path, store, existing)
+    assert totals == (0, 2, 1)
 
     # Another parameter in one case, another case gone: one run is computed.
-    outcome, _, notes = run_study(
-        study_file(STUDY.replace("max_gap_m: 80", "max_gap_m: 90")), store, embedded
-    )
-    assert (outcome.computed, outcome.found) == (1, 1)
+    changed = study_file(STUDY.replace("max_gap_m: 80", "max_gap_m: 90"))
+    totals, _, notes = run_study(changed, store, existing)
+    assert totals == (1, 1, 0)
     assert notes.finished_runs == ["mini/close"]
 
     # A damaged entry is computed anew, with a notice.
     store.path_of(str(cases["aging"].key)).write_bytes(b"PAR1 nonsense")
     with caplog.at_level(logging.WARNING):
-        outcome, _, notes = run_study(study_file(STUDY), store, embedded)
+        totals, _, notes = run_study(study_file(STUDY), store, existing)
     assert "computed anew" in caplog.text
-    assert (outcome.computed, outcome.found) == (1, 1)
+    assert totals == (1, 1, 0)
     assert notes.finished_runs == ["mini/aging"]
 
 
-def plan_runs(path: Path) -> tuple[PlannedRun, ...]:
-    return plan_campaign([path]).take()
-
-
 def test_nothing_to_do_needs_no_cluster(
-    store: ResultStore, study_file: WriteFile, stored: Callable[..., StoredRun]
+    store: ResultStore, study_file: WriteFile, make_run: Callable[..., Run]
 ) -> None:
     path = study_file(STUDY)
-    for run in plan_runs(path):
-        store.save(stored(run.inputs))
+    for inputs in plan_campaign([path]).take():
+        store.save(make_run(inputs))
     nowhere = ClusterOptions("tcp://127.0.0.1:1")
-    outcome, _, notes = run_study(path, store, nowhere)
-    assert (outcome.computed, outcome.found, notes.planned_runs) == (0, 2, [])
+    totals, _, notes = run_study(path, store, nowhere)
+    assert (totals, notes.planned_runs) == ((0, 2, 0), [])
 
 
-def test_an_existing_cluster_and_runs_that_die_or_hang(
-    store: ResultStore, study_file: WriteFile, address: str, made_run: FinishedRun
+def test_runs_that_die_or_hang(
+    store: ResultStore, study_file: WriteFile, existing: ClusterOptions, made_run: Run
 ) -> None:
-    def perform(inputs: RunInputs, key: str) -> FinishedRun:
+    def perform(inputs: RunInputs) -> Run:
         gap_m = inputs.parameters.gap.max_gap_m
         if gap_m == 80.0:
             os._exit(1)
@@ -169,48 +167,46 @@ def test_an_existing_cluster_and_runs_that_die_or_hang(
         if gap_m == 82.0:
             raise StateError("the state leads nowhere")
         if gap_m == 83.0:
-            with _watched(key, 1.0):
+            with progress_watched(inputs.key, 1.0):
                 time.sleep(120.0)
-        return made_run
+        return replace(made_run, key=inputs.key)
 
     cases = "".join(
         f"  - name: gap_{gap_m}\n    run: {{overrides: {{gap.max_gap_m: {gap_m}}}}}\n"
         for gap_m in range(80, 86)
     )
     path = study_file(f"title: t\ndefaults: {{duration_s: 5}}\ncases:\n{cases}")
-    outcome, campaign, notes = run_study(path, store, ClusterOptions(address), perform)
+    totals, campaign, notes = run_study(path, store, existing, perform)
     assert notes.failed_runs == {
         "mini/gap_80": "its worker process died (out of memory, killed, or a crash in a library)",
         "mini/gap_81": "ZeroDivisionError: a bug",
         "mini/gap_82": "the state leads nowhere",
-        "mini/gap_83": "the run hung: no sign of life for 1 s (a solver that never returns)",
+        "mini/gap_83": "the run hung: no progress for 1 s (a solver that never returns)",
     }
     assert sorted(notes.finished_runs) == ["mini/gap_84", "mini/gap_85"]
-    assert (outcome.computed, outcome.failed) == (2, 4)
-    assert len(campaign.failures) == 4
+    assert totals == (2, 0, 4)
+    assert campaign.failures == notes.failed_runs
     # What the store remembers of it.
     again = plan_campaign([path])
-    assert len(survey(again, store, ExpectedTimes())) == 4
-    reasons = {state.case.name: state.reason for state in again.cases()}
+    assert len(survey(again, store)) == 4
+    reasons = {state.case.name: state.reason for state in again.cases}
     assert reasons["gap_81"] == "ZeroDivisionError: a bug"
     assert reasons["gap_84"] == ""
 
 
 def test_other_code_on_the_workers_is_refused(
-    store: ResultStore, study_file: WriteFile, address: str
+    store: ResultStore, study_file: WriteFile, existing: ClusterOptions
 ) -> None:
-    def perform(inputs: RunInputs, key: str) -> FinishedRun:
-        from dataclasses import replace  # noqa: PLC0415 - for the worker
+    def perform(inputs: RunInputs) -> Run:
+        return work(replace(inputs, fingerprint="0" * 64))
 
-        return work(replace(inputs, fingerprint="0" * 64), key)
-
-    _, _, notes = run_study(study_file(), store, ClusterOptions(address), perform)
+    _, _, notes = run_study(study_file(), store, existing, perform)
     assert len(notes.failed_runs) == 2
-    assert all("same version on all machines" in cause for cause in notes.failed_runs.values())
+    assert all("same versions on all machines" in cause for cause in notes.failed_runs.values())
 
 
 def test_strategies_of_the_best_runs_are_computed_in_the_same_go(
-    store: ResultStore, study_file: WriteFile, address: str, made_run: FinishedRun
+    store: ResultStore, study_file: WriteFile, existing: ClusterOptions, made_run: Run
 ) -> None:
     text = """
 title: t
@@ -222,12 +218,11 @@ cases:
     run: {strategy: {best_of: {study: mini, labels: {x: 1}}}, preview: {mode: none}}
 """
 
-    def perform(inputs: RunInputs, key: str) -> FinishedRun:
-        del inputs, key
-        return made_run
+    def perform(inputs: RunInputs) -> Run:
+        return replace(made_run, key=inputs.key)
 
-    outcome, _, notes = run_study(study_file(text), store, ClusterOptions(address), perform)
-    assert outcome.computed == 3
+    totals, _, notes = run_study(study_file(text), store, existing, perform)
+    assert totals == (3, 0, 0)
     assert notes.finished_runs[-1] == "mini/best"
 
 
@@ -256,8 +251,7 @@ def test_a_scheduler_that_does_not_answer(
 def test_a_cluster_without_workers(
     store: ResultStore, study_file: WriteFile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(execution, "WAIT_FOR_WORKERS_S", 0.5)
-    monkeypatch.setattr(execution, "REFRESH_S", 0.1)
+    monkeypatch.setattr(cluster_module, "WAIT_FOR_WORKERS_S", 0.5)
     with (
         LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0") as empty,
         pytest.raises(ScenarioError, match=r"no worker for 0\.5 s"),

@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from iptm_studies.expected_time import ExpectedTimes, clock_text, modelled_s
+from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunKind, RunSpec
 
-SPEC = RunSpec()
+SPEC = RunSpec(cycle="us06")
 
 
 def test_more_work_takes_longer() -> None:
@@ -18,12 +19,13 @@ def test_more_work_takes_longer() -> None:
 
 
 def test_experience_corrects_each_kind_by_itself() -> None:
-    times = ExpectedTimes()
-    assert times.of_spec(SPEC, 1000) == modelled_s(SPEC, 1000)
+    times, inputs = ExpectedTimes(), resolve_inputs(SPEC)
+    whole = resolve_inputs(replace(SPEC, kind=RunKind.WHOLE_TRIP))
+    assert times.of(inputs) == modelled_s(SPEC, inputs.ticks)
+    before = times.of(whole)
     times.learn(SPEC, 1000, 3.0 * modelled_s(SPEC, 1000))
-    assert times.of_spec(SPEC, 500) == pytest.approx(3.0 * modelled_s(SPEC, 500))
-    whole = replace(SPEC, kind=RunKind.WHOLE_TRIP)
-    assert times.of_spec(whole, 500) == modelled_s(whole, 500)
+    assert times.of(inputs) == pytest.approx(3.0 * modelled_s(SPEC, inputs.ticks))
+    assert times.of(whole) == before
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,15 @@ import pytest
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_studies import fingerprint, run_inputs
-from iptm_studies.fingerprint import code_fingerprint
-from iptm_studies.run_inputs import resolve_inputs, run_key
+from iptm_studies.fingerprint import code_fingerprint, normalised_source, source_files
+from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import PreviewSpec, RunKind, RunSpec, SolverSpec
 
 BASE = RunSpec(cycle="us06", duration_s=60.0)
 
 
 def key_of(spec: RunSpec) -> str:
-    return run_key(resolve_inputs(spec))
+    return resolve_inputs(spec).key
 
 
 @pytest.mark.parametrize(
@@ -87,29 +87,32 @@ def test_a_cycle_file_counts_with_its_content(tmp_path: Path) -> None:
 
 def test_code_and_libraries_count(monkeypatch: pytest.MonkeyPatch) -> None:
     inputs = resolve_inputs(BASE)
-    assert run_key(replace(inputs, fingerprint="other code")) != run_key(inputs)
-    before = run_key(inputs)
-    monkeypatch.setattr(run_inputs, "library_versions", lambda: {"casadi": "0", "numpy": "0"})
-    assert run_key(inputs) != before
+    assert replace(inputs, fingerprint="other code").key != inputs.key
+    monkeypatch.setattr(fingerprint, "installed_version", lambda _: "0")
+    code_fingerprint.cache_clear()
+    try:
+        assert key_of(BASE) != inputs.key
+    finally:
+        code_fingerprint.cache_clear()
 
 
 def test_comments_and_docstrings_do_not_count(tmp_path: Path) -> None:
     path = tmp_path / "module.py"
     code = 'X = 1\n\ndef double(x):\n    """Twice."""\n    return 2 * x\n'
     path.write_text(code, encoding="utf-8")
-    meaning = fingerprint._meaning(path)
+    meaning = normalised_source(path)
     path.write_text(
         '"""New."""\n# a comment\nX = 1\n"""About X."""\ndef double(x):\n'
         '    """Two times."""\n    return 2*x  # same\n',
         encoding="utf-8",
     )
-    assert fingerprint._meaning(path) == meaning
+    assert normalised_source(path) == meaning
     path.write_text(code.replace("2 * x", "3 * x"), encoding="utf-8")
-    assert fingerprint._meaning(path) != meaning
+    assert normalised_source(path) != meaning
 
 
 def test_fingerprint_covers_the_numbers_and_not_the_nodes() -> None:
-    names = set(fingerprint._source_files(RunKind.CLOSED_LOOP))
+    names = set(source_files())
     assert {
         "iptm_core/physics/aging.py",
         "iptm_core/routes/leader.py",
@@ -118,21 +121,17 @@ def test_fingerprint_covers_the_numbers_and_not_the_nodes() -> None:
         "iptm_controller/ocp/stage.py",
         "iptm_controller/solvers/factory.py",
         "iptm_studies/closed_loop.py",
-        "iptm_studies/single_run.py",
+        "iptm_studies/run.py",
+        "iptm_studies/whole_trip.py",
     } <= names
     assert not [name for name in names if "/node" in name or "/metrics/" in name]
-    assert "iptm_studies/whole_trip.py" not in names
-    whole = set(fingerprint._source_files(RunKind.WHOLE_TRIP))
-    assert names | {"iptm_studies/whole_trip.py"} <= whole
-    assert {Path(name).stem.startswith("whole_trip") for name in whole - names} == {True}
-    assert code_fingerprint(RunKind.WHOLE_TRIP) != code_fingerprint(RunKind.CLOSED_LOOP)
 
 
 def test_unreadable_source_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "broken.py"
     path.write_text("def (", encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"broken\.py cannot be read"):
-        fingerprint._meaning(path)
+        normalised_source(path)
 
 
 @pytest.mark.parametrize(

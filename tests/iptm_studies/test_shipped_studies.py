@@ -123,10 +123,10 @@ def test_the_limit_is_the_whole_trip() -> None:
 
 def test_all_of_it_can_be_planned_and_shares_its_runs() -> None:
     campaign = plan_campaign(available_studies())
-    cases = list(campaign.cases())
-    later = campaign.run_estimates()
+    cases = campaign.cases
+    later = campaign.later_runs()
     runs = len(campaign.keys) + len(later)
     assert runs < len(cases)
     # The weighted strategies of the table repeat runs of the weights; under imperfect previews they do not.
-    assert all(address.startswith("imperfect_previews/") for address in later)
+    assert all(run.address.startswith("imperfect_previews/") for run in later)
     assert len(later) == 16

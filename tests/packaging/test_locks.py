@@ -66,8 +66,7 @@ def test_sourced_ros_gets_no_wheels_of_ros() -> None:
 
 
 def test_ros_distribution_is_jazzy() -> None:
-    run = {name: version for (name, _), version in pins("run").items()}
-    assert run["ros-jazzy-rclpy"] == "7.1.6"
-    assert run["ros-jazzy-common-interfaces"] == "5.3.6"
+    run = {name for name, _ in pins("run")}
+    assert "ros-jazzy-rclpy" in run
     # The middleware is an extra of the rclpy wheel; without it, rclpy does not import.
     assert "ros-rmw-fastrtps-cpp" in run

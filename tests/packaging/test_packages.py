@@ -10,17 +10,8 @@ from typing import Any
 
 import pytest
 
-PACKAGES = [
-    "iptm_core",
-    "iptm_interfaces",
-    "iptm_plant_sim",
-    "iptm_v2x_bridge",
-    "iptm_controller",
-    "iptm_recording",
-    "iptm_bringup",
-    "iptm_studies",
-    "iptm_reproduction",
-]
+SOURCE = Path(__file__).resolve().parents[2] / "ros2_ws" / "src"
+PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/package.xml"))
 
 # Import name -> (key in package.xml, name on the package index). ROS packages are their own key.
 LIBRARIES = {

@@ -12,10 +12,10 @@ from iptm_core.metrics import RunMetrics, figure_values
 from iptm_core.trajectory import Trajectory
 from iptm_reproduction.runs import MissingRun, ReportRun, Results
 from iptm_studies.campaign import Campaign
+from iptm_studies.run import RunRecord
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunKind, RunSpec
 from iptm_studies.store import ResultStore
-from iptm_studies.stored_run import RunRecord
 from iptm_studies.study import SMALL
 
 COMMAND = "scripts/reproduce run"
@@ -100,7 +100,7 @@ def gather(store: ResultStore, campaign: Campaign) -> Gathered:
     """
     finished: list[_Finished] = []
     missing: list[MissingRun] = []
-    for state in campaign.cases():
+    for state in campaign.cases:
         if state.key is None or state.spec is None or state.metrics is None:
             missing.append(MissingRun(state.address, state.reason))
         else:
@@ -166,5 +166,5 @@ def _provenance(finished: Iterable[_Finished], records: list[RunRecord]) -> Prov
         first_utc=ends[0],
         last_utc=ends[-1],
         interpreted=sum(not record.compiled for record in records),
-        wall_h=sum(record.wall.setup_s + record.wall.run_s for record in records) / 3600.0,
+        wall_h=sum(record.wall_time_s for record in records) / 3600.0,
     )

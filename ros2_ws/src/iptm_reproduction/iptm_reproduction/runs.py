@@ -18,7 +18,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route
 from iptm_core.trajectory import Trajectory
 from iptm_reproduction.figures import relative_change
-from iptm_studies.single_run import WholeTripRecord
+from iptm_studies.whole_trip import WholeTripRecord
 
 STUDIES = {
     "strategies": "Strategies",

@@ -2,39 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.metrics import RunMetrics, figure_values
-from iptm_studies.run_inputs import RunInputs, resolve_inputs, run_key
+from iptm_studies.expected_time import ExpectedTimes
+from iptm_studies.run import Run
+from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import Case, Selection, ShortTrip, Study
 from iptm_studies.study_loading import load_study
 
-
-@dataclass(frozen=True)
-class PlannedRun:
-    """A run to perform.
-
-    Attributes:
-        key: key of its result.
-        inputs: everything it needs.
-        address: the first case that asked for it, ``study/case``.
-    """
-
-    key: str
-    inputs: RunInputs
-    address: str
+NOT_COMPUTED = "not computed"
 
 
-@dataclass(frozen=True)
+@dataclass
 class CaseState:
-    """Where a case stands.
+    """Where a case stands; its campaign keeps it up to date.
 
     Attributes:
         study: its study.
         case: the case.
+        candidates: runs by key whose best one gives the case its strategy; empty if it states its own.
         spec: its run; None while its strategy depends on runs that are not there.
         key: key of the run; None likewise.
         metrics: what the run achieved; None while it is not there.
@@ -43,10 +33,11 @@ class CaseState:
 
     study: Study
     case: Case
-    spec: RunSpec | None
-    key: str | None
-    metrics: RunMetrics | None
-    reason: str
+    candidates: Mapping[str, RunSpec] = field(default_factory=dict)
+    spec: RunSpec | None = None
+    key: str | None = None
+    metrics: RunMetrics | None = None
+    reason: str = "waits for the runs that its strategy depends on"
 
     @property
     def address(self) -> str:
@@ -71,159 +62,136 @@ class Campaign:
             ScenarioError: a case cannot be run, or takes its strategy from nowhere.
         """
         self.studies = tuple(studies)
-        known = {study.name: study for study in (*others, *self.studies)}
-        self._runs: dict[str, PlannedRun] = {}
+        self.expected = ExpectedTimes()
+        self._runs: dict[str, RunInputs] = {}
         self._new: list[str] = []
         self._metrics: dict[str, RunMetrics] = {}
         self._failures: dict[str, str] = {}
-        self._candidates: dict[str, dict[str, RunSpec]] = {}
-        self._keys: dict[str, str] = {}
-        self._waiting: dict[str, Case] = {}
-        self._hopeless: dict[str, str] = {}
-        for study, case in self._cases():
-            address = study.address(case)
-            if case.best_of is None:
-                self._keys[address] = self._plan(case.spec, address)
+        self._left_out: dict[str, str] = {}
+        known = {study.name: study for study in (*others, *self.studies)}
+        self.cases = tuple(CaseState(study, case) for study in self.studies for case in study.cases)
+        """Every case of the studies that were asked for, in order."""
+        for state in self.cases:
+            if state.case.best_of is None:
+                self._assign(state, state.case.spec)
             else:
-                self._candidates[address] = self._plan_candidates(case.best_of, known, address)
-                self._check_base(case.spec, address)
-                self._waiting[address] = case
+                state.candidates = self._plan_candidates(state, state.case.best_of, known)
+                # Find out now, not after hours, that the run cannot be set up.
+                _resolve(state.case.spec, state.address)
         self._release()
 
-    def take(self) -> tuple[PlannedRun, ...]:
-        """Runs that have become known since the last call."""
+    def take(self) -> tuple[RunInputs, ...]:
+        """Return the runs that have become known since the last call."""
         taken = tuple(self._runs[key] for key in self._new)
         self._new.clear()
         return taken
 
-    def finish(self, key: str, metrics: RunMetrics) -> None:
+    def finish(self, run: Run) -> None:
         """Note that a run is there."""
-        self._metrics[key] = metrics
-        self._failures.pop(key, None)
-        self._release()
+        self._metrics[run.key] = run.metrics
+        self._failures.pop(run.key, None)
+        self.expected.learn(run.spec, run.ticks, run.record.wall_time_s)
+        self._update(run.key)
 
     def fail(self, key: str, cause: str) -> None:
         """Note that a run failed."""
         self._failures[key] = cause
-        self._release()
+        self._update(key)
 
     @property
-    def failures(self) -> Mapping[PlannedRun, str]:
-        """Failed runs with their causes."""
-        return {self._runs[key]: cause for key, cause in self._failures.items()}
+    def finished(self) -> int:
+        """Number of runs that are there."""
+        return len(self._metrics)
 
     @property
-    def hopeless(self) -> Mapping[str, str]:
+    def failures(self) -> Mapping[str, str]:
+        """Causes of failed runs, by the address of the first case that asked for each."""
+        return {self._runs[key].address: cause for key, cause in self._failures.items()}
+
+    @property
+    def left_out(self) -> Mapping[str, str]:
         """Cases that can no longer be planned, by address, and why."""
-        return self._hopeless
+        return self._left_out
 
     @property
     def keys(self) -> frozenset[str]:
         """Keys of all runs planned so far."""
         return frozenset(self._runs)
 
-    @property
-    def unfinished(self) -> int:
-        """Runs planned that neither are there nor failed."""
-        return len(self._runs) - len(self._metrics) - len(self._failures)
-
-    def run_estimates(self) -> dict[str, RunInputs]:
-        """Runs that cases which wait for others are going to add, by address.
+    def later_runs(self) -> tuple[RunInputs, ...]:
+        """Return the runs that cases which wait for others are going to add.
 
         The strategy in them is that of the first candidate. Cases that only repeat a run that is
         planned anyway, such as one of their candidates, add nothing and are left out.
         """
-        estimates: dict[str, RunInputs] = {}
-        known = set(self._runs)
-        for address, case in self._waiting.items():
-            first = next(iter(self._candidates[address].values()))
-            inputs = resolve_inputs(case.spec.with_strategy(first.strategy))
-            key = run_key(inputs)
-            if key not in known:
-                known.add(key)
-                estimates[address] = inputs
-        return estimates
+        later: dict[str, RunInputs] = {}
+        for state in self._waiting():
+            first = next(iter(state.candidates.values()))
+            inputs = _resolve(state.case.spec.with_strategy(first.strategy), state.address)
+            if inputs.key not in self._runs:
+                later.setdefault(inputs.key, inputs)
+        return tuple(later.values())
 
-    def cases(self) -> Iterator[CaseState]:
-        """Every case of the studies that were asked for, in order."""
-        for study, case in self._cases():
-            address = study.address(case)
-            key = self._keys.get(address)
-            metrics = None if key is None else self._metrics.get(key)
-            yield CaseState(
-                study=study,
-                case=case,
-                spec=None if key is None else self._spec_of(case, address),
-                key=key,
-                metrics=metrics,
-                reason="" if metrics is not None else self._why(address, key),
-            )
+    def _waiting(self) -> list[CaseState]:
+        return [
+            state
+            for state in self.cases
+            if state.key is None and state.address not in self._left_out
+        ]
 
-    def _why(self, address: str, key: str | None) -> str:
-        if key is None:
-            return self._hopeless.get(address, "waits for the runs that its strategy depends on")
-        return self._failures.get(key, "not computed")
+    def _assign(self, state: CaseState, spec: RunSpec) -> None:
+        state.spec = spec
+        state.key = self._plan(spec, state.address)
+        self._show(state)
 
-    def _cases(self) -> Iterator[tuple[Study, Case]]:
-        return ((study, case) for study in self.studies for case in study.cases)
-
-    def _spec_of(self, case: Case, address: str) -> RunSpec:
-        """The case's own run: of runs that several cases share, the labels may differ."""
-        if case.best_of is None:
-            return case.spec
-        return self._runs[self._keys[address]].inputs.spec
+    def _show(self, state: CaseState) -> None:
+        key = str(state.key)
+        state.metrics = self._metrics.get(key)
+        state.reason = "" if state.metrics else self._failures.get(key, NOT_COMPUTED)
 
     def _plan(self, spec: RunSpec, address: str) -> str:
-        try:
-            inputs = resolve_inputs(spec)
-        except IptmError as error:
-            raise ScenarioError(f"{address}: {error}") from error
-        key = run_key(inputs)
-        if key not in self._runs:
-            self._runs[key] = PlannedRun(key, inputs, address)
-            self._new.append(key)
-        return key
-
-    def _check_base(self, spec: RunSpec, address: str) -> None:
-        """Find out now, not after hours, that a run cannot be set up."""
-        try:
-            resolve_inputs(spec)
-        except IptmError as error:
-            raise ScenarioError(f"{address}: {error}") from error
+        inputs = _resolve(spec, address)
+        if inputs.key not in self._runs:
+            self._runs[inputs.key] = inputs
+            self._new.append(inputs.key)
+        return inputs.key
 
     def _plan_candidates(
-        self, selection: Selection, known: Mapping[str, Study], address: str
+        self, state: CaseState, selection: Selection, known: Mapping[str, Study]
     ) -> dict[str, RunSpec]:
         study = known.get(selection.study)
         if study is None:
             raise ScenarioError(
-                f"{address}: takes its strategy from the unknown study {selection.study!r}"
+                f"{state.address}: takes its strategy from the unknown study {selection.study!r}"
             )
         candidates = [case for case in study.cases if selection.matches(case)]
         if not candidates or any(case.best_of is not None for case in candidates):
             raise ScenarioError(
-                f"{address}: takes its strategy from cases of {study.name} with the labels "
+                f"{state.address}: takes its strategy from cases of {study.name} with the labels "
                 f"{dict(selection.labels)}; allowed are labels of cases that state their strategy"
             )
         return {self._plan(case.spec, study.address(case)): case.spec for case in candidates}
 
-    def _release(self) -> None:
-        """Plan the cases whose candidates have all come to an end."""
-        for address, case in list(self._waiting.items()):
-            candidates = self._candidates[address]
-            ended = all(key in self._metrics or key in self._failures for key in candidates)
-            if not ended or case.best_of is None:
-                continue
-            del self._waiting[address]
-            best = self._best(candidates, case.best_of.lowest)
-            if best is None:
-                self._hopeless[address] = "every run that its strategy could come from failed"
-                continue
-            self._keys[address] = self._plan(
-                case.spec.with_strategy(candidates[best].strategy), address
-            )
+    def _update(self, key: str) -> None:
+        """Show what became of a run, and plan the cases that only waited for it."""
+        for state in self.cases:
+            if state.key == key:
+                self._show(state)
+        self._release()
 
-    def _best(self, candidates: Mapping[str, RunSpec], lowest: str) -> str | None:
+    def _release(self) -> None:
+        ended = {*self._metrics, *self._failures}
+        for state in self._waiting():
+            if state.case.best_of is None or not ended.issuperset(state.candidates):
+                continue
+            best = self._best(state.candidates, state.case.best_of.lowest)
+            if best is None:
+                state.reason = "every run that its strategy could come from failed"
+                self._left_out[state.address] = state.reason
+            else:
+                self._assign(state, state.case.spec.with_strategy(state.candidates[best].strategy))
+
+    def _best(self, candidates: Iterable[str], lowest: str) -> str | None:
         ranked: list[tuple[bool, float, str]] = []
         for key in candidates:
             metrics = self._metrics.get(key)
@@ -238,6 +206,13 @@ class Campaign:
                 )
             ranked.append((metrics.hard_violations > 0, value, key))
         return min(ranked)[2] if ranked else None
+
+
+def _resolve(spec: RunSpec, address: str) -> RunInputs:
+    try:
+        return resolve_inputs(spec, address)
+    except IptmError as error:
+        raise ScenarioError(f"{address}: {error}") from error
 
 
 def plan_campaign(names: Iterable[str], small: ShortTrip | None = None) -> Campaign:

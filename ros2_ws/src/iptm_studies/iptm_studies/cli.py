@@ -5,17 +5,20 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
+import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
+from dask.system import CPU_COUNT
 from rich.console import Console
 from rich.logging import RichHandler
 
 from iptm_core.errors import IptmError
-from iptm_studies.campaign import Campaign, plan_campaign
-from iptm_studies.cluster import ClusterOptions, available_cores
+from iptm_studies.campaign import NOT_COMPUTED, Campaign, plan_campaign
+from iptm_studies.cluster import ClusterOptions
 from iptm_studies.execution import execute, survey
-from iptm_studies.expected_time import ExpectedTimes, clock_text
+from iptm_studies.expected_time import clock_text
 from iptm_studies.progress import progress_display
 from iptm_studies.store import ResultStore, default_store_folder
 from iptm_studies.study import SMALL
@@ -55,9 +58,34 @@ class StudyCommands:
         self._commands = self._parser.add_subparsers(
             dest="name", metavar="COMMAND", help=f"without one: {default}"
         )
-        self.choosing = _options_of_choice()
-        self.computing = _options_of_computing()
-        self.writing = argparse.ArgumentParser(add_help=False)
+        self.choosing, self.computing, self.writing = (
+            argparse.ArgumentParser(add_help=False) for _ in range(3)
+        )
+        self.choosing.add_argument(
+            "studies",
+            nargs="*",
+            metavar="STUDY",
+            help="shipped study or path of a study file; all of the shipped ones by default",
+        )
+        self.choosing.add_argument(
+            "--small",
+            action="store_true",
+            help=f"all runs on a short trip ({SMALL.duration_s:g} s of {SMALL.cycle}); takes minutes",
+        )
+        self.choosing.add_argument(
+            "--store", default="", metavar="DIR", help="folder of the results"
+        )
+        self.computing.add_argument(
+            "--workers", type=int, metavar="N", help="processes, one per core by default"
+        )
+        self.computing.add_argument(
+            "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"
+        )
+        self.computing.add_argument(
+            "--dry-run",
+            action="store_true",
+            help="show what would be computed, and the expected time",
+        )
         self.writing.add_argument(
             "--output", default="", metavar="DIR", help="folder of what is written"
         )
@@ -88,7 +116,7 @@ class StudyCommands:
         if not given or (given[0].startswith("-") and given[0] not in {"-h", "--help"}):
             given.insert(0, self._default)
         options = self._parser.parse_args(given)
-        console = Console(stderr=True)
+        console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
         logging.basicConfig(
             level=logging.WARNING,
             format="%(message)s",
@@ -98,19 +126,12 @@ class StudyCommands:
         try:
             code: int = options.command(options, console)
         except IptmError as error:
-            _complain(console, f"error: {error}")
+            console.print(f"error: {error}", style="red")
             return EXIT_REFUSED
         except KeyboardInterrupt:
-            console.print("stopped; the same command goes on from what is stored", markup=False)
+            console.print("stopped; the same command goes on from what is stored")
             return EXIT_INTERRUPTED
         return code
-
-
-def surveyed_campaign(options: argparse.Namespace, store: ResultStore) -> Campaign:
-    """Return the chosen studies, compared with what is stored."""
-    campaign = _campaign(options)
-    survey(campaign, store, ExpectedTimes())
-    return campaign
 
 
 def chosen_store(options: argparse.Namespace) -> ResultStore:
@@ -121,6 +142,60 @@ def chosen_store(options: argparse.Namespace) -> ResultStore:
     return ResultStore(folder / SMALL_STORE if options.small else folder)
 
 
+def surveyed_campaign(options: argparse.Namespace, store: ResultStore) -> Campaign:
+    """Return the chosen studies, compared with what is stored."""
+    campaign = _chosen_campaign(options)
+    survey(campaign, store)
+    return campaign
+
+
+def _chosen_campaign(options: argparse.Namespace) -> Campaign:
+    names = [
+        name
+        for given in options.studies or [ALL]
+        for name in (available_studies() if given == ALL else [given])
+    ]
+    return plan_campaign(dict.fromkeys(names), SMALL if options.small else None)
+
+
+def run_studies(options: argparse.Namespace, console: Console) -> int:
+    """Compute what is missing, or show what that would be; returns the exit code."""
+    campaign, store = _chosen_campaign(options), chosen_store(options)
+    cluster = ClusterOptions(options.scheduler, options.workers)
+    if options.dry_run:
+        return _dry_run(campaign, store, cluster)
+    began = time.perf_counter()
+    with progress_display(console) as display:
+        computed = execute(campaign, store, cluster, display)
+    console.print(
+        f"{computed} runs computed, {campaign.finished - computed} found in {store.folder}, "
+        f"{len(campaign.failures)} failed, in {clock_text(time.perf_counter() - began)}"
+    )
+    complain = partial(console.print, style="red")
+    for address, cause in campaign.failures.items():
+        complain(f"{address} failed: {cause}")
+    for address, reason in campaign.left_out.items():
+        complain(f"{address} was left out: {reason}")
+    return EXIT_FAILED_RUNS if campaign.failures or campaign.left_out else 0
+
+
+def _dry_run(campaign: Campaign, store: ResultStore, cluster: ClusterOptions) -> int:
+    lacking, later = survey(campaign, store), campaign.later_runs()
+    total_s = 0.0
+    for remark, runs in (("", lacking), ("once the weights are known: ", later)):
+        for inputs in runs:
+            expected_s = campaign.expected.of(inputs)
+            total_s += expected_s
+            what = f"{remark}{inputs.spec.describe()}"
+            print(f"{inputs.address:60} {clock_text(expected_s):>10}  {what}")
+    text = f"{len(lacking) + len(later)} runs to compute, about {clock_text(total_s)} on one core"
+    if not cluster.scheduler:
+        workers = cluster.workers or CPU_COUNT
+        text += f", {clock_text(total_s / workers)} with {workers} workers"
+    print(text)
+    return 0
+
+
 def _list(options: argparse.Namespace, console: Console) -> int:
     del options, console
     for name in available_studies():
@@ -129,59 +204,15 @@ def _list(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
-def run_studies(options: argparse.Namespace, console: Console) -> int:
-    """Compute what is missing; returns the exit code."""
-    campaign, store = _campaign(options), chosen_store(options)
-    cluster = ClusterOptions(options.scheduler, options.workers)
-    if options.dry_run:
-        return _dry_run(campaign, store, cluster)
-    with progress_display(console) as display:
-        outcome = execute(campaign, store, cluster, display)
-    console.print(
-        f"{outcome.computed} runs computed, {outcome.found} found in {store.folder}, "
-        f"{outcome.failed} failed, in {clock_text(outcome.wall_s)}",
-        markup=False,
-        highlight=False,
-        soft_wrap=True,
-    )
-    for run, cause in campaign.failures.items():
-        _complain(console, f"{run.address} failed: {cause}")
-    for address, why in campaign.hopeless.items():
-        _complain(console, f"{address} was left out: {why}")
-    return EXIT_FAILED_RUNS if campaign.failures or campaign.hopeless else 0
-
-
-def _dry_run(campaign: Campaign, store: ResultStore, cluster: ClusterOptions) -> int:
-    times = ExpectedTimes()
-    lacking = survey(campaign, store, times)
-    for run in lacking:
-        expected = clock_text(times.of(run.inputs))
-        print(f"{run.address:60} {expected:>10}  {run.inputs.spec.describe()}")
-    total_s = sum(times.of(run.inputs) for run in lacking)
-    later = campaign.run_estimates()
-    for address, inputs in later.items():
-        expected = clock_text(times.of(inputs))
-        print(f"{address:60} {expected:>10}  once the weights are known: {inputs.spec.describe()}")
-    total_s += sum(times.of(inputs) for inputs in later.values())
-    number = len(lacking) + len(later)
-    text = f"{number} runs to compute, about {clock_text(total_s)} on one core"
-    if not cluster.scheduler:
-        workers = cluster.workers or available_cores()
-        text += f", {clock_text(total_s / workers)} with {workers} workers"
-    print(text)
-    return 0
-
-
 def _status(options: argparse.Namespace, console: Console) -> int:
     del console
-    store = chosen_store(options)
-    campaign = surveyed_campaign(options, store)
+    campaign = surveyed_campaign(options, chosen_store(options))
     for study in campaign.studies:
-        states = [state for state in campaign.cases() if state.study is study]
+        states = [state for state in campaign.cases if state.study is study]
         done = sum(state.metrics is not None for state in states)
         print(f"{study.name:20} {done:3} of {len(states):3} cases")
         for state in states:
-            if state.reason and (options.verbose or state.reason != "not computed"):
+            if state.reason and (options.verbose or state.reason != NOT_COMPUTED):
                 print(f"    {state.case.name}: {state.reason}")
     return 0
 
@@ -189,64 +220,17 @@ def _status(options: argparse.Namespace, console: Console) -> int:
 def _tables(options: argparse.Namespace, console: Console) -> int:
     del console
     store = chosen_store(options)
-    campaign = surveyed_campaign(options, store)
     folder = Path(options.output) if options.output else store.folder / "tables"
-    for path in write_tables(campaign, folder):
+    for path in write_tables(surveyed_campaign(options, store), folder):
         print(path)
     return 0
 
 
 def _prune(options: argparse.Namespace, console: Console) -> int:
     store = chosen_store(options)
-    campaign = surveyed_campaign(options, store)
-    gone = store.prune(campaign.keys)
-    console.print(f"{len(gone)} files deleted from {store.folder}", markup=False, soft_wrap=True)
+    gone = store.prune(surveyed_campaign(options, store).keys)
+    console.print(f"{len(gone)} files deleted from {store.folder}")
     return 0
-
-
-def _campaign(options: argparse.Namespace) -> Campaign:
-    names = options.studies or [ALL]
-    chosen = list(
-        dict.fromkeys(
-            name for given in names for name in (available_studies() if given == ALL else [given])
-        )
-    )
-    return plan_campaign(chosen, SMALL if options.small else None)
-
-
-def _complain(console: Console, text: str) -> None:
-    console.print(text, style="red", markup=False, highlight=False, soft_wrap=True)
-
-
-def _options_of_choice() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument(
-        "studies",
-        nargs="*",
-        metavar="STUDY",
-        help="shipped study or path of a study file; all of the shipped ones by default",
-    )
-    parser.add_argument(
-        "--small",
-        action="store_true",
-        help=f"all runs on a short trip ({SMALL.duration_s:g} s of {SMALL.cycle}); takes minutes",
-    )
-    parser.add_argument("--store", default="", metavar="DIR", help="folder of the results")
-    return parser
-
-
-def _options_of_computing() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument(
-        "--workers", type=int, metavar="N", help="processes, one per core by default"
-    )
-    parser.add_argument(
-        "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"
-    )
-    parser.add_argument(
-        "--dry-run", action="store_true", help="show what would be computed, and the expected time"
-    )
-    return parser
 
 
 if __name__ == "__main__":

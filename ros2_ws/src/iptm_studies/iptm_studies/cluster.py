@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import logging
-import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import dask
+import distributed
+from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Worker, WorkerPlugin
 
 from iptm_core.errors import ScenarioError
 
 CONNECT_TIMEOUT_S = 30.0
+WAIT_FOR_WORKERS_S = 300.0
 MAX_WORKERS = 1024
 SETTINGS = {
     # A run that takes its worker down would do so again.
@@ -48,7 +50,7 @@ class ClusterOptions:
 
 @contextmanager
 def connected(options: ClusterOptions) -> Iterator[Client]:
-    """A client of the cluster; an embedded one ends with the block.
+    """Give a client of the cluster; an embedded one ends with the block.
 
     Raises:
         ScenarioError: nobody answers at the address of the scheduler.
@@ -56,24 +58,27 @@ def connected(options: ClusterOptions) -> Iterator[Client]:
     logging.getLogger("distributed").setLevel(logging.ERROR)
     with dask.config.set(SETTINGS):
         if options.scheduler:
-            with _existing(options.scheduler) as client:
-                yield client
-            return
-        with _embedded(options.workers or available_cores()) as client:
+            cluster = _existing(options.scheduler)
+        else:
+            cluster = _embedded(options.workers or CPU_COUNT)
+        with cluster as client:
             yield client
 
 
-def available_cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def worker_threads(client: Client) -> int:
-    """Runs that the cluster performs at the same time; 0 while it has no workers."""
+    """Return how many runs the cluster performs at the same time; waits until it has a worker.
+
+    Raises:
+        ScenarioError: it gets none in ``WAIT_FOR_WORKERS_S``.
+    """
+    try:
+        client.wait_for_workers(1, timeout=WAIT_FOR_WORKERS_S)
+    except distributed.TimeoutError as error:
+        raise ScenarioError(
+            f"the cluster has had no worker for {WAIT_FOR_WORKERS_S:g} s; at least one is needed"
+        ) from error
     threads: dict[str, int] = client.nthreads()
-    return sum(threads.values())
+    return max(1, sum(threads.values()))
 
 
 @contextmanager

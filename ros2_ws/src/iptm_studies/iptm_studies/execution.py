@@ -2,88 +2,54 @@
 
 from __future__ import annotations
 
-import heapq
-import itertools
-import queue
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from datetime import datetime, timezone
+from contextlib import suppress
 from typing import Protocol
 
+import distributed
 from distributed import Client, Future, KilledWorker
 
-from iptm_core.errors import IptmError, ScenarioError
-from iptm_studies.campaign import Campaign, PlannedRun
+from iptm_core.errors import IptmError
+from iptm_studies.campaign import Campaign
 from iptm_studies.cluster import ClusterOptions, connected, worker_threads
-from iptm_studies.expected_time import ExpectedTimes
-from iptm_studies.single_run import FinishedRun
+from iptm_studies.run import Run
+from iptm_studies.run_inputs import RunInputs
 from iptm_studies.store import ResultStore
-from iptm_studies.stored_run import StoredRun, stored_run
-from iptm_studies.worker import STALL_TOPIC, work
+from iptm_studies.worker import HANG_TOPIC, work
 
 REFRESH_S = 5.0
-WAIT_FOR_WORKERS_S = 300.0
-
-Perform = Callable[..., FinishedRun]
 
 
 class Observer(Protocol):
     """Is told how the work goes on."""
 
-    def planned(self, run: PlannedRun, expected_s: float) -> None:
+    def planned(self, inputs: RunInputs, expected_s: float) -> None:
         """A run has to be performed."""
 
-    def finished(self, run: PlannedRun, expected_s: float, stored: StoredRun) -> None:
+    def finished(self, inputs: RunInputs, run: Run) -> None:
         """A run was performed and stored."""
 
-    def failed(self, run: PlannedRun, expected_s: float, cause: str) -> None:
+    def failed(self, inputs: RunInputs, cause: str) -> None:
         """A run failed."""
 
     def remaining(self, seconds: float) -> None:
         """Expected wall time until the end."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """How a campaign ended.
-
-    Attributes:
-        computed: runs performed now.
-        found: runs that the store had.
-        failed: runs that failed.
-        wall_s: wall time.
-    """
-
-    computed: int
-    found: int
-    failed: int
-    wall_s: float
-
-
-def admit(
-    campaign: Campaign, store: ResultStore, times: ExpectedTimes
-) -> tuple[list[PlannedRun], int]:
-    """Sort the runs that have become known into those to perform and those that the store has.
-
-    Returns:
-        Runs to perform, and the number of runs found.
-    """
-    missing: list[PlannedRun] = []
-    found = 0
+def admit(campaign: Campaign, store: ResultStore) -> list[RunInputs]:
+    """Note which of the runs that have become known the store has; return the others."""
+    missing: list[RunInputs] = []
     while new := campaign.take():
-        for run in new:
-            stored = store.find(run.key)
-            if stored is None:
-                missing.append(run)
-                continue
-            found += 1
-            times.learn(stored.spec, len(stored.trajectory) - 1, stored.record.wall.total_s)
-            campaign.finish(run.key, stored.metrics)
-    return missing, found
+        for inputs in new:
+            run = store.find(inputs.key)
+            if run is None:
+                missing.append(inputs)
+            else:
+                campaign.finish(run)
+    return missing
 
 
-def survey(campaign: Campaign, store: ResultStore, times: ExpectedTimes) -> list[PlannedRun]:
+def survey(campaign: Campaign, store: ResultStore) -> list[RunInputs]:
     """Compare a campaign with the store, without computing anything.
 
     A run that failed the last time counts as failed, with its cause.
@@ -91,13 +57,13 @@ def survey(campaign: Campaign, store: ResultStore, times: ExpectedTimes) -> list
     Returns:
         The runs that the store lacks, failed ones included, the longest first.
     """
-    lacking: list[PlannedRun] = []
-    while new := admit(campaign, store, times)[0]:
+    lacking: list[RunInputs] = []
+    while new := admit(campaign, store):
         lacking += new
-        for run in new:
-            if cause := store.failure(run.key):
-                campaign.fail(run.key, cause)
-    return sorted(lacking, key=lambda run: -times.of(run.inputs))
+        for inputs in new:
+            if cause := store.failure(inputs.key):
+                campaign.fail(inputs.key, cause)
+    return sorted(lacking, key=campaign.expected.of, reverse=True)
 
 
 def execute(
@@ -105,125 +71,108 @@ def execute(
     store: ResultStore,
     options: ClusterOptions,
     observer: Observer,
-    perform: Perform = work,
-) -> Outcome:
+    perform: Callable[[RunInputs], Run] = work,
+) -> int:
     """Perform all missing runs of a campaign, the longest first.
 
-    A run that fails is noted with its cause and leaves the others alone. Results travel back to this
-    process, which stores each as soon as it is there: whatever ends this early, the store stays sound and
-    the next call goes on from there.
+    Each run is stored as soon as it is done, so that an interrupted campaign goes on where it stopped. A
+    run that fails is noted and does not stop the others. No cluster is needed if nothing is missing.
 
     Args:
-        campaign: what is needed.
-        store: what is there.
-        options: where to perform it.
-        observer: is told how it goes on.
-        perform: what a worker does with a run.
+        campaign: the runs.
+        store: where results are found and put.
+        options: where to perform them.
+        observer: told about every run.
+        perform: performs a run on a worker.
+
+    Returns:
+        The number of runs performed; those of the campaign that are there beside them were found.
 
     Raises:
-        ScenarioError: the cluster cannot be reached.
+        ScenarioError: the scheduler does not answer, or the cluster has no workers.
         StoreError: the store cannot be written.
     """
-    began = time.perf_counter()
-    work = _Work(campaign, store, observer, perform)
-    work.admit()
-    if work.pending:
+    execution = _Execution(campaign, store, observer, perform)
+    if execution.waiting:
         with connected(options) as client:
-            work.run(client)
-    return Outcome(work.computed, work.found, work.failed, time.perf_counter() - began)
+            execution.run(client)
+    return execution.computed
 
 
-class _Work:
+class _Execution:
     """The runs that wait, and those that a worker has."""
 
     def __init__(
-        self, campaign: Campaign, store: ResultStore, observer: Observer, perform: Perform
+        self,
+        campaign: Campaign,
+        store: ResultStore,
+        observer: Observer,
+        perform: Callable[[RunInputs], Run],
     ) -> None:
         self._campaign = campaign
         self._store = store
         self._observer = observer
         self._perform = perform
-        self._times = ExpectedTimes()
-        self._order = itertools.count()
-        self._completed: queue.SimpleQueue[Future] = queue.SimpleQueue()
-        self._flying: dict[Future, tuple[PlannedRun, float]] = {}
-        self.pending: list[tuple[float, int, PlannedRun]] = []
-        self.computed = self.found = self.failed = 0
-
-    def admit(self) -> None:
-        """Queue the runs that have become known."""
-        missing, found = admit(self._campaign, self._store, self._times)
-        self.found += found
-        for run in missing:
-            expected_s = self._times.of(run.inputs)
-            heapq.heappush(self.pending, (-expected_s, next(self._order), run))
-            self._observer.planned(run, expected_s)
+        self._running: dict[Future, RunInputs] = {}
+        self.waiting: list[RunInputs] = []
+        self.computed = 0
+        self._admit()
 
     def run(self, client: Client) -> None:
         """Keep the workers busy until nothing is left."""
-        seen = time.monotonic()
-        while self.pending or self._flying:
-            workers = worker_threads(client)
-            if workers:
-                seen = time.monotonic()
-                self._fill(client, workers)
-                self._observer.remaining(self._remaining_s(workers))
-            elif time.monotonic() - seen > WAIT_FOR_WORKERS_S:
-                raise ScenarioError(
-                    f"the cluster has had no worker for {WAIT_FOR_WORKERS_S:g} s; at least one is needed"
+        while self.waiting or self._running:
+            places = worker_threads(client)
+            self._fill(client, places)
+            self._observer.remaining(self._remaining_s(places))
+            with suppress(distributed.TimeoutError, distributed.CancelledError):
+                distributed.wait(
+                    list(self._running), timeout=REFRESH_S, return_when="FIRST_COMPLETED"
                 )
-            try:
-                future = self._completed.get(timeout=REFRESH_S)
-            except queue.Empty:
-                continue
-            run, expected_s = self._flying.pop(future)
-            self._settle(client, future, run, expected_s)
-            future.release()
-            self.admit()
+            for future in [future for future in self._running if future.done()]:
+                self._settle(client, future, self._running.pop(future))
+            self._admit()
         self._observer.remaining(0.0)
+
+    def _admit(self) -> None:
+        """Queue the runs that have become known, the longest first."""
+        expected = self._campaign.expected
+        for inputs in admit(self._campaign, self._store):
+            self.waiting.append(inputs)
+            self._observer.planned(inputs, expected.of(inputs))
+        self.waiting.sort(key=expected.of, reverse=True)
 
     def _fill(self, client: Client, places: int) -> None:
         # No more than can be performed at once: a run that waits on a worker would die with it, and it
         # would not be the longest one left when its turn comes.
-        while self.pending and len(self._flying) < places:
-            minus_expected_s, order, run = heapq.heappop(self.pending)
-            future = client.submit(
-                self._perform,
-                run.inputs,
-                run.key,
-                key=f"{run.address}-{run.key}",
-                pure=False,
-                priority=-order,
-            )
-            self._flying[future] = (run, -minus_expected_s)
-            future.add_done_callback(self._completed.put)
+        while self.waiting and len(self._running) < places:
+            inputs = self.waiting.pop(0)
+            name = f"{inputs.address}-{inputs.key}"
+            future = client.submit(self._perform, inputs, key=name, pure=False)
+            self._running[future] = inputs
 
-    def _settle(self, client: Client, future: Future, run: PlannedRun, expected_s: float) -> None:
-        cause = _cause(client, future, run.key)
-        if cause:
-            self.failed += 1
-            self._campaign.fail(run.key, cause)
-            self._store.note_failure(run.key, run.inputs.spec, cause)
-            self._observer.failed(run, expected_s, cause)
-            return
-        finished: FinishedRun = future.result()
-        now = datetime.now(timezone.utc).isoformat(timespec="seconds")
-        stored = stored_run(run.key, run.inputs, finished, now)
-        self._store.save(stored)
-        self._times.learn(run.inputs.spec, run.inputs.ticks, stored.record.wall.total_s)
-        self._campaign.finish(run.key, stored.metrics)
-        self.computed += 1
-        self._observer.finished(run, expected_s, stored)
+    def _settle(self, client: Client, future: Future, inputs: RunInputs) -> None:
+        if cause := _cause(client, future, inputs.key):
+            self._campaign.fail(inputs.key, cause)
+            self._store.note_failure(inputs.key, cause)
+            self._observer.failed(inputs, cause)
+        else:
+            run: Run = future.result()
+            self._store.save(run)
+            self._campaign.finish(run)
+            self.computed += 1
+            self._observer.finished(inputs, run)
+        future.release()
 
-    def _remaining_s(self, workers: int) -> float:
-        waiting = sum(self._times.of(run.inputs) for _, _, run in self.pending)
-        # Of those in flight, half of the work is done on average.
-        flying = sum(0.5 * self._times.of(run.inputs) for run, _ in self._flying.values())
-        return (waiting + flying) / workers
+    def _remaining_s(self, places: int) -> float:
+        expected = self._campaign.expected
+        waiting_s = sum(expected.of(inputs) for inputs in self.waiting)
+        # Of those in progress, half of the work is done on average.
+        running_s = sum(0.5 * expected.of(inputs) for inputs in self._running.values())
+        return (waiting_s + running_s) / places
 
 
 def _cause(client: Client, future: Future, key: str) -> str:
-    """Why a run failed, in one line; empty if it did not."""
+    """Return why a run failed, in one line; empty if it did not."""
     if future.status == "finished":
         return ""
     if future.cancelled():
@@ -233,15 +182,8 @@ def _cause(client: Client, future: Future, key: str) -> str:
     if isinstance(error, IptmError):
         return text
     if isinstance(error, KilledWorker):
-        return _why_killed(client, key)
+        hangs = {event["key"]: event["limit_s"] for _, event in client.get_events(HANG_TOPIC)}
+        if key in hangs:
+            return f"the run hung: no progress for {hangs[key]:g} s (a solver that never returns)"
+        return "its worker process died (out of memory, killed, or a crash in a library)"
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
-
-
-def _why_killed(client: Client, key: str) -> str:
-    for _, event in client.get_events(STALL_TOPIC):
-        if event.get("key") == key:
-            patience_s = event["patience_s"]
-            return (
-                f"the run hung: no sign of life for {patience_s:g} s (a solver that never returns)"
-            )
-    return "its worker process died (out of memory, killed, or a crash in a library)"

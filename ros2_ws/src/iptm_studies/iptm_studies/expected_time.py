@@ -24,23 +24,19 @@ class ExpectedTimes:
         self._modelled: defaultdict[RunKind, float] = defaultdict(float)
 
     def learn(self, spec: RunSpec, ticks: int, taken_s: float) -> None:
-        """Take into account what a run took."""
+        """Take into account what a run of so many ticks took."""
         self._taken[spec.kind] += taken_s
         self._modelled[spec.kind] += modelled_s(spec, ticks)
 
     def of(self, inputs: RunInputs) -> float:
-        """Expected wall time of a run in seconds."""
-        return self.of_spec(inputs.spec, inputs.ticks)
-
-    def of_spec(self, spec: RunSpec, ticks: int) -> float:
-        """Expected wall time of a run of so many ticks in seconds."""
-        modelled = self._modelled[spec.kind]
-        factor = self._taken[spec.kind] / modelled if modelled > 0.0 else 1.0
-        return factor * modelled_s(spec, ticks)
+        """Return the expected wall time of a run in seconds."""
+        kind = inputs.spec.kind
+        factor = self._taken[kind] / self._modelled[kind] if self._modelled[kind] > 0.0 else 1.0
+        return factor * modelled_s(inputs.spec, inputs.ticks)
 
 
 def modelled_s(spec: RunSpec, ticks: int) -> float:
-    """Wall time of a run by its size alone, in seconds."""
+    """Return the wall time of a run by its size alone, in seconds."""
     horizon = Horizon.parse(spec.horizon)
     per_tick = (
         _PER_TICK_S
@@ -53,7 +49,7 @@ def modelled_s(spec: RunSpec, ticks: int) -> float:
 
 
 def clock_text(seconds: float) -> str:
-    """Seconds as ``45 s``, ``3:20 min`` or ``1:05 h``."""
+    """Return seconds as ``45 s``, ``3:20 min`` or ``1:05 h``."""
     whole = round(seconds)
     if whole < 90:
         return f"{whole} s"

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from iptm_studies.campaign import PlannedRun
 from iptm_studies.expected_time import clock_text
-from iptm_studies.stored_run import StoredRun
+from iptm_studies.run import Run
+from iptm_studies.run_inputs import RunInputs
 
 
 @contextmanager
@@ -26,7 +26,6 @@ class ProgressDisplay:
     """Observer of ``execute``. The bar counts expected time, not runs, as they differ in length."""
 
     def __init__(self, console: Console) -> None:
-        self._console = console
         self.bar = Progress(
             TextColumn("[bold]{task.description}"),
             BarColumn(bar_width=None),
@@ -37,56 +36,48 @@ class ProgressDisplay:
             console=console,
         )
         self._task = self.bar.add_task("runs", total=None, runs="", left="")
-        self._total_s = self._done_s = 0.0
-        self._total = self._done = 0
+        self._expected_s: dict[str, float] = {}
+        self._done = 0
+        self._done_s = 0.0
         self._began = time.perf_counter()
 
-    def planned(self, run: PlannedRun, expected_s: float) -> None:
+    def planned(self, inputs: RunInputs, expected_s: float) -> None:
         """A run has to be performed."""
-        del run
-        self._total += 1
-        self._total_s += expected_s
+        self._expected_s[inputs.key] = expected_s
         self._show()
 
-    def finished(self, run: PlannedRun, expected_s: float, stored: StoredRun) -> None:
+    def finished(self, inputs: RunInputs, run: Run) -> None:
         """A run was performed and stored."""
-        self._count(expected_s)
-        fallbacks = (
-            stored.metrics.decisions.fallbacks if stored.metrics.decisions is not None else 0
-        )
+        fallbacks = run.metrics.decisions.fallbacks if run.metrics.decisions is not None else 0
         remark = f", {fallbacks} fallbacks" if fallbacks else ""
-        took = clock_text(stored.record.wall.total_s)
-        self._line(f"{run.address}  ({took}{remark})")
+        self._ended(inputs, f"({clock_text(run.record.wall_time_s)}{remark})")
 
-    def failed(self, run: PlannedRun, expected_s: float, cause: str) -> None:
+    def failed(self, inputs: RunInputs, cause: str) -> None:
         """A run failed."""
-        self._count(expected_s)
-        self._line(f"{run.address}  FAILED: {cause}", style="bold red")
+        self._ended(inputs, f"FAILED: {cause}", style="bold red")
 
     def remaining(self, seconds: float) -> None:
         """Expected wall time until the end."""
-        left = f"{clock_text(seconds)} left" if self._done < self._total else ""
+        left = f"{clock_text(seconds)} left" if self._done < len(self._expected_s) else ""
         self.bar.update(self._task, left=left)
 
-    def _count(self, expected_s: float) -> None:
+    def _ended(self, inputs: RunInputs, text: str, style: str = "") -> None:
         self._done += 1
-        self._done_s += expected_s
+        self._done_s += self._expected_s[inputs.key]
         self._show()
-
-    def _show(self) -> None:
-        self.bar.update(
-            self._task,
-            total=self._total_s,
-            completed=self._done_s,
-            runs=f"{self._done}/{self._total}",
-        )
-
-    def _line(self, text: str, style: str = "") -> None:
         clock = clock_text(time.perf_counter() - self._began)
         self.bar.console.print(
-            f"[{self._done}/{self._total}] {text}, at {clock}",
+            f"[{self._done}/{len(self._expected_s)}] {inputs.address}  {text}, at {clock}",
             style=style,
             highlight=False,
             markup=False,
             soft_wrap=True,
+        )
+
+    def _show(self) -> None:
+        self.bar.update(
+            self._task,
+            total=sum(self._expected_s.values()),
+            completed=self._done_s,
+            runs=f"{self._done}/{len(self._expected_s)}",
         )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters, to_flat_dict
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route, build_route
-from iptm_studies.fingerprint import code_fingerprint, library_versions
+from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run_spec import RunSpec, canonical_json
 
 KEY_FORMAT = 1
@@ -30,13 +30,20 @@ class RunInputs:
         spec: the specification.
         parameters: parameters of vehicle and controller.
         route: leader and slope.
-        fingerprint: of the code that it is meant for.
+        fingerprint: of the code and libraries that it is meant for.
+        address: the first case that asks for it, ``study/case``; a label only.
     """
 
     spec: RunSpec
     parameters: ModelParameters
     route: Route
     fingerprint: str
+    address: str = ""
+
+    @cached_property
+    def key(self) -> str:
+        """Key of the result, see ``run_key``."""
+        return run_key(self)
 
     @property
     def ticks(self) -> int:
@@ -44,7 +51,7 @@ class RunInputs:
         return round(self.route.duration_s / self.spec.tick_s)
 
 
-def resolve_inputs(spec: RunSpec) -> RunInputs:
+def resolve_inputs(spec: RunSpec, address: str = "") -> RunInputs:
     """Look up parameters and route.
 
     Raises:
@@ -58,7 +65,7 @@ def resolve_inputs(spec: RunSpec) -> RunInputs:
             f"trip of {route.duration_s:g} s with ticks of {spec.tick_s:g} s; "
             "allowed: a whole number of ticks, at least one"
         )
-    return RunInputs(spec, parameters, route, code_fingerprint(spec.kind))
+    return RunInputs(spec, parameters, route, code_fingerprint(), address)
 
 
 def run_key(inputs: RunInputs) -> str:
@@ -82,7 +89,6 @@ def run_key(inputs: RunInputs) -> str:
         "tick_s": spec.tick_s,
         "plant_step_s": spec.plant_step_s,
         "code": inputs.fingerprint,
-        "libraries": library_versions(),
     }
     return hashlib.sha256(canonical_json(content).encode()).hexdigest()[:KEY_LENGTH]
 

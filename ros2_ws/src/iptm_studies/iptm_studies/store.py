@@ -1,25 +1,44 @@
-"""The store of finished runs: a folder with one Parquet file per key."""
+"""The store of finished runs: a folder with one Parquet file per key.
+
+Trajectory and decisions are columns, everything else is JSON metadata; any Parquet reader opens the files.
+Parquet's own checksums cover the pages. A digest over columns and metadata is kept inside as well, so that
+damage is found whatever part of the file it hits.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import logging
 import os
 import re
 import uuid
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
-from iptm_core.errors import StoreError
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from iptm_core.decision_record import DECISION_COLUMNS, DecisionSeries
+from iptm_core.errors import IptmError, StoreError
+from iptm_core.metrics import figure_values
+from iptm_core.parameters import flat_to_parameters, to_flat_dict
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_studies.run import Run, RunRecord
 from iptm_studies.run_inputs import KEY_LENGTH
-from iptm_studies.run_spec import RunSpec
-from iptm_studies.store_file import read_run, write_run
-from iptm_studies.stored_run import StoredRun
+from iptm_studies.run_spec import RunSpec, canonical_json
+from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
 
 LOGGER = logging.getLogger(__name__)
 DEFAULT_FOLDER = "results"
 ROOT_VARIABLE = "IPTM_ROOT"
+FORMAT = 3
+_METADATA = b"iptm"
+_DIGEST = b"iptm_digest"
+_DECISION_PREFIX = "decision_"
 _SUFFIX = ".parquet"
 _DAMAGED = ".damaged"
 _FAILED = ".failed"
@@ -41,26 +60,18 @@ class ResultStore:
         self.folder = folder
 
     def path_of(self, key: str) -> Path:
-        """File of a key, whether it exists or not."""
+        """Return the file of a key, whether it exists or not."""
         return self.folder / f"{key}{_SUFFIX}"
 
     def keys(self) -> tuple[str, ...]:
-        """Keys of all files, sound or not, sorted."""
-        if not self.folder.is_dir():
-            return ()
+        """Return the keys of all files, sound or not, sorted."""
         return tuple(
-            sorted(
-                path.stem
-                for path in self.folder.iterdir()
-                if path.suffix == _SUFFIX and _KEY.fullmatch(path.stem)
-            )
+            path.stem
+            for path in self._files()
+            if path.suffix == _SUFFIX and _KEY.fullmatch(path.stem)
         )
 
-    def __contains__(self, key: object) -> bool:
-        """True if there is a file for the key; whether it is sound shows when it is loaded."""
-        return isinstance(key, str) and self.path_of(key).is_file()
-
-    def load(self, key: str) -> StoredRun:
+    def load(self, key: str) -> Run:
         """Load a run and check it.
 
         Raises:
@@ -74,70 +85,55 @@ class ResultStore:
             raise StoreError(f"stored run {path.name} is the run of another key, {run.key}")
         return run
 
-    def find(self, key: str) -> StoredRun | None:
+    def find(self, key: str) -> Run | None:
         """Load a run if it is there and sound; a damaged file is reported and put aside."""
-        if key not in self:
+        path = self.path_of(key)
+        if not path.is_file():
             return None
         try:
             return self.load(key)
         except StoreError as error:
             LOGGER.warning("%s; it will be computed anew", error)
             with contextlib.suppress(OSError):
-                path = self.path_of(key)
                 path.replace(path.with_suffix(_DAMAGED))
             return None
 
-    def save(self, run: StoredRun) -> Path:
+    def save(self, run: Run) -> Path:
         """Store a run, whole or not at all; an older result of the same key is replaced.
 
         Raises:
             StoreError: the folder cannot be written.
         """
         target = self.path_of(run.key)
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+        with self._writing():
             temporary = self.folder / f"{_TEMPORARY}{uuid.uuid4().hex}{_SUFFIX}"
             try:
                 write_run(temporary, run)
-                _flush(temporary)
-                # Renaming is atomic: another process sees either nothing or the whole run.
+                # The content is on the disk before the name is; and as renaming is atomic, another process
+                # sees either nothing or the whole run.
+                with temporary.open("rb") as file:
+                    os.fsync(file.fileno())
                 temporary.replace(target)
             finally:
                 temporary.unlink(missing_ok=True)
-            self._failure_path(run.key).unlink(missing_ok=True)
-        except OSError as error:
-            raise StoreError(f"store {self.folder} cannot be written: {error}") from error
+            target.with_suffix(_FAILED).unlink(missing_ok=True)
         return target
 
-    def note_failure(self, key: str, spec: RunSpec, cause: str) -> None:
+    def note_failure(self, key: str, cause: str) -> None:
         """Keep the cause of a failed run until it succeeds.
 
         Raises:
             StoreError: the folder cannot be written.
         """
-        text = json.dumps({"cause": cause, "spec": spec.to_dict()}, indent=1)
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._failure_path(key).write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise StoreError(f"store {self.folder} cannot be written: {error}") from error
+        with self._writing():
+            self.path_of(key).with_suffix(_FAILED).write_text(cause, encoding="utf-8")
 
     def failure(self, key: str) -> str:
-        """Cause of the last failure of a run; empty if there was none."""
+        """Return the cause of the last failure of a run; empty if there was none."""
         try:
-            return str(json.loads(self._failure_path(key).read_text(encoding="utf-8"))["cause"])
-        except (OSError, ValueError, KeyError, TypeError):
+            return self.path_of(key).with_suffix(_FAILED).read_text(encoding="utf-8")
+        except (OSError, ValueError):
             return ""
-
-    def _failure_path(self, key: str) -> Path:
-        return self.folder / f"{key}{_FAILED}"
-
-    def runs(self) -> Iterator[StoredRun]:
-        """All sound runs, one after the other; damaged files are reported and put aside."""
-        for key in self.keys():
-            run = self.find(key)
-            if run is not None:
-                yield run
 
     def prune(self, keep: Collection[str]) -> tuple[str, ...]:
         """Delete every run but those to keep, and what interrupted or damaged runs left.
@@ -148,18 +144,8 @@ class ResultStore:
         Raises:
             StoreError: a file cannot be deleted.
         """
-        if not self.folder.is_dir():
-            return ()
-        kept = {self.path_of(key).name for key in keep}
-        gone = [
-            path
-            for path in sorted(self.folder.iterdir())
-            if path.name not in kept
-            and (
-                path.name.startswith(_TEMPORARY)
-                or (path.suffix in {_SUFFIX, _DAMAGED, _FAILED} and _KEY.fullmatch(path.stem))
-            )
-        ]
+        kept = {self.path_of(key) for key in keep}
+        gone = [path for path in self._files() if path not in kept]
         try:
             for path in gone:
                 path.unlink()
@@ -167,14 +153,116 @@ class ResultStore:
             raise StoreError(f"store {self.folder} cannot be pruned: {error}") from error
         return tuple(path.name for path in gone)
 
+    def _files(self) -> list[Path]:
+        """Everything in the folder that is the store's own, sorted."""
+        if not self.folder.is_dir():
+            return []
+        return [
+            path
+            for path in sorted(self.folder.iterdir())
+            if path.name.startswith(_TEMPORARY)
+            or (path.suffix in {_SUFFIX, _DAMAGED, _FAILED} and _KEY.fullmatch(path.stem))
+        ]
+
+    @contextlib.contextmanager
+    def _writing(self) -> Any:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            yield
+        except OSError as error:
+            raise StoreError(f"store {self.folder} cannot be written: {error}") from error
+
 
 def default_store_folder() -> Path:
-    """``results`` in the repository that the commands of ``scripts/`` enter, else in this folder."""
+    """Return ``results`` in the repository that the commands of ``scripts/`` enter, else in this folder."""
     root = os.environ.get(ROOT_VARIABLE)
     return (Path(root) if root else Path.cwd()) / DEFAULT_FOLDER
 
 
-def _flush(path: Path) -> None:
-    """Make sure that the content is on the disk before the name is."""
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
+def write_run(path: Path, run: Run) -> None:
+    """Write a run; the caller sees to it that nobody reads a half-written file.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    columns = {name: pa.array(values) for name, values in run.trajectory.to_arrays().items()}
+    if run.decisions is not None:
+        for name, decided in run.decisions.to_arrays().items():
+            # The last row of a trajectory ends the trip: nothing is decided there.
+            values = pa.array(decided)
+            columns[_DECISION_PREFIX + name] = pa.concat_arrays([values, pa.nulls(1, values.type)])
+    content = {
+        "format": FORMAT,
+        "key": run.key,
+        "spec": run.spec.to_dict(),
+        "parameters": to_flat_dict(run.parameters),
+        "whole_trip": None if run.whole_trip is None else asdict(run.whole_trip),
+        "record": asdict(run.record),
+        # For other readers of the file; here the figures are worked out anew.
+        "figures": figure_values(run.metrics),
+    }
+    table = pa.table(columns, metadata={_METADATA: canonical_json(content)})
+    table = table.replace_schema_metadata({**table.schema.metadata, _DIGEST: _digest(table)})
+    pq.write_table(table, path, compression="zstd", write_page_checksum=True)
+
+
+def read_run(path: Path) -> Run:
+    """Read a run and check it.
+
+    Raises:
+        StoreError: the file is missing, damaged or not of this format.
+    """
+    try:
+        table = pq.read_table(path, page_checksum_verification=True, memory_map=False)
+        metadata = table.schema.metadata or {}
+        sound = metadata[_DIGEST] == _digest(table)
+        run = _run(json.loads(metadata[_METADATA]), table)
+    except KeyError as error:
+        raise StoreError(
+            f"stored run {path.name}: {error} is missing; no result of this format"
+        ) from error
+    except (OSError, pa.ArrowException, ValueError, TypeError, AttributeError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise StoreError(f"stored run {path.name}: cannot be read: {reason}") from error
+    except IptmError as error:
+        raise StoreError(f"stored run {path.name}: {error}") from error
+    if not sound:
+        raise StoreError(f"stored run {path.name} is damaged: content and digest disagree")
+    return run
+
+
+def _run(content: dict[str, Any], table: pa.Table) -> Run:
+    if content["format"] != FORMAT:
+        raise StoreError(f"format is {content['format']}; allowed: {FORMAT}")
+    decisions, whole_trip = None, content["whole_trip"]
+    if whole_trip is None:
+        decisions = DecisionSeries.from_arrays(
+            {
+                name: table[_DECISION_PREFIX + name].drop_null().to_numpy()
+                for name in DECISION_COLUMNS
+            }
+        )
+    else:
+        solves = tuple(WholeTripSolve(**solve) for solve in whole_trip["solves"])
+        whole_trip = WholeTripRecord(**{**whole_trip, "solves": solves})
+    return Run(
+        key=content["key"],
+        spec=RunSpec.from_dict(content["spec"]),
+        parameters=flat_to_parameters(content["parameters"], "stored parameters"),
+        trajectory=Trajectory.from_arrays(
+            {name: table[name].to_numpy() for name in TRAJECTORY_COLUMNS}
+        ),
+        decisions=decisions,
+        whole_trip=whole_trip,
+        record=RunRecord(**content["record"]),
+    )
+
+
+def _digest(table: pa.Table) -> bytes:
+    digest = hashlib.sha256(table.schema.metadata[_METADATA])
+    digest.update(str(table.schema.remove_metadata()).encode())
+    for column in table.columns:
+        # What lies under a null is undefined, so only its place counts.
+        digest.update(column.is_null().to_numpy().tobytes())
+        digest.update(column.drop_null().to_numpy().tobytes())
+    return digest.hexdigest().encode()

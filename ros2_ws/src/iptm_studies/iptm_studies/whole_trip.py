@@ -8,6 +8,7 @@ on the exact plant, so that the result is measured like every other run.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -20,7 +21,6 @@ from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemDataBuilder
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import (
     Plan,
-    Slacks,
     plan_from_variables,
     sample_positions_m,
     variables_from_plan,
@@ -30,128 +30,143 @@ from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.interior_point import InteriorPointOptions
 from iptm_controller.solvers.result import SolveResult
 from iptm_controller.strategy import Strategy
-from iptm_core.parameters.model import ModelParameters
+from iptm_core.decision_record import SolveStatus
 from iptm_core.routes.route import Route
 from iptm_core.state import Command, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 
+TOLERANCE = 1e-4
+"""Optimality tolerance of the scaled problem."""
 NEAR_BARRIER = 1e-2
+"""Barrier parameter to start with when the optimum is near."""
+MAX_ITERATIONS = 5000
+"""Iterations of one solve at most."""
+MAX_SOLVES = 12
+"""Solves with renewed slope expansion at most."""
+SETTLED_M = 10.0
+"""The expansion is settled when no position moves by more than this."""
 
 
 @dataclass(frozen=True)
-class WholeTripOptions:
-    """Settings of the whole-trip solve.
+class WholeTripSolve:
+    """One solve around one slope expansion; None stands for a figure that does not exist.
 
     Attributes:
-        tick_s: step length.
-        tolerance: optimality tolerance of the scaled problem.
-        max_iterations: iterations of one solve at most.
-        max_expansions: solves with renewed slope expansion at most.
-        settled_m: the expansion is settled when no position moves by more than this.
-    """
-
-    tick_s: float = 1.0
-    tolerance: float = 1e-4
-    max_iterations: int = 5000
-    max_expansions: int = 12
-    settled_m: float = 10.0
-
-
-@dataclass(frozen=True)
-class Expansion:
-    """One solve with a slope expansion.
-
-    Attributes:
-        result: the solver's answer, without its variables.
+        status: name of the solver's status.
+        iterations: iterations it took.
+        time_s: wall time it took.
+        objective: cost of the plan found.
+        infeasibility: largest violation of a constraint of the scaled problem.
         moved_m: largest change of a position against the expansion point.
     """
 
-    result: SolveResult
-    moved_m: float
+    status: str
+    iterations: int
+    time_s: float
+    objective: float | None
+    infeasibility: float | None
+    moved_m: float | None
 
 
 @dataclass(frozen=True)
-class WholeTripRun:
-    """The optimum and what the plant makes of it.
+class WholeTripRecord:
+    """How a whole trip was solved.
 
     Attributes:
-        trajectory: the plant driven with the optimal inputs.
-        expansions: every solve, in order.
-        slacks: largest violations of soft limits in the plan.
-        objective: cost of the last plan.
+        settled: the last solve is usable.
+        solves: every solve, in order.
+        gap_slack_m: largest violation of a gap limit in the plan.
+        speed_slack_m_s: largest violation of a speed limit in the plan.
+        temperature_slack_k: largest violation of a temperature limit in the plan.
     """
 
-    trajectory: Trajectory
-    expansions: tuple[Expansion, ...]
-    slacks: Slacks
-    objective: float
-
-    @property
-    def settled(self) -> bool:
-        """True if the last solve converged."""
-        return self.expansions[-1].result.status.usable
+    settled: bool
+    solves: tuple[WholeTripSolve, ...]
+    gap_slack_m: float
+    speed_slack_m_s: float
+    temperature_slack_k: float
 
 
 def solve_whole_trip(
     route: Route,
-    parameters: ModelParameters,
     plant: Plant,
     strategy: Strategy,
     start: Trajectory,
-    options: WholeTripOptions,
-    on_expansion: Callable[[Expansion], None] | None = None,
-) -> WholeTripRun:
+    tick_s: float,
+    on_solve: Callable[[WholeTripSolve], None] | None = None,
+) -> tuple[Trajectory, WholeTripRecord]:
     """Optimise a whole trip.
 
     Args:
         route: leader and slope, all known.
-        parameters: vehicle, limits.
-        plant: the vehicle that the optimum is driven on.
+        plant: the vehicle that the optimum is found for and driven on.
         strategy: cost terms and weights.
         start: a finished run of the same route, as first guess.
-        options: settings.
-        on_expansion: called after every solve.
+        tick_s: step length.
+        on_solve: called after every solve.
+
+    Returns:
+        The plant driven with the optimal inputs, and how they were found.
 
     Raises:
         SolverSetupError: the problem cannot be built.
     """
-    steps = round(route.duration_s / options.tick_s)
-    horizon = Horizon((Phase(steps, options.tick_s),))
+    horizon = Horizon((Phase(round(route.duration_s / tick_s), tick_s),))
     # What was driven is far from the optimum of the trip, what was found for another expansion is near.
     first, further = (
         build_plain_solver(
             horizon,
-            parameters,
+            plant.parameters,
             SolverOptions(
-                budget=SolveBudget(options.max_iterations),
-                interior_point=InteriorPointOptions(options.tolerance, NEAR_BARRIER, patience),
+                budget=SolveBudget(MAX_ITERATIONS),
+                interior_point=InteriorPointOptions(TOLERANCE, NEAR_BARRIER, patience),
             ),
         )
-        for patience in (0, options.max_iterations)
+        for patience in (0, MAX_ITERATIONS)
     )
     builder = ProblemDataBuilder(horizon, strategy)
     leader = _leader_motion(route, horizon)
     slope = SlopePreview(np.asarray(route.slope.positions_m), np.asarray(route.slope.slopes_rad))
     state = plant.initial_state()
     plan = _plan_of(start, horizon)
-    expansions: list[Expansion] = []
-    objective = float("nan")
-    for index in range(options.max_expansions):
+    solves: list[WholeTripSolve] = []
+    usable = False
+    for index in range(MAX_SOLVES):
         solver = further if index else first
         expected = sample_positions_m(plan, builder.sample_times_s)
         data = builder.build(state, leader, slope, expected)
         result = solver.solve(data, variables_from_plan(plan, state))
         found = plan_from_variables(result.variables, horizon, state)
         moved = np.abs(found.states[:, StateIndex.POSITION] - plan.states[:, StateIndex.POSITION])
-        expansions.append(Expansion(result, float(moved.max())))
-        if on_expansion is not None:
-            on_expansion(expansions[-1])
-        plan, objective = found, result.objective
-        if result.status.usable and moved.max() <= options.settled_m:
+        solves.append(_solve_record(result, float(moved.max())))
+        if on_solve is not None:
+            on_solve(solves[-1])
+        plan, usable = found, result.status.usable
+        if usable and moved.max() <= SETTLED_M:
             break
-    trajectory = _drive(plan, route, plant, state, options.tick_s)
-    return WholeTripRun(trajectory, tuple(expansions), plan.slacks, objective)
+    record = WholeTripRecord(
+        settled=usable,
+        solves=tuple(solves),
+        gap_slack_m=plan.slacks.gap_m,
+        speed_slack_m_s=plan.slacks.speed_m_s,
+        temperature_slack_k=plan.slacks.temperature_k,
+    )
+    return _drive(plan, route, plant, state, tick_s), record
+
+
+def _solve_record(result: SolveResult, moved_m: float) -> WholeTripSolve:
+    def finite(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    return WholeTripSolve(
+        status=SolveStatus(result.status).name.lower(),
+        iterations=result.iterations,
+        time_s=result.time_s,
+        objective=finite(result.objective),
+        infeasibility=finite(result.infeasibility),
+        moved_m=finite(moved_m),
+    )
 
 
 def _leader_motion(route: Route, horizon: Horizon) -> Motion:

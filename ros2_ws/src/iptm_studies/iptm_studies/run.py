@@ -1,0 +1,161 @@
+"""One run: performed here, by whichever process, and kept as it is by the store.
+
+Nothing is shared between runs: a solver may carry multipliers or counters from solve to solve, and a run
+must give the same numbers whatever its process did before. With a warm compiler cache the set-up takes a
+fraction of a second.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from datetime import datetime, timezone
+from functools import cached_property
+
+from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.horizon import Horizon
+from iptm_controller.solvers.factory import SolverOptions
+from iptm_core.decision_record import DecisionSeries
+from iptm_core.errors import ScenarioError
+from iptm_core.metrics import RunMetrics, compute_metrics
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.provenance import git_revision, versions
+from iptm_core.trajectory import Trajectory
+from iptm_plant_sim.plant import Plant
+from iptm_studies.closed_loop import run_closed_loop
+from iptm_studies.fingerprint import code_fingerprint
+from iptm_studies.run_inputs import RunInputs
+from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
+from iptm_studies.whole_trip import WholeTripRecord, solve_whole_trip
+
+_REPORTED_LIBRARIES = ("casadi", "numpy", "dask", "distributed", "pyarrow")
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """Where a result comes from.
+
+    Attributes:
+        wall_time_s: wall time of set-up and run.
+        compiled: the problem ran as machine code.
+        finished_at_utc: end of the run, ISO 8601.
+        git_revision: commit of the source, with ``-dirty`` if it was changed.
+        versions: versions of interpreter, platform and libraries by name.
+        fingerprint: of code and libraries.
+    """
+
+    wall_time_s: float
+    compiled: bool
+    finished_at_utc: str
+    git_revision: str
+    versions: Mapping[str, str]
+    fingerprint: str
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A finished run.
+
+    Attributes:
+        key: key of everything that its numbers depend on.
+        spec: specification.
+        parameters: parameters it ran with.
+        trajectory: what happened.
+        decisions: how the decisions came about; None for a whole trip.
+        whole_trip: how a whole trip was solved; None for a closed loop.
+        record: where the result comes from.
+    """
+
+    key: str
+    spec: RunSpec
+    parameters: ModelParameters
+    trajectory: Trajectory
+    decisions: DecisionSeries | None
+    whole_trip: WholeTripRecord | None
+    record: RunRecord
+
+    @property
+    def ticks(self) -> int:
+        """Number of intervals that were driven."""
+        return len(self.trajectory) - 1
+
+    @cached_property
+    def metrics(self) -> RunMetrics:
+        """What the run achieved, worked out from its trajectory with today's metrics."""
+        return compute_metrics(self.trajectory, self.parameters, self.decisions)
+
+
+def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None) -> Run:
+    """Perform a run.
+
+    Args:
+        inputs: the run.
+        on_progress: called after every tick of a closed loop and every solve of a whole trip.
+
+    Raises:
+        ScenarioError: this process has other code or libraries than those the run is meant for.
+        IptmError: the run cannot be set up or leads nowhere.
+    """
+    here = code_fingerprint()
+    if here != inputs.fingerprint:
+        raise ScenarioError(
+            f"the worker has other code or libraries (fingerprint {here[:12]}) than the study was started "
+            f"with ({inputs.fingerprint[:12]}); allowed are the same versions on all machines"
+        )
+
+    def progress(*_: object) -> None:
+        if on_progress is not None:
+            on_progress()
+
+    spec, route = inputs.spec, inputs.route
+    began = time.perf_counter()
+    plant = Plant(inputs.parameters, route.slope.slope_at, spec.plant_step_s)
+    controller = Controller(inputs.parameters, controller_options(spec))
+    loop = run_closed_loop(route, plant, controller, spec.bridge_settings(), on_tick=progress)
+    trajectory: Trajectory = loop.trajectory
+    decisions: DecisionSeries | None = loop.decisions
+    whole_trip: WholeTripRecord | None = None
+    if spec.kind is RunKind.WHOLE_TRIP:
+        # What the closed loop of the same strategy drove is the first guess.
+        trajectory, whole_trip = solve_whole_trip(
+            route, plant, spec.strategy, trajectory, spec.tick_s, on_solve=progress
+        )
+        decisions = None
+    return Run(
+        key=inputs.key,
+        spec=spec,
+        parameters=inputs.parameters,
+        trajectory=trajectory,
+        decisions=decisions,
+        whole_trip=whole_trip,
+        record=RunRecord(
+            wall_time_s=time.perf_counter() - began,
+            compiled=controller.backend.compiled,
+            finished_at_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
+            git_revision=git_revision(),
+            versions=versions(_REPORTED_LIBRARIES),
+            fingerprint=inputs.fingerprint,
+        ),
+    )
+
+
+def controller_options(spec: RunSpec) -> ControllerOptions:
+    """Return the options of the controller of a run."""
+    return ControllerOptions(
+        strategy=spec.strategy,
+        horizon=Horizon.parse(spec.horizon),
+        solver=solver_options(spec.solver),
+        tick_s=spec.tick_s,
+    )
+
+
+def solver_options(spec: SolverSpec) -> SolverOptions:
+    """Return the options of the solver of a run; what is not specified is the controller's default."""
+    usual = SolverOptions()
+    return replace(
+        usual,
+        name=spec.name,
+        budget=replace(usual.budget, max_iterations=spec.max_iterations),
+        interior_point=replace(usual.interior_point, tolerance=spec.tolerance),
+    )

@@ -1,0 +1,75 @@
+"""Starts of nodes that cannot succeed: one clear line and an exit code. And starts that only explain."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import pytest
+
+from iptm_controller.ocp.compilation import find_compiler
+
+CONTROLLER = "iptm_controller.node"
+PLANT = "iptm_plant_sim.node"
+BRIDGE = "iptm_v2x_bridge.node"
+
+# A value out of its range, a combination that cannot be built, a name that does not exist, for each node;
+# that every parameter is checked is a matter of the tests of node parameters.
+MISTAKES: dict[str, list[tuple[dict[str, object], str]]] = {
+    CONTROLLER: [
+        ({"tolerance": ".nan"}, "tolerance"),
+        ({"horizon": "3by1"}, "horizon '3by1' cannot be read"),
+        ({"horizn": "3x1"}, "did you mean horizon?"),
+    ],
+    PLANT: [
+        ({"rate_factor": 0.0}, "parameter rate_factor is 0.0"),
+        ({"cycle": "no_such_cycle"}, "unknown driving cycle 'no_such_cycle'"),
+        ({"rate_factr": 2.0}, "did you mean rate_factor?"),
+    ],
+    BRIDGE: [
+        ({"latency_s": -1.0}, "parameter latency_s is -1.0"),
+        ({"cycle": "absent.csv"}, "absent.csv"),
+        ({"latnecy_s": 1.0}, "did you mean latency_s?"),
+    ],
+}
+
+
+@pytest.mark.parametrize("module", MISTAKES)
+def test_user_mistake_is_one_line_and_exit_code_2(launcher: Any, module: str) -> None:
+    started = [
+        (launcher.start_node(module, parameters=parameters), expected)
+        for parameters, expected in MISTAKES[module]
+    ]
+    for process, expected in started:
+        assert process.wait() == 2
+        (line,) = process.stderr.strip().splitlines()
+        assert line.startswith(f"{module.partition('.')[0]}: ")
+        assert expected in line
+
+
+def test_bad_cycle_file_names_the_fault(launcher: Any) -> None:
+    path = launcher.directory / "bad.csv"
+    path.write_text("time_s,speed_m_s\n0.0,0.0\n1.0,-3.0\n")
+    bridge = launcher.start_node(BRIDGE, parameters={"cycle": path})
+    assert bridge.wait() == 2
+    assert "bad.csv" in bridge.stderr
+    assert len(bridge.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+def test_a_cache_that_cannot_be_written_is_one_line_too(launcher: Any) -> None:
+    (launcher.directory / "file").write_text("in the way")
+    cache = launcher.directory / "file" / "cache"
+    command = (sys.executable, "-m", CONTROLLER)
+    process = launcher.start("controller", *command, IPTM_CACHE_DIR=str(cache))
+    assert process.wait() == 2
+    assert f"compiler cache '{cache}' cannot be written" in process.stderr.splitlines()[-1]
+    assert "Traceback" not in process.stderr
+
+
+def test_help_names_every_parameter_and_starts_nothing(launcher: Any) -> None:
+    process = launcher.start("controller", sys.executable, "-m", CONTROLLER, "--help")
+    assert process.wait() == 0
+    for name in ("strategy", "horizon", "solver", "deadline_ms", "input_timeout_s"):
+        assert f"  {name} (default: " in process.stdout
+    assert process.stderr == ""
