@@ -22,7 +22,7 @@ from benchmarks.contenders import CONTENDER_NAMES, PEER, Contender, Outcome, bui
 from benchmarks.problem_sets import Block, ProblemSet, spread_blocks
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.transcription import transcribe
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.kkt import KktChecker, KktResidual
 from iptm_core.errors import IptmError, SolverSetupError
 from iptm_core.parameters import load_parameters
@@ -91,7 +91,7 @@ def compare(problems: ProblemSet, replay: Replay) -> list[ContenderSummary]:
     """
     horizon, parameters = Horizon.parse(problems.horizon), load_parameters().values
     contenders = [build_contender(name, horizon, parameters) for name in replay.contenders]
-    checker = KktChecker(transcribe(horizon, parameters), parameters.limits)
+    checker = KktChecker(OptimalControlProblem(horizon, parameters))
     series = {contender.name: _Series() for contender in contenders}
     blocks = spread_blocks(len(problems), replay.blocks, replay.block_length)
     for block in blocks:

@@ -9,6 +9,7 @@ from benchmarks.clock import Elapsed, timed
 from benchmarks.peer_opti import OptiPeer
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions, build_plain_solver
 from iptm_controller.solvers.nlpsol_backend import NlpsolBackend
 from iptm_controller.solvers.result import SolveStatus
@@ -89,7 +90,8 @@ def build_contender(name: str, horizon: Horizon, parameters: ModelParameters) ->
 
 
 def _peer(name: str, horizon: Horizon, parameters: ModelParameters) -> Contender:
-    peer = OptiPeer(horizon, parameters, expand=name == PEER_EXPANDED)
+    problem = OptimalControlProblem(horizon, parameters)
+    peer = OptiPeer(problem, expand=name == PEER_EXPANDED)
 
     def solve(data: ProblemData, guess: FloatArray) -> Outcome:
         answer, elapsed = timed(lambda: peer.solve(data, guess))

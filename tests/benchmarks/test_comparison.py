@@ -16,7 +16,7 @@ from benchmarks.problem_sets import ProblemSet
 from benchmarks.record_problems import record_problems
 
 from iptm_controller.horizon import Horizon
-from iptm_controller.ocp.transcription import transcribe
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.interior_point import InteriorPointOptions
 from iptm_controller.solvers.kkt import KktChecker
@@ -33,12 +33,12 @@ def problems() -> ProblemSet:
 
 def test_the_peer_finds_the_same_optimum(problems: ProblemSet) -> None:
     horizon = Horizon.parse(problems.horizon)
-    peer = OptiPeer(horizon, PARAMETERS, tolerance=1e-8)
+    peer = OptiPeer(OptimalControlProblem(horizon, PARAMETERS), tolerance=1e-8)
     options = SolverOptions(
         name="ipopt", compile_code=False, interior_point=InteriorPointOptions(tolerance=1e-8)
     )
     ours = build_plain_solver(horizon, PARAMETERS, options)
-    checker = KktChecker(transcribe(horizon, PARAMETERS), PARAMETERS.limits)
+    checker = KktChecker(OptimalControlProblem(horizon, PARAMETERS))
     for index in range(len(problems)):
         data, guess = problems.problem(index)
         theirs = peer.solve(data, guess)

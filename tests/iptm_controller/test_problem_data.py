@@ -14,9 +14,8 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.motion import Motion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
 from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StepIndex
-from iptm_controller.ocp.stage import quadrature, sample_count
-from iptm_controller.ocp.transcription import Transcription
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
@@ -26,16 +25,10 @@ FLAT = SlopePreview(np.zeros(1), np.zeros(1))
 
 def steps_of(data: ProblemData, horizon: Horizon) -> list[tuple[FloatArray, FloatArray]]:
     """Cut the vector into each step's own parameters and its samples, one row each."""
-    steps, offset = [], layout.GLOBALS
-    for length in horizon.step_lengths_s:
-        count = sample_count(float(length))
-        own = data.parameters[offset : offset + layout.STEP_PARAMETERS]
-        offset += layout.STEP_PARAMETERS
-        end = offset + count * layout.SAMPLE_PARAMETERS
-        steps.append((own, data.parameters[offset:end].reshape(count, -1)))
-        offset = end
-    assert offset == data.parameters.size
-    return steps
+    grid = ProblemGrid(horizon)
+    vectors = [data.parameters[place] for place in grid.step_parameters]
+    size = layout.STEP_PARAMETERS
+    return [(v[:size], v[size:].reshape(-1, layout.SAMPLE_PARAMETERS)) for v in vectors]
 
 
 def sample_times(horizon: Horizon) -> FloatArray:
@@ -53,35 +46,16 @@ def build(
     expected_m: FloatArray | None = None,
     horizon: Horizon = HORIZON,
 ) -> ProblemData:
-    builder = ProblemDataBuilder(horizon, strategy_by_name("reference_energy_aging"))
-    np.testing.assert_allclose(builder.sample_times_s, sample_times(horizon))
+    grid = ProblemGrid(horizon)
+    builder = ProblemDataBuilder(grid, strategy_by_name("reference_energy_aging"))
     if expected_m is None:
-        expected_m = state.position_m + state.speed_m_s * builder.sample_times_s
+        expected_m = state.position_m + state.speed_m_s * grid.sample_times_s
     return builder.build(state, leader, slope, expected_m)
 
 
 @pytest.fixture
 def steady() -> Motion:
     return Motion(np.array([0.0]), np.array([0.0]), np.array([10.5]))
-
-
-@pytest.mark.parametrize("text", ["15x1", "3x1+5x5", "1x0.5+2x2+4x10"])
-def test_vector_is_as_long_as_the_problem_wants(
-    make_state: Callable[..., VehicleState],
-    transcription_of: Callable[[str], Transcription],
-    steady: Motion,
-    text: str,
-) -> None:
-    horizon = Horizon.parse(text)
-    data = build(make_state(), steady, horizon=horizon)
-    transcription = transcription_of(text)
-    assert data.parameters.size == transcription.parameters.numel()
-    assert np.isfinite(data.parameters).all()
-    starts = [own.size for own, _ in steps_of(data, horizon)]
-    assert starts == [layout.STEP_PARAMETERS] * horizon.steps
-    sizes = [own.size + samples.size for own, samples in steps_of(data, horizon)]
-    offsets = layout.GLOBALS + np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    assert transcription.step_offsets.tolist() == offsets.tolist()
 
 
 def test_globals(make_state: Callable[..., VehicleState], steady: Motion) -> None:
@@ -170,8 +144,9 @@ def test_braking_reserve_is_asked_for_where_the_preview_ends(
 def test_braking_reserve_is_asked_for_no_later_than_the_leader_is_known(
     make_state: Callable[..., VehicleState], steady: Motion, known_s: float, node: int
 ) -> None:
-    builder = ProblemDataBuilder(HORIZON, strategy_by_name("aging"))
-    expected_m = np.zeros(builder.sample_times_s.size)
+    grid = ProblemGrid(HORIZON)
+    builder = ProblemDataBuilder(grid, strategy_by_name("aging"))
+    expected_m = np.zeros(grid.sample_times_s.size)
     flat = SlopePreview(np.zeros(1), np.zeros(1))
     data = builder.build(make_state(), steady, flat, expected_m, known_s)
     asked = [own[StepIndex.END_OF_PREVIEW] for own, _ in steps_of(data, HORIZON)]

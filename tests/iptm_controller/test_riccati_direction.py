@@ -13,7 +13,9 @@ from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.transcription import BLOCK, ROWS, Transcription
+from iptm_controller.ocp.layout import BLOCK, ROWS
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.transcription import Transcription
 from iptm_controller.solvers.riccati.program import (
     ITERATE,
     PARTS,
@@ -44,7 +46,7 @@ class Iterate:
 
 @pytest.fixture(scope="module")
 def program(parameters: ModelParameters) -> RiccatiProgram:
-    return build_program(Horizon.parse(GRID), parameters)
+    return build_program(OptimalControlProblem(Horizon.parse(GRID), parameters))
 
 
 @pytest.fixture
@@ -106,7 +108,7 @@ def dense_terms(
     t = transcription
     sides = limit_sides(parameters.limits)
     choose = np.zeros((len(sides) * STEPS, ROWS * STEPS))
-    bounds = np.zeros((len(sides) * STEPS, t.variable_count))
+    bounds = np.zeros((len(sides) * STEPS, t.grid.variable_count))
     offsets = np.zeros(len(sides) * STEPS)
     for step in range(STEPS):
         for index, side in enumerate(sides):
@@ -120,7 +122,7 @@ def dense_terms(
     # The rows are x+ - F and the limits; the method counts F - x+ and subtracts the limits.
     multipliers = -choose.T @ at.z
     multipliers[is_dynamics] = -at.lam
-    lam_f, lam_rows = ca.MX.sym("lam_f"), ca.MX.sym("lam_rows", t.row_count)
+    lam_f, lam_rows = ca.MX.sym("lam_f"), ca.MX.sym("lam_rows", t.grid.row_count)
     terms = ca.Function(
         "terms",
         [t.variables, t.parameters, lam_f, lam_rows],
@@ -245,7 +247,9 @@ def test_code_does_not_grow_with_the_horizon(parameters: ModelParameters) -> Non
 
     def length(grid: str) -> int:
         generator = ca.CodeGenerator("code.c", {"with_header": False})
-        for function in build_program(Horizon.parse(grid), parameters).functions:
+        for function in build_program(
+            OptimalControlProblem(Horizon.parse(grid), parameters)
+        ).functions:
             generator.add(function)
         return len(generator.dump())
 

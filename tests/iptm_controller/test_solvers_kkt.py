@@ -10,7 +10,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex
-from iptm_controller.ocp.transcription import transcribe
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.interior_point import InteriorPointOptions
 from iptm_controller.solvers.kkt import KktChecker
@@ -53,7 +53,7 @@ def problem() -> tuple[ProblemData, FloatArray]:
 
 @pytest.fixture(scope="module")
 def checker() -> KktChecker:
-    return KktChecker(transcribe(HORIZON, PARAMETERS), PARAMETERS.limits)
+    return KktChecker(OptimalControlProblem(HORIZON, PARAMETERS))
 
 
 def solution(name: str, tolerance: float, problem: tuple[ProblemData, FloatArray]) -> FloatArray:

@@ -10,6 +10,7 @@ import pytest
 from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import Plan, plan_from_variables
 from iptm_controller.solvers.backend import SolverBackend
@@ -28,7 +29,7 @@ def solve(
     result = solver.solve(*problem_of(measured, grid, strategy))
     assert result.status.usable, result.reason
     assert measured.state is not None
-    return plan_from_variables(result.variables, Horizon.parse(grid), measured.state)
+    return plan_from_variables(result.variables, ProblemGrid(Horizon.parse(grid)), measured.state)
 
 
 def gaps_of(plan: Plan, measured: Measurements) -> FloatArray:

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from iptm_controller.controller import Measurements
-from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.layout import InputIndex, LimitIndex
+from iptm_controller.ocp.layout import BLOCK, ROWS, InputIndex, LimitIndex
 from iptm_controller.ocp.oracle import oracle_functions
-from iptm_controller.ocp.transcription import BLOCK, ROWS, Transcription, problem_bounds
+from iptm_controller.ocp.problem import problem_bounds
+from iptm_controller.ocp.transcription import Transcription
 from iptm_controller.solvers.backend import SolverBackend
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.parameters.model import ModelParameters
@@ -51,13 +51,6 @@ def numbers(function: ca.Function, *arguments: Any) -> FloatArray:
     return values
 
 
-def test_sizes(transcription: Transcription, grid: str) -> None:
-    steps = Horizon.parse(grid).steps
-    assert transcription.variable_count == 12 * steps + 6 == transcription.variables.numel()
-    assert transcription.row_count == 20 * steps == transcription.rows.numel()
-    assert transcription.jacobian.shape == (transcription.row_count, transcription.variable_count)
-
-
 def test_gradient_and_jacobian_are_casadis_own(
     transcription: Transcription, point: tuple[FloatArray, FloatArray]
 ) -> None:
@@ -75,12 +68,12 @@ def test_hessian_is_casadis_own(
     transcription: Transcription, point: tuple[FloatArray, FloatArray]
 ) -> None:
     t = transcription
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", t.row_count)
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", t.grid.row_count)
     lagrangian = lam_f * t.cost + ca.dot(lam_g, t.rows)
     theirs = ca.hessian(lagrangian, t.variables)[0]
     arguments = [t.variables, t.parameters, lam_f, lam_g]
     function = ca.Function("pair", arguments, [t.hessian(lam_f, lam_g), theirs])
-    multipliers = np.random.default_rng(2).normal(size=t.row_count)
+    multipliers = np.random.default_rng(2).normal(size=t.grid.row_count)
     mine, reference = (value.full() for value in function(*point, 0.7, multipliers))
     np.testing.assert_allclose(mine, reference, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(mine, mine.T, rtol=1e-12, atol=1e-12)
@@ -90,7 +83,7 @@ def test_derivatives_agree_with_finite_differences(
     transcription: Transcription, point: tuple[FloatArray, FloatArray]
 ) -> None:
     t = transcription
-    lam_g = np.random.default_rng(3).normal(size=t.row_count)
+    lam_g = np.random.default_rng(3).normal(size=t.grid.row_count)
     values = ca.Function("v", [t.variables, t.parameters], [ca.vertcat(t.cost, t.rows)])
     slopes = ca.Function("s", [t.variables, t.parameters], [ca.vertcat(t.gradient.T, t.jacobian)])
     curvature = ca.Function("h", [t.variables, t.parameters], [t.hessian(ca.MX(1.0), ca.MX(lam_g))])
@@ -112,14 +105,14 @@ def test_derivatives_agree_with_finite_differences(
 
 def test_stage_structure_is_visible(transcription: Transcription) -> None:
     """Rows of a step touch its own variables and, one to one, the states of the next node."""
-    steps = transcription.horizon.steps
+    steps = transcription.grid.steps
     rows, columns = (np.array(part) for part in transcription.jacobian.sparsity().get_triplet())
     assert (columns >= BLOCK * (rows // ROWS)).all()
     assert (columns < BLOCK * (rows // ROWS) + BLOCK + layout.STATES).all()
     successor = columns >= BLOCK * (rows // ROWS) + BLOCK
     assert (rows[successor] % ROWS == columns[successor] % BLOCK).all()
     assert successor.sum() == layout.STATES * steps
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", transcription.row_count)
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", transcription.grid.row_count)
     hessian = transcription.hessian(lam_f, lam_g).sparsity()
     rows, columns = (np.array(part) for part in hessian.get_triplet())
     assert (rows // BLOCK == columns // BLOCK).all()
@@ -226,7 +219,7 @@ def test_functions_for_compiled_solvers(
     assert functions["nlp"].name_in() == ["x", "p"]
     assert functions["nlp_hess_l"].name_in() == ["x", "p", "lam_f", "lam_g"]
     assert functions["nlp_hess_l"].name_out() == list(signature["nlp_hess_l"])
-    lam_g = np.random.default_rng(4).normal(size=transcription.row_count)
+    lam_g = np.random.default_rng(4).normal(size=transcription.grid.row_count)
     slope, hessian, upper = functions["nlp_hess_l"](*point, 2.0, lam_g)
     t = transcription
     parts = ca.Function("parts", [t.variables, t.parameters], [t.gradient, t.jacobian])
@@ -236,5 +229,5 @@ def test_functions_for_compiled_solvers(
     np.testing.assert_array_equal(np.triu(hessian.full()), upper.full())
     cost, rows, again, _ = functions["nlp_grad"](*point, 2.0, lam_g)
     np.testing.assert_allclose(again.full(), slope.full())
-    assert rows.numel() == transcription.row_count
+    assert rows.numel() == transcription.grid.row_count
     assert float(cost) == pytest.approx(float(functions["nlp"](*point)[0]))

@@ -13,6 +13,7 @@ from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import FallbackLadder, LadderDecision, LadderOptions, Rung
 from iptm_controller.limiter import CommandLimiter, LimitedCommand
 from iptm_controller.ocp.data import ProblemDataBuilder
+from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.plan import (
     Plan,
     PlanShifter,
@@ -115,7 +116,8 @@ class Controller:
         horizon = options.horizon
         self.options = options
         self.backend = backend or build_solver(horizon, parameters, options.solver)
-        self._builder = ProblemDataBuilder(horizon, options.strategy)
+        self._grid = ProblemGrid(horizon)
+        self._builder = ProblemDataBuilder(self._grid, options.strategy)
         self._shifter = PlanShifter(horizon)
         self._forecaster = LeaderForecaster(horizon.duration_s, options.max_preview_age_s)
         self._ladder = FallbackLadder(parameters, options.tick_s, options.ladder)
@@ -159,13 +161,13 @@ class Controller:
             state,
             forecast.motion,
             measured.slope,
-            sample_positions_m(guess, self._builder.sample_times_s),
+            sample_positions_m(guess, self._grid.sample_times_s),
             forecast.known_s,
         )
-        result = self.backend.solve(data, variables_from_plan(guess, state))
+        result = self.backend.solve(data, variables_from_plan(guess, self._grid, state))
         if not result.status.usable:
             return self._fall_back(state, leader, result.reason, result, forecast)
-        plan = plan_from_variables(result.variables, self.options.horizon, state)
+        plan = plan_from_variables(result.variables, self._grid, state)
         choice = self._ladder.accept(plan)
         return self._limited(choice, state, forecast.reason, plan, result, forecast)
 

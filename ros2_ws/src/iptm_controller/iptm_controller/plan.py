@@ -8,6 +8,7 @@ import numpy as np
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
+from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_core.state import Command, FloatArray, VehicleState
 
@@ -60,20 +61,24 @@ class Plan:
         )
 
 
-def plan_from_variables(variables: FloatArray, horizon: Horizon, state: VehicleState) -> Plan:
+def plan_from_variables(variables: FloatArray, grid: ProblemGrid, state: VehicleState) -> Plan:
     """Unscale a solution; positions become absolute."""
-    steps = horizon.steps
-    block = layout.STATES + layout.INPUTS
-    table = variables[: steps * block].reshape(steps, block)
-    scaled = np.vstack([table[:, : layout.STATES], variables[steps * block :]])
-    states = scaled * layout.STATE_SCALE + layout.STATE_OFFSET
+    scaled_states, scaled_inputs = grid.split(variables)
+    states = scaled_states * layout.STATE_SCALE + layout.STATE_OFFSET
     states[:, StateIndex.POSITION] += state.position_m
     return Plan(
         start_s=state.time_s,
-        node_times_s=horizon.node_times_s,
+        node_times_s=grid.horizon.node_times_s,
         states=states,
-        inputs=table[:, layout.STATES :] * layout.INPUT_SCALE,
+        inputs=scaled_inputs * layout.INPUT_SCALE,
     )
+
+
+def variables_from_plan(plan: Plan, grid: ProblemGrid, state: VehicleState) -> FloatArray:
+    """Scale a plan into the optimiser's variables, the inverse of ``plan_from_variables``."""
+    relative = plan.states - layout.STATE_OFFSET
+    relative[:, StateIndex.POSITION] -= state.position_m
+    return grid.join(relative / layout.STATE_SCALE, plan.inputs / layout.INPUT_SCALE)
 
 
 class PlanShifter:
@@ -142,16 +147,6 @@ class PlanShifter:
         states[1:, StateIndex.LAST_ACCELERATION] = acceleration
         states[1:, StateIndex.LAST_COMPRESSOR_POWER] = inputs[:, InputIndex.COMPRESSOR_POWER]
         return Plan(state.time_s, self._nodes_s, states, inputs)
-
-
-def variables_from_plan(plan: Plan, state: VehicleState) -> FloatArray:
-    """Scale a plan into the optimiser's variables, the inverse of ``plan_from_variables``."""
-    relative = plan.states - layout.STATE_OFFSET
-    relative[:, StateIndex.POSITION] -= state.position_m
-    scaled_states = relative / layout.STATE_SCALE
-    scaled_inputs = plan.inputs / layout.INPUT_SCALE
-    head = np.hstack([scaled_states[:-1], scaled_inputs]).ravel()
-    return np.concatenate([head, scaled_states[-1]])
 
 
 def sample_positions_m(plan: Plan, sample_times_s: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from iptm_controller.horizon import Horizon, Phase
 from iptm_controller.motion import Motion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemDataBuilder
+from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import (
     Plan,
@@ -131,7 +132,8 @@ def solve_whole_trip(
         )
         for patience in (0, options.max_iterations)
     )
-    builder = ProblemDataBuilder(horizon, strategy)
+    grid = ProblemGrid(horizon)
+    builder = ProblemDataBuilder(grid, strategy)
     leader = _leader_motion(route, horizon)
     slope = SlopePreview(np.asarray(route.slope.positions_m), np.asarray(route.slope.slopes_rad))
     state = plant.initial_state()
@@ -140,10 +142,10 @@ def solve_whole_trip(
     objective = float("nan")
     for index in range(options.max_expansions):
         solver = further if index else first
-        expected = sample_positions_m(plan, builder.sample_times_s)
+        expected = sample_positions_m(plan, grid.sample_times_s)
         data = builder.build(state, leader, slope, expected)
-        result = solver.solve(data, variables_from_plan(plan, state))
-        found = plan_from_variables(result.variables, horizon, state)
+        result = solver.solve(data, variables_from_plan(plan, grid, state))
+        found = plan_from_variables(result.variables, grid, state)
         moved = np.abs(found.states[:, StateIndex.POSITION] - plan.states[:, StateIndex.POSITION])
         expansions.append(Expansion(result, float(moved.max())))
         if on_expansion is not None:

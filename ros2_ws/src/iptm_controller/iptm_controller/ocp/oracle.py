@@ -39,7 +39,7 @@ def oracle_functions(transcription: Transcription, signature: OracleSignature) -
         Functions of ``(x, p)``, or of ``(x, p, lam_f, lam_g)`` where an output needs multipliers.
     """
     w, p = transcription.variables, transcription.parameters
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", transcription.row_count)
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", transcription.grid.row_count)
     gradient, jacobian = transcription.gradient, transcription.jacobian
     hessian = transcription.hessian(lam_f, lam_g)
     outputs = {

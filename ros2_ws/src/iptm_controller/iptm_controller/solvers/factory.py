@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from iptm_controller.horizon import Horizon
-from iptm_controller.ocp.transcription import transcribe
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.backend import SolverBackend
 from iptm_controller.solvers.budget import SolveBudget
 from iptm_controller.solvers.cooling_probe import CoolingProbe
@@ -67,10 +67,10 @@ def build_plain_solver(
     Raises:
         SolverSetupError: unknown name, or the set-up fails.
     """
+    problem = OptimalControlProblem(horizon, parameters)
     if options.name == RICCATI:
         return RiccatiBackend(
-            horizon,
-            parameters,
+            problem,
             options.interior_point,
             options.budget,
             compile_code=options.compile_code,
@@ -83,8 +83,7 @@ def build_plain_solver(
         ) from None
     return NlpsolBackend(
         plugin_of(horizon.steps, options),
-        transcribe(horizon, parameters),
-        parameters.limits,
+        problem,
         options.budget,
         compile_code=options.compile_code,
     )

@@ -21,12 +21,12 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import compile_functions, find_compiler
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.oracle import OracleSignature, oracle_expressions, oracle_functions
-from iptm_controller.ocp.transcription import Transcription, problem_bounds
+from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
+from iptm_controller.ocp.transcription import transcribe
 from iptm_controller.solvers.budget import FEASIBILITY_TOLERANCE, SolveBudget
 from iptm_controller.solvers.buffered import BufferedFunction
 from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus, broken
 from iptm_core.errors import SolverSetupError
-from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray
 
 LOGGER = logging.getLogger(__name__)
@@ -61,15 +61,15 @@ class NlpsolBackend:
     def __init__(
         self,
         plugin: Plugin,
-        transcription: Transcription,
-        limits: LimitParameters,
+        problem: OptimalControlProblem,
         budget: SolveBudget,
         *,
         compile_code: bool = True,
     ) -> None:
         self.name = plugin.name
         self._plugin = plugin
-        self._bounds = problem_bounds(transcription.horizon.steps, limits)
+        self._bounds = problem_bounds(problem.grid.steps, problem.model.limits)
+        transcription = transcribe(problem)
         self._budget = budget
         compiler = find_compiler() if compile_code else None
         self.compiled = compiler is not None

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import compile_functions, find_compiler
 from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.budget import FEASIBILITY_TOLERANCE, SolveBudget
 from iptm_controller.solvers.buffered import BufferedFunction
 from iptm_controller.solvers.interior_point import InteriorPointOptions
@@ -18,7 +18,6 @@ from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus
 from iptm_controller.solvers.riccati.method import Ending, MethodSettings, Outcome, RiccatiMethod
 from iptm_controller.solvers.riccati.program import ITERATE, STEP, RiccatiProgram, build_program
 from iptm_core.errors import SolverSetupError
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 
 RICCATI = "riccati"
@@ -38,21 +37,20 @@ class RiccatiBackend:
 
     def __init__(
         self,
-        horizon: Horizon,
-        parameters: ModelParameters,
+        problem: OptimalControlProblem,
         options: InteriorPointOptions,
         budget: SolveBudget,
         *,
         compile_code: bool = True,
     ) -> None:
-        """Write the method down for a horizon and compile it.
+        """Write the method down for a problem and compile it.
 
         Raises:
             SolverSetupError: the compiler fails.
         """
         compiler = find_compiler() if compile_code else None
         self.compiled = compiler is not None
-        program = build_program(horizon, parameters)
+        program = build_program(problem)
         if compiler is not None:
             library = str(compile_functions(program.functions, compiler))
             program = _load(library, [function.name() for function in program.functions])

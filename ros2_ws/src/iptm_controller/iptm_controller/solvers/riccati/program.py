@@ -11,19 +11,11 @@ from dataclasses import astuple, dataclass
 import casadi as ca
 import numpy as np
 
-from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.stage import (
-    DEFAULT_PENALTIES,
-    DEFAULT_SMOOTHING,
-    StageSpec,
-    build_stage,
-    sample_count,
-)
-from iptm_controller.ocp.transcription import BLOCK, phase_arguments
+from iptm_controller.ocp.layout import BLOCK
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.riccati.recursion import LOWER, backward_step, forward_step
 from iptm_controller.solvers.riccati.stage_system import StageSystem, common_structure
-from iptm_core.parameters.model import ModelParameters
 
 ITERATE = ("w", "lam", "s", "z")
 PARTS = ("pull", "centring")
@@ -58,34 +50,24 @@ class RiccatiProgram:
         return [self.start, self.direction, self.advance]
 
 
-def build_program(horizon: Horizon, parameters: ModelParameters) -> RiccatiProgram:
-    """Write the functions of a horizon down for a vehicle."""
-    builder = _Builder(horizon, parameters)
+def build_program(problem: OptimalControlProblem) -> RiccatiProgram:
+    """Write the functions of a problem down."""
+    builder = _Builder(problem)
     return RiccatiProgram(builder.start(), builder.direction(), builder.advance())
 
 
 class _Builder:
-    def __init__(self, horizon: Horizon, parameters: ModelParameters) -> None:
-        self._horizon = horizon
-        self._steps = horizon.steps
-        specs = [
-            StageSpec(
-                phase.step_s, sample_count(phase.step_s), DEFAULT_SMOOTHING, DEFAULT_PENALTIES
-            )
-            for phase in horizon.phases
-        ]
-        self._parameter_counts = [spec.parameter_count for spec in specs]
+    def __init__(self, problem: OptimalControlProblem) -> None:
+        self._problem = problem
+        self._grid = problem.grid
+        self._steps = self._grid.steps
         self._systems = [
-            StageSystem(build_stage(spec, parameters), parameters.limits) for spec in specs
+            StageSystem(stage, problem.model.limits) for stage in problem.stage_expressions()
         ]
         self._structure = common_structure(self._systems)
         self._sides = self._systems[0].sides
-        size = layout.GLOBALS + sum(
-            count * phase.steps
-            for count, phase in zip(self._parameter_counts, horizon.phases, strict=True)
-        )
-        self._w = ca.MX.sym("w", BLOCK * self._steps + layout.STATES)
-        self._p = ca.MX.sym("p", size)
+        self._w = ca.MX.sym("w", self._grid.variable_count)
+        self._p = ca.MX.sym("p", self._grid.parameter_count)
         self._lam = ca.MX.sym("lam", layout.STATES * self._steps)
         self._s = ca.MX.sym("s", self._sides * self._steps)
         self._z = ca.MX.sym("z", self._sides * self._steps)
@@ -93,7 +75,7 @@ class _Builder:
     def start(self) -> ca.Function:
         """First iterate: multipliers from the barrier, slacks as the penalties would have them."""
         mu, ease = ca.MX.sym("mu"), ca.MX.sym("ease")
-        prices = np.outer(astuple(DEFAULT_PENALTIES), self._horizon.step_lengths_s)
+        prices = np.outer(astuple(self._problem.penalties), self._grid.horizon.step_lengths_s)
         table = ca.reshape(self._w[: BLOCK * self._steps], BLOCK, self._steps)
         hard = BLOCK - layout.SLACKS
         least = self._map(
@@ -209,19 +191,15 @@ class _Builder:
 
     def _map(self, functions: list[ca.Function], w: ca.MX, extra: list[ca.MX]) -> list[ca.MX]:
         """Evaluate one function per phase over its steps; results side by side."""
-        arguments = phase_arguments(self._horizon, self._parameter_counts, w, self._p)
-        shifted = ca.vertcat(w[BLOCK:], ca.MX.zeros(layout.INPUTS))
-        successors = ca.reshape(shifted, BLOCK, self._steps)[: layout.STATES, :]
+        arguments = self._grid.stage_arguments(w, self._p)
+        successors = self._grid.next_states(w)
         pieces = []
-        first = 0
-        for function, phase, (x, u, p, shared) in zip(
-            functions, self._horizon.phases, arguments, strict=True
+        for function, kind, (x, u, p, shared) in zip(
+            functions, self._grid.stages, arguments, strict=True
         ):
-            span = slice(first, first + phase.steps)
-            first += phase.steps
-            more = [matrix[:, span] for matrix in extra]
-            given = [x, u, successors[:, span], p, shared, *more]
-            pieces.append(function.map(phase.steps).call(given))
+            more = [matrix[:, kind.steps] for matrix in extra]
+            given = [x, u, successors[:, kind.steps], p, shared, *more]
+            pieces.append(function.map(kind.count).call(given))
         return [ca.horzcat(*parts) for parts in zip(*pieces, strict=True)]
 
     def _values(self, w: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:

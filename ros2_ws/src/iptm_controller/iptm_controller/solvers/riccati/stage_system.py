@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 
 from iptm_controller.ocp import layout
+from iptm_controller.ocp.problem import stage_bounds
 from iptm_controller.ocp.stage import StageExpressions
-from iptm_controller.ocp.transcription import problem_bounds
 from iptm_core.parameters.model import LimitParameters
 
 WIDTH = layout.STATES + layout.INPUTS
@@ -32,10 +32,10 @@ class Side:
 
 def limit_sides(limits: LimitParameters) -> tuple[Side, ...]:
     """Finite bounds of a stage; the values are its limit rows followed by its inputs."""
-    bounds = problem_bounds(1, limits)
-    inputs = slice(layout.STATES, layout.STATES + layout.INPUTS)
-    low = np.concatenate([bounds.rows_low[layout.STATES :], bounds.variables_low[inputs]])
-    high = np.concatenate([bounds.rows_high[layout.STATES :], bounds.variables_high[inputs]])
+    bounds = stage_bounds(limits)
+    own = slice(layout.STATES, None)
+    low = np.concatenate([bounds.rows_low[own], bounds.variables_low[own]])
+    high = np.concatenate([bounds.rows_high[own], bounds.variables_high[own]])
     sides = []
     for index, (least, most) in enumerate(zip(low, high, strict=True)):
         if np.isfinite(least):
