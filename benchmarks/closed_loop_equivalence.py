@@ -16,8 +16,7 @@ import numpy as np
 from benchmarks.report_files import finish
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
-from iptm_controller.solvers.factory import SolverOptions
-from iptm_controller.solvers.interior_point import InteriorPointOptions
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.result import SolveStatus
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.errors import IptmError
@@ -34,7 +33,7 @@ KEYS = (
     "cell_1_degradation",
     "cell_n_degradation",
 )
-REFERENCE = SolverOptions(name="ipopt", interior_point=InteriorPointOptions(tolerance=1e-8))
+REFERENCE = SolverOptions(name="ipopt", tolerance=1e-8)
 
 
 def measure(cycle: str, horizon: str, strategy: str, duration_s: float | None) -> dict[str, Any]:

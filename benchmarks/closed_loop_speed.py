@@ -17,7 +17,7 @@ from benchmarks.report_files import finish
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
 from iptm_controller.solvers.cooling_probe import CoolingProbe
-from iptm_controller.solvers.factory import SolverOptions
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.result import SolveStatus
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.errors import IptmError

@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.contenders import CONTENDER_NAMES, PEER, Contender, Outcome, build_contender
+from benchmarks.kkt import KktChecker, KktResidual
 from benchmarks.problem_sets import Block, ProblemSet, spread_blocks
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.kkt import KktChecker, KktResidual
 from iptm_core.errors import IptmError, SolverSetupError
 from iptm_core.parameters import load_parameters
 

@@ -6,12 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from benchmarks.clock import Elapsed, timed
+from benchmarks.other_solvers import OTHER_SOLVER_NAMES, SqpBackend, build_other_solver
 from benchmarks.peer_opti import OptiPeer
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions, build_plain_solver
-from iptm_controller.solvers.nlpsol_backend import NlpsolBackend
+from iptm_controller.solvers.factory import SOLVER_NAMES, build_plain_solver
+from iptm_controller.solvers.interface import RICCATI, SolverBackend, SolverOptions
 from iptm_controller.solvers.result import SolveStatus
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import ModelParameters
@@ -20,7 +21,9 @@ from iptm_core.state import FloatArray
 PEER = "peer_plain"
 PEER_EXPANDED = "peer_expanded"
 INTERPRETED = "riccati_interpreted"
-CONTENDER_NAMES = (*SOLVER_NAMES, INTERPRETED, PEER, PEER_EXPANDED)
+PEERS = (PEER, PEER_EXPANDED)
+# The order of the tables.
+CONTENDER_NAMES = (RICCATI, "fatrop", "ipopt", *OTHER_SOLVER_NAMES[1:], INTERPRETED, *PEERS)
 
 
 @dataclass(frozen=True)
@@ -66,12 +69,11 @@ def build_contender(name: str, horizon: Horizon, parameters: ModelParameters) ->
         ScenarioError: the name is unknown.
         SolverSetupError: the set-up fails.
     """
-    if name in {PEER, PEER_EXPANDED}:
+    if name in PEERS:
         return _peer(name, horizon, parameters)
     if name not in CONTENDER_NAMES:
-        raise ScenarioError(f"'{name}' is unknown, allowed are {', '.join(CONTENDER_NAMES)}")
-    options = SolverOptions(compile_code=False) if name == INTERPRETED else SolverOptions(name=name)
-    backend = build_plain_solver(horizon, parameters, options)
+        raise ScenarioError(f"contender is '{name}'; allowed: {', '.join(CONTENDER_NAMES)}")
+    backend = build_any_solver(name, horizon, parameters)
 
     def solve(data: ProblemData, guess: FloatArray) -> Outcome:
         result, elapsed = timed(lambda: backend.solve(data, guess))
@@ -84,9 +86,21 @@ def build_contender(name: str, horizon: Horizon, parameters: ModelParameters) ->
             elapsed=elapsed,
         )
 
-    return Contender(
-        name, solve, backend.forget if isinstance(backend, NlpsolBackend) else _nothing
-    )
+    return Contender(name, solve, backend.forget if isinstance(backend, SqpBackend) else _nothing)
+
+
+def build_any_solver(name: str, horizon: Horizon, parameters: ModelParameters) -> SolverBackend:
+    """Set a solver of the product or one to compare with up, by the name of its contender.
+
+    Raises:
+        SolverSetupError: the set-up fails.
+    """
+    if name == INTERPRETED:
+        return build_plain_solver(horizon, parameters, SolverOptions(compile_code=False))
+    options = SolverOptions(name=name)
+    if name in SOLVER_NAMES:
+        return build_plain_solver(horizon, parameters, options)
+    return build_other_solver(OptimalControlProblem(horizon, parameters), options)
 
 
 def _peer(name: str, horizon: Horizon, parameters: ModelParameters) -> Contender:

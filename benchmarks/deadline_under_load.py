@@ -22,8 +22,7 @@ import numpy as np
 from benchmarks.report_files import finish
 from benchmarks.ros_speed import drive
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
-from iptm_controller.solvers.budget import SolveBudget
-from iptm_controller.solvers.factory import SolverOptions
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.result import SolveStatus
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
@@ -87,8 +86,8 @@ def paced(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str
     """
     parameters = load_parameters().values
     route = build_route(CYCLE, initial_gap_m=parameters.gap.initial_gap_m, duration_s=float(ticks))
-    budget = SolveBudget(deadline_s=deadline_s)
-    controller = Controller(parameters, ControllerOptions(solver=SolverOptions(budget=budget)))
+    solver = SolverOptions(deadline_s=deadline_s)
+    controller = Controller(parameters, ControllerOptions(solver=solver))
     plant = Plant(parameters, route.slope.slope_at)
     with busy_processes(load):
         schedule = _Schedule(period_s)

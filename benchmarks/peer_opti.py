@@ -25,7 +25,8 @@ from iptm_controller.ocp.grid import StageKind, quadrature
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, StateIndex, StepIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import NOT_ASKED_FOR_M
-from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
+from iptm_controller.solvers.factory import build_plain_solver
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from iptm_controller.solvers.factory import SolverOptions
+from iptm_controller.solvers.interface import RICCATI
 
 PROPOSED = "3x1+5x5"
 SINGLE = "15x1"
 REFERENCE = "reference"
-DEFAULT_SOLVER = SolverOptions().name
+DEFAULT_SOLVER = RICCATI
 PEER = "peer_plain"
 NOT_MEASURED = "not measured"
 

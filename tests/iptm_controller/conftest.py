@@ -22,9 +22,9 @@ from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING, build_stage
 from iptm_controller.ocp.transcription import Transcription, transcribe
 from iptm_controller.plan import PlanShifter, sample_positions_m, variables_from_plan
-from iptm_controller.solvers.backend import SolverBackend
 from iptm_controller.solvers.cooling_probe import CoolingProbe
-from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
+from iptm_controller.solvers.factory import build_plain_solver
+from iptm_controller.solvers.interface import SolverBackend, SolverOptions
 from iptm_controller.strategy import REFERENCE_TEMPERATURE_K, strategy_by_name
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters

@@ -21,7 +21,8 @@ from iptm_controller.ocp.compilation import (
     find_compiler,
 )
 from iptm_controller.solvers import nlpsol_backend
-from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
+from iptm_controller.solvers.factory import build_plain_solver
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.riccati import backend as riccati_backend
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import ModelParameters
@@ -117,7 +118,7 @@ def test_a_damaged_library_is_compiled_again(
 
 @pytest.mark.parametrize(
     ("name", "module", "missing"),
-    [("fatrop", nlpsol_backend, "nlp"), ("riccati", riccati_backend, "start")],
+    [("ipopt", nlpsol_backend, "nlp"), ("riccati", riccati_backend, "starting_point")],
 )
 def test_a_library_of_something_else_is_a_clear_error(
     cache: Path,

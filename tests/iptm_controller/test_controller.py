@@ -15,7 +15,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ladder import LadderOptions, Rung
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex
-from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.interface import SolverBackend
 from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState

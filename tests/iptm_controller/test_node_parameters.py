@@ -49,9 +49,9 @@ def test_every_parameter_reaches_the_controller(parameters: ModelParameters) -> 
     assert options.strategy == STRATEGIES["reference"]
     assert options.horizon == Horizon.parse("2x1+1x5")
     assert (options.solver.name, options.solver.compile_code) == ("ipopt", False)
-    assert options.solver.budget.max_iterations == 42
-    assert options.solver.budget.deadline_s == pytest.approx(0.08)
-    assert options.solver.interior_point.tolerance == 1e-4
+    assert options.solver.max_iterations == 42
+    assert options.solver.deadline_s == pytest.approx(0.08)
+    assert options.solver.tolerance == 1e-4
     assert options.ladder == LadderOptions(7, 9)
     assert options.max_preview_age_s == 3.0
     assert options.tick_s == 0.5

@@ -12,7 +12,7 @@ import pytest
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.ladder import Rung
 from iptm_controller.node_reports import NO_SOLVE, plan_trajectory, situation, solve_report
-from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.interface import SolverBackend
 from iptm_controller.solvers.result import SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import LeaderPreview

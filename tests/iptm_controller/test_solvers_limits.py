@@ -13,7 +13,7 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import Plan, plan_from_variables
-from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.interface import SolverBackend
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.state import FloatArray

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.ocp.grid import MIDPOINT_UP_TO_S
+from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.aging import capacity_loss_rate_1_s

@@ -16,7 +16,7 @@ from iptm_controller.ocp.layout import BLOCK, ROWS, InputIndex, LimitIndex
 from iptm_controller.ocp.oracle import oracle_functions
 from iptm_controller.ocp.problem import problem_bounds
 from iptm_controller.ocp.transcription import Transcription
-from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.interface import SolverBackend
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray

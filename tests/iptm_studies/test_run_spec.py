@@ -60,7 +60,7 @@ def test_bad_values_are_refused(changes: dict[str, Any], complaint: str) -> None
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("simplex",), "'simplex' is unknown; allowed are riccati, fatrop"),
+        (("simplex",), "'simplex' is unknown; allowed are riccati, ipopt"),
         (("riccati", 0.0), "tolerance is 0"),
         (("riccati", 1e-5, 0), "max_iterations is 0"),
     ],

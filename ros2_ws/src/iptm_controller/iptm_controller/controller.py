@@ -21,8 +21,8 @@ from iptm_controller.plan import (
     sample_positions_m,
     variables_from_plan,
 )
-from iptm_controller.solvers.backend import SolverBackend
-from iptm_controller.solvers.factory import SolverOptions, build_solver
+from iptm_controller.solvers.factory import build_solver
+from iptm_controller.solvers.interface import SolverBackend, SolverOptions
 from iptm_controller.solvers.result import SolveResult
 from iptm_controller.state_check import check_leader, check_slope, check_state
 from iptm_controller.strategy import STRATEGIES, Strategy

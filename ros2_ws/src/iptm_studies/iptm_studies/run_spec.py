@@ -43,8 +43,8 @@ class SolverSpec:
     """Solver of the controller; the defaults are the controller's own."""
 
     name: str = _SOLVER.name
-    tolerance: float = _SOLVER.interior_point.tolerance
-    max_iterations: int = _SOLVER.budget.max_iterations
+    tolerance: float = _SOLVER.tolerance
+    max_iterations: int = _SOLVER.max_iterations
 
     def __post_init__(self) -> None:
         if self.name not in SOLVER_NAMES:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
@@ -133,12 +133,8 @@ def controller_options(spec: RunSpec) -> ControllerOptions:
 
 def solver_options(spec: SolverSpec) -> SolverOptions:
     """Options of the solver of a run; what is not specified is the controller's default."""
-    usual = SolverOptions()
-    return replace(
-        usual,
-        name=spec.name,
-        budget=replace(usual.budget, max_iterations=spec.max_iterations),
-        interior_point=replace(usual.interior_point, tolerance=spec.tolerance),
+    return SolverOptions(
+        name=spec.name, max_iterations=spec.max_iterations, tolerance=spec.tolerance
     )
 
 

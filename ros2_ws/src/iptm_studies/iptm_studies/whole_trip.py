@@ -26,9 +26,7 @@ from iptm_controller.plan import (
     sample_positions_m,
     variables_from_plan,
 )
-from iptm_controller.solvers.budget import SolveBudget
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
-from iptm_controller.solvers.interior_point import InteriorPointOptions
 from iptm_controller.solvers.result import SolveResult
 from iptm_controller.strategy import Strategy
 from iptm_core.parameters.model import ModelParameters
@@ -126,11 +124,13 @@ def solve_whole_trip(
             horizon,
             parameters,
             SolverOptions(
-                budget=SolveBudget(options.max_iterations),
-                interior_point=InteriorPointOptions(options.tolerance, NEAR_BARRIER, patience),
+                max_iterations=options.max_iterations,
+                tolerance=options.tolerance,
+                initial_barrier=NEAR_BARRIER,
+                warm_start_iterations=warm_start,
             ),
         )
-        for patience in (0, options.max_iterations)
+        for warm_start in (0, options.max_iterations)
     )
     grid = ProblemGrid(horizon)
     builder = ProblemDataBuilder(grid, strategy)

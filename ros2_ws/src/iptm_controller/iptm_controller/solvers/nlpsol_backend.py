@@ -1,7 +1,7 @@
 """A CasADi ``nlpsol`` on the transcription, compiled where a C compiler is at hand.
 
-What differs between plug-ins (functions looked up, options, use of multipliers) comes as data. A time
-limit is kept without interrupting the solver: iterations are bounded by what fits, judged by the slowest
+What differs between plug-ins (functions looked up, options) comes as data; IPOPT's is here. A time limit
+is kept without interrupting the solver: iterations are bounded by what fits, judged by the slowest
 recent iteration.
 """
 
@@ -23,8 +23,8 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.oracle import OracleSignature, oracle_expressions, oracle_functions
 from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
 from iptm_controller.ocp.transcription import transcribe
-from iptm_controller.solvers.budget import FEASIBILITY_TOLERANCE, SolveBudget
 from iptm_controller.solvers.buffered import BufferedFunction
+from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolverOptions
 from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus, broken
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray
@@ -45,14 +45,36 @@ class Plugin:
         plugin: name of the CasADi plug-in.
         signature: functions that it looks up in a compiled problem.
         options: from the bound on the iterations to the plug-in's options.
-        keeps_multipliers: start from the multipliers of the previous solve.
     """
 
     name: str
     plugin: str
     signature: OracleSignature
     options: Callable[[int], dict[str, Any]]
-    keeps_multipliers: bool = False
+
+
+def ipopt_plugin(options: SolverOptions) -> Plugin:
+    """Return IPOPT with the derivatives of the transcription; it does not look at the stage structure."""
+
+    def plugin_options(max_iterations: int) -> dict[str, Any]:
+        return {
+            "ipopt": {
+                "print_level": 0,
+                "sb": "yes",
+                "tol": options.tolerance,
+                "max_iter": max_iterations,
+                "mu_init": options.initial_barrier,
+            }
+        }
+
+    signature = {
+        "nlp_f": ("f",),
+        "nlp_g": ("g",),
+        "nlp_grad_f": ("f", "grad_f_x"),
+        "nlp_jac_g": ("g", "jac_g_x"),
+        "nlp_hess_l": ("triu_hess_gamma_x_x",),
+    }
+    return Plugin("ipopt", "ipopt", signature, plugin_options)
 
 
 class NlpsolBackend:
@@ -62,16 +84,19 @@ class NlpsolBackend:
         self,
         plugin: Plugin,
         problem: OptimalControlProblem,
-        budget: SolveBudget,
-        *,
-        compile_code: bool = True,
+        options: SolverOptions,
     ) -> None:
+        """Transcribe a problem and set the plug-in up for it.
+
+        Raises:
+            SolverSetupError: the compiler or the plug-in fails.
+        """
         self.name = plugin.name
         self._plugin = plugin
         self._bounds = problem_bounds(problem.grid.steps, problem.model.limits)
         transcription = transcribe(problem)
-        self._budget = budget
-        compiler = find_compiler() if compile_code else None
+        self._options = options
+        compiler = find_compiler() if options.compile_code else None
         self.compiled = compiler is not None
         oracle: Any = (
             oracle_expressions(transcription)
@@ -85,12 +110,11 @@ class NlpsolBackend:
         bounds = self._bounds
         self._low = np.concatenate([bounds.variables_low, bounds.rows_low])
         self._high = np.concatenate([bounds.variables_high, bounds.rows_high])
-        self._multipliers: dict[str, FloatArray] = {}
         self._iteration_s = 0.0
 
     def _caps(self) -> tuple[int, ...]:
-        longest = self._budget.max_iterations
-        if self._budget.deadline_s <= 0.0:
+        longest = self._options.max_iterations
+        if self._options.deadline_s <= 0.0:
             return (longest,)
         return (longest, *(cap for cap in SHORTER_CAPS if cap < longest))
 
@@ -122,7 +146,6 @@ class NlpsolBackend:
         try:
             solver()
         except RuntimeError as error:
-            self._multipliers = {}
             last_line = str(error).strip().splitlines()[-1]
             return broken(guess, time.perf_counter() - start, last_line)
         elapsed = time.perf_counter() - start
@@ -137,9 +160,8 @@ class NlpsolBackend:
             iterations=iterations,
             cap=cap,
             violation=violation,
-            late=0.0 < self._budget.deadline_s < elapsed,
+            late=0.0 < self._options.deadline_s < elapsed,
         )
-        self._keep_multipliers(solver.results, status)
         reason = STATUS_TEXT[status]
         if status is not SolveStatus.SOLVED:
             reason = f"{reason} ({self.name}: {stats['return_status']}, {iterations} iterations)"
@@ -160,9 +182,6 @@ class NlpsolBackend:
         arguments["p"][:] = data.parameters
         for bound in ("lbx", "ubx"):
             arguments[bound][: layout.STATES] = data.initial_state
-        if self._plugin.keeps_multipliers:
-            for name in ("lam_x0", "lam_g0"):
-                arguments[name][:] = self._multipliers.get(name, 0.0)
 
     def _can_start(self, data: ProblemData, guess: FloatArray) -> bool:
         """Whether the solver can begin: Fatrop regularises forever if its first matrix is not finite."""
@@ -176,15 +195,10 @@ class NlpsolBackend:
         with np.errstate(invalid="ignore"):
             return math.isfinite(sum(float(array.sum()) for array in arrays))
 
-    def forget(self) -> None:
-        """Drop what is carried from solve to solve, as at the start of a trip."""
-        self._multipliers = {}
-        self._iteration_s = 0.0
-
     def _affordable_cap(self) -> int:
         """The largest bound on the iterations that fits the time limit."""
         caps = sorted(self._solvers)
-        deadline_s = self._budget.deadline_s
+        deadline_s = self._options.deadline_s
         if deadline_s <= 0.0 or self._iteration_s <= 0.0:
             return caps[-1]
         fitting = [cap for cap in caps if cap * self._iteration_s * PACE_MARGIN <= deadline_s]
@@ -196,23 +210,12 @@ class NlpsolBackend:
         faded = PACE_MEMORY * self._iteration_s + (1.0 - PACE_MEMORY) * pace
         self._iteration_s = max(pace, faded)
 
-    def _keep_multipliers(self, solution: dict[str, FloatArray], status: SolveStatus) -> None:
-        if not self._plugin.keeps_multipliers:
-            return
-        if status is SolveStatus.SOLVED:
-            self._multipliers = {
-                "lam_x0": solution["lam_x"].copy(),
-                "lam_g0": solution["lam_g"].copy(),
-            }
-        else:
-            self._multipliers = {}
-
     def _status(
         self, *, succeeded: bool, iterations: int, cap: int, violation: float, late: bool
     ) -> SolveStatus:
         # The negated comparison also catches a violation that is not a number.
         if not violation <= FEASIBILITY_TOLERANCE:
-            if late or (iterations >= cap and cap < self._budget.max_iterations):
+            if late or (iterations >= cap and cap < self._options.max_iterations):
                 return SolveStatus.DEADLINE
             if iterations >= cap:
                 return SolveStatus.ITERATION_LIMIT
