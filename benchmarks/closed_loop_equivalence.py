@@ -17,8 +17,8 @@ from benchmarks.report_files import finish
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
 from iptm_controller.solvers.interface import SolverOptions
-from iptm_controller.solvers.result import SolveStatus
 from iptm_controller.strategy import strategy_by_name
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import IptmError
 from iptm_core.metrics import compute_metrics, metric_rows
 from iptm_core.parameters import load_parameters

@@ -18,8 +18,8 @@ from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
 from iptm_controller.solvers.cooling_probe import CoolingProbe
 from iptm_controller.solvers.interface import SolverOptions
-from iptm_controller.solvers.result import SolveStatus
 from iptm_controller.strategy import strategy_by_name
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route

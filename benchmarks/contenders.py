@@ -13,7 +13,7 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.factory import SOLVER_NAMES, build_plain_solver
 from iptm_controller.solvers.interface import RICCATI, SolverBackend, SolverOptions
-from iptm_controller.solvers.result import SolveStatus
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray

@@ -23,7 +23,7 @@ from benchmarks.report_files import finish
 from benchmarks.ros_speed import drive
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.solvers.interface import SolverOptions
-from iptm_controller.solvers.result import SolveStatus
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route

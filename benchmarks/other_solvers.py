@@ -11,9 +11,9 @@ from typing import Any
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.interface import SolverOptions
+from iptm_controller.solvers.interface import SolveResult, SolverOptions
 from iptm_controller.solvers.nlpsol_backend import NlpsolBackend, Plugin
-from iptm_controller.solvers.result import SolveResult, SolveStatus
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray
 

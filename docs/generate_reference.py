@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.solvers.result import STATUS_TEXT
+from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_interfaces.parameters import parameter_specs, parameter_table_markdown

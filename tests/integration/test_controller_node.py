@@ -13,9 +13,9 @@ import pytest
 
 from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_controller.horizon import Horizon
-from iptm_controller.ladder import Rung
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import NO_SOLVE, plan_trajectory
+from iptm_core.decision_record import Rung
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
 from iptm_interfaces.codecs import (
     IntervalPowers,

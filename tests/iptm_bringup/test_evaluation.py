@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from iptm_bringup.live_run import LiveRun, live_run, run_differences
 
 from iptm_bringup.evaluation import EvaluatedRun, evaluate
-from iptm_bringup.live_run import LiveRun, live_run, run_differences
 from iptm_bringup.preparation import PreparedScenario
 from iptm_bringup.results import results_json, solver_statistics
 from iptm_core.errors import BagError, MessageError

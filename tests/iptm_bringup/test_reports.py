@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from iptm_bringup.live_run import live_run
 from matplotlib.image import imread
 from rich.console import Console
 
 from iptm_bringup import progress as progress_module
 from iptm_bringup.evaluation import EvaluatedRun, evaluate
-from iptm_bringup.live_run import live_run
 from iptm_bringup.monitor import Snapshot
 from iptm_bringup.picture import save_picture
 from iptm_bringup.preparation import PreparedScenario, prepare

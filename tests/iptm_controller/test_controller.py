@@ -12,11 +12,11 @@ import pytest
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.forecast import PreviewQuality
 from iptm_controller.horizon import Horizon
-from iptm_controller.ladder import LadderOptions, Rung
+from iptm_controller.ladder import LadderOptions
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex
-from iptm_controller.solvers.interface import SolverBackend
-from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus
+from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolveResult
+from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 
@@ -154,7 +154,7 @@ def test_a_leader_that_cannot_be_is_a_fallback(controller: Controller, make_scen
     behind = replace(measured, leader=replace(measured.leader, position_m=-50.0))
     decision = controller.decide(behind)
     assert decision.rung is Rung.STOP
-    assert decision.reason.startswith("measured gap = ")
+    assert decision.reason.startswith("measured gap is ")
 
 
 def test_a_road_that_cannot_be_is_driven_by_the_safe_law(
@@ -201,7 +201,7 @@ def test_a_state_that_cannot_be_is_no_state(controller: Controller, make_scene: 
     controller.decide(at(100.0, make_scene))
     decision = controller.decide(at(101.0, make_scene, cell_n_temperature_k=35.0))
     assert decision.rung is Rung.STOP
-    assert decision.reason == "measured cell_n_temperature_k = 35.0, allowed are 223.15 to 373.15"
+    assert decision.reason == "measured cell_n_temperature_k is 35.0; allowed: 223.15 to 373.15"
     assert controller.decide(at(102.0, make_scene)).rung is Rung.OPTIMAL
 
 

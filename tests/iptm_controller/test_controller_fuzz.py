@@ -15,10 +15,9 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
-from iptm_controller.ladder import Rung
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.solvers.interface import SolverBackend
-from iptm_controller.solvers.result import SolveResult, SolveStatus
+from iptm_controller.solvers.interface import SolverBackend, SolveResult
+from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 

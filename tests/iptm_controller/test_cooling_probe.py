@@ -14,8 +14,8 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.solvers.cooling_probe import OFF_BELOW_W, PROBE_EVERY, CoolingProbe
-from iptm_controller.solvers.interface import SolverBackend
-from iptm_controller.solvers.result import SolveResult, SolveStatus
+from iptm_controller.solvers.interface import SolverBackend, SolveResult
+from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 

@@ -86,7 +86,7 @@ def test_all_weights_zero_is_refused() -> None:
     ("wrong", "complaint"),
     [
         ({"horizon": "3by1"}, "horizon '3by1' cannot be read"),
-        ({"horizon": "5x5+3x1"}, "must not shrink"),
+        ({"horizon": "5x5+3x1"}, "do not shrink"),
         ({"parameter_set": "no_such_set"}, "no_such_set"),
         ({"parameter_overrides": "body.mas_kg=1600"}, "mas_kg"),
         ({"parameter_overrides": "body.mass_kg=-1"}, "mass_kg"),

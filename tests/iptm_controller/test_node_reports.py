@@ -10,17 +10,16 @@ import numpy as np
 import pytest
 
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
-from iptm_controller.ladder import Rung
-from iptm_controller.node_reports import NO_SOLVE, plan_trajectory, situation, solve_report
+from iptm_controller.node_reports import plan_trajectory, situation
 from iptm_controller.solvers.interface import SolverBackend
-from iptm_controller.solvers.result import SolveStatus
+from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import LeaderPreview
 from iptm_interfaces.codecs import (
+    decode_decision_record,
     decode_plan,
-    decode_solve_report,
+    encode_decision_record,
     encode_plan,
-    encode_solve_report,
 )
 from iptm_interfaces.diagnostics import Level
 
@@ -39,39 +38,38 @@ def good(controller: Controller, make_scene: Callable[..., Measurements]) -> Dec
     return controller.decide(make_scene())
 
 
-def test_report_of_a_good_day(good: Decision) -> None:
-    report = solve_report(good)
+def test_record_of_a_good_day(good: Decision) -> None:
+    record = good.record
     assert good.result is not None
-    assert report.status_code == SolveStatus.SOLVED
-    assert report.iterations == good.result.iterations
-    assert report.objective == good.result.objective
-    assert report.solve_time_s == good.result.time_s
-    assert report.fallback_rung == Rung.OPTIMAL
-    assert not report.limiter_active
-    assert report.preview_age_s == 0.0
-    assert report.gap_slack_m == pytest.approx(0.0, abs=1e-5)
+    assert record.status is SolveStatus.SOLVED
+    assert record.iterations == good.result.iterations
+    assert record.objective == good.result.objective
+    assert record.solve_time_s == good.result.time_s
+    assert record.rung is Rung.OPTIMAL
+    assert not record.limiter_active
+    assert record.preview_age_s == 0.0
+    assert record.gap_slack_m == pytest.approx(0.0, abs=1e-5)
 
 
-def test_report_without_a_solve(
+def test_record_without_a_solve(
     controller: Controller, make_scene: Callable[..., Measurements]
 ) -> None:
-    report = solve_report(controller.decide(replace(make_scene(), leader=None)))
-    assert report.status_code == NO_SOLVE
-    assert report.iterations == 0
-    assert report.fallback_rung == Rung.STOP
-    for value in (report.objective, report.gap_slack_m, report.solve_time_s, report.preview_age_s):
+    record = controller.decide(replace(make_scene(), leader=None)).record
+    assert record.status is SolveStatus.NOT_POSED
+    assert record.iterations == 0
+    assert record.rung is Rung.STOP
+    for value in (record.objective, record.gap_slack_m, record.solve_time_s, record.preview_age_s):
         assert math.isnan(value)
 
 
 @pytest.mark.parametrize("change", [{}, {"leader": None}, {"state": None}, {"preview": EMPTY}])
-def test_every_report_travels(
+def test_every_record_travels(
     controller: Controller, make_scene: Callable[..., Measurements], change: dict[str, object]
 ) -> None:
     measured = replace(make_scene(), **change)  # type: ignore[arg-type]
-    report = solve_report(controller.decide(measured))
-    stamp_ns, again = decode_solve_report(encode_solve_report(100_000_000_000, report))
-    assert stamp_ns == 100_000_000_000
-    assert repr(again) == repr(report)  # by text, as NaN does not equal itself
+    record = controller.decide(measured).record
+    again = decode_decision_record(encode_decision_record(100_000_000_000, record))
+    assert repr(again) == repr(record)  # by text, as NaN does not equal itself
 
 
 def test_plan_travels_with_its_node_times(good: Decision) -> None:

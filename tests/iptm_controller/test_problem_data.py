@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from iptm_controller.controller import Measurements
-from iptm_controller.forecast import LeaderForecaster
+from iptm_controller.forecast import LeaderForecaster, LeaderMotion
 from iptm_controller.horizon import Horizon
-from iptm_controller.motion import Motion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
@@ -41,7 +40,7 @@ def sample_times(horizon: Horizon) -> FloatArray:
 
 def build(
     state: VehicleState,
-    leader: Motion,
+    leader: LeaderMotion,
     slope: SlopePreview = FLAT,
     expected_m: FloatArray | None = None,
     horizon: Horizon = HORIZON,
@@ -54,11 +53,11 @@ def build(
 
 
 @pytest.fixture
-def steady() -> Motion:
-    return Motion(np.array([0.0]), np.array([0.0]), np.array([10.5]))
+def steady() -> LeaderMotion:
+    return LeaderMotion(np.array([0.0]), np.array([0.0]), np.array([10.5]))
 
 
-def test_globals(make_state: Callable[..., VehicleState], steady: Motion) -> None:
+def test_globals(make_state: Callable[..., VehicleState], steady: LeaderMotion) -> None:
     data = build(make_state(cell_1_capacity_loss=2e-3, cell_n_capacity_loss=3e-3), steady)
     expected = {
         GlobalIndex.CELL_1_LOSS: 2e-3,
@@ -75,7 +74,7 @@ def test_globals(make_state: Callable[..., VehicleState], steady: Motion) -> Non
 
 
 def test_initial_state_is_scaled_and_starts_at_position_zero(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     state = make_state(acceleration_m_s2=-0.7, compressor_power_w=1250.0)
     data = build(state, steady)
@@ -100,7 +99,7 @@ def test_leader_at_the_end_of_every_step(
 
 
 def test_rates_count_between_the_middles_of_two_steps(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     data = build(make_state(), steady)
     intervals = [own[StepIndex.RATE_INTERVAL] for own, _ in steps_of(data, HORIZON)]
@@ -108,7 +107,7 @@ def test_rates_count_between_the_middles_of_two_steps(
 
 
 def test_a_change_into_a_long_step_has_to_happen_soon(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     """Into a 15 s step as into one of 5 s; between equal steps nothing changes."""
     horizon = Horizon.parse("2x1+2x15")
@@ -118,7 +117,7 @@ def test_a_change_into_a_long_step_has_to_happen_soon(
 
 
 def test_the_leader_is_known_at_every_sample(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     data = build(make_state(), steady)
     times = sample_times(HORIZON)
@@ -131,7 +130,7 @@ def test_the_leader_is_known_at_every_sample(
 
 
 def test_braking_reserve_is_asked_for_where_the_preview_ends(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     data = build(make_state(), steady)
     asked = [own[StepIndex.END_OF_PREVIEW] for own, _ in steps_of(data, HORIZON)]
@@ -142,7 +141,7 @@ def test_braking_reserve_is_asked_for_where_the_preview_ends(
     ("known_s", "node"), [(0.0, 0), (1.0, 0), (2.9, 1), (3.0, 2), (12.0, 3), (28.0, 7), (60.0, 7)]
 )
 def test_braking_reserve_is_asked_for_no_later_than_the_leader_is_known(
-    make_state: Callable[..., VehicleState], steady: Motion, known_s: float, node: int
+    make_state: Callable[..., VehicleState], steady: LeaderMotion, known_s: float, node: int
 ) -> None:
     grid = ProblemGrid(HORIZON)
     builder = ProblemDataBuilder(grid, strategy_by_name("aging"))
@@ -160,7 +159,7 @@ def test_reference_is_the_mean_speed_over_the_last_two_seconds(
     times = np.arange(97.0, 131.0)
     speeds = 12.0 + 4.0 * np.sin(times / 3.0)
     positions = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
-    data = build(make_state(), Motion(times, 1040.0 + positions, speeds))
+    data = build(make_state(), LeaderMotion(times, 1040.0 + positions, speeds))
     found = np.concatenate([s[:, SampleIndex.SPEED_REFERENCE] for _, s in steps_of(data, HORIZON)])
     for reference, sample in zip(found, 100.0 + sample_times(HORIZON), strict=True):
         fine = np.linspace(sample - REFERENCE_WINDOW_S, sample, 20001)
@@ -168,7 +167,7 @@ def test_reference_is_the_mean_speed_over_the_last_two_seconds(
 
 
 def test_slope_is_expanded_where_the_host_is_expected(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     """A road of the second degree comes back exactly, wherever the host then is."""
     nodes = np.arange(0.0, 3000.0, 5.0)
@@ -191,7 +190,9 @@ def test_slope_is_expanded_where_the_host_is_expected(
         np.testing.assert_allclose(expanded, road(expected + away), atol=1e-9)
 
 
-def test_ends_of_the_road_are_held(make_state: Callable[..., VehicleState], steady: Motion) -> None:
+def test_ends_of_the_road_are_held(
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
+) -> None:
     ahead_of_all = SlopePreview(np.array([0.0, 500.0]), np.array([0.0, 0.03]))
     for _, samples in steps_of(build(make_state(), steady, ahead_of_all), HORIZON):
         assert (samples[:, SampleIndex.SLOPE] == 0.03).all()

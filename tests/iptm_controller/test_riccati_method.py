@@ -12,10 +12,10 @@ from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolverOptions
-from iptm_controller.solvers.result import SolveResult, SolveStatus
+from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolveResult, SolverOptions
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
 from iptm_controller.solvers.riccati.step_summary import StepSummary
+from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 

@@ -17,7 +17,7 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex, LimitIndex
 from iptm_controller.ocp.transcription import StageFunctions, Transcription
 from iptm_controller.solvers.interface import SolverBackend
-from iptm_controller.solvers.result import SolveStatus
+from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 

@@ -15,8 +15,8 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.factory import build_plain_solver, build_solver
-from iptm_controller.solvers.interface import SolverBackend, SolverOptions
-from iptm_controller.solvers.result import STATUS_TEXT, SolveStatus
+from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolverOptions
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray

@@ -5,13 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from iptm_studies.summary import RunSummary
 
 from iptm_core.errors import ScenarioError
 from iptm_studies.campaign import Campaign, CaseState, plan_campaign
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.stored_run import StoredRun
 from iptm_studies.study_loading import read_study
-from iptm_studies.summary import RunSummary
 
 MakeRun = Callable[..., StoredRun]
 WriteFile = Callable[..., Path]

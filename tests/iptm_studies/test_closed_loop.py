@@ -11,14 +11,13 @@ import pytest
 
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
-from iptm_controller.ladder import Rung
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.solvers.cooling_probe import CoolingProbe
 from iptm_controller.solvers.factory import build_plain_solver
-from iptm_controller.solvers.interface import SolverBackend, SolverOptions
-from iptm_controller.solvers.result import SolveResult, SolveStatus
+from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import STRATEGIES
+from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M
 from iptm_core.metrics.gap import gap_margins_m
 from iptm_core.parameters import load_parameters

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from iptm_studies.summary import RunSummary, summarise
 
 from iptm_core.trajectory import Trajectory
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.single_run import FinishedRun
-from iptm_studies.summary import RunSummary, summarise
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Judges a finished run: figures from the bag, the same figures as heard live, and what is amiss."""
+"""Judges a finished run: its figures, from the bag if there is one, and what is amiss."""
 
 from __future__ import annotations
 
@@ -7,16 +7,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from iptm_bringup.live_run import LiveRun, run_differences
+from iptm_bringup.monitor import messages_by_stamp, stamp_ns_of
 from iptm_bringup.preparation import PreparedScenario
-from iptm_bringup.results import RunResults, solver_statistics
+from iptm_bringup.results import RunResults
+from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_interfaces.assembly import assemble_decisions, assemble_run
+from iptm_interfaces.codecs import s_from_ns
+from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.run_information import RunInformation
 from iptm_recording.run_parameters import read_model_parameters
-from iptm_recording.trajectory_reader import SolveSeries, read_solve_series, read_trajectory
+from iptm_recording.trajectory_reader import read_decisions, read_trajectory
+
+Heard = Mapping[Topic, Sequence[bytes]]
+"""Serialised messages by topic, in order of arrival."""
 
 _OF_PLANT = (Topic.CLOCK, *(topic for topic in Topic if topic.name.startswith("PLANT_")))
 _OF_BRIDGE = (Topic.LEADER, Topic.LEADER_PREVIEW)
@@ -26,7 +32,6 @@ _OF_CONTROLLER = (
     Topic.COMPRESSOR_POWER_COMMAND,
     Topic.SOLVE,
 )
-_SHOWN_DIFFERENCES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,18 +40,18 @@ class EvaluatedRun:
 
     Attributes:
         trajectory: from the bag, or as heard where there is none.
-        solves: likewise.
+        decisions: likewise.
         results: figures and problems.
     """
 
     trajectory: Trajectory
-    solves: SolveSeries
+    decisions: DecisionSeries
     results: RunResults
 
 
 def evaluate(
     prepared: PreparedScenario,
-    live: LiveRun,
+    heard: Heard,
     bag: Path | None,
     information: RunInformation,
     wall_time_s: float,
@@ -57,7 +62,7 @@ def evaluate(
 
     Args:
         prepared: what was to be driven.
-        live: what the runner heard.
+        heard: what the runner heard: the bytes of the messages by topic.
         bag: what was recorded, None if nothing was.
         information: revision and versions, used without a bag.
         wall_time_s: from the first to the last clock.
@@ -66,17 +71,20 @@ def evaluate(
 
     Raises:
         BagError: the bag cannot be read.
+        MessageError: there is no bag, and the runner heard no tick completely.
     """
-    found = list(problems)
-    trajectory, solves = live.trajectory, live.solves
+    found, notes = list(problems), list(warnings)
     parameters = prepared.model.values
     namespace = prepared.scenario.namespace or None
-    equal: bool | None = None
     counts: dict[str, int] | None = None
-    if live.incomplete_ticks:
-        found.append(f"the runner missed messages of {live.incomplete_ticks} ticks")
-    if bag is not None:
-        trajectory, solves = read_trajectory(bag, namespace), read_solve_series(bag, namespace)
+    if bag is None:
+        run = assemble_run({topic: messages_by_stamp(topic, heard[topic]) for topic in TICK_TOPICS})
+        trajectory = run.trajectory
+        decisions = assemble_decisions(messages_by_stamp(Topic.SOLVE, heard[Topic.SOLVE]))
+        if run.incomplete:
+            found.append(f"the runner missed messages of {len(run.incomplete)} ticks")
+    else:
+        trajectory, decisions = read_trajectory(bag, namespace), read_decisions(bag, namespace)
         parameters, _ = read_model_parameters(bag)
         if parameters != prepared.model.values:
             found.append("the model parameters in the bag are not those of the scenario")
@@ -84,33 +92,30 @@ def evaluate(
             counts = {name: topic.message_count for name, topic in sorted(reader.topics.items())}
             information = reader.run_information()
         found += _missing_messages(counts, len(trajectory), prepared)
-    metrics = compute_metrics(trajectory, parameters)
-    if bag is not None:
-        differences = run_differences(live, trajectory, solves)
-        if compute_metrics(live.trajectory, parameters) != metrics:
-            differences.insert(0, "the figures differ")
-        equal = not differences
-        if differences:
-            more = len(differences) - _SHOWN_DIFFERENCES
-            rest = f" (and {more} more)" if more > 0 else ""
-            found.append(
-                "the bag and what the runner heard differ: "
-                + "; ".join(differences[:_SHOWN_DIFFERENCES])
-                + rest
-            )
+        lost, missed = _unequal_states(heard, trajectory)
+        if lost:
+            found.append(f"the bag lacks {lost} states that the runner heard")
+        if missed:
+            notes.append(f"the runner did not hear {missed} states; the bag holds them")
+    metrics = compute_metrics(trajectory, parameters, decisions)
     found += _unfinished(trajectory, prepared) + _broken_limits(metrics)
     results = RunResults(
         scenario=prepared.scenario,
         metrics=metrics,
-        solver=solver_statistics(solves),
         wall_time_s=wall_time_s,
-        live_equals_bag=equal,
         bag_messages=counts,
         problems=tuple(found),
-        warnings=tuple(warnings),
+        warnings=tuple(notes),
         information=_information_texts(information),
     )
-    return EvaluatedRun(trajectory, solves, results)
+    return EvaluatedRun(trajectory, decisions, results)
+
+
+def _unequal_states(heard: Heard, trajectory: Trajectory) -> tuple[int, int]:
+    """Return how many states only the runner has, and how many only the bag has."""
+    heard_s = {s_from_ns(stamp_ns_of(data)) for data in heard[Topic.PLANT_ODOMETRY]}
+    recorded_s = set(trajectory.time_s.tolist())
+    return len(heard_s - recorded_s), len(recorded_s - heard_s)
 
 
 def _missing_messages(

@@ -1,4 +1,4 @@
-"""The runner's own ear: keeps the bytes of every message that the figures of a run need.
+"""Listens to a run: keeps the bytes of every message that the figures of a run need.
 
 A lock-step run passes some thousand messages a second, and the runner must not take time from the
 nodes. So messages stay bytes until the run is over; while it lasts, only the newest are decoded, a
@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -20,29 +19,19 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from iptm_bringup.composition import BRIDGE, CONTROLLER, PLANT, RECORDER
+from iptm_core.decision_record import Rung
 from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_interfaces.codecs import decode_solve_report, decode_temperature
+from iptm_interfaces.codecs import decode_decision_record, decode_temperature
 from iptm_interfaces.diagnostics import Level, find_status, status_values
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 
 NAME = "run_monitor"
 GATE = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
 """Topics by which the plant counts who is there; they are subscribed last."""
 
-BEFORE_GATE = (
-    Topic.PLANT_ACCELERATION,
-    Topic.PLANT_CELL_1_TEMPERATURE,
-    Topic.PLANT_CELL_N_TEMPERATURE,
-    Topic.PLANT_COOLANT_INLET_TEMPERATURE,
-    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
-    Topic.PLANT_POWERS,
-    Topic.PLANT_CAPACITY_LOSS,
-    Topic.LEADER,
-    Topic.SOLVE,
-    Topic.COMMAND,
-)
+BEFORE_GATE = (*(topic for topic in TICK_TOPICS if topic not in GATE), Topic.SOLVE, Topic.COMMAND)
 
 _DEPTH = 10_000  # the runner may be busy for a moment, the nodes do not wait for it
 _SETTLE_S = 0.1  # time for the publishers to learn of the subscriptions made last
@@ -65,7 +54,7 @@ class Snapshot:
         cell_n_temperature_c: of the last cell.
         solve_time_s: wall time of the latest solve.
         iterations: of the latest solve.
-        fallback_rung: of the latest decision, 0 for the solver.
+        rung: where the latest command comes from.
     """
 
     time_s: float
@@ -75,7 +64,7 @@ class Snapshot:
     cell_n_temperature_c: float
     solve_time_s: float
     iterations: int
-    fallback_rung: int
+    rung: Rung
 
 
 class RunMonitor(SuiteNode):
@@ -107,11 +96,6 @@ class RunMonitor(SuiteNode):
         self._prefix = self.get_namespace().rstrip("/")
         self.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
         self._timer = self.every(_LOOK_PERIOD_S, self._look)
-
-    @property
-    def is_listening(self) -> bool:
-        """Whether every topic is subscribed to."""
-        return self._timer.is_canceled()
 
     @property
     def awaited_nodes(self) -> tuple[str, ...]:
@@ -165,7 +149,7 @@ class RunMonitor(SuiteNode):
                 return None
             odometry = self._newest(Topic.PLANT_ODOMETRY)
             leader = self._newest(Topic.LEADER)
-            _, solve = decode_solve_report(self._newest(Topic.SOLVE))
+            solve = decode_decision_record(self._newest(Topic.SOLVE))
             cell_1_k, cell_n_k = (
                 decode_temperature(topic, self._newest(topic))
                 for topic in (Topic.PLANT_CELL_1_TEMPERATURE, Topic.PLANT_CELL_N_TEMPERATURE)
@@ -181,7 +165,7 @@ class RunMonitor(SuiteNode):
             cell_n_temperature_c=cell_n_k - CELSIUS_ZERO_K,
             solve_time_s=solve.solve_time_s,
             iterations=solve.iterations,
-            fallback_rung=solve.fallback_rung,
+            rung=solve.rung,
         )
 
     def _newest(self, topic: Topic) -> Any:
@@ -243,7 +227,10 @@ def stamp_ns_of(data: bytes) -> int:
     return int(seconds) * 1_000_000_000 + int(nanoseconds)
 
 
-def messages_by_stamp(topic: Topic, data: Sequence[bytes]) -> dict[int, Any]:
-    """Decode the messages of a stamped topic, keyed by their stamps."""
-    decode = partial(deserialize_message, message_type=TOPICS[topic].message_type)
-    return {stamp_ns_of(entry): decode(entry) for entry in data}
+def messages_by_stamp(topic: Topic, data: Iterable[bytes]) -> dict[int, Any]:
+    """Decode the messages of a stamped topic, keyed by their stamps (ns) and in their order."""
+    kind = TOPICS[topic].message_type
+    return {
+        stamp_ns: deserialize_message(entry, kind)
+        for stamp_ns, entry in sorted((stamp_ns_of(entry), entry) for entry in data)
+    }

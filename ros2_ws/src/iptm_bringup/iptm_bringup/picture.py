@@ -263,16 +263,16 @@ def _power_of_ten(values: FloatArray) -> tuple[float, str]:
 
 
 def _solver(axes: Axes, content: _Content) -> None:
-    solves = content.evaluated.solves
-    milliseconds = 1e3 * solves.values["solve_time_s"]
-    rung = solves.values["fallback_rung"]
-    axes.plot(solves.time_s, milliseconds, ".", ms=2.2, color=BLUE, label="time of a solve")
+    decisions = content.evaluated.decisions
+    milliseconds = 1e3 * decisions.solve_time_s
+    rung = decisions.rung
+    axes.plot(decisions.time_s, milliseconds, ".", ms=2.2, color=BLUE, label="time of a solve")
     if _has_positive(milliseconds):
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.yaxis.set_minor_locator(NullLocator())
-    fallback = solves.time_s[rung > 0.0]
+    fallback = decisions.time_s[rung > 0.0]
     if fallback.size:
         axes.plot(
             fallback, np.full(fallback.shape, 0.97), "v", ms=4, color=RED,

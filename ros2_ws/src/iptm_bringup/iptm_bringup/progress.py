@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from iptm_bringup.monitor import Snapshot
-from iptm_controller.ladder import Rung
+from iptm_core.decision_record import Rung
 
 LINE_PERIOD_S = 5.0
 _KM_H = 3.6
@@ -66,7 +66,7 @@ class BarProgress:
             f"{_share(snapshot, self._duration_s):.0%}",
             f"{snapshot.time_s:.0f} of {self._duration_s:.0f} s",
         )
-        rung = Rung(snapshot.fallback_rung)
+        rung = snapshot.rung
         details = Table.grid(padding=(0, 3))
         details.add_row(
             f"[bold]{_speed_up(snapshot, wall_s):.0f}[/] x real time",
@@ -110,7 +110,7 @@ class LineProgress:
         """Print the state of the run if it is time to."""
         if not self._is_due():
             return
-        rung = Rung(snapshot.fallback_rung)
+        rung = snapshot.rung
         fallback = "" if rung is Rung.OPTIMAL else f", {_words(rung)}"
         self._print(
             f"{snapshot.time_s:.0f} of {self._duration_s:.0f} s"

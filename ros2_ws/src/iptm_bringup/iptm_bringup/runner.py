@@ -32,7 +32,6 @@ from iptm_bringup.composition import (
 from iptm_bringup.drive import Drive, DriveResult, Outcome, StopRequest, unclean_ends
 from iptm_bringup.environment import RunDomain, domain_of_run, environment_of_run
 from iptm_bringup.evaluation import EvaluatedRun, evaluate
-from iptm_bringup.live_run import live_run
 from iptm_bringup.monitor import RunMonitor
 from iptm_bringup.preparation import PreparedScenario
 from iptm_bringup.progress import make_progress
@@ -79,8 +78,8 @@ def run(prepared: PreparedScenario, options: RunOptions, console: Console, error
         errors: for what goes wrong.
 
     Returns:
-        0 if the trip was finished, no hard limit was broken, and the bag is complete and equal to what
-        the runner heard; 1 if not; 2 for a mistake of the user; 128 + n after signal n.
+        0 if the trip was finished, no hard limit was broken, and the bag is complete; 1 if not; 2 for a
+        mistake of the user; 128 + n after signal n.
 
     Raises:
         ScenarioError: the output exists, or no ROS domain can be had.
@@ -197,7 +196,7 @@ def _report(
     try:
         evaluated = evaluate(
             prepared,
-            live_run(monitor.recorded),
+            monitor.recorded,
             folder.output if options.record else None,
             collect_run_information(),
             result.wall_time_s,

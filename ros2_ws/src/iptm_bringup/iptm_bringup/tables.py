@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from enum import Enum
 from pathlib import Path
 
 from rich.console import Console
@@ -11,11 +11,17 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from iptm_bringup.results import Quantiles, RunResults, SolverStatistics
-from iptm_core.metrics import ConstraintCheck, RunMetrics, metric_rows
+from iptm_bringup.results import RunResults
+from iptm_core.decision_record import DecisionStatistics
+from iptm_core.metrics import (
+    FIGURES,
+    PAPER_TABLE,
+    TRIP_FIGURES,
+    ConstraintCheck,
+    RunMetrics,
+    figure_values,
+)
 
-PAPER_ROWS = 7
-"""Rows of the paper's results table; `metric_rows` puts them first."""
 TABLES_WIDTH = 124
 """Columns that both tables need side by side."""
 
@@ -42,32 +48,40 @@ def print_results(results: RunResults, output: Path, console: Console) -> None:
 
 
 def figures_table(results: RunResults) -> Table:
-    """Return the figures of the run, the paper's rows first."""
+    """Return the figures of the trip, the paper's rows first."""
     table = Table(title=f"{results.scenario.name}: results", title_justify="left")
     table.add_column("figure")
     table.add_column("value", justify="right")
     table.add_column("unit")
-    for index, row in enumerate(metric_rows(results.metrics)):
-        if index == PAPER_ROWS:
-            table.add_section()
-        table.add_row(row.label, "-" if row.value is None else _number(row.value), row.unit)
+    values = figure_values(results.metrics)
+    paper = [key for key in TRIP_FIGURES if key in PAPER_TABLE]
+    for section in (paper, [key for key in TRIP_FIGURES if key not in PAPER_TABLE]):
+        for key in section:
+            figure = FIGURES[key]
+            table.add_row(figure.label, figure.precise_text(values.get(key)), figure.unit)
+        table.add_section()
     return table
 
 
 def details_table(results: RunResults) -> Table:
     """Return how the decisions came about and how fast the run was."""
-    solver = results.solver
     table = Table(title="decisions", title_justify="left")
     table.add_column("")
     for heading in ("median", "p99", "largest"):
         table.add_column(heading, justify="right")
-    table.add_row("solve time (ms)", *_quantiles(solver.solve_time_ms))
-    table.add_row("iterations", *_quantiles(solver.iterations))
-    table.add_row("age of the preview (s)", *_quantiles(solver.preview_age_s))
-    table.add_section()
-    for label, value in _counts(solver).items():
-        table.add_row(label, "", "", value)
-    table.add_section()
+    decisions = results.metrics.decisions
+    if decisions is not None:
+        for label, values, factor in (
+            ("solve time (ms)", decisions.solve_time_s, 1e3),
+            ("iterations", decisions.iterations, 1.0),
+            ("age of the preview (s)", decisions.preview_age_s, 1.0),
+        ):
+            shown = (values.median, values.p99, values.largest)
+            table.add_row(label, *(_known(factor * value) for value in shown))
+        table.add_section()
+        for label, text in _counts(decisions).items():
+            table.add_row(label, "", "", text)
+        table.add_section()
     table.add_row("wall time (s)", "", "", f"{results.wall_time_s:.2f}")
     table.add_row("speed-up over real time", "", "", f"{results.speed_up:.0f}")
     return table
@@ -98,28 +112,30 @@ def _limit_row(check: ConstraintCheck) -> tuple[str | Text, ...]:
     )
 
 
-def _counts(solver: SolverStatistics) -> dict[str, str]:
-    rows = {"decisions": solver.decisions}
-    rows |= {f"  solver: {_words(name)}": count for name, count in solver.by_status.items()}
-    rows |= {f"  command: {_words(name)}": count for name, count in solver.by_rung.items()}
-    rows |= {"  without any preview": solver.without_preview}
-    rows |= {"  changed by the limiter": solver.limited}
+def _counts(decisions: DecisionStatistics) -> dict[str, str]:
+    rows = {"decisions": decisions.decisions}
+    rows |= {
+        f"  solver: {_words(status)}": count
+        for status, count in decisions.by_status.items()
+        if count
+    }
+    rows |= {
+        f"  command: {_words(rung)}": count for rung, count in decisions.by_rung.items() if count
+    }
+    rows |= {"  without any preview": decisions.without_preview}
+    rows |= {"  changed by the limiter": decisions.limited}
     return {
         **{label: str(count) for label, count in rows.items()},
-        "largest gap slack (m)": _known(solver.gap_slack_m),
-        "largest temperature slack (K)": _known(solver.temperature_slack_k),
+        "largest gap slack (m)": _known(decisions.gap_slack_m.largest),
+        "largest temperature slack (K)": _known(decisions.temperature_slack_k.largest),
     }
 
 
 def _verdict(results: RunResults) -> Text:
     if results.problems:
         return Text("\n".join(f"PROBLEM  {problem}" for problem in results.problems), "bold red")
-    checks: Mapping[bool | None, str] = {
-        True: ", bag complete and equal to what the runner heard",
-        None: ", not recorded",
-    }
-    said = checks.get(results.live_equals_bag, "")
-    return Text(f"trip finished, no hard limit broken{said}", "bold green")
+    said = "not recorded" if results.bag_messages is None else "bag complete"
+    return Text(f"trip finished, no hard limit broken, {said}", "bold green")
 
 
 def _side_by_side(left: Table, right: Table) -> Table:
@@ -128,18 +144,9 @@ def _side_by_side(left: Table, right: Table) -> Table:
     return grid
 
 
-def _number(value: float) -> str:
-    """Return a figure with five significant digits; large ones are written out."""
-    return f"{value:.0f}" if abs(value) >= 1e5 else f"{value:.5g}"
-
-
-def _quantiles(values: Quantiles) -> tuple[str, str, str]:
-    return _known(values.median), _known(values.p99), _known(values.largest)
-
-
 def _known(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else "unknown"
 
 
-def _words(name: str) -> str:
-    return name.replace("_", " ")
+def _words(entry: Enum) -> str:
+    return entry.name.lower().replace("_", " ")

@@ -7,21 +7,15 @@ with a thermostat for a limited time; a controlled stop. A usable solution leads
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 from iptm_controller.plan import Plan
 from iptm_controller.safe_driving import controlled_stop, safe_following
+from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, LeaderState, VehicleState
 
-
-class Rung(IntEnum):
-    """Where a command comes from."""
-
-    OPTIMAL = 0
-    SHIFTED_PLAN = 1
-    SAFE_LAW = 2
-    STOP = 3
+BLIND_BRAKING = Command(-1.0, 0.0)
+"""Nothing is known about the vehicle: brake gently, the limiter keeps the jerk."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +24,6 @@ class LadderOptions:
 
     shifted_plan_ticks: int = 3
     safe_law_ticks: int = 120
-
-
-@dataclass(frozen=True)
-class LadderDecision:
-    """A command and the rung that it comes from."""
-
-    command: Command
-    rung: Rung
 
 
 class FallbackLadder:
@@ -50,18 +36,23 @@ class FallbackLadder:
         self._last_good: Plan | None = None
         self._failures = 0
 
-    @property
-    def last_good_plan(self) -> Plan | None:
-        """The newest usable plan."""
-        return self._last_good
+    def plan_at(self, time_s: float) -> Plan | None:
+        """Return the newest usable plan if it covers a trip time.
 
-    def accept(self, plan: Plan) -> LadderDecision:
+        Past its end a plan only repeats its last input, which leads to absurd speeds.
+        """
+        plan = self._last_good
+        return plan if plan is not None and plan.covers(time_s) else None
+
+    def accept(self, plan: Plan) -> tuple[Rung, Command]:
         """A usable plan was found: back to the top."""
         self._last_good = plan
         self._failures = 0
-        return LadderDecision(plan.command_at(plan.start_s), Rung.OPTIMAL)
+        return Rung.OPTIMAL, plan.command_at(plan.start_s)
 
-    def fall_back(self, state: VehicleState | None, leader: LeaderState | None) -> LadderDecision:
+    def fall_back(
+        self, state: VehicleState | None, leader: LeaderState | None
+    ) -> tuple[Rung, Command]:
         """No usable plan at this tick.
 
         Args:
@@ -71,14 +62,12 @@ class FallbackLadder:
         self._failures += 1
         options = self._options
         if state is None:
-            # Nothing is known about the vehicle: brake gently, the limiter keeps the jerk.
-            return LadderDecision(Command(-1.0, 0.0), Rung.STOP)
-        plan = self._last_good
-        recent = self._failures <= options.shifted_plan_ticks
-        if recent and plan is not None and plan.covers(state.time_s):
-            return LadderDecision(plan.command_at(state.time_s), Rung.SHIFTED_PLAN)
+            return Rung.STOP, BLIND_BRAKING
+        plan = self.plan_at(state.time_s)
+        if self._failures <= options.shifted_plan_ticks and plan is not None:
+            return Rung.SHIFTED_PLAN, plan.command_at(state.time_s)
         last_safe_tick = options.shifted_plan_ticks + options.safe_law_ticks
         if leader is not None and self._failures <= last_safe_tick:
             command = safe_following(state, leader, self._parameters, self._tick_s)
-            return LadderDecision(command, Rung.SAFE_LAW)
-        return LadderDecision(controlled_stop(state, self._parameters, self._tick_s), Rung.STOP)
+            return Rung.SAFE_LAW, command
+        return Rung.STOP, controlled_stop(state, self._parameters, self._tick_s)

@@ -14,10 +14,9 @@ from std_msgs.msg import Float64, Float64MultiArray
 
 from iptm_controller.controller import Decision, Measurements
 from iptm_controller.forecast import PreviewQuality
-from iptm_controller.ladder import Rung
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.node_reports import plan_trajectory, situation, solve_report
-from iptm_controller.solvers.result import SolveStatus
+from iptm_controller.node_reports import plan_trajectory, situation
+from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import MessageError
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
 from iptm_interfaces.codecs import (
@@ -27,8 +26,8 @@ from iptm_interfaces.codecs import (
     decode_vehicle_state,
     empty_leader_preview,
     encode_command,
+    encode_decision_record,
     encode_plan,
-    encode_solve_report,
     ns_from_time,
 )
 from iptm_interfaces.command_line import node_main
@@ -36,18 +35,8 @@ from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.stamp_matcher import StampMatcher
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import STATE_TOPICS, Topic
 
-STATE_SLOTS = {
-    Topic.PLANT_ODOMETRY: "odometry",
-    Topic.PLANT_ACCELERATION: "acceleration",
-    Topic.PLANT_CELL_1_TEMPERATURE: "cell_1_temperature",
-    Topic.PLANT_CELL_N_TEMPERATURE: "cell_n_temperature",
-    Topic.PLANT_POWERS: "powers",
-    Topic.PLANT_CAPACITY_LOSS: "capacity_loss",
-}
-LEADER_SLOT = "leader"
-PREVIEW_SLOT = "preview"
 CHECKS_PER_TIMEOUT = 5.0
 REPORT_PERIOD_S = 1.0
 FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
@@ -63,11 +52,11 @@ class ControllerNode(SuiteNode):
         self._controller = self._options.build_controller()
         self._slope: SlopePreview | None = None
         self._slope_fault = ""
-        self._matcher = StampMatcher([*STATE_SLOTS.values(), LEADER_SLOT, PREVIEW_SLOT])
+        self._matcher = StampMatcher([*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW])
         self._waiting_since_s: float | None = None
-        self._held: tuple[int, Mapping[str, Any]] | None = None
-        self._solves: Counter[str] = Counter()
-        self._rungs: Counter[str] = Counter()
+        self._held: tuple[int, Mapping[Topic, Any]] | None = None
+        self._solves: Counter[SolveStatus] = Counter()
+        self._rungs: Counter[Rung] = Counter()
         self._limited_ticks = 0
         self._last: Decision | None = None
         self._last_ns = 0
@@ -78,10 +67,9 @@ class ControllerNode(SuiteNode):
         self._solve_publisher = self.advertise(Topic.SOLVE)
         self._reporter = DiagnosticsReporter.of_node(self, "optimal control")
         self.listen(Topic.SLOPE, self._on_slope)
-        self.listen(Topic.LEADER, partial(self._on_stamped, LEADER_SLOT))
         self.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
-        for topic, slot in STATE_SLOTS.items():
-            self.listen(topic, partial(self._on_stamped, slot))
+        for topic in (Topic.LEADER, *STATE_TOPICS):
+            self.listen(topic, partial(self._on_stamped, topic))
         self.every(self._options.input_timeout_s / CHECKS_PER_TIMEOUT, self._check_inputs)
         self.every(REPORT_PERIOD_S, self._report)
         self._report()
@@ -97,8 +85,8 @@ class ControllerNode(SuiteNode):
         if self._held is not None:
             self._answer(*self._held)
 
-    def _on_stamped(self, slot: str, message: Any) -> None:
-        self._put(slot, ns_from_time(message.header.stamp), message)
+    def _on_stamped(self, topic: Topic, message: Any) -> None:
+        self._put(topic, ns_from_time(message.header.stamp), message)
 
     def _on_preview(self, data: bytes) -> None:
         try:
@@ -108,15 +96,15 @@ class ControllerNode(SuiteNode):
             # unless a newer state arrives first.
             self.get_logger().warning(str(error), throttle_duration_sec=5.0)
             return
-        self._put(PREVIEW_SLOT, stamp_ns, preview)
+        self._put(Topic.LEADER_PREVIEW, stamp_ns, preview)
 
-    def _put(self, slot: str, stamp_ns: int, value: Any) -> None:
+    def _put(self, topic: Topic, stamp_ns: int, value: Any) -> None:
         last_ns = self._matcher.last_ns
         if stamp_ns == 0 and last_ns:
             self._matcher.reset()  # a new trip has begun
-        values = self._matcher.put(slot, stamp_ns, value)
+        values = self._matcher.put(topic, stamp_ns, value)
         # The wait begins with the state, but not with a message that came too late for its tick.
-        counts = slot in STATE_SLOTS.values() and (values or self._matcher.missing())
+        counts = topic in STATE_TOPICS and (values or self._matcher.missing())
         if counts and self._waiting_since_s is None:
             self._waiting_since_s = time.monotonic()
         if values is None:
@@ -136,7 +124,7 @@ class ControllerNode(SuiteNode):
         if late is None:
             pending = self._matcher.missing()
             # Without any part of the state there is no tick to answer yet.
-            if pending is None or set(STATE_SLOTS.values()).issubset(pending[1]):
+            if pending is None or set(STATE_TOPICS).issubset(pending[1]):
                 return
             late = self._matcher.take_incomplete()
         if late is not None:
@@ -144,7 +132,7 @@ class ControllerNode(SuiteNode):
 
     # --- answers
 
-    def _answer(self, stamp_ns: int, values: Mapping[str, Any]) -> None:
+    def _answer(self, stamp_ns: int, values: Mapping[Topic, Any]) -> None:
         self._waiting_since_s = None
         self._held = None
         decision = self._controller.decide(self._measurements(values))
@@ -153,33 +141,33 @@ class ControllerNode(SuiteNode):
         self._last, self._last_ns = decision, stamp_ns
         self._report()
 
-    def _measurements(self, values: Mapping[str, Any]) -> Measurements:
+    def _measurements(self, values: Mapping[Topic, Any]) -> Measurements:
         """Decode what arrived; what is missing or malformed is left out, with the reason."""
         faults = []
         state: VehicleState | None = None
         leader: LeaderState | None = None
-        missing = [slot for slot in STATE_SLOTS.values() if slot not in values]
+        missing = [topic.value for topic in STATE_TOPICS if topic not in values]
         try:
             if missing:
                 faults.append(f"no {', '.join(missing)} received")
             else:
-                state = decode_vehicle_state(*(values[slot] for slot in STATE_SLOTS.values()))
+                state = decode_vehicle_state(values)
         except MessageError as error:
             faults.append(str(error))
         try:
-            if LEADER_SLOT in values:
-                leader = decode_leader(values[LEADER_SLOT])
+            if Topic.LEADER in values:
+                leader = decode_leader(values[Topic.LEADER])
             else:
                 faults.append("no measurement of the leader received")
         except MessageError as error:
             faults.append(str(error))
-        preview: LeaderPreview = values.get(PREVIEW_SLOT) or empty_leader_preview()
+        preview: LeaderPreview = values.get(Topic.LEADER_PREVIEW) or empty_leader_preview()
         return Measurements(state, leader, preview, self._slope or FLAT_ROAD, "; ".join(faults))
 
     def _publish(self, stamp_ns: int, decision: Decision) -> None:
         """Publish the command last: whoever has it has everything of this tick."""
         command = decision.command
-        self._solve_publisher.publish(encode_solve_report(stamp_ns, solve_report(decision)))
+        self._solve_publisher.publish(encode_decision_record(stamp_ns, decision.record))
         if decision.plan is not None:
             self._plan_publisher.publish(encode_plan(plan_trajectory(decision.plan), stamp_ns))
         self._acceleration_publisher.publish(Float64(data=float(command.acceleration_m_s2)))
@@ -187,9 +175,8 @@ class ControllerNode(SuiteNode):
         self._command_publisher.publish(encode_command(stamp_ns, command))
 
     def _count(self, decision: Decision) -> None:
-        status = "none" if decision.result is None else decision.result.status.name.lower()
-        self._solves[status] += 1
-        self._rungs[decision.rung.name.lower()] += 1
+        self._solves[decision.record.status] += 1
+        self._rungs[decision.rung] += 1
         self._limited_ticks += decision.limited.active
 
     # --- diagnostics
@@ -208,10 +195,10 @@ class ControllerNode(SuiteNode):
             "limited_ticks": self._limited_ticks,
             "late_messages": self._matcher.counts.late,
         }
-        values.update({f"solves_{status.name.lower()}": 0 for status in SolveStatus})
-        values.update({f"solves_{name}": count for name, count in self._solves.items()})
-        values.update({f"ticks_{rung.name.lower()}": 0 for rung in Rung})
-        values.update({f"ticks_{name}": count for name, count in self._rungs.items()})
+        for status in SolveStatus:
+            values[f"solves_{status.name.lower()}"] = self._solves[status]
+        for rung in Rung:
+            values[f"ticks_{rung.name.lower()}"] = self._rungs[rung]
         if self._last is not None:
             values.update(_details(self._last))
         self._reporter.report(self._last_ns, level, reason, values)

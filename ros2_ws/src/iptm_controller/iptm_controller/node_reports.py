@@ -1,22 +1,16 @@
-"""What the node tells about a decision: report, plan with node times, one short situation."""
+"""What the node tells about a decision: plan with node times, one short situation."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 
 from iptm_controller.controller import Decision
 from iptm_controller.forecast import PreviewQuality
-from iptm_controller.ladder import Rung
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import Plan
-from iptm_controller.solvers.result import SolveStatus
-from iptm_interfaces.codecs import PlanTrajectory, SolveReport
+from iptm_core.decision_record import Rung, SolveStatus
+from iptm_interfaces.codecs import PlanTrajectory
 from iptm_interfaces.diagnostics import Level
-
-NO_SOLVE = -1
-"""Status code of a tick at which no problem could be posed."""
 
 _RUNG_SITUATION = {
     Rung.SHIFTED_PLAN: (Level.WARN, "no usable solution, driving on the last plan"),
@@ -29,24 +23,6 @@ _PREVIEW_SITUATION = {
     PreviewQuality.MISSING: (Level.WARN, "no preview, leader taken at constant speed"),
     PreviewQuality.INVALID: (Level.WARN, "preview malformed, leader taken at constant speed"),
 }
-
-
-def solve_report(decision: Decision) -> SolveReport:
-    """The report that is published with a decision; what is not known is NaN."""
-    result, plan, forecast = decision.result, decision.plan, decision.forecast
-    slacks = None if plan is None else plan.slacks
-    return SolveReport(
-        status_code=NO_SOLVE if result is None else int(result.status),
-        solve_time_s=math.nan if result is None else result.time_s,
-        iterations=0 if result is None else result.iterations,
-        gap_slack_m=math.nan if slacks is None else slacks.gap_m,
-        speed_slack_m_s=math.nan if slacks is None else slacks.speed_m_s,
-        temperature_slack_k=math.nan if slacks is None else slacks.temperature_k,
-        objective=math.nan if result is None else result.objective,
-        fallback_rung=int(decision.rung),
-        limiter_active=decision.limited.active,
-        preview_age_s=math.nan if forecast is None else forecast.age_s,
-    )
 
 
 def plan_trajectory(plan: Plan) -> PlanTrajectory:

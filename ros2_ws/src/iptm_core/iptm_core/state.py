@@ -41,6 +41,43 @@ class VehicleState:
 
 
 @dataclass(frozen=True)
+class IntervalPowers:
+    """Mean powers over one interval in watts; mean times duration is the energy.
+
+    Attributes:
+        traction_power_w: drawn by the motor (P_tra), negative when it feeds back.
+        compressor_power_w: drawn by the compressor (P_cp), never negative.
+        auxiliary_power_w: drawn by the auxiliaries of the cooling system (P_aux).
+        battery_power_w: delivered by the pack (P_b), positive when discharging.
+        chiller_heat_w: heat taken from the coolant (Q_co), positive when cooling.
+    """
+
+    traction_power_w: float
+    compressor_power_w: float
+    auxiliary_power_w: float
+    battery_power_w: float
+    chiller_heat_w: float
+
+
+@dataclass(frozen=True)
+class PlantObservation:
+    """What others learn of the plant at one instant.
+
+    Attributes:
+        state: vehicle and pack.
+        powers: means over the interval that ended now; all but the compressor's are 0 at the start of a
+            trip, where no interval has ended.
+        coolant_inlet_temperature_k: coolant entering the channels (T_c,in).
+        coolant_outlet_temperature_k: coolant leaving the channels (T_c,out).
+    """
+
+    state: VehicleState
+    powers: IntervalPowers
+    coolant_inlet_temperature_k: float
+    coolant_outlet_temperature_k: float
+
+
+@dataclass(frozen=True)
 class Command:
     """One decision: acceleration (a, m/s^2) and compressor power (P_cp, W), held for one sampling time."""
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from iptm_core.errors import StateError
-from iptm_core.state import FloatArray
+from iptm_core.state import FloatArray, LeaderState, PlantObservation
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +106,19 @@ class Trajectory:
         return {name: getattr(self, name) for name in TRAJECTORY_COLUMNS}
 
     @classmethod
+    def from_ticks(cls, ticks: Iterable[tuple[PlantObservation, LeaderState]]) -> Trajectory:
+        """Build a trajectory from what was observed tick by tick; the one way into it from a loop or a bag.
+
+        Args:
+            ticks: plant and leader at every instant, in order of time.
+
+        Raises:
+            StateError: as for the constructor.
+        """
+        rows = [_row(observed, leader) for observed, leader in ticks]
+        return cls(**{name: np.array([row[name] for row in rows]) for name in TRAJECTORY_COLUMNS})
+
+    @classmethod
     def from_arrays(cls, columns: Mapping[str, ArrayLike]) -> Trajectory:
         """Build a trajectory from named columns.
 
@@ -126,6 +139,18 @@ class Trajectory:
                 f"needed are exactly {', '.join(TRAJECTORY_COLUMNS)}"
             )
         return cls(**{name: np.asarray(columns[name], dtype=np.float64) for name in columns})
+
+
+def _row(observed: PlantObservation, leader: LeaderState) -> dict[str, float]:
+    return {
+        # The compressor power stands in powers and state; that of the state was commanded.
+        **vars(observed.powers),
+        **vars(observed.state),
+        "coolant_inlet_temperature_k": observed.coolant_inlet_temperature_k,
+        "coolant_outlet_temperature_k": observed.coolant_outlet_temperature_k,
+        "leader_position_m": leader.position_m,
+        "leader_speed_m_s": leader.speed_m_s,
+    }
 
 
 TRAJECTORY_COLUMNS = tuple(entry.name for entry in fields(Trajectory))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from iptm_core.errors import ParameterError
+
+K = TypeVar("K", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -26,14 +28,14 @@ class MatcherCounts:
     abandoned: int = 0
 
 
-class StampMatcher:
+class StampMatcher(Generic[K]):
     """Collects one value per named slot for each stamp and hands out complete sets.
 
     Stamps are compared as integer nanoseconds, never approximately. Sets leave in increasing order
     of stamp: once a set is complete, older ones can no longer become complete and are dropped.
     """
 
-    def __init__(self, slots: Iterable[str], max_pending: int = 16) -> None:
+    def __init__(self, slots: Iterable[K], max_pending: int = 16) -> None:
         """Set up a matcher.
 
         Args:
@@ -50,7 +52,7 @@ class StampMatcher:
                 "allowed: at least 1 of each"
             )
         self._max_pending = max_pending
-        self._pending: dict[int, dict[str, Any]] = {}
+        self._pending: dict[int, dict[K, Any]] = {}
         self._last_ns: int | None = None
         self._counts = dict.fromkeys(("matched", "late", "duplicate", "abandoned"), 0)
 
@@ -64,7 +66,7 @@ class StampMatcher:
         """Stamp of the last complete set."""
         return self._last_ns
 
-    def put(self, slot: str, stamp_ns: int, value: Any) -> Mapping[str, Any] | None:
+    def put(self, slot: K, stamp_ns: int, value: Any) -> Mapping[K, Any] | None:
         """Add a value; return the complete set if this was the last one missing.
 
         Args:
@@ -76,7 +78,8 @@ class StampMatcher:
             ParameterError: unknown slot.
         """
         if slot not in self._slots:
-            raise ParameterError(f"matcher has no slot {slot!r}; allowed: {', '.join(self._slots)}")
+            allowed = ", ".join(map(str, self._slots))
+            raise ParameterError(f"matcher has no slot {slot!r}; allowed: {allowed}")
         if self._last_ns is not None and stamp_ns <= self._last_ns:
             self._counts["late"] += 1
             return None
@@ -100,7 +103,7 @@ class StampMatcher:
         self._last_ns = stamp_ns
         self._counts["matched"] += 1
 
-    def missing(self) -> tuple[int, tuple[str, ...]] | None:
+    def missing(self) -> tuple[int, tuple[K, ...]] | None:
         """Return stamp and missing slots of the newest incomplete set, for a diagnostic reason."""
         if not self._pending:
             return None
@@ -108,7 +111,7 @@ class StampMatcher:
         values = self._pending[newest]
         return newest, tuple(slot for slot in self._slots if slot not in values)
 
-    def take_incomplete(self) -> tuple[int, Mapping[str, Any]] | None:
+    def take_incomplete(self) -> tuple[int, Mapping[K, Any]] | None:
         """Hand out the newest incomplete set with its stamp, for an answer with what there is.
 
         Older sets are given up; what still arrives for this stamp counts as late.

@@ -32,8 +32,11 @@ from iptm_interfaces.topic_spec import (
 __all__ = [
     "HOST_FRAME",
     "LEADER_FRAME",
+    "OBSERVATION_TOPICS",
     "PACK_FRAME",
     "ROAD_FRAME",
+    "STATE_TOPICS",
+    "TICK_TOPICS",
     "TOPICS",
     "NamedField",
     "Topic",
@@ -285,6 +288,27 @@ _SPECS = (
 
 TOPICS: Mapping[Topic, TopicSpec] = MappingProxyType({spec.topic: spec for spec in _SPECS})
 """The table: specification of every topic by its key."""
+
+
+STATE_TOPICS = (
+    Topic.PLANT_ODOMETRY,
+    Topic.PLANT_ACCELERATION,
+    Topic.PLANT_CELL_1_TEMPERATURE,
+    Topic.PLANT_CELL_N_TEMPERATURE,
+    Topic.PLANT_POWERS,
+    Topic.PLANT_CAPACITY_LOSS,
+)
+"""Topics that make up the state of vehicle and pack: a decision depends on all of them."""
+
+OBSERVATION_TOPICS = (
+    *STATE_TOPICS,
+    Topic.PLANT_COOLANT_INLET_TEMPERATURE,
+    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
+)
+"""Topics that make up an observation of the plant: the state and the coolant."""
+
+TICK_TOPICS = (*OBSERVATION_TOPICS, Topic.LEADER)
+"""Topics that make up one row of a trajectory."""
 
 
 def find_topic(name: str, namespace: str = "/") -> TopicSpec | None:

@@ -9,7 +9,6 @@ from rosgraph_msgs.msg import Clock
 from iptm_core.parameters.model import ModelParameters
 from iptm_interfaces.codecs import (
     BatteryReading,
-    IntervalPowers,
     encode_acceleration,
     encode_battery,
     encode_capacity_loss,
@@ -19,18 +18,11 @@ from iptm_interfaces.codecs import (
     time_from_s,
 )
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import OBSERVATION_TOPICS, STATE_TOPICS, Topic
 from iptm_plant_sim.plant import PlantStep
 
-# A command depends on all of these, so a start before they are matched would be a start into silence.
-_NEEDED_BY_A_CONTROLLER = (
-    Topic.PLANT_ACCELERATION,
-    Topic.PLANT_CELL_1_TEMPERATURE,
-    Topic.PLANT_CELL_N_TEMPERATURE,
-    Topic.PLANT_POWERS,
-    Topic.PLANT_CAPACITY_LOSS,
-)
 _COUNTED = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
+"""Topics by whose subscribers the plant counts its peers."""
 
 
 class PlantPublishers:
@@ -47,13 +39,7 @@ class PlantPublishers:
         self._design_capacity_ah = cell.nominal_capacity_ah * pack.parallel
         self._publishers = {
             topic: node.advertise(topic)
-            for topic in (
-                *_COUNTED,
-                *_NEEDED_BY_A_CONTROLLER,
-                Topic.PLANT_COOLANT_INLET_TEMPERATURE,
-                Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
-                Topic.PLANT_BATTERY,
-            )
+            for topic in (*OBSERVATION_TOPICS, Topic.PLANT_BATTERY, Topic.CLOCK)
         }
 
     def missing_subscribers(self, expected_peers: int) -> tuple[str, ...]:
@@ -64,7 +50,8 @@ class PlantPublishers:
         """
         if expected_peers == 0:
             return ()
-        needed = dict.fromkeys(_NEEDED_BY_A_CONTROLLER, 1) | dict.fromkeys(_COUNTED, expected_peers)
+        # A command depends on the whole state: without a listener the start would be one into silence.
+        needed = dict.fromkeys(STATE_TOPICS, 1) | dict.fromkeys(_COUNTED, expected_peers)
         return tuple(
             topic.value
             for topic, count in needed.items()
@@ -74,23 +61,15 @@ class PlantPublishers:
     def publish(self, step: PlantStep) -> None:
         """Publish one state: the clock last, the odometry last but one."""
         state = step.state
-        powers = IntervalPowers(
-            time_s=state.time_s,
-            traction_power_w=step.traction_power_w,
-            compressor_power_w=step.compressor_power_w,
-            auxiliary_power_w=step.auxiliary_power_w,
-            battery_power_w=step.battery_power_w,
-            chiller_heat_w=step.chiller_heat_w,
-        )
         for topic, temperature_k in (
             (Topic.PLANT_CELL_1_TEMPERATURE, state.cell_1_temperature_k),
             (Topic.PLANT_CELL_N_TEMPERATURE, state.cell_n_temperature_k),
-            (Topic.PLANT_COOLANT_INLET_TEMPERATURE, step.coolant_inlet_k),
-            (Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, step.coolant_outlet_k),
+            (Topic.PLANT_COOLANT_INLET_TEMPERATURE, step.coolant_inlet_temperature_k),
+            (Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, step.coolant_outlet_temperature_k),
         ):
             self._publishers[topic].publish(encode_temperature(state.time_s, temperature_k))
         self._publishers[Topic.PLANT_BATTERY].publish(encode_battery(self._reading(step)))
-        self._publishers[Topic.PLANT_POWERS].publish(encode_powers(powers))
+        self._publishers[Topic.PLANT_POWERS].publish(encode_powers(state.time_s, step.powers))
         self._publishers[Topic.PLANT_CAPACITY_LOSS].publish(encode_capacity_loss(state))
         self._publishers[Topic.PLANT_ACCELERATION].publish(encode_acceleration(state))
         self._publishers[Topic.PLANT_ODOMETRY].publish(encode_host_odometry(state))

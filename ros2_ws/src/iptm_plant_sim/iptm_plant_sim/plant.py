@@ -11,7 +11,13 @@ import numpy as np
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.power_thermal import CellPair
-from iptm_core.state import Command, FloatArray, VehicleState
+from iptm_core.state import (
+    Command,
+    FloatArray,
+    IntervalPowers,
+    PlantObservation,
+    VehicleState,
+)
 from iptm_plant_sim.actuators import ActuatorReport, Clamp, limit_command
 from iptm_plant_sim.integrator import IntervalIntegrator, IntervalResult
 from iptm_plant_sim.motion import Motion, plan_motion
@@ -22,21 +28,13 @@ _POWER_BISECTIONS = 40
 
 
 @dataclass(frozen=True)
-class PlantStep:
-    """Everything that can be observed at the end of an interval.
+class PlantStep(PlantObservation):
+    """What is observed at the end of an interval, and what only a simulated plant knows.
 
-    Powers are means over the interval, so that mean times duration is the energy; at the start of a trip,
-    where no interval has ended, they are 0 and the compressor power is the one last actuated. Currents are
-    positive when discharging.
+    Powers are means over the interval; currents are positive when discharging.
 
     Attributes:
-        state: state at the end.
-        traction_power_w: electric traction power P_tra, negative when it feeds back.
-        regenerative_power_w: negative part of it, before the regenerative efficiency.
-        compressor_power_w: compressor power P_cp.
-        auxiliary_power_w: auxiliary power P_aux.
-        battery_power_w: power at the pack terminals P_b.
-        chiller_heat_w: heat that the chiller takes from the coolant Q_co.
+        regenerative_power_w: negative part of the traction power, before the regenerative efficiency.
         battery_heat_w: heat generated in all cells.
         charge_c: charge drawn from the pack during the interval.
         cell_current_a: cell current at the end.
@@ -44,19 +42,11 @@ class PlantStep:
         pack_voltage_v: terminal voltage at the end.
         cell_1_voltage_v: terminal voltage of cell 1 at the end.
         cell_n_voltage_v: terminal voltage of cell N_c at the end.
-        coolant_inlet_k: coolant temperature at the channel inlet at the end.
-        coolant_outlet_k: coolant temperature at the channel outlet at the end.
         report: what the actuators made of the command.
         standstill: the vehicle stands at the end, held by its brakes.
     """
 
-    state: VehicleState
-    traction_power_w: float
     regenerative_power_w: float
-    compressor_power_w: float
-    auxiliary_power_w: float
-    battery_power_w: float
-    chiller_heat_w: float
     battery_heat_w: float
     charge_c: float
     cell_current_a: float
@@ -64,8 +54,6 @@ class PlantStep:
     pack_voltage_v: float
     cell_1_voltage_v: float
     cell_n_voltage_v: float
-    coolant_inlet_k: float
-    coolant_outlet_k: float
     report: ActuatorReport
     standstill: bool
 
@@ -273,16 +261,17 @@ class Plant:
         )
         per_second = 1.0 / duration_s if duration_s > 0.0 else 0.0
         in_series = self.parameters.pack.cells_in_series
+        auxiliary_w = self.parameters.cooling.auxiliary_power_w
         return PlantStep(
             state=end,
-            traction_power_w=result.traction_energy_j * per_second,
+            powers=IntervalPowers(
+                traction_power_w=result.traction_energy_j * per_second,
+                compressor_power_w=compressor,
+                auxiliary_power_w=auxiliary_w if duration_s > 0.0 else 0.0,
+                battery_power_w=result.battery_energy_j * per_second,
+                chiller_heat_w=result.chiller_heat_j * per_second,
+            ),
             regenerative_power_w=result.regenerated_energy_j * per_second,
-            compressor_power_w=compressor,
-            auxiliary_power_w=self.parameters.cooling.auxiliary_power_w
-            if duration_s > 0.0
-            else 0.0,
-            battery_power_w=result.battery_energy_j * per_second,
-            chiller_heat_w=result.chiller_heat_j * per_second,
             battery_heat_w=result.battery_heat_j * per_second,
             charge_c=result.charge_c,
             cell_current_a=result.cell_current_a,
@@ -290,8 +279,8 @@ class Plant:
             pack_voltage_v=0.5 * (result.cell_1_voltage_v + result.cell_n_voltage_v) * in_series,
             cell_1_voltage_v=result.cell_1_voltage_v,
             cell_n_voltage_v=result.cell_n_voltage_v,
-            coolant_inlet_k=result.coolant_inlet_k,
-            coolant_outlet_k=result.coolant_outlet_k,
+            coolant_inlet_temperature_k=result.coolant_inlet_k,
+            coolant_outlet_temperature_k=result.coolant_outlet_k,
             report=report,
             standstill=motion.end_speed_m_s == 0.0,
         )

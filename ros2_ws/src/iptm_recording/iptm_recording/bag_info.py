@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from iptm_core.errors import BagError, IptmError
-from iptm_core.metrics import compute_metrics, metric_rows
-from iptm_core.state import FloatArray
+from iptm_core.metrics import FIGURES, compute_metrics, figure_values
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.metadata import TopicRecord
 from iptm_recording.run_information import RunInformation
@@ -59,43 +57,24 @@ def overview_table(reader: BagReader, information: RunInformation) -> Table:
 
 
 def metrics_table(path: Path, namespace: str | None = None) -> Table:
-    """Return the figures of the recorded run.
+    """Return the figures of the recorded run and of its decisions.
 
     Raises:
         BagError: the bag does not hold a complete run of the suite.
     """
     from iptm_recording.run_parameters import read_model_parameters  # noqa: PLC0415
-    from iptm_recording.trajectory_reader import read_trajectory  # noqa: PLC0415
+    from iptm_recording.trajectory_reader import read_decisions, read_trajectory  # noqa: PLC0415
 
     parameters, is_stored = read_model_parameters(path)
-    metrics = compute_metrics(read_trajectory(path, namespace), parameters)
+    decisions = read_decisions(path, namespace)
+    values = figure_values(compute_metrics(read_trajectory(path, namespace), parameters, decisions))
     caption = None if is_stored else "limits of the default parameter set: the bag names no other"
     table = Table("figure", title=f"{path.name}: results", title_justify="left", caption=caption)
     table.add_column("value", justify="right")
     table.add_column("unit")
-    for row in metric_rows(metrics):
-        table.add_row(row.label, "" if row.value is None else f"{row.value:.6g}", row.unit)
-    return table
-
-
-def solver_table(path: Path, namespace: str | None = None) -> Table:
-    """Return solve times, iterations and how often the controller fell back.
-
-    Raises:
-        BagError: the bag holds no reports of the controller.
-    """
-    from iptm_recording.trajectory_reader import read_solve_series  # noqa: PLC0415
-
-    values = read_solve_series(path, namespace).values
-    table = Table("solver", title=f"{path.name}: decisions", title_justify="left")
-    for heading in ("median", "p99", "largest"):
-        table.add_column(heading, justify="right")
-    table.add_row("solve time (ms)", *_quantiles(1e3 * values["solve_time_s"]))
-    table.add_row("iterations", *_quantiles(values["iterations"]))
-    table.add_row("age of the preview (s)", *_quantiles(values["preview_age_s"]))
-    for label, name in (("fallback", "fallback_rung"), ("limiter", "limiter_active")):
-        count = int(np.count_nonzero(values[name]))
-        table.add_row(f"{label} used (of {len(values[name])} decisions)", "", "", str(count))
+    for key, value in values.items():
+        figure = FIGURES[key]
+        table.add_row(figure.label, figure.precise_text(value), figure.unit)
     return table
 
 
@@ -117,22 +96,12 @@ def print_information(
         information = reader.run_information()
         console.print(overview_table(reader, information))
         console.print(topics_table(reader))
-    for make_table in (metrics_table, solver_table):
-        _print_figures(make_table, path, namespace, console)
-    if show_parameters:
-        console.print(information.parameters or "no parameters stored", highlight=False)
-
-
-def _print_figures(
-    make_table: Callable[[Path, str | None], Table],
-    path: Path,
-    namespace: str | None,
-    console: Console,
-) -> None:
     try:
-        console.print(make_table(path, namespace))
+        console.print(metrics_table(path, namespace))
     except (IptmError, ImportError) as error:  # the tables above need no ROS, this one does
         console.print(f"no figures of the run: {error}", style="dim", highlight=False)
+    if show_parameters:
+        console.print(information.parameters or "no parameters stored", highlight=False)
 
 
 def _has_rate(topic: TopicRecord, duration_s: float) -> bool:
@@ -151,13 +120,6 @@ def _qos_text(topic: TopicRecord) -> str:
 def _lines_text(text: str) -> str:
     lines = text.strip().splitlines()
     return text.strip() if len(lines) <= 1 else f"{len(lines)} lines"
-
-
-def _quantiles(values: FloatArray) -> list[str]:
-    known = values[np.isfinite(values)]
-    if known.size == 0:
-        return ["unknown"] * 3
-    return [f"{np.quantile(known, q):.4g}" for q in (0.5, 0.99, 1.0)]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

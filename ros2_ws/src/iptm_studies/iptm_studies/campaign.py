@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.metrics import RunMetrics, figure_values
 from iptm_studies.run_inputs import RunInputs, resolve_inputs, run_key
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import Case, Selection, ShortTrip, Study
 from iptm_studies.study_loading import load_study
-from iptm_studies.summary import RunSummary
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class CaseState:
         case: the case.
         spec: its run; None while its strategy depends on runs that are not there.
         key: key of the run; None likewise.
-        summary: figures of the run; None while it is not there.
+        metrics: what the run achieved; None while it is not there.
         reason: why it is not there; empty if it is.
     """
 
@@ -45,7 +45,7 @@ class CaseState:
     case: Case
     spec: RunSpec | None
     key: str | None
-    summary: RunSummary | None
+    metrics: RunMetrics | None
     reason: str
 
     @property
@@ -74,7 +74,7 @@ class Campaign:
         known = {study.name: study for study in (*others, *self.studies)}
         self._runs: dict[str, PlannedRun] = {}
         self._new: list[str] = []
-        self._summaries: dict[str, RunSummary] = {}
+        self._metrics: dict[str, RunMetrics] = {}
         self._failures: dict[str, str] = {}
         self._candidates: dict[str, dict[str, RunSpec]] = {}
         self._keys: dict[str, str] = {}
@@ -96,9 +96,9 @@ class Campaign:
         self._new.clear()
         return taken
 
-    def finish(self, key: str, summary: RunSummary) -> None:
+    def finish(self, key: str, metrics: RunMetrics) -> None:
         """Note that a run is there."""
-        self._summaries[key] = summary
+        self._metrics[key] = metrics
         self._failures.pop(key, None)
         self._release()
 
@@ -125,7 +125,7 @@ class Campaign:
     @property
     def unfinished(self) -> int:
         """Runs planned that neither are there nor failed."""
-        return len(self._runs) - len(self._summaries) - len(self._failures)
+        return len(self._runs) - len(self._metrics) - len(self._failures)
 
     def run_estimates(self) -> dict[str, RunInputs]:
         """Runs that cases which wait for others are going to add, by address.
@@ -149,14 +149,14 @@ class Campaign:
         for study, case in self._cases():
             address = study.address(case)
             key = self._keys.get(address)
-            summary = None if key is None else self._summaries.get(key)
+            metrics = None if key is None else self._metrics.get(key)
             yield CaseState(
                 study=study,
                 case=case,
                 spec=None if key is None else self._spec_of(case, address),
                 key=key,
-                summary=summary,
-                reason="" if summary is not None else self._why(address, key),
+                metrics=metrics,
+                reason="" if metrics is not None else self._why(address, key),
             )
 
     def _why(self, address: str, key: str | None) -> str:
@@ -211,7 +211,7 @@ class Campaign:
         """Plan the cases whose candidates have all come to an end."""
         for address, case in list(self._waiting.items()):
             candidates = self._candidates[address]
-            ended = all(key in self._summaries or key in self._failures for key in candidates)
+            ended = all(key in self._metrics or key in self._failures for key in candidates)
             if not ended or case.best_of is None:
                 continue
             del self._waiting[address]
@@ -226,16 +226,17 @@ class Campaign:
     def _best(self, candidates: Mapping[str, RunSpec], lowest: str) -> str | None:
         ranked: list[tuple[bool, float, str]] = []
         for key in candidates:
-            summary = self._summaries.get(key)
-            if summary is None:
+            metrics = self._metrics.get(key)
+            if metrics is None:
                 continue
-            value = summary.values().get(lowest)
+            values = figure_values(metrics)
+            value = values.get(lowest)
             if value is None:
                 raise ScenarioError(
                     f"runs have no figure {lowest!r} to choose a strategy by; "
-                    f"allowed are {', '.join(summary.values())}"
+                    f"allowed are {', '.join(values)}"
                 )
-            ranked.append((summary.metrics.hard_violations > 0, value, key))
+            ranked.append((metrics.hard_violations > 0, value, key))
         return min(ranked)[2] if ranked else None
 
 

@@ -112,7 +112,7 @@ def _status(options: argparse.Namespace, console: Console) -> int:
     survey(campaign, store, ExpectedTimes())
     for study in campaign.studies:
         states = [state for state in campaign.cases() if state.study is study]
-        done = sum(state.summary is not None for state in states)
+        done = sum(state.metrics is not None for state in states)
         print(f"{study.name:20} {done:3} of {len(states):3} cases")
         for state in states:
             if state.reason and (options.verbose or state.reason != "not computed"):

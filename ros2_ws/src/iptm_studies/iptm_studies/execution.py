@@ -79,7 +79,7 @@ def admit(
                 continue
             found += 1
             times.learn(stored.spec, len(stored.trajectory) - 1, stored.record.wall.total_s)
-            campaign.finish(run.key, stored.summary)
+            campaign.finish(run.key, stored.metrics)
     return missing, found
 
 
@@ -211,7 +211,7 @@ class _Work:
         stored = stored_run(run.key, run.inputs, finished, now)
         self._store.save(stored)
         self._times.learn(run.inputs.spec, run.inputs.ticks, stored.record.wall.total_s)
-        self._campaign.finish(run.key, stored.summary)
+        self._campaign.finish(run.key, stored.metrics)
         self.computed += 1
         self._observer.finished(run, expected_s, stored)
 

@@ -51,7 +51,9 @@ class ProgressDisplay:
     def finished(self, run: PlannedRun, expected_s: float, stored: StoredRun) -> None:
         """A run was performed and stored."""
         self._count(expected_s)
-        fallbacks = stored.summary.solver.fallbacks if stored.summary.solver is not None else 0
+        fallbacks = (
+            stored.metrics.decisions.fallbacks if stored.metrics.decisions is not None else 0
+        )
         remark = f", {fallbacks} fallbacks" if fallbacks else ""
         took = clock_text(stored.record.wall.total_s)
         self._line(f"{run.address}  ({took}{remark})")

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
 from iptm_controller.solvers.factory import SolverOptions
-from iptm_controller.solvers.result import SolveStatus
+from iptm_core.decision_record import DecisionSeries, SolveStatus
 from iptm_core.errors import ScenarioError
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import DecisionLog, run_closed_loop
+from iptm_studies.closed_loop import run_closed_loop
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
@@ -81,14 +81,14 @@ class FinishedRun:
 
     Attributes:
         trajectory: what happened.
-        log: what the controller answered; None for a whole trip.
+        decisions: how the decisions came about; None for a whole trip.
         whole_trip: how a whole trip was solved; None for a closed loop.
         wall: wall times.
         compiled: the problem ran as machine code.
     """
 
     trajectory: Trajectory
-    log: DecisionLog | None
+    decisions: DecisionSeries | None
     whole_trip: WholeTripRecord | None
     wall: WallTimes
     compiled: bool
@@ -150,7 +150,7 @@ def _closed_loop(inputs: RunInputs, alive: Callable[[], None]) -> FinishedRun:
     done = time.perf_counter()
     return FinishedRun(
         trajectory=run.trajectory,
-        log=run.log,
+        decisions=run.decisions,
         whole_trip=None,
         wall=WallTimes(ready - began, done - ready),
         compiled=controller.backend.compiled,
@@ -174,7 +174,7 @@ def _whole_trip(inputs: RunInputs, start: FinishedRun, alive: Callable[[], None]
     elapsed = time.perf_counter() - began
     return FinishedRun(
         trajectory=run.trajectory,
-        log=None,
+        decisions=None,
         whole_trip=_record(run),
         wall=WallTimes(start.wall.setup_s + start.wall.run_s, elapsed),
         compiled=start.compiled,

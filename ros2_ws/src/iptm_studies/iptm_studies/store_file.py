@@ -8,34 +8,26 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
+from iptm_core.decision_record import DECISION_COLUMNS, DecisionSeries
 from iptm_core.errors import IptmError, StoreError
+from iptm_core.metrics import figure_values
 from iptm_core.parameters import flat_to_parameters, to_flat_dict
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_studies.closed_loop import DecisionLog
 from iptm_studies.run_spec import RunSpec, canonical_json
 from iptm_studies.single_run import WallTimes, WholeTripRecord, WholeTripSolve
 from iptm_studies.stored_run import RunRecord, StoredRun
 
-FORMAT = 1
+FORMAT = 2
 METADATA_KEY = b"iptm"
 DIGEST_KEY = b"iptm_digest"
-LOG_PREFIX = "answer_"
-LOG_COLUMNS = tuple(entry.name for entry in fields(DecisionLog))
-_LOG_TYPES = {
-    "status": np.int64,
-    "rung": np.int64,
-    "iterations": np.int64,
-    "limiter_active": np.bool_,
-}
+DECISION_PREFIX = "decision_"
 
 
 def write_run(path: Path, run: StoredRun) -> None:
@@ -95,11 +87,11 @@ def read_spec(path: Path) -> RunSpec:
 
 def _columns(run: StoredRun) -> dict[str, pa.Array]:
     columns = {name: pa.array(values) for name, values in run.trajectory.to_arrays().items()}
-    if run.log is not None:
-        for name in LOG_COLUMNS:
+    if run.decisions is not None:
+        for name, column in run.decisions.to_arrays().items():
             # The last row of a trajectory ends the trip: nothing is decided there.
-            values = pa.array(np.asarray(getattr(run.log, name)))
-            columns[LOG_PREFIX + name] = pa.concat_arrays([values, pa.nulls(1, values.type)])
+            values = pa.array(column)
+            columns[DECISION_PREFIX + name] = pa.concat_arrays([values, pa.nulls(1, values.type)])
     return columns
 
 
@@ -112,7 +104,7 @@ def _metadata(run: StoredRun) -> dict[str, Any]:
         "whole_trip": None if run.whole_trip is None else asdict(run.whole_trip),
         "record": asdict(run.record),
         # For other readers of the file; here the figures are worked out anew.
-        "figures": run.summary.values(),
+        "figures": figure_values(run.metrics),
     }
 
 
@@ -127,21 +119,22 @@ def _run(content: dict[str, Any], columns: dict[str, pa.Array]) -> StoredRun:
         trajectory=Trajectory.from_arrays(
             {name: columns[name].to_numpy() for name in TRAJECTORY_COLUMNS}
         ),
-        log=_log(columns),
+        decisions=_decisions(columns),
         whole_trip=_whole_trip(content["whole_trip"]),
         record=RunRecord(**{**record, "wall": WallTimes(**record["wall"])}),
     )
 
 
-def _log(columns: dict[str, pa.Array]) -> DecisionLog | None:
-    if LOG_PREFIX + LOG_COLUMNS[0] not in columns:
+def _decisions(columns: dict[str, pa.Array]) -> DecisionSeries | None:
+    if DECISION_PREFIX + DECISION_COLUMNS[0] not in columns:
         return None
-    arrays: dict[str, NDArray[Any]] = {}
-    for name in LOG_COLUMNS:
-        column = columns[LOG_PREFIX + name]
-        values = column.slice(0, len(column) - 1).to_numpy(zero_copy_only=False)
-        arrays[name] = np.array(values, dtype=_LOG_TYPES.get(name, np.float64))
-    return DecisionLog(**arrays)
+    arrays = {name: columns[DECISION_PREFIX + name] for name in DECISION_COLUMNS}
+    return DecisionSeries.from_arrays(
+        {
+            name: column.slice(0, len(column) - 1).to_numpy(zero_copy_only=False)
+            for name, column in arrays.items()
+        }
+    )
 
 
 def _whole_trip(content: dict[str, Any] | None) -> WholeTripRecord | None:

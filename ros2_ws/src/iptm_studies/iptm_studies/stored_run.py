@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from iptm_core.decision_record import DecisionSeries
+from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
-from iptm_studies.closed_loop import DecisionLog
 from iptm_studies.fingerprint import environment_versions, git_revision
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.single_run import FinishedRun, WallTimes, WholeTripRecord
-from iptm_studies.summary import RunSummary, summarise
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class StoredRun:
         spec: specification.
         parameters: parameters it ran with.
         trajectory: what happened.
-        log: what the controller answered; None for a whole trip.
+        decisions: how the decisions came about; None for a whole trip.
         whole_trip: how a whole trip was solved; None for a closed loop.
         record: where the result comes from.
     """
@@ -55,14 +55,14 @@ class StoredRun:
     spec: RunSpec
     parameters: ModelParameters
     trajectory: Trajectory
-    log: DecisionLog | None
+    decisions: DecisionSeries | None
     whole_trip: WholeTripRecord | None
     record: RunRecord
 
     @cached_property
-    def summary(self) -> RunSummary:
-        """The figures of the run, worked out from its trajectory with today's metrics."""
-        return summarise(self.trajectory, self.log, self.whole_trip, self.parameters)
+    def metrics(self) -> RunMetrics:
+        """What the run achieved, worked out from its trajectory with today's metrics."""
+        return compute_metrics(self.trajectory, self.parameters, self.decisions)
 
 
 def stored_run(
@@ -74,7 +74,7 @@ def stored_run(
         spec=inputs.spec,
         parameters=inputs.parameters,
         trajectory=finished.trajectory,
-        log=finished.log,
+        decisions=finished.decisions,
         whole_trip=finished.whole_trip,
         record=RunRecord(
             wall=finished.wall,

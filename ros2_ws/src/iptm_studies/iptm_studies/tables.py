@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from iptm_core.errors import StoreError
+from iptm_core.metrics import FIGURES, figure_values
 from iptm_studies.campaign import Campaign, CaseState
 
 _FIRST_COLUMNS = ("study", "case")
@@ -44,22 +45,25 @@ def table_text(states: Iterable[CaseState]) -> str:
     """The cases of one study as CSV text."""
     rows = list(states)
     labels = list(dict.fromkeys(name for state in rows for name in state.case.labels))
-    figures: dict[str, str] = {}
-    for state in rows:
-        if state.summary is not None:
-            figures |= {row.key: f"{row.key} [{row.unit}]" for row in state.summary.rows()}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*_FIRST_COLUMNS, *labels, *figures.values(), *_LAST_COLUMNS])
+    writer.writerow(
+        [
+            *_FIRST_COLUMNS,
+            *labels,
+            *(f"{key} [{figure.unit or 1}]" for key, figure in FIGURES.items()),
+            *_LAST_COLUMNS,
+        ]
+    )
     for state in rows:
-        values = {} if state.summary is None else state.summary.values()
+        values = {} if state.metrics is None else figure_values(state.metrics)
         spec = state.spec
         writer.writerow(
             [
                 state.study.name,
                 state.case.name,
                 *(state.case.labels.get(name, "") for name in labels),
-                *(_cell(values.get(key)) for key in figures),
+                *(_cell(values.get(key)) for key in FIGURES),
                 "" if spec is None else spec.horizon,
                 state.case.spec.kind.value,
                 "" if spec is None else _weights(state),

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.horizon import Horizon, Phase
-from iptm_controller.motion import Motion
+from iptm_controller.forecast import LeaderMotion
+from iptm_controller.horizon import Horizon, HorizonPhase
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
@@ -27,14 +27,13 @@ from iptm_controller.plan import (
     variables_from_plan,
 )
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.strategy import Strategy
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.route import Route
 from iptm_core.state import Command, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import TripRecorder
 
 NEAR_BARRIER = 1e-2
 
@@ -117,7 +116,7 @@ def solve_whole_trip(
         SolverSetupError: the problem cannot be built.
     """
     steps = round(route.duration_s / options.tick_s)
-    horizon = Horizon((Phase(steps, options.tick_s),))
+    horizon = Horizon((HorizonPhase(steps, options.tick_s),))
     # What was driven is far from the optimum of the trip, what was found for another expansion is near.
     first, further = (
         build_plain_solver(
@@ -157,11 +156,11 @@ def solve_whole_trip(
     return WholeTripRun(trajectory, tuple(expansions), plan.slacks, objective)
 
 
-def _leader_motion(route: Route, horizon: Horizon) -> Motion:
+def _leader_motion(route: Route, horizon: Horizon) -> LeaderMotion:
     """The leader from before the start (speed references look back) to the end."""
     before = np.arange(-REFERENCE_WINDOW_S - 1.0, 0.0)
     times = np.concatenate([before, horizon.node_times_s])
-    return Motion(times, route.leader.positions_at(times), route.leader.speeds_at(times))
+    return LeaderMotion(times, route.leader.positions_at(times), route.leader.speeds_at(times))
 
 
 def _plan_of(run: Trajectory, horizon: Horizon) -> Plan:
@@ -186,13 +185,12 @@ def _drive(
     plan: Plan, route: Route, plant: Plant, state: VehicleState, tick_s: float
 ) -> Trajectory:
     """Drive the plant with the plan's inputs, without feedback."""
-    recorder = TripRecorder()
     step = plant.observe(state)
+    ticks = [(step, route.leader.state_at(step.state.time_s))]
     for row in plan.inputs:
-        recorder.row(step, route.leader.state_at(step.state.time_s))
         command = Command(
             float(row[InputIndex.ACCELERATION]), float(row[InputIndex.COMPRESSOR_POWER])
         )
         step = plant.advance(step.state, command, tick_s)
-    recorder.row(step, route.leader.state_at(step.state.time_s))
-    return recorder.trajectory()
+        ticks.append((step, route.leader.state_at(step.state.time_s)))
+    return Trajectory.from_ticks(ticks)

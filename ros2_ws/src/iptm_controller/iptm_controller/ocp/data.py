@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.motion import Motion
+from iptm_controller.forecast import LeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import SampleIndex, StepIndex
@@ -50,7 +50,7 @@ class ProblemDataBuilder:
     def build(
         self,
         state: VehicleState,
-        leader: Motion,
+        leader: LeaderMotion,
         slope: SlopePreview,
         expected_positions_m: FloatArray,
         known_s: float = math.inf,

@@ -18,8 +18,7 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
-from iptm_controller.solvers.interface import SolverBackend
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.solvers.interface import SolverBackend, SolveResult
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 

@@ -24,8 +24,14 @@ from iptm_controller.ocp.oracle import OracleSignature, oracle_expressions, orac
 from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
 from iptm_controller.ocp.transcription import transcribe
 from iptm_controller.solvers.buffered import BufferedFunction
-from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolverOptions
-from iptm_controller.solvers.result import STATUS_TEXT, SolveResult, SolveStatus, broken
+from iptm_controller.solvers.interface import (
+    FEASIBILITY_TOLERANCE,
+    STATUS_TEXT,
+    SolveResult,
+    SolverOptions,
+    broken,
+)
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray
 

@@ -3,16 +3,20 @@
 from iptm_core.metrics.constraints import ConstraintCheck, check_constraints
 from iptm_core.metrics.degradation import DegradationMetrics, degradation_metrics
 from iptm_core.metrics.energy import EnergyMetrics, energy_metrics
+from iptm_core.metrics.figures import FIGURES, PAPER_TABLE, TRIP_FIGURES, Figure, figure_values
 from iptm_core.metrics.gap import GapMetrics, gap_metrics
-from iptm_core.metrics.summary import MetricRow, RunMetrics, compute_metrics, metric_rows
+from iptm_core.metrics.summary import RunMetrics, compute_metrics
 from iptm_core.metrics.temperature import TemperatureMetrics, ValueRange, temperature_metrics
 
 __all__ = [
+    "FIGURES",
+    "PAPER_TABLE",
+    "TRIP_FIGURES",
     "ConstraintCheck",
     "DegradationMetrics",
     "EnergyMetrics",
+    "Figure",
     "GapMetrics",
-    "MetricRow",
     "RunMetrics",
     "TemperatureMetrics",
     "ValueRange",
@@ -20,7 +24,7 @@ __all__ = [
     "compute_metrics",
     "degradation_metrics",
     "energy_metrics",
+    "figure_values",
     "gap_metrics",
-    "metric_rows",
     "temperature_metrics",
 ]

@@ -22,6 +22,11 @@ class DegradationMetrics:
     cell_n: float
     inconsistency: float
 
+    @property
+    def total(self) -> float:
+        """Capacity lost by both cells together, the paper's J4."""
+        return self.cell_1 + self.cell_n
+
 
 def degradation_metrics(trajectory: Trajectory) -> DegradationMetrics:
     """Compare the capacity losses at the end of a run with those at its start.

@@ -17,6 +17,9 @@ class EnergyMetrics:
         traction_j: integral of P_tra, recuperation counted negative.
         total_printed_j: traction + cooling, which is what the six totals printed in the paper are.
         battery_j: integral of P_b, which is how the paper labels that row.
+        mean_battery_power_w: mean of P_b over time.
+        peak_battery_power_w: largest P_b of an interval.
+        lowest_battery_power_w: smallest P_b of an interval, negative when recuperating.
         mean_cop: heat taken from the coolant per compressor energy over the whole run; None if the
             compressor never ran.
     """
@@ -25,6 +28,9 @@ class EnergyMetrics:
     traction_j: float
     total_printed_j: float
     battery_j: float
+    mean_battery_power_w: float
+    peak_battery_power_w: float
+    lowest_battery_power_w: float
     mean_cop: float | None
 
 
@@ -32,7 +38,7 @@ def energy_metrics(trajectory: Trajectory) -> EnergyMetrics:
     """Integrate the powers of a run.
 
     Args:
-        trajectory: the run.
+        trajectory: the run, at least two rows.
 
     Returns:
         Its energies.
@@ -40,11 +46,15 @@ def energy_metrics(trajectory: Trajectory) -> EnergyMetrics:
     compressor = integral_of_interval_means(trajectory, trajectory.compressor_power_w)
     auxiliary = integral_of_interval_means(trajectory, trajectory.auxiliary_power_w)
     traction = integral_of_interval_means(trajectory, trajectory.traction_power_w)
+    battery = integral_of_interval_means(trajectory, trajectory.battery_power_w)
     heat = integral_of_interval_means(trajectory, trajectory.chiller_heat_w)
     return EnergyMetrics(
         cooling_j=compressor + auxiliary,
         traction_j=traction,
         total_printed_j=traction + compressor + auxiliary,
-        battery_j=integral_of_interval_means(trajectory, trajectory.battery_power_w),
+        battery_j=battery,
+        mean_battery_power_w=battery / float(trajectory.time_s[-1] - trajectory.time_s[0]),
+        peak_battery_power_w=float(trajectory.battery_power_w[1:].max()),
+        lowest_battery_power_w=float(trajectory.battery_power_w[1:].min()),
         mean_cop=heat / compressor if compressor > 0.0 else None,
     )

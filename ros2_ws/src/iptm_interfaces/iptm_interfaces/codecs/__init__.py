@@ -2,18 +2,16 @@
 
 from iptm_interfaces.codecs.battery import (
     BatteryReading,
-    IntervalPowers,
     decode_battery,
     decode_powers,
     encode_battery,
     encode_powers,
 )
 from iptm_interfaces.codecs.command import (
-    SolveReport,
     decode_command,
-    decode_solve_report,
+    decode_decision_record,
     encode_command,
-    encode_solve_report,
+    encode_decision_record,
 )
 from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
 from iptm_interfaces.codecs.plan import PlanTrajectory, decode_plan, encode_plan
@@ -41,6 +39,7 @@ from iptm_interfaces.codecs.time import (
 from iptm_interfaces.codecs.vehicle import (
     decode_capacity_loss,
     decode_leader,
+    decode_observation,
     decode_temperature,
     decode_vehicle_state,
     encode_acceleration,
@@ -52,20 +51,19 @@ from iptm_interfaces.codecs.vehicle import (
 
 __all__ = [
     "BatteryReading",
-    "IntervalPowers",
     "PlanTrajectory",
-    "SolveReport",
     "decode_battery",
     "decode_capacity_loss",
     "decode_command",
+    "decode_decision_record",
     "decode_leader",
     "decode_leader_preview",
     "decode_leader_preview_bytes",
     "decode_named_values",
+    "decode_observation",
     "decode_plan",
     "decode_powers",
     "decode_slope",
-    "decode_solve_report",
     "decode_temperature",
     "decode_vehicle_state",
     "duration_from_ns",
@@ -74,6 +72,7 @@ __all__ = [
     "encode_battery",
     "encode_capacity_loss",
     "encode_command",
+    "encode_decision_record",
     "encode_host_odometry",
     "encode_leader",
     "encode_leader_preview",
@@ -82,7 +81,6 @@ __all__ = [
     "encode_plan",
     "encode_powers",
     "encode_slope",
-    "encode_solve_report",
     "encode_temperature",
     "ns_from_duration",
     "ns_from_s",

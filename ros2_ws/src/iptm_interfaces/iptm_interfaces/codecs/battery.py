@@ -8,33 +8,13 @@ from dataclasses import astuple, dataclass
 from sensor_msgs.msg import BatteryState, JointState
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.state import IntervalPowers
 from iptm_interfaces.codecs._checks import finite, not_negative, reject
 from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
 from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_s
 from iptm_interfaces.topics import PACK_FRAME, Topic
 
 _CELLS = 2
-
-
-@dataclass(frozen=True)
-class IntervalPowers:
-    """Mean powers over the interval that ended at `time_s`, in watts.
-
-    Attributes:
-        time_s: end of the interval, trip time.
-        traction_power_w: drawn by the motor; negative when regenerating.
-        compressor_power_w: drawn by the compressor, never negative.
-        auxiliary_power_w: drawn by the auxiliaries.
-        battery_power_w: delivered by the cells, positive when discharging.
-        chiller_heat_w: heat taken from the coolant, positive when cooling.
-    """
-
-    time_s: float
-    traction_power_w: float
-    compressor_power_w: float
-    auxiliary_power_w: float
-    battery_power_w: float
-    chiller_heat_w: float
 
 
 @dataclass(frozen=True)
@@ -65,20 +45,18 @@ class BatteryReading:
     design_capacity_ah: float = math.nan
 
 
-def encode_powers(powers: IntervalPowers) -> JointState:
-    """Return the mean powers of one interval (W)."""
-    values = astuple(powers)[1:]
-    return encode_named_values(Topic.PLANT_POWERS, ns_from_s(powers.time_s), values)
+def encode_powers(time_s: float, powers: IntervalPowers) -> JointState:
+    """Return the mean powers of the interval that ended at a time (W)."""
+    return encode_named_values(Topic.PLANT_POWERS, ns_from_s(time_s), astuple(powers))
 
 
 def decode_powers(message: JointState) -> IntervalPowers:
-    """Return the mean powers of one interval (W).
+    """Return the mean powers of the interval that ended at the stamp (W).
 
     Raises:
         MessageError: a power is missing or not finite, or the compressor power is negative.
     """
-    values = decode_named_values(Topic.PLANT_POWERS, message)
-    powers = IntervalPowers(s_from_ns(ns_from_time(message.header.stamp)), *values)
+    powers = IntervalPowers(*decode_named_values(Topic.PLANT_POWERS, message))
     not_negative(Topic.PLANT_POWERS, "compressor_power_w", powers.compressor_power_w)
     return powers
 

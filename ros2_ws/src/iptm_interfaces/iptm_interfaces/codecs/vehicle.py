@@ -1,22 +1,34 @@
 """Motion and thermal state of the host, and motion of the leader.
 
-The host's state travels in six messages of one stamp (odometry, acceleration, two temperatures,
-powers, capacity loss); `decode_vehicle_state` puts them together again. Temperatures are degrees
+The host's state travels in the messages of one stamp that `STATE_TOPICS` lists; `decode_vehicle_state` puts
+them together again. Temperatures are degrees
 Celsius on the wire, so kelvin values come back within one rounding step (6e-14 K).
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from geometry_msgs.msg import AccelStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, Temperature
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_core.state import LeaderState, VehicleState
+from iptm_core.state import LeaderState, PlantObservation, VehicleState
 from iptm_interfaces.codecs._checks import finite, not_negative, reject
+from iptm_interfaces.codecs.battery import decode_powers
 from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
 from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_s
-from iptm_interfaces.topics import HOST_FRAME, LEADER_FRAME, PACK_FRAME, ROAD_FRAME, Topic
+from iptm_interfaces.topics import (
+    HOST_FRAME,
+    LEADER_FRAME,
+    OBSERVATION_TOPICS,
+    PACK_FRAME,
+    ROAD_FRAME,
+    STATE_TOPICS,
+    Topic,
+)
 
 
 def _encode_motion(time_s: float, position_m: float, speed_m_s: float, body: str) -> Odometry:
@@ -100,46 +112,67 @@ def decode_capacity_loss(message: JointState) -> tuple[float, float]:
     return cell_1, cell_n
 
 
-def decode_vehicle_state(
-    odometry: Odometry,
-    acceleration: AccelStamped,
-    cell_1_temperature: Temperature,
-    cell_n_temperature: Temperature,
-    powers: JointState,
-    capacity_loss: JointState,
-) -> VehicleState:
-    """Put the host's state together from the six messages of one stamp.
+def decode_vehicle_state(messages: Mapping[Topic, Any]) -> VehicleState:
+    """Put the host's state together from the messages of one stamp.
+
+    Args:
+        messages: at least those of `STATE_TOPICS`.
 
     Raises:
         MessageError: the stamps differ or one of the messages breaks its promise.
     """
-    stamp_ns = ns_from_time(odometry.header.stamp)
-    for topic, other in (
-        (Topic.PLANT_ACCELERATION, acceleration),
-        (Topic.PLANT_CELL_1_TEMPERATURE, cell_1_temperature),
-        (Topic.PLANT_CELL_N_TEMPERATURE, cell_n_temperature),
-        (Topic.PLANT_POWERS, powers),
-        (Topic.PLANT_CAPACITY_LOSS, capacity_loss),
-    ):
-        other_ns = ns_from_time(other.header.stamp)
-        if other_ns != stamp_ns:
-            reject(topic, f"stamp is {other_ns} ns; the odometry of this state has {stamp_ns} ns")
-    position_m, speed_m_s = _decode_motion(Topic.PLANT_ODOMETRY, odometry)
+    stamp_ns = _common_stamp_ns(STATE_TOPICS, messages)
+    position_m, speed_m_s = _decode_motion(Topic.PLANT_ODOMETRY, messages[Topic.PLANT_ODOMETRY])
     acceleration_m_s2 = finite(
-        Topic.PLANT_ACCELERATION, "acceleration", acceleration.accel.linear.x
+        Topic.PLANT_ACCELERATION,
+        "acceleration",
+        messages[Topic.PLANT_ACCELERATION].accel.linear.x,
     )
-    compressor_power_w = decode_named_values(Topic.PLANT_POWERS, powers)[1]
-    cell_1_loss, cell_n_loss = decode_capacity_loss(capacity_loss)
+    powers = decode_powers(messages[Topic.PLANT_POWERS])
+    cell_1_loss, cell_n_loss = decode_capacity_loss(messages[Topic.PLANT_CAPACITY_LOSS])
     return VehicleState(
         time_s=s_from_ns(stamp_ns),
         position_m=position_m,
         speed_m_s=speed_m_s,
         acceleration_m_s2=acceleration_m_s2,
-        compressor_power_w=not_negative(
-            Topic.PLANT_POWERS, "compressor_power_w", compressor_power_w
-        ),
-        cell_1_temperature_k=decode_temperature(Topic.PLANT_CELL_1_TEMPERATURE, cell_1_temperature),
-        cell_n_temperature_k=decode_temperature(Topic.PLANT_CELL_N_TEMPERATURE, cell_n_temperature),
+        compressor_power_w=powers.compressor_power_w,
+        cell_1_temperature_k=_temperature(Topic.PLANT_CELL_1_TEMPERATURE, messages),
+        cell_n_temperature_k=_temperature(Topic.PLANT_CELL_N_TEMPERATURE, messages),
         cell_1_capacity_loss=cell_1_loss,
         cell_n_capacity_loss=cell_n_loss,
     )
+
+
+def decode_observation(messages: Mapping[Topic, Any]) -> PlantObservation:
+    """Put an observation of the plant together from the messages of one stamp.
+
+    Args:
+        messages: at least those of `OBSERVATION_TOPICS`.
+
+    Raises:
+        MessageError: the stamps differ or one of the messages breaks its promise.
+    """
+    _common_stamp_ns(OBSERVATION_TOPICS, messages)
+    return PlantObservation(
+        state=decode_vehicle_state(messages),
+        powers=decode_powers(messages[Topic.PLANT_POWERS]),
+        coolant_inlet_temperature_k=_temperature(Topic.PLANT_COOLANT_INLET_TEMPERATURE, messages),
+        coolant_outlet_temperature_k=_temperature(Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, messages),
+    )
+
+
+def _temperature(topic: Topic, messages: Mapping[Topic, Any]) -> float:
+    return decode_temperature(topic, messages[topic])
+
+
+def _common_stamp_ns(topics: Iterable[Topic], messages: Mapping[Topic, Any]) -> int:
+    """Return the stamp that all messages share."""
+    first, *others = topics
+    stamp_ns = ns_from_time(messages[first].header.stamp)
+    for topic in others:
+        other_ns = ns_from_time(messages[topic].header.stamp)
+        if other_ns != stamp_ns:
+            reject(
+                topic, f"stamp is {other_ns} ns; allowed: {stamp_ns} ns, as that of {first.value}"
+            )
+    return stamp_ns

@@ -9,9 +9,10 @@ from pathlib import Path
 import jinja2
 
 from iptm_core.errors import ScenarioError
+from iptm_core.metrics import Figure
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_studies.report.arguments import mapping
-from iptm_studies.report.measures import MEASURES, Measure, change_text, relative_change
+from iptm_studies.report.measures import MEASURES, change_text, relative_change
 from iptm_studies.report.payback import cooling_payback
 from iptm_studies.report.quantities import share_while_braking
 from iptm_studies.report.rules.base import Printed
@@ -139,7 +140,7 @@ def _check_study(address: str) -> None:
         raise ScenarioError(f"run '{address}' of an unknown study; known: {', '.join(STUDIES)}")
 
 
-def _measure(run: str, key: str) -> Measure:
+def _measure(run: str, key: str) -> Figure:
     _check_study(run)
     if key not in MEASURES:
         raise ScenarioError(f"unknown figure '{key}'; known: {', '.join(MEASURES)}")

@@ -11,6 +11,7 @@ from iptm_studies.campaign import Campaign, CaseState
 from iptm_studies.report.measures import measures_of
 from iptm_studies.report.runs import Gap, ReportRun, Results
 from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies.run_spec import RunKind
 from iptm_studies.store import ResultStore
 from iptm_studies.stored_run import RunRecord
 from iptm_studies.study import SMALL
@@ -78,11 +79,11 @@ def gather(store: ResultStore, campaign: Campaign) -> Gathered:
         StoreError: a run has disappeared from the store since the survey.
     """
     states = list(campaign.cases())
-    runs = [_run(store, state) for state in states if state.summary is not None]
+    runs = [_run(store, state) for state in states if state.metrics is not None]
     gaps = [
         Gap(state.address, state.study.name, state.reason)
         for state in states
-        if state.summary is None
+        if state.metrics is None
     ]
     if not runs:
         missing = Counter(gap.study for gap in gaps)
@@ -91,18 +92,18 @@ def gather(store: ResultStore, campaign: Campaign) -> Gathered:
             f"{', '.join(f'{count} runs of {study}' for study, count in missing.items())}. "
             f"Compute them with: {_command(campaign)} {' '.join(missing)}"
         )
-    keys = {state.key for state in states if state.summary is not None and state.key is not None}
+    keys = {state.key for state in states if state.metrics is not None and state.key is not None}
     records = [store.load(key).record for key in sorted(keys)]
     trips = Counter(
         f"{state.spec.cycle}, slope {state.spec.slope}, {_length(state)}"
         for state in states
-        if state.spec is not None and state.summary is not None
+        if state.spec is not None and state.metrics is not None
     )
     return Gathered(
         Results(runs, gaps),
         _provenance(
             trips.most_common(1)[0][0],
-            all(_drives_whole_cycle(state) for state in states if state.summary is not None),
+            all(_drives_whole_cycle(state) for state in states if state.metrics is not None),
             len(runs),
             records,
         ),
@@ -121,14 +122,14 @@ def _command(campaign: Campaign) -> str:
 
 
 def _length(state: CaseState) -> str:
-    assert state.summary is not None  # noqa: S101 - only asked for finished cases
-    return f"{state.summary.metrics.duration_s:.0f} s"
+    assert state.metrics is not None  # noqa: S101 - only asked for finished cases
+    return f"{state.metrics.duration_s:.0f} s"
 
 
 def _run(store: ResultStore, state: CaseState) -> ReportRun:
     assert state.spec is not None  # noqa: S101 - a finished case has a run
     assert state.key is not None  # noqa: S101
-    assert state.summary is not None  # noqa: S101
+    assert state.metrics is not None  # noqa: S101
     inputs = resolve_inputs(state.spec)
     key = state.key
 
@@ -137,12 +138,12 @@ def _run(store: ResultStore, state: CaseState) -> ReportRun:
 
     return ReportRun(
         address=state.address,
-        measures=measures_of(state.summary),
+        measures=measures_of(state.metrics),
         parameters=inputs.parameters,
         route=inputs.route,
         strategy=state.spec.strategy,
         load=load,
-        whole_trip=state.summary.whole_trip,
+        whole_trip=store.load(key).whole_trip if state.spec.kind is RunKind.WHOLE_TRIP else None,
     )
 
 

@@ -1,0 +1,237 @@
+"""How the decisions of a controller came about: one record, the series of a run, and its statistics.
+
+Controller, topic ``controller/solve``, bags, stored studies and tables speak of decisions in these terms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iptm_core.errors import StateError
+from iptm_core.state import FloatArray
+
+
+class SolveStatus(IntEnum):
+    """Outcome of one solve; the numbers travel in messages and bags."""
+
+    NOT_POSED = -1
+    """There was no solve: without a state and a leader no problem can be posed."""
+    SOLVED = 0
+    """Converged to the requested tolerance."""
+    FEASIBLE = 1
+    """Stopped early (iterations or time), but the iterate keeps dynamics and limits: usable."""
+    ITERATION_LIMIT = 2
+    """Stopped at the iteration limit with an iterate that cannot be used."""
+    DEADLINE = 3
+    """Stopped at the time limit with an iterate that cannot be used."""
+    NUMERICAL_ERROR = 4
+    """The solver broke off (not a number, singular system, internal error)."""
+
+    @property
+    def usable(self) -> bool:
+        """True if the iterate may be acted on."""
+        return self in {SolveStatus.SOLVED, SolveStatus.FEASIBLE}
+
+
+class Rung(IntEnum):
+    """Where a command comes from: the rungs of the fallback ladder, top first."""
+
+    OPTIMAL = 0
+    SHIFTED_PLAN = 1
+    SAFE_LAW = 2
+    STOP = 3
+
+
+@dataclass(frozen=True)
+class DecisionRecord:
+    """How one decision came about; a quantity that is not known is NaN.
+
+    Attributes:
+        status: outcome of the solve.
+        solve_time_s: wall time of the solve.
+        iterations: of the solver, 0 without a solve.
+        gap_slack_m: largest violation of a gap limit in the plan.
+        speed_slack_m_s: largest violation of a speed limit in the plan.
+        temperature_slack_k: largest violation of a temperature limit in the plan.
+        objective: value of the cost, slack penalties included.
+        rung: where the command comes from.
+        limiter_active: whether the last limiter changed the command.
+        preview_age_s: time since the preview in use was generated, NaN or infinite without one.
+    """
+
+    status: SolveStatus
+    solve_time_s: float
+    iterations: int
+    gap_slack_m: float
+    speed_slack_m_s: float
+    temperature_slack_k: float
+    objective: float
+    rung: Rung
+    limiter_active: bool
+    preview_age_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class DecisionSeries:
+    """The decisions of a run: the fields of `DecisionRecord` as arrays, each of shape (n,).
+
+    Attributes:
+        time_s: instants of the states that were answered.
+        status: numbers of `SolveStatus`.
+        rung: numbers of `Rung`.
+    """
+
+    time_s: FloatArray
+    status: NDArray[np.int64]
+    solve_time_s: FloatArray
+    iterations: NDArray[np.int64]
+    gap_slack_m: FloatArray
+    speed_slack_m_s: FloatArray
+    temperature_slack_k: FloatArray
+    objective: FloatArray
+    rung: NDArray[np.int64]
+    limiter_active: NDArray[np.bool_]
+    preview_age_s: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in DECISION_COLUMNS:
+            values: NDArray[Any] = np.array(getattr(self, name), dtype=_TYPES.get(name, np.float64))
+            if values.shape != np.shape(self.time_s) or values.ndim != 1:
+                raise StateError(
+                    f"decisions: {name} has shape {values.shape}; allowed: one value per decision, "
+                    f"{np.shape(self.time_s)}"
+                )
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+
+    @classmethod
+    def from_records(
+        cls, times_s: Sequence[float], records: Sequence[DecisionRecord]
+    ) -> DecisionSeries:
+        """Put records together.
+
+        Args:
+            times_s: instants of the states that were answered, shape (n,).
+            records: one per instant.
+
+        Raises:
+            StateError: there are not as many instants as records.
+        """
+        columns = {
+            entry.name: [getattr(record, entry.name) for record in records]
+            for entry in fields(DecisionRecord)
+        }
+        return cls.from_arrays({"time_s": times_s, **columns})
+
+    @classmethod
+    def from_arrays(cls, columns: Mapping[str, Iterable[float]]) -> DecisionSeries:
+        """Build a series from columns named as in `DECISION_COLUMNS`."""
+        return cls(**{name: np.asarray(columns[name]) for name in DECISION_COLUMNS})
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Return the columns by name, in the order of `DECISION_COLUMNS`."""
+        return {name: getattr(self, name) for name in DECISION_COLUMNS}
+
+    def __len__(self) -> int:
+        """Number of decisions."""
+        return int(self.time_s.size)
+
+
+DECISION_COLUMNS = tuple(entry.name for entry in fields(DecisionSeries))
+"""Names of the columns of a `DecisionSeries`."""
+
+_TYPES: Mapping[str, type] = {
+    "status": np.int64,
+    "iterations": np.int64,
+    "rung": np.int64,
+    "limiter_active": np.bool_,
+}
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """Median, 99th percentile, largest value, mean and sum of a series; NaN where nothing is known."""
+
+    median: float
+    p99: float
+    largest: float
+    mean: float
+    total: float
+
+    @classmethod
+    def of(cls, values: NDArray[np.generic]) -> Distribution:
+        """Summarise the finite entries of a series."""
+        known = np.asarray(values, dtype=np.float64)
+        known = known[np.isfinite(known)]
+        if known.size == 0:
+            return cls(*(5 * (math.nan,)))
+        median, p99, largest = (float(np.quantile(known, q)) for q in (0.5, 0.99, 1.0))
+        return cls(median, p99, largest, float(np.mean(known)), float(np.sum(known)))
+
+
+@dataclass(frozen=True)
+class DecisionStatistics:
+    """How the decisions of a run came about, in numbers.
+
+    Attributes:
+        decisions: number of decisions.
+        by_status: decisions by the outcome of their solve, every outcome listed.
+        by_rung: decisions by the rung that the command came from, every rung listed.
+        limited: decisions that the last limiter changed.
+        without_preview: decisions before which no prediction of the leader had arrived.
+        preview_age_s: age of the prediction in use, where there was one.
+        solve_time_s: wall time of a solve; its total is the computing time of the paper.
+        iterations: iterations of a solve.
+        gap_slack_m: violations of gap limits in the plans.
+        speed_slack_m_s: violations of speed limits in the plans.
+        temperature_slack_k: violations of temperature limits in the plans.
+    """
+
+    decisions: int
+    by_status: Mapping[SolveStatus, int]
+    by_rung: Mapping[Rung, int]
+    limited: int
+    without_preview: int
+    preview_age_s: Distribution
+    solve_time_s: Distribution
+    iterations: Distribution
+    gap_slack_m: Distribution
+    speed_slack_m_s: Distribution
+    temperature_slack_k: Distribution
+
+    @classmethod
+    def of(cls, series: DecisionSeries) -> DecisionStatistics:
+        """Count and rank the decisions of a run."""
+        return cls(
+            decisions=len(series),
+            by_status={
+                status: int(np.count_nonzero(series.status == status)) for status in SolveStatus
+            },
+            by_rung={rung: int(np.count_nonzero(series.rung == rung)) for rung in Rung},
+            limited=int(np.count_nonzero(series.limiter_active)),
+            without_preview=int(np.count_nonzero(~np.isfinite(series.preview_age_s))),
+            preview_age_s=Distribution.of(series.preview_age_s),
+            solve_time_s=Distribution.of(series.solve_time_s),
+            iterations=Distribution.of(series.iterations),
+            gap_slack_m=Distribution.of(series.gap_slack_m),
+            speed_slack_m_s=Distribution.of(series.speed_slack_m_s),
+            temperature_slack_k=Distribution.of(series.temperature_slack_k),
+        )
+
+    @property
+    def fallbacks(self) -> int:
+        """Decisions that did not come from a fresh solution."""
+        return self.decisions - self.by_rung[Rung.OPTIMAL]
+
+    @property
+    def failed_solves(self) -> int:
+        """Solves without a usable iterate."""
+        answered = (SolveStatus.NOT_POSED, SolveStatus.SOLVED, SolveStatus.FEASIBLE)
+        return self.decisions - sum(self.by_status[status] for status in answered)

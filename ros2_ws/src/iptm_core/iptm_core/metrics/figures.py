@@ -1,0 +1,325 @@
+"""Every figure of a run that anything shows: its name, symbol and unit, and how it is computed.
+
+To show a further figure anywhere, add it here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+from iptm_core.decision_record import DecisionStatistics, Rung, SolveStatus
+from iptm_core.metrics.summary import RunMetrics
+from iptm_core.metrics.temperature import ValueRange
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+
+NO_VALUE = "–"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure of a run.
+
+    Attributes:
+        key: identifier, in files and on command lines.
+        label: text of a table row.
+        unit: unit of the value, empty for a pure number; powers of ten are factors.
+        decimals: digits after the point where figures of several runs stand side by side.
+        compute: the value from the metrics of a run; None where it does not exist.
+        symbol: symbol of the paper, empty where it has none.
+        compared: whether its change relative to a reference run says something.
+        short: label for narrow places; empty for the label itself.
+    """
+
+    key: str
+    label: str
+    unit: str
+    decimals: int
+    compute: Callable[[RunMetrics], float | None]
+    symbol: str = ""
+    compared: bool = False
+    short: str = ""
+
+    @property
+    def title(self) -> str:
+        """Label with unit, for column heads and axes."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+    @property
+    def short_title(self) -> str:
+        """Title for narrow places."""
+        label = self.short or self.label
+        return f"{label} [{self.unit}]" if self.unit else label
+
+    def text(self, value: float | None) -> str:
+        """Print a value without its unit, with the digits that runs are compared by."""
+        if value is None or not math.isfinite(value):
+            return NO_VALUE
+        return f"{value:,.{self.decimals}f}".replace(",", " ")
+
+    def precise_text(self, value: float | None) -> str:
+        """Print a value without its unit, with five significant digits, for a run that stands alone."""
+        if value is None or not math.isfinite(value):
+            return NO_VALUE
+        return f"{value:.0f}" if abs(value) >= 1e5 else f"{value:.5g}"
+
+    def with_unit(self, value: float | None) -> str:
+        """Print a value with its unit."""
+        joint = "·" if self.unit.startswith("10") else " "
+        return f"{self.text(value)}{joint}{self.unit}" if self.unit else self.text(value)
+
+
+def figure_values(metrics: RunMetrics) -> dict[str, float]:
+    """Return the figures of a run by key, in the unit of each; what does not exist is left out."""
+    computed = {key: figure.compute(metrics) for key, figure in FIGURES.items()}
+    return {key: value for key, value in computed.items() if value is not None}
+
+
+def _temperature_figures() -> Iterator[Figure]:
+    cells: tuple[tuple[str, str, Callable[[RunMetrics], ValueRange]], ...] = (
+        ("1", "T_bc,1", lambda run: run.temperature.cell_1_k),
+        ("N", "T_bc,Nc", lambda run: run.temperature.cell_n_k),
+    )
+    pick: tuple[tuple[str, str, Callable[[ValueRange], float]], ...] = (
+        ("min", "lowest", lambda span: span.minimum),
+        ("mean", "mean", lambda span: span.mean),
+        ("max", "highest", lambda span: span.maximum),
+    )
+    for cell, symbol, span_of in cells:
+        for suffix, word, value_of in pick:
+            yield Figure(
+                f"cell_{cell.lower()}_temperature_{suffix}",
+                f"Cell {cell}, {word} temperature",
+                "°C",
+                2,
+                lambda run, span_of=span_of, value_of=value_of: (  # type: ignore[misc]
+                    value_of(span_of(run)) - CELSIUS_ZERO_K
+                ),
+                f"{suffix} {symbol}",
+            )
+
+
+def _of_decisions(
+    compute: Callable[[DecisionStatistics], float], metrics: RunMetrics
+) -> float | None:
+    """Value of a figure of the decisions; None for a run without any, or where nothing is known."""
+    if metrics.decisions is None:
+        return None
+    value = float(compute(metrics.decisions))
+    return value if math.isfinite(value) else None
+
+
+def _decision_figures() -> Iterator[Figure]:
+    rows: list[tuple[str, str, str, int, Callable[[DecisionStatistics], float]]] = [
+        ("solve_total", "Computing time", "s", 2, lambda d: d.solve_time_s.total),
+        ("solve_median", "Time of a solve, median", "ms", 3, lambda d: 1e3 * d.solve_time_s.median),
+        (
+            "solve_p99",
+            "Time of a solve, 99th percentile",
+            "ms",
+            3,
+            lambda d: 1e3 * d.solve_time_s.p99,
+        ),
+        ("solve_max", "Time of a solve, longest", "ms", 3, lambda d: 1e3 * d.solve_time_s.largest),
+        ("mean_iterations", "Solver iterations, mean", "", 2, lambda d: d.iterations.mean),
+        ("max_iterations", "Solver iterations, most", "", 0, lambda d: d.iterations.largest),
+        ("fallbacks", "Ticks on a fallback", "ticks", 0, lambda d: d.fallbacks),
+        (
+            "failed_solves",
+            "Solves without a usable iterate",
+            "ticks",
+            0,
+            lambda d: d.failed_solves,
+        ),
+        ("limiter_ticks", "Ticks changed by the last limiter", "ticks", 0, lambda d: d.limited),
+    ]
+    rows += [
+        (
+            f"solves_{status.name.lower()}",
+            _STATUS_LABELS[status],
+            "ticks",
+            0,
+            lambda d, status=status: d.by_status[status],  # type: ignore[misc]
+        )
+        for status in SolveStatus
+    ]
+    rows += [
+        (
+            f"commands_{rung.name.lower()}",
+            f"Commands: {rung.name.lower().replace('_', ' ')}",
+            "ticks",
+            0,
+            lambda d, rung=rung: d.by_rung[rung],  # type: ignore[misc]
+        )
+        for rung in Rung
+    ]
+    for key, label, unit, decimals, compute in rows:
+        yield Figure(
+            key,
+            label,
+            unit,
+            decimals,
+            partial(_of_decisions, compute),
+            compared=key == "solve_total",
+        )
+
+
+_STATUS_LABELS = {
+    SolveStatus.NOT_POSED: "Ticks without a problem to solve",
+    SolveStatus.SOLVED: "Solves that converged",
+    SolveStatus.FEASIBLE: "Solves stopped early, iterate usable",
+    SolveStatus.ITERATION_LIMIT: "Solves at the iteration limit, iterate unusable",
+    SolveStatus.DEADLINE: "Solves at the time limit, iterate unusable",
+    SolveStatus.NUMERICAL_ERROR: "Solves that broke off",
+}
+
+_TRIP_FIGURES = (
+    Figure(
+        "cooling_energy",
+        "Cooling energy",
+        "kJ",
+        2,
+        lambda run: 1e-3 * run.energy.cooling_j,
+        "∫(P_cp + P_aux) dt",
+        compared=True,
+    ),
+    Figure(
+        "traction_energy",
+        "Traction energy",
+        "kJ",
+        2,
+        lambda run: 1e-3 * run.energy.traction_j,
+        "∫P_tra dt",
+        compared=True,
+    ),
+    Figure(
+        "total_energy_printed",
+        "Traction + cooling energy",
+        "kJ",
+        2,
+        lambda run: 1e-3 * run.energy.total_printed_j,
+        "∫(P_tra + P_cp + P_aux) dt",
+        compared=True,
+        short="Total energy",
+    ),
+    Figure(
+        "battery_energy",
+        "Battery energy ∫P_b dt",
+        "kJ",
+        2,
+        lambda run: 1e-3 * run.energy.battery_j,
+        "∫P_b dt",
+        compared=True,
+    ),
+    Figure(
+        "cell_1_degradation",
+        "Degradation of cell 1",
+        "10⁻⁵",
+        4,
+        lambda run: 1e5 * run.degradation.cell_1,
+        "Q_loss,1",
+        compared=True,
+    ),
+    Figure(
+        "cell_n_degradation",
+        "Degradation of cell N",
+        "10⁻⁵",
+        4,
+        lambda run: 1e5 * run.degradation.cell_n,
+        "Q_loss,Nc",
+        compared=True,
+    ),
+    Figure(
+        "inconsistency",
+        "Degradation inconsistency",
+        "10⁻⁷",
+        3,
+        lambda run: 1e7 * run.degradation.inconsistency,
+        "Q_loss,Nc - Q_loss,1",
+        compared=True,
+        short="Inconsistency",
+    ),
+    Figure(
+        "total_degradation",
+        "Degradation, both cells",
+        "10⁻⁵",
+        4,
+        lambda run: 1e5 * run.degradation.total,
+        "Q_loss,1 + Q_loss,Nc",
+        compared=True,
+        short="Degradation",
+    ),
+    Figure(
+        "mean_cop",
+        "Mean coefficient of performance",
+        "",
+        2,
+        lambda run: run.energy.mean_cop,
+        "∫Q_co dt / ∫P_cp dt",
+    ),
+    Figure("smallest_gap", "Smallest gap", "m", 2, lambda run: run.gap.smallest_m, "min s"),
+    Figure("mean_gap", "Mean gap", "m", 1, lambda run: run.gap.mean_m),
+    Figure("largest_gap", "Largest gap", "m", 1, lambda run: run.gap.largest_m, "max s"),
+    Figure(
+        "smallest_margin",
+        "Smallest margin to s_min",
+        "m",
+        3,
+        lambda run: run.gap.smallest_margin_m,
+        "min(s - s_min)",
+    ),
+    *_temperature_figures(),
+    Figure(
+        "mean_power",
+        "Mean battery power",
+        "kW",
+        3,
+        lambda run: 1e-3 * run.energy.mean_battery_power_w,
+        compared=True,
+    ),
+    Figure(
+        "peak_power",
+        "Peak battery power",
+        "kW",
+        2,
+        lambda run: 1e-3 * run.energy.peak_battery_power_w,
+        "max P_b",
+    ),
+    Figure(
+        "lowest_power",
+        "Lowest battery power",
+        "kW",
+        2,
+        lambda run: 1e-3 * run.energy.lowest_battery_power_w,
+        "min P_b",
+    ),
+    Figure(
+        "hard_violations", "Hard limits broken", "rows", 0, lambda run: float(run.hard_violations)
+    ),
+    Figure(
+        "soft_violations", "Soft limits broken", "rows", 0, lambda run: float(run.soft_violations)
+    ),
+    Figure("gap_violations", "Gap limit broken", "rows", 0, lambda run: float(run.gap_violations)),
+    Figure("distance", "Distance", "km", 3, lambda run: 1e-3 * run.distance_m, "p"),
+    Figure("duration", "Duration", "s", 0, lambda run: run.duration_s),
+)
+
+FIGURES: dict[str, Figure] = {
+    figure.key: figure for figure in (*_TRIP_FIGURES, *_decision_figures())
+}
+"""Every figure that a run can have, by key, in the order of tables."""
+
+PAPER_TABLE = (
+    "cooling_energy",
+    "traction_energy",
+    "total_energy_printed",
+    "cell_1_degradation",
+    "cell_n_degradation",
+    "inconsistency",
+)
+"""Keys of the rows of the paper's results table, in its order."""
+
+TRIP_FIGURES = tuple(figure.key for figure in _TRIP_FIGURES)
+"""Keys of the figures of the trip itself; the others tell of the decisions."""
