@@ -20,7 +20,7 @@ from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import IptmError
-from iptm_core.metrics import compute_metrics, metric_rows
+from iptm_core.metrics import FIGURES, compute_metrics, figure_values
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_plant_sim.plant import Plant
@@ -53,25 +53,21 @@ def measure(cycle: str, horizon: str, strategy: str, duration_s: float | None) -
         return run_closed_loop(route, plant, Controller(parameters, options))
 
     runs = {"default": drive(SolverOptions()), "reference": drive(REFERENCE)}
-    metrics = {name: compute_metrics(run.trajectory, parameters) for name, run in runs.items()}
-    tables = {
-        name: {row.key: row for row in metric_rows(figures)} for name, figures in metrics.items()
+    values = {
+        name: figure_values(compute_metrics(run.trajectory, parameters))
+        for name, run in runs.items()
     }
     rows: list[dict[str, Any]] = []
     for key in KEYS:
-        default, reference = tables["default"][key], tables["reference"][key]
-        change = (
-            None
-            if default.value is None or not reference.value
-            else default.value / reference.value - 1.0
-        )
+        default, reference = values["default"].get(key), values["reference"].get(key)
+        change = None if default is None or not reference else default / reference - 1.0
         rows.append(
             {
                 "key": key,
-                "label": reference.label,
-                "unit": reference.unit,
-                "default": default.value,
-                "reference": reference.value,
+                "label": FIGURES[key].label,
+                "unit": FIGURES[key].unit,
+                "default": default,
+                "reference": reference,
                 "relative_change": change,
             }
         )
@@ -80,14 +76,14 @@ def measure(cycle: str, horizon: str, strategy: str, duration_s: float | None) -
         "cycle": cycle,
         "horizon": horizon,
         "strategy": strategy,
-        "ticks": int(runs["default"].log.status.size),
+        "ticks": int(runs["default"].decisions.status.size),
         "rows": rows,
         "largest_relative_change": float(
             np.max(np.abs([row["relative_change"] or 0.0 for row in rows]))
         ),
         "largest_speed_difference_m_s": float(np.max(np.abs(first.speed_m_s - second.speed_m_s))),
         "unconverged": {
-            name: int(np.count_nonzero(run.log.status != int(SolveStatus.SOLVED)))
+            name: int(np.count_nonzero(run.decisions.status != int(SolveStatus.SOLVED)))
             for name, run in runs.items()
         },
     }

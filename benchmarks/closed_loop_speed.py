@@ -24,7 +24,7 @@ from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import NO_SOLVE, run_closed_loop
+from iptm_studies.closed_loop import run_closed_loop
 from iptm_v2x_bridge.bridge import V2xBridge
 
 PARTS: dict[str, tuple[type, str]] = {
@@ -81,7 +81,7 @@ def measure(
         run = run_closed_loop(route, plant, controller)
         wall_s, processor_s = time.perf_counter() - wall, time.process_time() - processor
     parts = {name: float(np.sum(values)) for name, values in times.items()}
-    log = run.log
+    log = run.decisions
     names = {int(status): status.name.lower() for status in SolveStatus}
     statuses = Counter(names.get(int(code), "none") for code in log.status)
     solves = 1e3 * np.array(times["solve"])
@@ -104,7 +104,7 @@ def measure(
         "decision_ms": _quantiles(1e3 * np.array(times["decide"])),
         "solve_total_s": parts["solve"],
         "solve_ms": _quantiles(solves),
-        "solve_wall_ms": _quantiles(1e3 * log.solve_time_s[log.status != NO_SOLVE]),
+        "solve_wall_ms": _quantiles(1e3 * log.solve_time_s[np.isfinite(log.solve_time_s)]),
         "iterations": _quantiles(log.iterations.astype(float)),
         "statuses": dict(statuses),
         "fallback_ticks": int(np.count_nonzero(log.rung)),

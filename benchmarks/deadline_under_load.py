@@ -93,7 +93,7 @@ def paced(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str
         schedule = _Schedule(period_s)
         run = run_closed_loop(route, plant, controller, on_tick=schedule.after_decision)
     answers = 1e3 * np.array(schedule.answers_s)
-    solves = 1e3 * run.log.solve_time_s
+    solves = 1e3 * run.decisions.solve_time_s
     names = {int(status): status.name.lower() for status in SolveStatus}
     return {
         "ticks": ticks,
@@ -103,8 +103,8 @@ def paced(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str
         "overruns": int(np.count_nonzero(answers > 1e3 * period_s)),
         "answer_ms": _quantiles(answers),
         "solve_ms": _quantiles(solves),
-        "statuses": dict(Counter(names.get(int(code), "none") for code in run.log.status)),
-        "fallback_ticks": int(np.count_nonzero(run.log.rung)),
+        "statuses": dict(Counter(names.get(int(code), "none") for code in run.decisions.status)),
+        "fallback_ticks": int(np.count_nonzero(run.decisions.rung)),
         "smallest_gap_m": float(run.trajectory.gap_m.min()),
     }
 

@@ -29,8 +29,8 @@ from iptm_controller.ocp.compilation import CACHE_VARIABLE
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
+from iptm_core.state import IntervalPowers
 from iptm_interfaces.codecs import (
-    IntervalPowers,
     encode_acceleration,
     encode_capacity_loss,
     encode_host_odometry,
@@ -73,13 +73,13 @@ def scripted_messages() -> dict[Topic, Any]:
     source = CycleSource(route)
     answer = V2xBridge(source).answer(0)
     state = Plant(parameters, route.slope.slope_at).initial_state()
-    powers = IntervalPowers(0.0, 0.0, 0.0, parameters.cooling.auxiliary_power_w, 0.0, 0.0)
+    powers = IntervalPowers(0.0, 0.0, parameters.cooling.auxiliary_power_w, 0.0, 0.0)
     return {
         Topic.SLOPE: encode_slope(source.slope_ahead()),
         Topic.PLANT_ACCELERATION: encode_acceleration(state),
         Topic.PLANT_CELL_1_TEMPERATURE: encode_temperature(0.0, state.cell_1_temperature_k),
         Topic.PLANT_CELL_N_TEMPERATURE: encode_temperature(0.0, state.cell_n_temperature_k),
-        Topic.PLANT_POWERS: encode_powers(powers),
+        Topic.PLANT_POWERS: encode_powers(0.0, powers),
         Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
         Topic.PLANT_ODOMETRY: encode_host_odometry(state),
         Topic.LEADER: encode_leader(answer.leader),

@@ -14,16 +14,15 @@ import pytest
 from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.node_reports import NO_SOLVE, plan_trajectory
-from iptm_core.decision_record import Rung
-from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_controller.node_reports import plan_trajectory
+from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.state import IntervalPowers, LeaderPreview, LeaderState, SlopePreview, VehicleState
 from iptm_interfaces.codecs import (
-    IntervalPowers,
     decode_command,
+    decode_decision_record,
     decode_leader,
     decode_leader_preview,
     decode_plan,
-    decode_solve_report,
     decode_vehicle_state,
     empty_leader_preview,
     encode_acceleration,
@@ -34,6 +33,7 @@ from iptm_interfaces.codecs import (
     encode_powers,
     encode_slope,
     encode_temperature,
+    ns_from_time,
 )
 from iptm_interfaces.diagnostics import Level, find_status, level_of, status_values
 from iptm_interfaces.topics import Topic
@@ -81,13 +81,13 @@ def tick_messages(
     moved = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
     leader = LeaderState(time_s, state.position_m + 45.0, 16.0)
     preview = LeaderPreview(time_s, time_s + ahead, leader.position_m + moved, speeds)
-    powers = IntervalPowers(time_s, 9e3, state.compressor_power_w, 200.0, 9.5e3, 100.0)
+    powers = IntervalPowers(9e3, state.compressor_power_w, 200.0, 9.5e3, 100.0)
     return {
         Topic.PLANT_ODOMETRY: encode_host_odometry(state),
         Topic.PLANT_ACCELERATION: encode_acceleration(state),
         Topic.PLANT_CELL_1_TEMPERATURE: encode_temperature(time_s, state.cell_1_temperature_k),
         Topic.PLANT_CELL_N_TEMPERATURE: encode_temperature(time_s, state.cell_n_temperature_k),
-        Topic.PLANT_POWERS: encode_powers(powers),
+        Topic.PLANT_POWERS: encode_powers(time_s, powers),
         Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
         Topic.LEADER: encode_leader(leader),
         Topic.LEADER_PREVIEW: encode_leader_preview(preview, round(time_s * S)),
@@ -97,7 +97,7 @@ def tick_messages(
 def as_measured(messages: dict[Topic, Any], road: SlopePreview = ROAD) -> Measurements:
     """What the node makes of them."""
     return Measurements(
-        decode_vehicle_state(*(messages[topic] for topic in STATE)),
+        decode_vehicle_state(messages),
         decode_leader(messages[Topic.LEADER]),
         decode_leader_preview(messages[Topic.LEADER_PREVIEW])[1],
         road,
@@ -153,8 +153,11 @@ class World:
         stamp_ns = round(time_s * S)
 
         def found() -> list[Any]:
-            reports = (decode_solve_report(message) for message in self.heard[Topic.SOLVE])
-            return [report for stamp, report in reports if stamp == stamp_ns]
+            return [
+                decode_decision_record(message)
+                for message in self.heard[Topic.SOLVE]
+                if ns_from_time(message.header.stamp) == stamp_ns
+            ]
 
         self.peer.wait_until(found, what=f"the report on {time_s} s")
         return found()[-1]
@@ -213,7 +216,7 @@ def test_answers_every_tick_as_the_pure_controller_would(launcher: Any, world: W
         np.testing.assert_allclose(getattr(plan, name), values, rtol=0.0, atol=1e-9, err_msg=name)
     assert plan.times_s.size == Horizon.parse(str(SMALL["horizon"])).steps + 1
     report = world.wait_for_report(11.0)
-    assert report.fallback_rung == Rung.OPTIMAL
+    assert report.rung == Rung.OPTIMAL
     assert report.objective == decision.result.objective
     assert report.iterations == decision.result.iterations
     acceleration = world.heard[Topic.ACCELERATION_COMMAND][-1].data
@@ -276,10 +279,10 @@ def test_a_missing_leader_is_answered_when_the_time_is_up(launcher: Any, world: 
     command = world.wait_for_answer(0.0)
     assert command.acceleration_m_s2 <= 0.1
     report = world.wait_for_report(0.0)
-    assert report.fallback_rung == Rung.STOP
-    assert report.status_code == NO_SOLVE
+    assert report.rung == Rung.STOP
+    assert report.status is SolveStatus.NOT_POSED
     assert math.isnan(report.objective)
-    world.wait_for_details(reason="no measurement of the leader received", solves_none="1")
+    world.wait_for_details(reason="no measurement of the leader received", solves_not_posed="1")
     # The next complete tick is an ordinary one.
     following = tick_messages(1.0)
     world.publish(following)
@@ -365,13 +368,13 @@ def test_malformed_messages_are_answered_and_named_and_forgotten(
     for spoil, (complaint, rung) in MALFORMED.items():
         world.publish(tick_messages(time_s))
         world.wait_for_answer(time_s)
-        assert world.wait_for_report(time_s).fallback_rung == Rung.OPTIMAL
+        assert world.wait_for_report(time_s).rung == Rung.OPTIMAL
         messages = tick_messages(time_s + 1.0)
         spoil(messages)
         world.publish(messages)
         command = world.wait_for_answer(time_s + 1.0)
         assert math.isfinite(command.acceleration_m_s2)
-        assert world.wait_for_report(time_s + 1.0).fallback_rung == rung, spoil.__name__
+        assert world.wait_for_report(time_s + 1.0).rung == rung, spoil.__name__
         world.peer.wait_until(
             lambda complaint=complaint: complaint in world.details().get("reason", ""),
             what=f"'{complaint}' in the diagnostics",
@@ -397,7 +400,7 @@ def test_a_new_trip_is_answered_by_the_same_process(launcher: Any, world: World)
     for time_s in (500.0, 501.0, 0.0, 1.0):
         world.publish(tick_messages(time_s))
         world.wait_for_answer(time_s)
-        assert world.wait_for_report(time_s).fallback_rung == Rung.OPTIMAL
+        assert world.wait_for_report(time_s).rung == Rung.OPTIMAL
 
 
 def test_late_and_repeated_messages_are_counted_and_not_answered_again(

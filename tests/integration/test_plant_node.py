@@ -15,7 +15,6 @@ from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_core.state import Command, VehicleState
 from iptm_interfaces.codecs import (
-    IntervalPowers,
     decode_battery,
     decode_powers,
     decode_temperature,
@@ -29,21 +28,13 @@ from iptm_interfaces.codecs import (
     ns_from_time,
 )
 from iptm_interfaces.diagnostics import find_status, status_values
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import STATE_TOPICS, Topic
 from iptm_plant_sim.plant import Plant, PlantStep
 
 MODULE = "iptm_plant_sim.node"
 EXIT_CONTROLLER_LOST = 3
 S = 1_000_000_000
 
-STATE_TOPICS = (
-    Topic.PLANT_ODOMETRY,
-    Topic.PLANT_ACCELERATION,
-    Topic.PLANT_CELL_1_TEMPERATURE,
-    Topic.PLANT_CELL_N_TEMPERATURE,
-    Topic.PLANT_POWERS,
-    Topic.PLANT_CAPACITY_LOSS,
-)
 OTHER_TOPICS = (
     Topic.PLANT_BATTERY,
     Topic.PLANT_COOLANT_INLET_TEMPERATURE,
@@ -84,7 +75,9 @@ class Driver:
         self.commands.publish(encode_command(stamp_ns, command))
 
     def state(self, stamp_ns: int) -> VehicleState:
-        return decode_vehicle_state(*(self.messages[topic][stamp_ns] for topic in STATE_TOPICS))
+        return decode_vehicle_state(
+            {topic: self.messages[topic][stamp_ns] for topic in STATE_TOPICS}
+        )
 
     def has_all(self, stamp_ns: int) -> bool:
         """Whether all of a tick has arrived that the plant makes sure of: the state and the clock."""
@@ -127,21 +120,19 @@ def lively(tick: int) -> Command:
 def as_seen(step: PlantStep) -> VehicleState:
     """The state as it arrives: temperatures travel in degrees Celsius."""
     state = step.state
-    powers = IntervalPowers(
-        state.time_s,
-        step.traction_power_w,
-        step.compressor_power_w,
-        step.auxiliary_power_w,
-        step.battery_power_w,
-        step.chiller_heat_w,
-    )
     return decode_vehicle_state(
-        encode_host_odometry(state),
-        encode_acceleration(state),
-        encode_temperature(state.time_s, state.cell_1_temperature_k),
-        encode_temperature(state.time_s, state.cell_n_temperature_k),
-        encode_powers(powers),
-        encode_capacity_loss(state),
+        {
+            Topic.PLANT_ODOMETRY: encode_host_odometry(state),
+            Topic.PLANT_ACCELERATION: encode_acceleration(state),
+            Topic.PLANT_CELL_1_TEMPERATURE: encode_temperature(
+                state.time_s, state.cell_1_temperature_k
+            ),
+            Topic.PLANT_CELL_N_TEMPERATURE: encode_temperature(
+                state.time_s, state.cell_n_temperature_k
+            ),
+            Topic.PLANT_POWERS: encode_powers(state.time_s, step.powers),
+            Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
+        }
     )
 
 
@@ -163,10 +154,7 @@ def test_lock_step_follows_the_pure_plant_bit_for_bit(launcher: Any, peer: Any) 
     for tick in range(81):
         stamp_ns = tick * S
         assert driver.state(stamp_ns) == as_seen(step), f"tick {tick}"
-        powers = decode_powers(driver.messages[Topic.PLANT_POWERS][stamp_ns])
-        assert powers.battery_power_w == step.battery_power_w
-        assert powers.traction_power_w == step.traction_power_w
-        assert powers.chiller_heat_w == step.chiller_heat_w
+        assert decode_powers(driver.messages[Topic.PLANT_POWERS][stamp_ns]) == step.powers
         check_plots(driver, stamp_ns, step)
         step = plant.advance(step.state, lively(tick))
     assert any(driver.state(stamp).speed_m_s == 0.0 for stamp in driver.ticks[20:])
@@ -184,10 +172,10 @@ def check_plots(driver: Driver, stamp_ns: int, step: PlantStep) -> None:
         return
     inlet = driver.messages[Topic.PLANT_COOLANT_INLET_TEMPERATURE][stamp_ns]
     inlet_k = decode_temperature(Topic.PLANT_COOLANT_INLET_TEMPERATURE, inlet)
-    assert inlet_k == pytest.approx(step.coolant_inlet_k, abs=1e-12)
+    assert inlet_k == pytest.approx(step.coolant_inlet_temperature_k, abs=1e-12)
     outlet = driver.messages[Topic.PLANT_COOLANT_OUTLET_TEMPERATURE][stamp_ns]
     outlet_k = decode_temperature(Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, outlet)
-    assert outlet_k == pytest.approx(step.coolant_outlet_k, abs=1e-12)
+    assert outlet_k == pytest.approx(step.coolant_outlet_temperature_k, abs=1e-12)
     battery = decode_battery(driver.messages[Topic.PLANT_BATTERY][stamp_ns])
     assert battery.pack_current_a == pytest.approx(step.pack_current_a, rel=1e-6)
     assert battery.pack_voltage_v == pytest.approx(step.pack_voltage_v, rel=1e-6)

@@ -15,33 +15,17 @@ from rosgraph_msgs.msg import Clock
 from iptm_bringup.composition import Listeners, node_parameters, run_information
 from iptm_bringup.preparation import PreparedScenario, prepare
 from iptm_bringup.scenario import Scenario
-from iptm_core.state import Command, LeaderState, VehicleState
+from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
+from iptm_core.state import Command
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_interfaces.codecs import (
-    IntervalPowers,
-    SolveReport,
-    encode_acceleration,
-    encode_capacity_loss,
-    encode_command,
-    encode_host_odometry,
-    encode_leader,
-    encode_powers,
-    encode_solve_report,
-    encode_temperature,
-    time_from_s,
-)
+from iptm_interfaces.codecs import encode_command, encode_decision_record, time_from_s
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.run_information import collect_run_information
 
 TICKS = 20
-TEMPERATURES = {
-    Topic.PLANT_CELL_1_TEMPERATURE: "cell_1_temperature_k",
-    Topic.PLANT_CELL_N_TEMPERATURE: "cell_n_temperature_k",
-    Topic.PLANT_COOLANT_INLET_TEMPERATURE: "coolant_inlet_temperature_k",
-    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE: "coolant_outlet_temperature_k",
-}
 Heard = dict[Topic, list[bytes]]
+TickMessages = Callable[[Trajectory, int], dict[Topic, Any]]
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -78,11 +62,29 @@ def trajectory() -> Trajectory:
 
 
 @pytest.fixture
-def heard(trajectory: Trajectory) -> Heard:
-    """The run as the monitor keeps it."""
+def heard(trajectory: Trajectory, tick_messages: TickMessages) -> Heard:
+    """The run as the monitor keeps it: one tick on a fallback, one limited, the first without a preview."""
     found: Heard = {}
     for row in range(len(trajectory)):
-        for topic, message in messages_of(trajectory, row):
+        record = DecisionRecord(
+            status=SolveStatus.SOLVED,
+            solve_time_s=2e-3 + 1e-4 * row,
+            iterations=10 + row,
+            gap_slack_m=0.0,
+            speed_slack_m_s=0.0,
+            temperature_slack_k=0.0,
+            objective=1.5,
+            rung=Rung(row == 7),
+            limiter_active=row == 3,
+            preview_age_s=float("nan") if row == 0 else 0.0,
+        )
+        time_s = float(trajectory.time_s[row])
+        messages = tick_messages(trajectory, row) | {
+            Topic.CLOCK: Clock(clock=time_from_s(time_s)),
+            Topic.SOLVE: encode_decision_record(round(1e9 * time_s), record),
+            Topic.COMMAND: encode_command(round(1e9 * time_s), Command(0.1, 0.0)),
+        }
+        for topic, message in messages.items():
             found.setdefault(topic, []).append(bytes(serialize_message(message)))
     return found
 
@@ -109,33 +111,6 @@ def write_bag(heard: Heard, prepared: PreparedScenario) -> Callable[..., Path]:
         return folder
 
     return write
-
-
-def messages_of(run: Trajectory, row: int) -> list[tuple[Topic, Any]]:
-    """Return what is published in a tick, as far as the monitor listens to it."""
-    values = {name: float(column[row]) for name, column in run.to_arrays().items()}
-    time_s = values["time_s"]
-    stamp_ns = round(time_s * 1e9)
-    state = VehicleState(**{name: values[name] for name in VehicleState.__dataclass_fields__})
-    powers = IntervalPowers(**{name: values[name] for name in IntervalPowers.__dataclass_fields__})
-    leader = LeaderState(time_s, values["leader_position_m"], values["leader_speed_m_s"])
-    age_s = float("nan") if row == 0 else 0.0
-    rung = int(row == 7)
-    report = SolveReport(0, 2e-3 + 1e-4 * row, 10 + row, 0.0, 0.0, 0.0, 1.5, rung, row == 3, age_s)
-    return [
-        *(
-            (topic, encode_temperature(time_s, values[name]))
-            for topic, name in TEMPERATURES.items()
-        ),
-        (Topic.PLANT_POWERS, encode_powers(powers)),
-        (Topic.PLANT_CAPACITY_LOSS, encode_capacity_loss(state)),
-        (Topic.PLANT_ACCELERATION, encode_acceleration(state)),
-        (Topic.PLANT_ODOMETRY, encode_host_odometry(state)),
-        (Topic.CLOCK, Clock(clock=time_from_s(time_s))),
-        (Topic.LEADER, encode_leader(leader)),
-        (Topic.SOLVE, encode_solve_report(stamp_ns, report)),
-        (Topic.COMMAND, encode_command(stamp_ns, Command(0.1, 0.0))),
-    ]
 
 
 @pytest.fixture

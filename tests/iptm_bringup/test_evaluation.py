@@ -1,4 +1,4 @@
-"""The two ways from messages to figures agree, and whatever is amiss with a run is said."""
+"""Figures come from the bag or from what was heard, and whatever is amiss with a run is said."""
 
 from __future__ import annotations
 
@@ -6,72 +6,69 @@ import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from iptm_bringup.live_run import LiveRun, live_run, run_differences
+from rclpy.serialization import serialize_message
 
 from iptm_bringup.evaluation import EvaluatedRun, evaluate
 from iptm_bringup.preparation import PreparedScenario
-from iptm_bringup.results import results_json, solver_statistics
+from iptm_bringup.results import results_json
+from iptm_core.decision_record import Distribution
 from iptm_core.errors import BagError, MessageError
-from iptm_core.metrics import compute_metrics, metric_rows
+from iptm_core.metrics import FIGURES, compute_metrics, figure_values
+from iptm_core.state import LeaderState
 from iptm_core.trajectory import Trajectory
+from iptm_interfaces.codecs import encode_leader
 from iptm_interfaces.topics import Topic
 from iptm_recording.run_information import RunInformation
-from iptm_recording.trajectory_reader import read_solve_series, read_trajectory
 
 Heard = dict[Topic, list[bytes]]
 Write = Callable[..., Path]
+NONE = np.array([])
 
 
 def judge(prepared: PreparedScenario, heard: Heard, bag: Path | None) -> EvaluatedRun:
-    return evaluate(prepared, live_run(heard), bag, RunInformation(), wall_time_s=0.5)
+    return evaluate(prepared, heard, bag, RunInformation(), wall_time_s=0.5)
 
 
-def test_what_was_heard_is_what_was_driven(heard: Heard, trajectory: Trajectory) -> None:
-    run = live_run(heard)
-    for name, column in trajectory.to_arrays().items():
-        np.testing.assert_array_equal(run.trajectory.to_arrays()[name], column, err_msg=name)
-    assert run.incomplete_ticks == 0
-
-
-def test_order_of_arrival_does_not_matter(heard: Heard) -> None:
-    mixed = {topic: messages[::-1] for topic, messages in heard.items()}
-    one, other = live_run(heard), live_run(mixed)
-    assert run_differences(one, other.trajectory, other.solves) == []
-
-
-def test_bag_and_live_run_agree_to_the_last_bit(
-    heard: Heard, write_bag: Write, tmp_path: Path
+def test_bag_and_messages_heard_give_the_same_run_to_the_last_bit(
+    prepared: PreparedScenario,
+    heard: Heard,
+    trajectory: Trajectory,
+    write_bag: Write,
+    tmp_path: Path,
 ) -> None:
-    bag = write_bag(tmp_path / "bag")
-    live = live_run(heard)
-    assert run_differences(live, read_trajectory(bag), read_solve_series(bag)) == []
+    """Whatever the order of arrival."""
+    mixed = {topic: messages[::-1] for topic, messages in heard.items()}
+    for run in (
+        judge(prepared, mixed, None),
+        judge(prepared, heard, write_bag(tmp_path / "bag")),
+    ):
+        for name, column in trajectory.to_arrays().items():
+            np.testing.assert_array_equal(getattr(run.trajectory, name), column, err_msg=name)
+        assert run.decisions.iterations.tolist() == list(range(10, 31))
 
 
-def test_a_difference_of_one_bit_is_found(heard: Heard, trajectory: Trajectory) -> None:
-    live = live_run(heard)
-    columns = {name: column.copy() for name, column in trajectory.to_arrays().items()}
-    columns["battery_power_w"][5] = np.nextafter(columns["battery_power_w"][5], 1.0)
-    (found,) = run_differences(live, Trajectory.from_arrays(columns), live.solves)
-    assert found.startswith("battery_power_w: heard ")
-    assert found.endswith("in row 5")
-    shorter = {name: column[:-1] for name, column in columns.items()}
-    differences = run_differences(live, Trajectory.from_arrays(shorter), live.solves)
-    assert "time_s: heard 21 values, the bag holds 20" in differences
-
-
-def test_lost_messages_are_counted(heard: Heard) -> None:
+def test_messages_that_nobody_heard_are_counted(prepared: PreparedScenario, heard: Heard) -> None:
     del heard[Topic.PLANT_POWERS][4]
     del heard[Topic.LEADER][9]
-    run = live_run(heard)
-    assert run.incomplete_ticks == 2
+    run = judge(prepared, heard, None)
+    assert run.results.problems == ("the runner missed messages of 2 ticks",)
     assert len(run.trajectory) == 19
     heard[Topic.LEADER].clear()
-    with pytest.raises(MessageError, match="no tick completely"):
-        live_run(heard)
+    with pytest.raises(MessageError, match="no tick is complete"):
+        judge(prepared, heard, None)
+
+
+def test_what_only_the_runner_missed_is_no_problem(
+    prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
+) -> None:
+    bag = write_bag(tmp_path / "bag")
+    del heard[Topic.PLANT_ODOMETRY][5]
+    results = judge(prepared, heard, bag).results
+    assert results.problems == ()
+    assert any("did not hear 1 states" in note for note in results.warnings)
 
 
 def test_a_good_run_has_no_problems(
@@ -80,12 +77,11 @@ def test_a_good_run_has_no_problems(
     evaluated = judge(prepared, heard, write_bag(tmp_path / "bag"))
     results = evaluated.results
     assert results.problems == ()
-    assert results.live_equals_bag is True
     assert results.bag_messages is not None
     assert results.bag_messages["/controller/command"] == 21
     assert results.speed_up == pytest.approx(40.0)
-    expected = compute_metrics(live_run(heard).trajectory, prepared.model.values)
-    assert results.metrics == expected
+    expected = compute_metrics(evaluated.trajectory, prepared.model.values, evaluated.decisions)
+    assert figure_values(results.metrics) == figure_values(expected)
     assert results.information["git_revision"]
 
 
@@ -94,7 +90,6 @@ def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
 ) -> None:
     results = judge(prepared, heard, None).results
     assert results.problems == ()
-    assert results.live_equals_bag is None
     assert results.bag_messages is None
 
 
@@ -107,7 +102,8 @@ def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
         ((Topic.CLOCK, 4), "the bag holds 20 messages of /clock, 21 are needed"),
         ((Topic.PLANT_BATTERY, 4), "the bag holds 20 messages of plant/battery, 21 are needed"),
         ((Topic.PLANT_ODOMETRY, 0), "the run covers 1 s to 20 s of a trip of 20 s"),
-        ((Topic.SOLVE, 20), "differ"),
+        ((Topic.PLANT_ODOMETRY, 20), "the bag lacks 1 states that the runner heard"),
+        ((Topic.SOLVE, 20), None),
     ],
 )
 def test_an_incomplete_bag_is_a_problem(
@@ -138,15 +134,10 @@ def test_a_run_that_is_too_short_is_a_problem(prepared: PreparedScenario, heard:
     assert problem == "the run covers 0 s to 17 s of a trip of 20 s"
 
 
-def test_a_broken_hard_limit_is_a_problem(
-    prepared: PreparedScenario, heard: Heard, trajectory: Trajectory
-) -> None:
-    live = live_run(heard)
-    columns = {name: column.copy() for name, column in trajectory.to_arrays().items()}
-    columns["leader_position_m"][6] = columns["position_m"][6] - 0.5
-    crashed = dataclasses.replace(live, trajectory=Trajectory.from_arrays(columns))
-    evaluated = evaluate(prepared, crashed, None, RunInformation(), 1.0)
-    (problem,) = evaluated.results.problems
+def test_a_broken_hard_limit_is_a_problem(prepared: PreparedScenario, heard: Heard) -> None:
+    crash = encode_leader(LeaderState(6.0, 0.05 * 36.0 - 0.5, 0.5))
+    heard[Topic.LEADER][6] = bytes(serialize_message(crash))
+    (problem,) = judge(prepared, heard, None).results.problems
     assert problem == "hard limit broken in 1 rows: collision, worst by 0.5 m at 6 s"
 
 
@@ -161,48 +152,25 @@ def test_parameters_of_another_vehicle_are_noticed(
     assert "the model parameters in the bag are not those of the scenario" in problems
 
 
-def test_statistics_of_the_solver(heard: Heard) -> None:
-    statistics = solver_statistics(live_run(heard).solves)
-    assert statistics.decisions == 21
-    assert statistics.by_status == {"solved": 21}
-    assert statistics.by_rung == {"optimal": 20, "shifted_plan": 1}
-    assert statistics.limited == 1
-    assert statistics.without_preview == 1
-    assert statistics.preview_age_s.largest == 0.0
-    assert statistics.solve_time_ms.median == pytest.approx(3.0)
-    assert statistics.solve_time_ms.largest == pytest.approx(4.0)
-    assert statistics.iterations.largest == 30.0
-    assert statistics.gap_slack_m == 0.0
-
-
-def test_statistics_without_any_solve(heard: Heard) -> None:
-    live = live_run(heard)
-    values: dict[str, Any] = {name: column[:0] for name, column in live.solves.values.items()}
-    nothing = dataclasses.replace(live.solves, time_s=live.solves.time_s[:0], values=values)
-    statistics = solver_statistics(nothing)
-    assert statistics.decisions == 0
-    assert np.isnan(statistics.solve_time_ms.median)
-
-
 def test_results_are_plain_json(
     prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
     results = judge(prepared, heard, write_bag(tmp_path / "bag")).results
-    unknown = dataclasses.replace(results.solver, gap_slack_m=float("nan"))
-    text = results_json(dataclasses.replace(results, solver=unknown))
+    decisions = results.metrics.decisions
+    assert decisions is not None
+    unknown = dataclasses.replace(
+        results.metrics,
+        decisions=dataclasses.replace(decisions, preview_age_s=Distribution.of(NONE)),
+    )
+    text = results_json(dataclasses.replace(results, metrics=unknown))
     document = json.loads(text)
     assert document["good"] is True
     assert document["scenario"] == "short"
-    assert [row["key"] for row in document["rows"]] == [
-        row.key for row in metric_rows(results.metrics)
-    ]
+    values = figure_values(results.metrics)
+    assert {row["key"]: row["value"] for row in document["rows"]} == {
+        key: values.get(key) for key in FIGURES
+    }
     assert document["metrics"]["energy"]["cooling_j"] == results.metrics.energy.cooling_j
-    assert document["solver"]["gap_slack_m"] is None
-    assert document["live_equals_bag"] is True
+    assert document["metrics"]["decisions"]["by_rung"]["shifted_plan"] == 1
+    assert document["metrics"]["decisions"]["preview_age_s"]["median"] is None
     assert str(tmp_path) not in text
-
-
-def test_the_live_run_is_read_only(heard: Heard) -> None:
-    run: LiveRun = live_run(heard)
-    with pytest.raises(ValueError, match="read-only"):
-        run.trajectory.speed_m_s[0] = 1.0

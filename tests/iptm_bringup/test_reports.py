@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from iptm_bringup.live_run import live_run
 from matplotlib.image import imread
 from rich.console import Console
 
@@ -20,18 +19,19 @@ from iptm_bringup.preparation import PreparedScenario, prepare
 from iptm_bringup.progress import BarProgress, LineProgress, make_progress
 from iptm_bringup.results import RunResults
 from iptm_bringup.tables import TABLES_WIDTH, print_results
-from iptm_core.metrics import metric_rows
+from iptm_core.decision_record import DecisionSeries, Rung
+from iptm_core.metrics import FIGURES, TRIP_FIGURES
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.topics import Topic
 from iptm_recording.run_information import RunInformation
 
 Heard = dict[Topic, list[bytes]]
-SNAPSHOT = Snapshot(60.0, 10.0, 34.56, 31.23, 33.21, 2.5e-3, 12, 0)
+SNAPSHOT = Snapshot(60.0, 10.0, 34.56, 31.23, 33.21, 2.5e-3, 12, Rung.OPTIMAL)
 
 
 @pytest.fixture
 def evaluated(prepared: PreparedScenario, heard: Heard) -> EvaluatedRun:
-    return evaluate(prepared, live_run(heard), None, RunInformation(), 0.5)
+    return evaluate(prepared, heard, None, RunInformation(), 0.5)
 
 
 def printed(results: RunResults, width: int = TABLES_WIDTH) -> str:
@@ -43,8 +43,8 @@ def printed(results: RunResults, width: int = TABLES_WIDTH) -> str:
 @pytest.mark.parametrize("width", [TABLES_WIDTH, 80])
 def test_tables_show_every_figure(evaluated: EvaluatedRun, width: int) -> None:
     text = printed(evaluated.results, width)
-    for row in metric_rows(evaluated.results.metrics):
-        assert row.label[:24] in text
+    for key in TRIP_FIGURES:
+        assert FIGURES[key].label[:24] in text
     for check in evaluated.results.metrics.constraints:
         assert check.label in text
     for entry in ("solve time (ms)", "speed-up over real time", "shifted plan", "changed by the"):
@@ -72,7 +72,7 @@ def test_a_pipe_gets_plain_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     progress.waiting("waiting for plant")
     progress.running(SNAPSHOT, 0.5)  # too soon after the line before
     monkeypatch.setattr(progress_module, "LINE_PERIOD_S", 0.0)
-    progress.running(dataclasses.replace(SNAPSHOT, fallback_rung=2), 0.5)
+    progress.running(dataclasses.replace(SNAPSHOT, rung=Rung.SAFE_LAW), 0.5)
     progress.close()
     first, second = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
     assert first == "starting: waiting for plant"
@@ -128,11 +128,10 @@ def test_a_run_in_which_nothing_happens_can_be_drawn(
         for name, column in evaluated.trajectory.to_arrays().items()
     }
     still["time_s"] = evaluated.trajectory.time_s
-    none = {name: np.full_like(v, np.nan) for name, v in evaluated.solves.values.items()}
     calm = dataclasses.replace(
         evaluated,
         trajectory=Trajectory.from_arrays(still),
-        solves=dataclasses.replace(evaluated.solves, values=none),
+        decisions=DecisionSeries.from_records([], []),
     )
     save_picture(tmp_path / "still.png", prepared, calm)
     assert (tmp_path / "still.png").stat().st_size > 10_000

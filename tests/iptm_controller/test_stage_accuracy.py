@@ -155,8 +155,8 @@ def test_energy_within_one_percent(
         _, energy_j, _ = run_stage(
             sample.start, *vars(sample.command).values(), step_s, ENERGY, slope=road
         )
-        powers.append(abs(sample.step.battery_power_w))
-        errors.append(energy_j / step_s - sample.step.battery_power_w)
+        powers.append(abs(sample.step.powers.battery_power_w))
+        errors.append(energy_j / step_s - sample.step.powers.battery_power_w)
     assert np.median(np.abs(errors)) < 50.0
     assert abs(np.mean(errors)) < 1e-2 * np.mean(powers)
     assert np.max(np.abs(errors)) < 700.0

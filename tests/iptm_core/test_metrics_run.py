@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -13,14 +14,16 @@ from hypothesis.extra.numpy import arrays
 
 from iptm_core.errors import StateError
 from iptm_core.metrics import (
+    FIGURES,
+    TRIP_FIGURES,
     ConstraintCheck,
     RunMetrics,
     check_constraints,
     compute_metrics,
     degradation_metrics,
     energy_metrics,
+    figure_values,
     gap_metrics,
-    metric_rows,
     temperature_metrics,
 )
 from iptm_core.parameters import load_parameters
@@ -271,17 +274,12 @@ def test_rows_reproduce_the_printed_table(
 ) -> None:
     reference = paper_column(8049.01, 179033.67, 1.2789, 1.3718)
     proposed = paper_column(6492.42, 166888.65, 1.1156, 1.1803)
-    rows = {row.key: row for row in metric_rows(proposed, reference)}
-    assert rows["total_energy_printed"].value == pytest.approx(173381.07)
-    assert rows["battery_energy"].value == pytest.approx(1.1 * 173381.07)
-    assert rows["inconsistency"].value == pytest.approx(6.47)
-    assert [
-        rows[key].unit for key in ("cooling_energy", "cell_1_degradation", "inconsistency")
-    ] == [
-        "kJ",
-        "1e-5",
-        "1e-7",
-    ]
+    values, base = figure_values(proposed), figure_values(reference)
+    assert values["total_energy_printed"] == pytest.approx(173381.07)
+    assert values["battery_energy"] == pytest.approx(1.1 * 173381.07)
+    assert values["inconsistency"] == pytest.approx(6.47)
+    units = [FIGURES[key].unit for key in ("cooling_energy", "cell_1_degradation", "inconsistency")]
+    assert units == ["kJ", "10⁻⁵", "10⁻⁷"]
     printed = {
         "cooling_energy": -19.34,
         "traction_energy": -6.78,
@@ -291,25 +289,32 @@ def test_rows_reproduce_the_printed_table(
         "inconsistency": -30.36,
     }
     for key, percent in printed.items():
-        change = rows[key].relative_change
-        assert change is not None
-        assert 100.0 * change == pytest.approx(percent, abs=0.006)
+        assert 100.0 * (values[key] / base[key] - 1.0) == pytest.approx(percent, abs=0.006)
 
 
-def test_rows_have_the_same_keys_for_every_run(
-    paper_column: Callable[[float, float, float, float], RunMetrics],
-) -> None:
-    still = compute_metrics(make_run(), PARAMETERS)
-    busy = paper_column(1.0, 2.0, 3.0, 4.0)
-    keys = [row.key for row in metric_rows(still)]
-    assert len(set(keys)) == len(keys)
-    assert [row.key for row in metric_rows(busy, still)] == keys
-    assert all(row.relative_change is None for row in metric_rows(busy))
-    by_key = {row.key: row for row in metric_rows(busy, still)}
-    assert by_key["traction_energy"].relative_change is None, "the reference is zero"
-    assert by_key["mean_cop"].value is None
-    assert by_key["cell_1_temperature_mean"].value == pytest.approx(30.0)
-    assert by_key["cell_n_temperature_max"].unit == "degC"
+def test_a_figure_that_does_not_exist_is_left_out() -> None:
+    values = figure_values(compute_metrics(make_run(), PARAMETERS))
+    assert "mean_cop" not in values, "the compressor never ran"
+    assert "fallbacks" not in values, "no decisions are known"
+    assert set(TRIP_FIGURES) - set(values) == {"mean_cop"}
+    assert values["cell_1_temperature_mean"] == pytest.approx(30.0)
+
+
+def test_figures_are_printed_with_their_unit() -> None:
+    degradation, cop = FIGURES["cell_1_degradation"], FIGURES["mean_cop"]
+    assert degradation.with_unit(1.23456) == "1.2346·10⁻⁵"
+    assert FIGURES["cooling_energy"].with_unit(12345.678) == "12 345.68 kJ"
+    assert cop.with_unit(2.5) == "2.50"
+    assert cop.text(None) == cop.precise_text(math.nan) == "–"
+    assert degradation.precise_text(0.0062207) == "0.0062207"
+    assert FIGURES["battery_energy"].precise_text(123456.7) == "123457"
+
+
+def test_gap_violations_count_collisions_and_short_gaps() -> None:
+    gaps = np.array([90.0, -0.5, 90.0, 1.0])
+    metrics = compute_metrics(make_run(leader_position_m=gaps), PARAMETERS)
+    assert metrics.gap_violations == 3, "one row breaks both limits"
+    assert metrics.hard_violations == 1
 
 
 def test_limits_come_from_the_parameters() -> None:

@@ -6,9 +6,9 @@ import pytest
 from sensor_msgs.msg import BatteryState
 
 from iptm_core.errors import MessageError
+from iptm_core.state import IntervalPowers
 from iptm_interfaces.codecs import (
     BatteryReading,
-    IntervalPowers,
     decode_battery,
     decode_powers,
     encode_battery,
@@ -80,10 +80,10 @@ def test_broken_promise(field: str, value: object, reason: str) -> None:
 
 
 def test_powers_round_trip_with_signs() -> None:
-    powers = IntervalPowers(7.0, -1500.0, 400.0, 250.0, -850.0, 900.0)
-    assert decode_powers(encode_powers(powers)) == powers
+    powers = IntervalPowers(-1500.0, 400.0, 250.0, -850.0, 900.0)
+    assert decode_powers(encode_powers(7.0, powers)) == powers
 
 
 def test_negative_compressor_power_is_refused() -> None:
     with pytest.raises(MessageError, match=r"compressor_power_w is -4\.0"):
-        decode_powers(encode_powers(IntervalPowers(0.0, 0.0, -4.0, 0.0, 0.0, 0.0)))
+        decode_powers(encode_powers(0.0, IntervalPowers(0.0, -4.0, 0.0, 0.0, 0.0)))

@@ -1,23 +1,35 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.errors import MessageError
 from iptm_core.state import Command
 from iptm_interfaces.codecs import (
-    SolveReport,
     decode_command,
+    decode_decision_record,
     decode_named_values,
-    decode_solve_report,
     encode_command,
+    encode_decision_record,
     encode_named_values,
-    encode_solve_report,
 )
 from iptm_interfaces.topics import Topic
 
-REPORT = SolveReport(2, 0.004, 17, 0.5, 0.0, 0.1, 123.4, 1, limiter_active=True, preview_age_s=3.0)
+RECORD = DecisionRecord(
+    status=SolveStatus.ITERATION_LIMIT,
+    solve_time_s=0.004,
+    iterations=17,
+    gap_slack_m=0.5,
+    speed_slack_m_s=0.0,
+    temperature_slack_k=0.1,
+    objective=123.4,
+    rung=Rung.SHIFTED_PLAN,
+    limiter_active=True,
+    preview_age_s=3.0,
+)
 
 
 def test_command_round_trip_keeps_the_stamp() -> None:
@@ -75,23 +87,30 @@ def test_degradation_keeps_steps_that_single_precision_would_lose() -> None:
     assert decode_named_values(Topic.PLANT_CAPACITY_LOSS, message) == values
 
 
-def test_solve_report_round_trip() -> None:
-    assert decode_solve_report(encode_solve_report(5, REPORT)) == (5, REPORT)
+def test_record_of_a_decision_round_trip() -> None:
+    assert decode_decision_record(encode_decision_record(5, RECORD)) == RECORD
 
 
-def test_failed_solve_can_be_reported() -> None:
-    report = SolveReport(
-        4, 0.1, 0, math.nan, math.nan, math.nan, math.nan, 2,
-        limiter_active=False, preview_age_s=math.inf,
-    )  # fmt: skip
-    _, back = decode_solve_report(encode_solve_report(0, report))
-    assert (back.status_code, back.fallback_rung, back.limiter_active) == (4, 2, False)
+def test_failed_solve_can_be_told() -> None:
+    record = replace(
+        RECORD, status=SolveStatus.NUMERICAL_ERROR, objective=math.nan, preview_age_s=math.inf
+    )
+    back = decode_decision_record(encode_decision_record(0, record))
+    assert back.status is SolveStatus.NUMERICAL_ERROR
     assert math.isnan(back.objective)
     assert back.preview_age_s == math.inf
 
 
-def test_solve_report_without_a_status_is_refused() -> None:
-    message = encode_solve_report(0, REPORT)
-    message.position[0] = math.nan
-    with pytest.raises(MessageError, match="controller/solve: status_code is nan"):
-        decode_solve_report(message)
+@pytest.mark.parametrize(
+    ("place", "value", "said"),
+    [
+        (0, math.nan, "status_code is nan"),
+        (0, 2.5, "status_code is 2.5"),
+        (7, 9.0, "fallback_rung"),
+    ],
+)
+def test_record_with_an_unknown_code_is_refused(place: int, value: float, said: str) -> None:
+    message = encode_decision_record(0, RECORD)
+    message.position[place] = value
+    with pytest.raises(MessageError, match=f"controller/solve: {said}"):
+        decode_decision_record(message)

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iptm_core.errors import MessageError
-from iptm_core.state import LeaderState, VehicleState
+from iptm_core.state import IntervalPowers, LeaderState, VehicleState
 from iptm_interfaces.codecs import (
-    IntervalPowers,
     decode_leader,
     decode_temperature,
     decode_vehicle_state,
@@ -24,7 +23,7 @@ from iptm_interfaces.codecs import (
     encode_temperature,
     time_from_s,
 )
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import STATE_TOPICS, Topic
 
 STATE = VehicleState(
     time_s=12.0,
@@ -39,15 +38,19 @@ STATE = VehicleState(
 )
 
 
-def encode_all(state: VehicleState) -> dict[str, Any]:
-    powers = IntervalPowers(state.time_s, 5000.0, state.compressor_power_w, 300.0, 6534.5, 2900.0)
+def encode_all(state: VehicleState) -> dict[Topic, Any]:
+    powers = IntervalPowers(5000.0, state.compressor_power_w, 300.0, 6534.5, 2900.0)
     return {
-        "odometry": encode_host_odometry(state),
-        "acceleration": encode_acceleration(state),
-        "cell_1_temperature": encode_temperature(state.time_s, state.cell_1_temperature_k),
-        "cell_n_temperature": encode_temperature(state.time_s, state.cell_n_temperature_k),
-        "powers": encode_powers(powers),
-        "capacity_loss": encode_capacity_loss(state),
+        Topic.PLANT_ODOMETRY: encode_host_odometry(state),
+        Topic.PLANT_ACCELERATION: encode_acceleration(state),
+        Topic.PLANT_CELL_1_TEMPERATURE: encode_temperature(
+            state.time_s, state.cell_1_temperature_k
+        ),
+        Topic.PLANT_CELL_N_TEMPERATURE: encode_temperature(
+            state.time_s, state.cell_n_temperature_k
+        ),
+        Topic.PLANT_POWERS: encode_powers(state.time_s, powers),
+        Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
     }
 
 
@@ -60,7 +63,7 @@ def test_state_survives_the_six_messages(
     position: float, speed: float, acceleration: float, power: float, kelvin: float, loss: float
 ) -> None:
     state = VehicleState(3.0, position, speed, acceleration, power, kelvin, kelvin, loss, loss)
-    back = decode_vehicle_state(**encode_all(state))
+    back = decode_vehicle_state(encode_all(state))
     for field in dataclasses.fields(state):
         tolerance = 1e-13 if field.name.endswith("_k") else 0.0
         expected = getattr(state, field.name)
@@ -102,15 +105,15 @@ def test_numpy_scalars_are_sent_as_plain_numbers() -> None:
 )
 def test_broken_promise_names_topic_and_value(change: dict[str, float], reason: str) -> None:
     with pytest.raises(MessageError, match=reason):
-        decode_vehicle_state(**encode_all(dataclasses.replace(STATE, **change)))
+        decode_vehicle_state(encode_all(dataclasses.replace(STATE, **change)))
 
 
-@pytest.mark.parametrize("name", ["acceleration", "powers", "cell_n_temperature", "capacity_loss"])
-def test_messages_of_different_ticks_are_not_mixed(name: str) -> None:
+@pytest.mark.parametrize("topic", STATE_TOPICS[1:])
+def test_messages_of_different_ticks_are_not_mixed(topic: Topic) -> None:
     messages = encode_all(STATE)
-    messages[name].header.stamp = time_from_s(11.0)
+    messages[topic].header.stamp = time_from_s(11.0)
     with pytest.raises(MessageError, match="stamp is 11000000000 ns"):
-        decode_vehicle_state(**messages)
+        decode_vehicle_state(messages)
 
 
 def test_leader_round_trip() -> None:

@@ -55,13 +55,13 @@ def interval_errors(plant: Plant, reference: list[Pair]) -> dict[str, list[float
     errors: dict[str, list[float]] = {}
     for start, fine in reference:
         coarse = plant.advance(start, fine.report.requested)
-        gross = fine.traction_power_w - 2.0 * fine.regenerative_power_w
-        gross += fine.compressor_power_w + fine.auxiliary_power_w
+        gross = fine.powers.traction_power_w - 2.0 * fine.regenerative_power_w
+        gross += fine.powers.compressor_power_w + fine.powers.auxiliary_power_w
         for name in ("traction_power_w", "battery_power_w"):
-            error = abs(getattr(coarse, name) - getattr(fine, name)) / gross
+            error = abs(getattr(coarse.powers, name) - getattr(fine.powers, name)) / gross
             errors.setdefault(name, []).append(error)
-        scale = max(abs(fine.chiller_heat_w), 1.0)
-        error = abs(coarse.chiller_heat_w - fine.chiller_heat_w) / scale
+        scale = max(abs(fine.powers.chiller_heat_w), 1.0)
+        error = abs(coarse.powers.chiller_heat_w - fine.powers.chiller_heat_w) / scale
         errors.setdefault("chiller_heat_w", []).append(error)
         for name, least in (
             ("cell_1_temperature_k", 1e-5),
@@ -79,7 +79,7 @@ def test_trip_is_lively(reference: list[Pair]) -> None:
     steps = [step for _, step in reference]
     assert any(step.standstill for step in steps)
     assert sum(step.regenerative_power_w < -1000.0 for step in steps) > 50
-    assert max(step.battery_power_w for step in steps) > 60e3
+    assert max(step.powers.battery_power_w for step in steps) > 60e3
     assert min(step.cell_current_a for step in steps) < -0.1
 
 
@@ -127,7 +127,7 @@ def test_order_is_four_where_the_model_is_smooth(make_plant: Callable[..., Plant
             [
                 end.cell_1_temperature_k - state.cell_1_temperature_k,
                 end.cell_1_capacity_loss - state.cell_1_capacity_loss,
-                step.battery_power_w,
+                step.powers.battery_power_w,
             ]
         )
 
@@ -205,7 +205,7 @@ def test_compiled_and_plain_evaluation_agree(
     step = plant.advance(start, command)
     steps = round(1.0 / DEFAULT_STEP_S)
     cells, energy = rk4_in_floats(plant.parameters, start, command, steps)
-    assert step.battery_power_w == pytest.approx(energy, rel=1e-12)
+    assert step.powers.battery_power_w == pytest.approx(energy, rel=1e-12)
     for got, expected, begun in zip(
         astuple(step.state)[5:], cells, astuple(start)[5:], strict=True
     ):

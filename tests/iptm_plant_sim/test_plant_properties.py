@@ -31,7 +31,7 @@ def test_any_commands_lead_to_finite_and_plausible_states(
     for command in commands:
         step = plant.advance(state, command, duration)
         end = step.state
-        numbers = [*vars(end).values(), step.battery_power_w, step.pack_current_a]
+        numbers = [*vars(end).values(), step.powers.battery_power_w, step.pack_current_a]
         assert all(math.isfinite(number) for number in numbers)
         assert 0.0 <= end.speed_m_s <= limits.max_speed_m_s * (1.0 + 1e-12)
         assert end.position_m >= state.position_m
@@ -41,7 +41,7 @@ def test_any_commands_lead_to_finite_and_plausible_states(
         assert end.cell_n_capacity_loss >= state.cell_n_capacity_loss
         for temperature in (end.cell_1_temperature_k, end.cell_n_temperature_k):
             assert 260.0 < temperature < 340.0
-        assert 240.0 < step.coolant_inlet_k < 340.0
+        assert 240.0 < step.coolant_inlet_temperature_k < 340.0
         assert 300.0 < step.pack_voltage_v < 450.0
         assert step.standstill == (end.speed_m_s == 0.0)
         state = end

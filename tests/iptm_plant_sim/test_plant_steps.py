@@ -9,7 +9,7 @@ import pytest
 
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import Command, VehicleState
+from iptm_core.state import Command, IntervalPowers, VehicleState
 from iptm_plant_sim.actuators import Clamp
 from iptm_plant_sim.plant import Plant, PlantStep
 
@@ -17,15 +17,17 @@ from iptm_plant_sim.plant import Plant, PlantStep
 def energies_balance(step: PlantStep, parameters: ModelParameters, duration: float) -> None:
     """Every joule at the terminals has a taker, and every joule of the source goes somewhere."""
     pack, zeta = parameters.pack, parameters.powertrain.regenerative_efficiency
-    driving = step.traction_power_w - step.regenerative_power_w
+    driving = step.powers.traction_power_w - step.regenerative_power_w
     assert step.regenerative_power_w <= 0.0 <= driving
     terminal = (
-        driving + step.compressor_power_w + step.auxiliary_power_w
+        driving + step.powers.compressor_power_w + step.powers.auxiliary_power_w
     ) / pack.battery_efficiency
     terminal += pack.battery_efficiency * zeta * step.regenerative_power_w
-    assert step.battery_power_w == pytest.approx(terminal, rel=1e-11, abs=1e-8)
+    assert step.powers.battery_power_w == pytest.approx(terminal, rel=1e-11, abs=1e-8)
     source = pack.open_circuit_voltage_v * step.charge_c / duration
-    assert source == pytest.approx(step.battery_power_w + step.battery_heat_w, rel=1e-10, abs=1e-7)
+    assert source == pytest.approx(
+        step.powers.battery_power_w + step.battery_heat_w, rel=1e-10, abs=1e-7
+    )
 
 
 @pytest.mark.parametrize("efficiency", [1.0, 0.95])
@@ -47,8 +49,8 @@ def test_temperature_of_the_cells_balances_heat_and_coolant(plant: Plant) -> Non
     """Without flow through the chiller, all heat stays in the pack (per channel of equal cells)."""
     state = plant.initial_state(speed_m_s=25.0)
     step = plant.advance(state, Command(0.5, 0.0))
-    assert step.chiller_heat_w == 0.0
-    assert step.coolant_inlet_k == step.coolant_outlet_k
+    assert step.powers.chiller_heat_w == 0.0
+    assert step.coolant_inlet_temperature_k == step.coolant_outlet_temperature_k
     cells = plant.parameters.pack.cells_in_series * plant.parameters.pack.parallel
     rise = step.battery_heat_w / (cells * plant.parameters.cell.heat_capacity_j_k)
     end = step.state
@@ -66,9 +68,9 @@ def test_holding_consumes_nothing_but_auxiliaries(
     plant = make_plant(slope)
     step = plant.advance(plant.initial_state(position_m=40.0), Command(0.0, 0.0))
     assert step.standstill
-    assert step.traction_power_w == 0.0
-    assert step.battery_power_w == pytest.approx(step.auxiliary_power_w)
-    assert step.auxiliary_power_w == plant.parameters.cooling.auxiliary_power_w
+    assert step.powers.traction_power_w == 0.0
+    assert step.powers.battery_power_w == pytest.approx(step.powers.auxiliary_power_w)
+    assert step.powers.auxiliary_power_w == plant.parameters.cooling.auxiliary_power_w
     assert step.state.position_m == 40.0
 
 
@@ -84,9 +86,11 @@ def test_stop_inside_an_interval(make_plant: Callable[..., Plant]) -> None:
     assert whole.state.position_m == pytest.approx(0.8**2 / 4.0, abs=1e-12)
     braking = plant.advance(state, Command(-2.0, 0.0), 0.4)
     holding = plant.advance(braking.state, Command(0.0, 0.0), 0.6)
-    energy = 0.4 * braking.battery_power_w + 0.6 * holding.battery_power_w
-    assert whole.battery_power_w == pytest.approx(energy, rel=1e-7)
-    assert whole.traction_power_w == pytest.approx(0.4 * braking.traction_power_w, rel=1e-7)
+    energy = 0.4 * braking.powers.battery_power_w + 0.6 * holding.powers.battery_power_w
+    assert whole.powers.battery_power_w == pytest.approx(energy, rel=1e-7)
+    assert whole.powers.traction_power_w == pytest.approx(
+        0.4 * braking.powers.traction_power_w, rel=1e-7
+    )
     assert whole.state.cell_n_temperature_k == pytest.approx(
         holding.state.cell_n_temperature_k, abs=1e-10
     )
@@ -119,7 +123,7 @@ def test_drive_gives_way_when_the_pack_cannot_deliver(parameters: ModelParameter
     assert "pack_power" in step.report.reason
     done = step.report.actuated.acceleration_m_s2
     assert 0.0 < done < 2.0
-    assert math.isfinite(step.battery_power_w)
+    assert math.isfinite(step.powers.battery_power_w)
     more = plant.advance(replace(state, acceleration_m_s2=done), Command(done + 1e-3, 0.0))
     assert Clamp.PACK_POWER in more.report.clamps
     less = plant.advance(replace(state, acceleration_m_s2=done), Command(done - 1e-3, 0.0))
@@ -131,14 +135,16 @@ def test_observation_before_the_first_interval(plant: Plant) -> None:
     seen = plant.observe(state)
     assert seen.state == state
     assert seen.standstill
-    assert seen.compressor_power_w == 700.0
-    assert (seen.traction_power_w, seen.battery_power_w, seen.chiller_heat_w) == (0.0, 0.0, 0.0)
+    assert seen.powers.compressor_power_w == 700.0
+    assert seen.powers == IntervalPowers(0.0, 700.0, 0.0, 0.0, 0.0)
     assert seen.pack_current_a > 0.0
     assert 300.0 < seen.pack_voltage_v < plant.parameters.pack.open_circuit_voltage_v
     # The electrics agree with those of a short interval from there.
     after = plant.advance(state, Command(0.0, 700.0), 1e-6)
     assert seen.pack_current_a == pytest.approx(after.pack_current_a, rel=1e-6)
-    assert seen.coolant_inlet_k == pytest.approx(after.coolant_inlet_k, abs=1e-6)
+    assert seen.coolant_inlet_temperature_k == pytest.approx(
+        after.coolant_inlet_temperature_k, abs=1e-6
+    )
 
 
 def test_electrics_at_the_end_are_consistent(plant: Plant) -> None:
@@ -153,8 +159,10 @@ def test_electrics_at_the_end_are_consistent(plant: Plant) -> None:
 def test_chiller_works_only_with_the_compressor(plant: Plant, flow_heats: float) -> None:
     state = replace(plant.initial_state(speed_m_s=20.0), compressor_power_w=flow_heats)
     step = plant.advance(state, Command(0.0, flow_heats))
-    assert (step.chiller_heat_w > 0.0) == (flow_heats > 0.0)
-    assert (step.coolant_outlet_k > step.coolant_inlet_k) == (flow_heats > 0.0)
+    assert (step.powers.chiller_heat_w > 0.0) == (flow_heats > 0.0)
+    assert (step.coolant_outlet_temperature_k > step.coolant_inlet_temperature_k) == (
+        flow_heats > 0.0
+    )
 
 
 def test_same_input_same_output(make_plant: Callable[..., Plant]) -> None:

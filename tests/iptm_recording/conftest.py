@@ -11,19 +11,9 @@ import pytest
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64
 
-from iptm_core.state import LeaderState, VehicleState
+from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_interfaces.codecs import (
-    IntervalPowers,
-    SolveReport,
-    encode_acceleration,
-    encode_capacity_loss,
-    encode_host_odometry,
-    encode_leader,
-    encode_powers,
-    encode_solve_report,
-    encode_temperature,
-)
+from iptm_interfaces.codecs import encode_decision_record
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.qos import RecordedQos
@@ -79,53 +69,42 @@ def trajectory() -> Trajectory:
 
 
 @pytest.fixture
-def write_run() -> Callable[..., Path]:
+def write_run(tick_messages: Callable[[Trajectory, int], dict[Topic, Any]]) -> Callable[..., Path]:
     """Write the bag that a run leaves; `drop` leaves out messages by (topic, row)."""
-    return _write_run
 
+    def write(
+        folder: Path,
+        run: Trajectory,
+        *,
+        namespace: str = "",
+        drop: frozenset[tuple[Topic, int]] = frozenset(),
+        custom_data: dict[str, str] | None = None,
+        solve_time_s: float = 0.01,
+    ) -> Path:
+        with BagWriter(folder, custom_data=custom_data) as writer:
+            ids: dict[Topic, int] = {}
+            for row, time_s in enumerate(run.time_s):
+                record = DecisionRecord(
+                    status=SolveStatus.SOLVED,
+                    solve_time_s=solve_time_s,
+                    iterations=12 + row,
+                    gap_slack_m=0.0,
+                    speed_slack_m_s=0.0,
+                    temperature_slack_k=0.0,
+                    objective=1.5,
+                    rung=Rung.OPTIMAL,
+                    limiter_active=row == 3,
+                    preview_age_s=0.0,
+                )
+                solve = encode_decision_record(round(float(time_s) * 1e9), record)
+                for topic, message in (tick_messages(run, row) | {Topic.SOLVE: solve}).items():
+                    if topic not in ids:
+                        spec = TOPICS[topic]
+                        ids[topic] = writer.add_topic(f"{namespace}/{spec.name}", spec.type_name)
+                    if (topic, row) not in drop:
+                        # The log times say nothing about the ticks: the stamps must do.
+                        data = bytes(serialize_message(message))
+                        writer.write(ids[topic], data, 5 * SECOND_NS + row)
+        return folder
 
-def _write_run(
-    folder: Path,
-    run: Trajectory,
-    *,
-    namespace: str = "",
-    drop: frozenset[tuple[Topic, int]] = frozenset(),
-    custom_data: dict[str, str] | None = None,
-    solve_time_s: float = 0.01,
-) -> Path:
-    with BagWriter(folder, custom_data=custom_data) as writer:
-        ids: dict[Topic, int] = {}
-        for row in range(len(run)):
-            for topic, message in _tick(run, row, solve_time_s):
-                if topic not in ids:
-                    spec = TOPICS[topic]
-                    ids[topic] = writer.add_topic(f"{namespace}/{spec.name}", spec.type_name)
-                if (topic, row) not in drop:
-                    # The log times say nothing about the ticks: the stamps must do.
-                    data = bytes(serialize_message(message))
-                    writer.write(ids[topic], data, 5 * SECOND_NS + row)
-    return folder
-
-
-def _tick(run: Trajectory, row: int, solve_time_s: float) -> list[tuple[Topic, Any]]:
-    values = {name: float(column[row]) for name, column in run.to_arrays().items()}
-    time_s = values["time_s"]
-    state = VehicleState(**{name: values[name] for name in VehicleState.__dataclass_fields__})
-    powers = IntervalPowers(**{name: values[name] for name in IntervalPowers.__dataclass_fields__})
-    leader = LeaderState(time_s, values["leader_position_m"], values["leader_speed_m_s"])
-    report = SolveReport(0, solve_time_s, 12 + row, 0.0, 0.0, 0.0, 1.5, 0, row == 3, 0.0)
-    temperatures = (
-        (Topic.PLANT_CELL_1_TEMPERATURE, "cell_1_temperature_k"),
-        (Topic.PLANT_CELL_N_TEMPERATURE, "cell_n_temperature_k"),
-        (Topic.PLANT_COOLANT_INLET_TEMPERATURE, "coolant_inlet_temperature_k"),
-        (Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, "coolant_outlet_temperature_k"),
-    )
-    return [
-        (Topic.PLANT_ODOMETRY, encode_host_odometry(state)),
-        (Topic.PLANT_ACCELERATION, encode_acceleration(state)),
-        *((topic, encode_temperature(time_s, values[name])) for topic, name in temperatures),
-        (Topic.PLANT_POWERS, encode_powers(powers)),
-        (Topic.PLANT_CAPACITY_LOSS, encode_capacity_loss(state)),
-        (Topic.LEADER, encode_leader(leader)),
-        (Topic.SOLVE, encode_solve_report(round(time_s * 1e9), report)),
-    ]
+    return write

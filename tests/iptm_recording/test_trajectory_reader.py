@@ -10,7 +10,7 @@ from iptm_core.errors import BagError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.trajectory_reader import read_solve_series, read_trajectory
+from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 
 WriteRun = Callable[..., Path]
 
@@ -102,9 +102,8 @@ def test_broken_promise_names_bag_and_topic(
         read_trajectory(bag)
 
 
-def test_solve_series(trajectory: Trajectory, write_run: WriteRun, tmp_path: Path) -> None:
-    series = read_solve_series(write_run(tmp_path / "bag", trajectory))
-    np.testing.assert_array_equal(series.time_s, trajectory.time_s)
-    np.testing.assert_array_equal(series.values["iterations"], 12 + np.arange(len(trajectory)))
-    assert series.values["limiter_active"].sum() == 1
-    assert set(series.values) == set(TOPICS[Topic.SOLVE].field_names)
+def test_decisions(trajectory: Trajectory, write_run: WriteRun, tmp_path: Path) -> None:
+    decisions = read_decisions(write_run(tmp_path / "bag", trajectory))
+    np.testing.assert_array_equal(decisions.time_s, trajectory.time_s)
+    np.testing.assert_array_equal(decisions.iterations, 12 + np.arange(len(trajectory)))
+    assert decisions.limiter_active.sum() == 1

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iptm_core.decision_record import DecisionSeries
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_studies.closed_loop import DecisionLog
 from iptm_studies.run_inputs import RunInputs, resolve_inputs, run_key
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.single_run import FinishedRun, WallTimes, perform_run
@@ -59,24 +59,27 @@ def _trajectory(rows: int) -> Trajectory:
     return Trajectory.from_arrays(columns)
 
 
-def _log(ticks: int) -> DecisionLog:
-    return DecisionLog(
+def _decisions(ticks: int) -> DecisionSeries:
+    return DecisionSeries(
+        time_s=np.arange(float(ticks)),
         status=np.array([0, 0, 1, -1, 2][:ticks]),
         rung=np.array([0, 0, 0, 2, 1][:ticks]),
         iterations=np.array([4, 6, 150, 0, 150][:ticks]),
-        solve_time_s=np.array([0.001, 0.002, 0.003, 0.0, 0.004][:ticks]),
+        solve_time_s=np.array([0.001, 0.002, 0.003, np.nan, 0.004][:ticks]),
         gap_slack_m=np.array([0.0, 0.5, 0.25, np.nan, np.nan][:ticks]),
         speed_slack_m_s=np.zeros(ticks),
         temperature_slack_k=np.full(ticks, np.nan),
         limiter_active=np.array([False, True, False, False, True][:ticks]),
+        objective=np.arange(float(ticks)),
+        preview_age_s=np.zeros(ticks),
     )
 
 
 @pytest.fixture(scope="session")
 def made_run() -> FinishedRun:
-    """A run made by hand, with a bit of everything in its log."""
+    """A run made by hand, with a bit of everything in its decisions."""
     return FinishedRun(
-        _trajectory(TICKS + 1), _log(TICKS), None, WallTimes(0.5, 2.0), compiled=True
+        _trajectory(TICKS + 1), _decisions(TICKS), None, WallTimes(0.5, 2.0), compiled=True
     )
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from iptm_studies.summary import RunSummary
 
 from iptm_core.errors import ScenarioError
+from iptm_core.metrics import RunMetrics
 from iptm_studies.campaign import Campaign, CaseState, plan_campaign
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.stored_run import StoredRun
@@ -54,8 +54,8 @@ def campaign(study_file: WriteFile) -> Campaign:
 
 
 @pytest.fixture
-def summary_of(stored: MakeRun) -> Callable[[RunInputs, float], RunSummary]:
-    return lambda inputs, factor: stored(inputs, factor).summary
+def metrics_of(stored: MakeRun) -> Callable[[RunInputs, float], RunMetrics]:
+    return lambda inputs, factor: stored(inputs, factor).metrics
 
 
 def states(campaign: Campaign) -> dict[str, CaseState]:
@@ -72,16 +72,16 @@ def test_each_run_once(campaign: Campaign) -> None:
 
 
 def test_the_best_weights_are_taken(
-    campaign: Campaign, summary_of: Callable[[RunInputs, float], RunSummary]
+    campaign: Campaign, metrics_of: Callable[[RunInputs, float], RunMetrics]
 ) -> None:
     first, second, aging = campaign.take()
     assert list(campaign.run_estimates()) == ["table/best_without_preview"]
-    campaign.finish(aging.key, summary_of(aging.inputs, 1.0))
-    campaign.finish(first.key, summary_of(first.inputs, 3.0))
+    campaign.finish(aging.key, metrics_of(aging.inputs, 1.0))
+    campaign.finish(first.key, metrics_of(first.inputs, 3.0))
     assert campaign.take() == ()
     assert states(campaign)["table/best"].key is None
     assert "waits" in states(campaign)["table/best"].reason
-    campaign.finish(second.key, summary_of(second.inputs, 2.0))
+    campaign.finish(second.key, metrics_of(second.inputs, 2.0))
     (new,) = campaign.take()
     assert new.address == "table/best_without_preview"
     assert new.inputs.spec.strategy.aging_weight == 2e7
@@ -89,18 +89,18 @@ def test_the_best_weights_are_taken(
     found = states(campaign)
     assert found["table/best"].key == second.key, "the best run itself, not computed again"
     assert found["table/best"].reason == ""
-    assert found["table/best"].summary is not None
+    assert found["table/best"].metrics is not None
     assert found["table/best_without_preview"].reason == "not computed"
     assert campaign.unfinished == 1
     assert campaign.run_estimates() == {}
 
 
 def test_a_failed_candidate_is_passed_over(
-    campaign: Campaign, summary_of: Callable[[RunInputs, float], RunSummary]
+    campaign: Campaign, metrics_of: Callable[[RunInputs, float], RunMetrics]
 ) -> None:
     first, second, _ = campaign.take()
     campaign.fail(second.key, "broke off")
-    campaign.finish(first.key, summary_of(first.inputs, 3.0))
+    campaign.finish(first.key, metrics_of(first.inputs, 3.0))
     (new,) = campaign.take()
     assert new.inputs.spec.strategy.aging_weight == 1e7
     assert list(campaign.failures.values()) == ["broke off"]
@@ -116,21 +116,21 @@ def test_without_any_candidate_the_case_is_left_out(campaign: Campaign) -> None:
 
 
 def test_runs_that_break_hard_limits_come_last(
-    campaign: Campaign, stored: MakeRun, summary_of: Callable[[RunInputs, float], RunSummary]
+    campaign: Campaign, stored: MakeRun, metrics_of: Callable[[RunInputs, float], RunMetrics]
 ) -> None:
     first, second, _ = campaign.take()
     broken = stored(first.inputs, 0.1)
     columns = broken.trajectory.to_arrays()
     columns["leader_position_m"] = columns["position_m"] - 1.0
     crashed = replace(broken, trajectory=type(broken.trajectory).from_arrays(columns))
-    campaign.finish(first.key, crashed.summary)
-    campaign.finish(second.key, summary_of(second.inputs, 2.0))
+    campaign.finish(first.key, crashed.metrics)
+    campaign.finish(second.key, metrics_of(second.inputs, 2.0))
     (new,) = campaign.take()
     assert new.inputs.spec.strategy.aging_weight == 2e7
 
 
 def test_an_unknown_figure_to_choose_by(
-    study_file: WriteFile, summary_of: Callable[[RunInputs, float], RunSummary]
+    study_file: WriteFile, metrics_of: Callable[[RunInputs, float], RunMetrics]
 ) -> None:
     table = TABLE.replace("labels: {group: a}}", "labels: {group: a}, lowest: beauty}")
     campaign = Campaign(
@@ -138,9 +138,9 @@ def test_an_unknown_figure_to_choose_by(
         [read_study(study_file(WEIGHTS, "weights.yaml"))],
     )
     first, second, _ = campaign.take()
-    campaign.finish(first.key, summary_of(first.inputs, 1.0))
+    campaign.finish(first.key, metrics_of(first.inputs, 1.0))
     with pytest.raises(ScenarioError, match="no figure 'beauty'"):
-        campaign.finish(second.key, summary_of(second.inputs, 1.0))
+        campaign.finish(second.key, metrics_of(second.inputs, 1.0))
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch, stored: MakeRun) -> None:
                 continue
             result = stored(run.inputs)
             store.save(result)
-            campaign.finish(run.key, result.summary)
+            campaign.finish(run.key, result.metrics)
             observer.finished(run, 1.0, result)
         observer.remaining(0.0)
         return Outcome(len(missing) - failed, found, failed, 90.0)

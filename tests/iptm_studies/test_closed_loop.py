@@ -139,7 +139,7 @@ def test_five_seconds_of_preview_are_enough_to_keep_the_gap(
 
 
 def test_every_solve_is_used(trip_run: ClosedLoopRun) -> None:
-    log = trip_run.log
+    log = trip_run.decisions
     assert (log.rung == Rung.OPTIMAL).all()
     assert np.isin(log.status, [SolveStatus.SOLVED, SolveStatus.FEASIBLE]).all()
     assert (log.status == SolveStatus.SOLVED).mean() > 0.95
@@ -149,14 +149,14 @@ def test_every_solve_is_used(trip_run: ClosedLoopRun) -> None:
 def test_log_has_one_entry_per_tick_and_finite_numbers(trip_run: ClosedLoopRun) -> None:
     ticks = len(trip_run.trajectory) - 1
     assert ticks == 120
-    for name, values in vars(trip_run.log).items():
+    for name, values in vars(trip_run.decisions).items():
         assert values.shape == (ticks,), name
         assert np.isfinite(values).all(), name
-    assert (trip_run.log.iterations > 0).all()
+    assert (trip_run.decisions.iterations > 0).all()
     for name in ("gap_slack_m", "speed_slack_m_s", "temperature_slack_k"):
-        assert (getattr(trip_run.log, name) >= 0.0).all()
-    assert trip_run.log.speed_slack_m_s.max() < 1e-3
-    assert trip_run.log.temperature_slack_k.max() < 1e-3
+        assert (getattr(trip_run.decisions, name) >= 0.0).all()
+    assert trip_run.decisions.speed_slack_m_s.max() < 1e-3
+    assert trip_run.decisions.temperature_slack_k.max() < 1e-3
 
 
 def test_trajectory_rows_are_what_was_driven(trip_run: ClosedLoopRun) -> None:
@@ -214,8 +214,10 @@ def test_two_runs_are_the_same_bit_for_bit(drive: Callable[..., ClosedLoopRun]) 
         np.testing.assert_array_equal(
             getattr(first.trajectory, name), getattr(second.trajectory, name), name
         )
-    for name in set(vars(first.log)) - {"solve_time_s"}:
-        np.testing.assert_array_equal(getattr(first.log, name), getattr(second.log, name), name)
+    for name in set(vars(first.decisions)) - {"solve_time_s"}:
+        np.testing.assert_array_equal(
+            getattr(first.decisions, name), getattr(second.decisions, name), name
+        )
 
 
 @pytest.mark.parametrize("strategy", sorted(STRATEGIES))
@@ -224,7 +226,7 @@ def test_every_strategy_drives(
 ) -> None:
     run = drive("us06", 60.0, strategy, "small")
     expect_safe(run.trajectory, parameters)
-    assert (run.log.rung == Rung.OPTIMAL).all()
+    assert (run.decisions.rung == Rung.OPTIMAL).all()
     assert run.trajectory.speed_m_s.max() > 10.0
     cools = run.trajectory.compressor_power_w.max() > 300.0
     assert cools or strategy in {"aging", "energy_aging"}
@@ -237,7 +239,7 @@ def test_the_single_horizon_drives(
     solver = build_plain_solver(SINGLE_HORIZON, parameters, options)
     run = drive("us06", 40.0, horizon=SINGLE_HORIZON, solver=solver)
     expect_safe(run.trajectory, parameters)
-    assert (run.log.rung == Rung.OPTIMAL).all()
+    assert (run.decisions.rung == Rung.OPTIMAL).all()
 
 
 @pytest.mark.parametrize(
@@ -258,7 +260,7 @@ def test_a_poor_link_is_no_danger(
 ) -> None:
     run = drive("wltc_class3b", 90.0, bridge=bridge)
     expect_safe(run.trajectory, parameters)
-    assert (run.log.rung == Rung.OPTIMAL).mean() > 0.95
+    assert (run.decisions.rung == Rung.OPTIMAL).mean() > 0.95
 
 
 class Interrupted:
@@ -289,6 +291,6 @@ def test_an_interruption_is_bridged_and_survived(
     solver = Interrupted(multi_horizon_solver, range(60, 85))
     run = drive("wltc_class3b", 90.0, solver=solver)
     expect_safe(run.trajectory, parameters)
-    rungs = set(run.log.rung.tolist())
+    rungs = set(run.decisions.rung.tolist())
     assert {Rung.OPTIMAL, Rung.SHIFTED_PLAN} <= rungs
-    assert run.log.rung[-1] == Rung.OPTIMAL
+    assert run.decisions.rung[-1] == Rung.OPTIMAL

@@ -110,7 +110,7 @@ def test_computed_once_resumed_and_recomputed_where_needed(
     assert notes.times_left_s[-1] == 0.0
     cases = {state.case.name: state for state in campaign.cases()}
     assert cases["aging"].key == cases["the_same"].key
-    assert cases["weak_pack"].summary is None
+    assert cases["weak_pack"].metrics is None
     assert "pack cannot supply" in cases["weak_pack"].reason
 
     # The numbers of a worker are those of this process.
@@ -118,9 +118,9 @@ def test_computed_once_resumed_and_recomputed_where_needed(
     here = perform_run(next(r.inputs for r in plan_runs(path) if r.address == "mini/close"))
     for name, values in here.trajectory.to_arrays().items():
         np.testing.assert_array_equal(getattr(stored.trajectory, name), values)
-    assert stored.log is not None
-    assert here.log is not None
-    np.testing.assert_array_equal(stored.log.iterations, here.log.iterations)
+    assert stored.decisions is not None
+    assert here.decisions is not None
+    np.testing.assert_array_equal(stored.decisions.iterations, here.decisions.iterations)
 
     # The same again: nothing is computed but the failed run, which gets another chance.
     outcome, _, notes = run_study(path, store, embedded)

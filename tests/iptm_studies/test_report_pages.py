@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError, StoreError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_studies.campaign import Campaign, plan_campaign
-from iptm_studies.closed_loop import DecisionLog
 from iptm_studies.execution import survey
 from iptm_studies.expected_time import ExpectedTimes
 from iptm_studies.report import build_report
@@ -69,7 +69,10 @@ def made_run(key: str, inputs: RunInputs) -> FinishedRun:
     rng = np.random.default_rng(int(key[:12], 16))
     ticks = inputs.ticks
     whole = inputs.spec.kind is RunKind.WHOLE_TRIP
-    log = DecisionLog(
+    decisions = DecisionSeries(
+        time_s=np.arange(float(ticks)),
+        objective=np.zeros(ticks),
+        preview_age_s=np.zeros(ticks),
         status=np.zeros(ticks, dtype=np.int64),
         rung=np.zeros(ticks, dtype=np.int64),
         iterations=np.full(ticks, 5),
@@ -85,7 +88,7 @@ def made_run(key: str, inputs: RunInputs) -> FinishedRun:
     )
     return FinishedRun(
         trajectory=made_trip(inputs, rng),
-        log=None if whole else log,
+        decisions=None if whole else decisions,
         whole_trip=WholeTripRecord(True, solves, 0.0, 0.0, 0.0) if whole else None,
         wall=WallTimes(0.5, 2.0),
         compiled=True,
@@ -104,7 +107,7 @@ def filled(store: ResultStore, names: list[str]) -> None:
                 "2026-01-01T00:00:00+00:00",
             )
             store.save(run)
-            campaign.finish(planned.key, run.summary)
+            campaign.finish(planned.key, run.metrics)
 
 
 def surveyed(store: ResultStore) -> Campaign:

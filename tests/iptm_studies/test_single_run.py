@@ -18,10 +18,10 @@ def assert_same(one: FinishedRun, other: FinishedRun) -> None:
         np.testing.assert_array_equal(
             getattr(one.trajectory, name), getattr(other.trajectory, name), err_msg=name
         )
-    assert one.log is not None
-    assert other.log is not None
-    np.testing.assert_array_equal(one.log.iterations, other.log.iterations)
-    np.testing.assert_array_equal(one.log.status, other.log.status)
+    assert one.decisions is not None
+    assert other.decisions is not None
+    np.testing.assert_array_equal(one.decisions.iterations, other.decisions.iterations)
+    np.testing.assert_array_equal(one.decisions.status, other.decisions.status)
 
 
 def test_earlier_runs_leave_no_trace(short_inputs: RunInputs, short_run: FinishedRun) -> None:
@@ -66,7 +66,7 @@ def test_a_whole_trip(short_inputs: RunInputs) -> None:
     signs: list[None] = []
     finished = perform_run(resolve_inputs(spec), lambda: signs.append(None))
     record = finished.whole_trip
-    assert finished.log is None
+    assert finished.decisions is None
     assert record is not None
     assert record.settled
     assert len(signs) == 40 + len(record.solves)

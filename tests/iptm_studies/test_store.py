@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from iptm_core.errors import StoreError
+from iptm_core.metrics import figure_values
 from iptm_studies import store as store_module
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.single_run import FinishedRun, WholeTripRecord, WholeTripSolve
@@ -33,10 +34,10 @@ def assert_same(found: StoredRun, run: StoredRun) -> None:
     assert found.whole_trip == run.whole_trip
     for name, values in run.trajectory.to_arrays().items():
         np.testing.assert_array_equal(getattr(found.trajectory, name), values)
-    assert (found.log is None) == (run.log is None)
-    if run.log is not None:
+    assert (found.decisions is None) == (run.decisions is None)
+    if run.decisions is not None:
         for name in LOG_COLUMNS:
-            before, after = getattr(run.log, name), getattr(found.log, name)
+            before, after = getattr(run.decisions, name), getattr(found.decisions, name)
             assert after.dtype == before.dtype
             np.testing.assert_array_equal(after, before)
 
@@ -49,19 +50,19 @@ def test_a_run_comes_back_bit_by_bit(store: ResultStore, run: StoredRun) -> None
     assert store.keys() == (run.key,)
     assert [entry.name for entry in store.folder.iterdir()] == [path.name]
     assert_same(store.load(run.key), run)
-    assert store.load(run.key).summary == run.summary
+    assert store.load(run.key).metrics == run.metrics
     assert read_spec(path) == run.spec
 
 
 def test_a_whole_trip_has_no_log(store: ResultStore, run: StoredRun) -> None:
     solve = WholeTripSolve("numerical_error", 3, 1.5, None, 0.25, 12.0)
     record = WholeTripRecord(False, (solve, solve), 0.0, 0.5, 0.0)
-    whole = replace(run, log=None, whole_trip=record)
+    whole = replace(run, decisions=None, whole_trip=record)
     store.save(whole)
     found = store.load(run.key)
     assert_same(found, whole)
-    assert found.summary.solver is None
-    assert found.summary.values()["fallbacks"] is None
+    assert found.metrics.decisions is None
+    assert "fallbacks" not in figure_values(found.metrics)
 
 
 def test_other_tools_read_the_file(store: ResultStore, run: StoredRun) -> None:
