@@ -167,7 +167,7 @@ def _milliseconds(outcomes: list[Outcome]) -> np.ndarray[tuple[int, ...], np.dty
 
 
 def table(summaries: Sequence[ContenderSummary]) -> str:
-    """Markdown table of a replay."""
+    """Return the Markdown table of a replay."""
     header = (
         "| solver | median ms | p99 ms | max ms | wall median / p99 ms | iterations median / p99 / max "
         "| not converged | unusable | other optimum | KKT residual median / worst "

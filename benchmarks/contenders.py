@@ -63,7 +63,7 @@ class Contender:
 
 
 def build_contender(name: str, horizon: Horizon, parameters: ModelParameters) -> Contender:
-    """Set a contender up for a grid.
+    """Return a contender for a grid.
 
     Raises:
         ScenarioError: the name is unknown.
@@ -90,7 +90,7 @@ def build_contender(name: str, horizon: Horizon, parameters: ModelParameters) ->
 
 
 def build_any_solver(name: str, horizon: Horizon, parameters: ModelParameters) -> SolverBackend:
-    """Set a solver of the product or one to compare with up, by the name of its contender.
+    """Return a solver of the product or one to compare with, by the name of its contender.
 
     Raises:
         SolverSetupError: the set-up fails.
@@ -122,4 +122,4 @@ def _peer(name: str, horizon: Horizon, parameters: ModelParameters) -> Contender
 
 
 def _nothing() -> None:
-    """Nothing is carried over."""
+    """Do nothing: there is nothing to forget."""

@@ -71,7 +71,7 @@ def measure(grids: Sequence[str], solvers: Sequence[str], count: int) -> dict[st
 
 
 def _fit(rows: Sequence[dict[str, Any]], solver: str) -> dict[str, float]:
-    """Straight line of the time per iteration over the nodes, with the exponent of a power law."""
+    """Fit a straight line and a power law to the time per iteration over the nodes."""
     own = [row for row in rows if row["solver"] == solver]
     nodes = np.array([row["nodes"] for row in own], dtype=float)
     times = np.array([row["ms_per_iteration"] for row in own])

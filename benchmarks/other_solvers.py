@@ -50,7 +50,7 @@ class SqpBackend(NlpsolBackend):
 
 
 def build_other_solver(problem: OptimalControlProblem, options: SolverOptions) -> NlpsolBackend:
-    """Set a solver up that is not part of the product.
+    """Return a solver that is not part of the product.
 
     Raises:
         SolverSetupError: unknown name, or the set-up fails.

@@ -205,7 +205,7 @@ class OptiPeer:
 
 
 def _step_function(kind: StageKind, problem: OptimalControlProblem) -> ca.Function:
-    """One step: state, inputs, samples and weights to state at its end, cost and outlet temperature."""
+    """Return one step: state, inputs, samples and weights to its end state, cost and outlet temperature."""
     x, a, kilowatt = ca.SX.sym("x", MOTION), ca.SX.sym("a"), ca.SX.sym("p_cp")
     step_s, count, parameters = kind.step_s, kind.samples, problem.model
     samples = ca.SX.sym("samples", layout.SAMPLE_PARAMETERS * count)

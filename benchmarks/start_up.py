@@ -67,7 +67,7 @@ class Start:
 
 
 def scripted_messages() -> dict[Topic, Any]:
-    """The state at the start of a trip, and what the bridge says then."""
+    """Return the messages of the state at the start of a trip, and of the bridge."""
     parameters = load_parameters().values
     route = build_route("wltc_class3b", initial_gap_m=parameters.gap.initial_gap_m)
     source = CycleSource(route)

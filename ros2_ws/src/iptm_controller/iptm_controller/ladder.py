@@ -45,7 +45,7 @@ class FallbackLadder:
         return plan if plan is not None and plan.covers(time_s) else None
 
     def accept(self, plan: Plan) -> tuple[Rung, Command]:
-        """A usable plan was found: back to the top."""
+        """Go back to the top: a usable plan was found."""
         self._last_good = plan
         self._failures = 0
         return Rung.OPTIMAL, plan.command_at(plan.start_s)
@@ -53,7 +53,7 @@ class FallbackLadder:
     def fall_back(
         self, state: VehicleState | None, leader: LeaderState | None
     ) -> tuple[Rung, Command]:
-        """No usable plan at this tick.
+        """Choose the rung of a tick without a usable plan.
 
         Args:
             state: measured state, None if it cannot be trusted.

@@ -39,11 +39,11 @@ class Plan:
     inputs: FloatArray
 
     def covers(self, time_s: float) -> bool:
-        """Whether a trip time lies inside the plan."""
+        """Return whether a trip time lies inside the plan."""
         return 0.0 <= time_s - self.start_s < float(self.node_times_s[-1])
 
     def command_at(self, time_s: float) -> Command:
-        """The planned inputs of the step that holds at a trip time; the last step is held on."""
+        """Return the planned inputs of the step that holds at a trip time; the last step is held on."""
         elapsed = time_s - self.start_s
         step = int(np.searchsorted(self.node_times_s, elapsed + 1e-9, side="right")) - 1
         step = min(max(step, 0), self.inputs.shape[0] - 1)
@@ -95,7 +95,7 @@ class PlanShifter:
         self._nodes_s = horizon.node_times_s
 
     def cold_start(self, state: VehicleState) -> Plan:
-        """A plan that brakes to a stop at most gently and leaves the compressor as it is."""
+        """Return a plan that keeps speed and compressor power as they are."""
         steps = self._horizon.steps
         inputs = np.zeros((steps, layout.INPUTS))
         inputs[:, InputIndex.COMPRESSOR_POWER] = state.compressor_power_w
@@ -105,7 +105,7 @@ class PlanShifter:
         return self._roll_out(state, inputs, temperatures)
 
     def shift(self, plan: Plan, state: VehicleState) -> Plan:
-        """The plan as seen from a later state."""
+        """Return the plan as seen from a later state."""
         moved_s = state.time_s - plan.start_s
         inputs = self._average_inputs(plan.inputs, moved_s)
         times = np.minimum(self._nodes_s + moved_s, self._nodes_s[-1])
@@ -150,7 +150,7 @@ class PlanShifter:
 
 
 def sample_positions_m(plan: Plan, sample_times_s: FloatArray) -> FloatArray:
-    """Planned absolute positions at times relative to the plan's start."""
+    """Return planned absolute positions at times relative to the plan's start."""
     steps = np.clip(
         np.searchsorted(plan.node_times_s, sample_times_s, side="right") - 1,
         0,

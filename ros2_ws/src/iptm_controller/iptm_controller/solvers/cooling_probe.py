@@ -1,8 +1,8 @@
-"""A second start for the one place where the problem has two valleys: compressor off or on.
+"""A second start for the one place where the problem has two local minima: compressor off or on.
 
 A compressor that is off cools nothing, and the chiller map is flat there: "off" is a stationary point
 even when cooling would pay, for example when a temperature limit is about to break. A solver started
-from an off plan stays in that valley. Whenever the plan leaves the compressor off, this back end also
+from an off plan stays at that minimum. Whenever the plan leaves the compressor off, this back end also
 tries a plan that starts it, if a temperature limit is violated, if the first solve failed, and at the first
 and every few further ticks in any case; the better plan wins.
 """

@@ -190,7 +190,7 @@ class NlpsolBackend:
             arguments[bound][: layout.STATES] = data.initial_state
 
     def _can_start(self, data: ProblemData, guess: FloatArray) -> bool:
-        """Whether the solver can begin: Fatrop regularises forever if its first matrix is not finite."""
+        """Return whether the solver can begin: some regularise forever if the first matrix is not finite."""
         given, results = self._problem.arguments, self._problem.results
         given["x"][:] = guess
         given["x"][: layout.STATES] = data.initial_state
@@ -202,7 +202,7 @@ class NlpsolBackend:
             return math.isfinite(sum(float(array.sum()) for array in arrays))
 
     def _affordable_cap(self) -> int:
-        """The largest bound on the iterations that fits the time limit."""
+        """Return the largest bound on the iterations that fits the time limit."""
         caps = sorted(self._solvers)
         deadline_s = self._options.deadline_s
         if deadline_s <= 0.0 or self._iteration_s <= 0.0:
@@ -230,5 +230,5 @@ class NlpsolBackend:
 
 
 def _largest_violation(values: FloatArray, low: FloatArray, high: FloatArray) -> float:
-    """Largest distance to the bounds; not a number if one of the values is not."""
+    """Return the largest violation of the bounds; not a number if one of the values is not."""
     return float(np.max([low - values, values - high], initial=0.0))

@@ -247,7 +247,7 @@ class RiccatiMethod:
     def _line_search(
         self, point: FilterPoint, summary: StepSummary, mu: float, search_filter: LineSearchFilter
     ) -> int | None:
-        """Backtrack until a trial point is accepted; the number of trials, or None without one."""
+        """Backtrack until a trial point is accepted; return the number of trials, None if none is."""
         self._trial_point.arguments["mu"][0] = mu
         slope = summary.cost_slope_affine + mu * summary.cost_slope_centring
         slope -= mu * (summary.log_slope_affine + mu * summary.log_slope_centring)

@@ -16,6 +16,7 @@ import numpy as np
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.layout import BLOCK
 from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.solvers.buffered import named_function
 from iptm_controller.solvers.riccati.line_search import FilterPoint
 from iptm_controller.solvers.riccati.recursion import LOWER, PARTS, backward_step, forward_step
 from iptm_controller.solvers.riccati.stage_system import StageSystem, common_sparsity
@@ -79,7 +80,7 @@ class _Builder:
         self._p = ca.MX.sym("p", self._grid.parameter_count)
 
     def starting_point(self) -> ca.Function:
-        """First iterate: z from the barrier, soft slacks as their penalties would have them."""
+        """Return the first iterate: z from the barrier, soft slacks as their penalties would have them."""
         mu, relax, guess = ca.MX.sym("mu"), ca.MX.sym("relax"), self._iterate["w"]
         prices = np.outer(astuple(self._penalties), self._grid.horizon.step_lengths_s)
         table = ca.reshape(guess[: BLOCK * self._steps], BLOCK, self._steps)
@@ -99,7 +100,7 @@ class _Builder:
         )
         inequalities, residual, cost = self._evaluate(w)
         s = ca.vertcat(ca.fmax(inequalities[: -layout.SLACKS, :], LEAST_SLACK), soft_slacks)
-        return _function(
+        return named_function(
             "starting_point",
             {"guess": guess, "p": self._p, "mu": mu, "relax": relax},
             {
@@ -111,7 +112,7 @@ class _Builder:
         )
 
     def search_direction(self) -> ca.Function:
-        """Newton step by one factorisation, in its two parts, with the norms at its start."""
+        """Return the Newton step by one factorisation, in its two parts, with the norms at its start."""
         steps = self._steps
         delta = ca.MX.sym("delta")
         lam, s, z = (ca.reshape(self._iterate[name], -1, steps) for name in ("lam", "s", "z"))
@@ -204,7 +205,7 @@ class _Builder:
             for name, parts in zip(ITERATE, (dw, dlam, ds, dz), strict=True)
             for part in PARTS
         }
-        return _function(
+        return named_function(
             "search_direction",
             {**self._iterate_arguments(), "delta": delta},
             {**step, "summary": _pack(StepSummary, summary)},
@@ -230,7 +231,7 @@ class _Builder:
         inequalities, residual, cost = self._evaluate(w)
         # Slack reset: a slack below its constraint costs barrier objective and violation for nothing.
         s = ca.fmax(ca.reshape(own["s"] + length * step["s"], -1, self._steps), inequalities)
-        return _function(
+        return named_function(
             "trial_point",
             {**self._iterate_arguments(), **parts, "mu": mu, "backtracking": backtracking},
             {
@@ -294,20 +295,10 @@ def _pack(fields: type[NamedTuple], values: Mapping[str, ca.MX]) -> ca.MX:
 
 
 def _interleave(dx_next: ca.MX, du: ca.MX) -> ca.MX:
-    """Steps of states and inputs in the order of the variables; x_0 does not move."""
+    """Return steps of states and inputs in the order of the variables; x_0 does not move."""
     dx = ca.horzcat(ca.MX.zeros(layout.STATES, 1), dx_next[:, :-1])
     return ca.vertcat(ca.vec(ca.vertcat(dx, du)), dx_next[:, -1])
 
 
 def _reverse(matrix: ca.MX) -> ca.MX:
     return matrix[:, ::-1]
-
-
-def _function(name: str, arguments: dict[str, ca.MX], results: dict[str, ca.MX]) -> ca.Function:
-    return ca.Function(
-        name,
-        list(arguments.values()),
-        list(results.values()),
-        list(arguments),
-        list(results),
-    )

@@ -13,6 +13,7 @@ from __future__ import annotations
 import casadi as ca
 
 from iptm_controller.ocp import layout
+from iptm_controller.solvers.buffered import named_function
 from iptm_controller.solvers.riccati.stage_system import StageSparsity
 
 SMALLEST_PIVOT = 1e-6
@@ -131,7 +132,7 @@ def backward_step(sparsity: StageSparsity) -> ca.Function:
         "k_affine": k_affine,
         "k_centring": k_centring,
     }
-    return _function("riccati_backward", arguments, results)
+    return named_function("riccati_backward", arguments, results, cse=True)
 
 
 def forward_step(sparsity: StageSparsity) -> ca.Function:
@@ -196,15 +197,4 @@ def forward_step(sparsity: StageSparsity) -> ca.Function:
     results = {
         f"{name}_{part}": value for name, parts in steps.items() for part, value in parts.items()
     }
-    return _function("riccati_forward", arguments, results)
-
-
-def _function(name: str, arguments: dict[str, ca.SX], results: dict[str, ca.SX]) -> ca.Function:
-    return ca.Function(
-        name,
-        list(arguments.values()),
-        list(results.values()),
-        list(arguments),
-        list(results),
-        {"cse": True},
-    )
+    return named_function("riccati_forward", arguments, results, cse=True)

@@ -17,10 +17,8 @@ import numpy as np
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.problem import stage_bounds
 from iptm_controller.ocp.stage import StageExpressions
+from iptm_controller.solvers.buffered import named_function
 from iptm_core.parameters.model import LimitParameters
-
-POINT = ("x", "u", "x_next", "p", "g")
-"""Where a stage function is evaluated: stage variables, next state, step and global parameters."""
 
 
 @dataclass(frozen=True)
@@ -121,9 +119,9 @@ class StageSystem:
             name: name of the function.
 
         Returns:
-            Function of ``POINT``, lam (of x), lam_next (of x_next), s and z. The condensed gradient is
-            ``gradient_affine + mu gradient_centring``; residuals are ``F - x_next`` and ``c - s``; norms of
-            the optimality conditions are infinity norms where they are not said to be sums.
+            Function of ``x, u, x_next, p, g``, lam (of x), lam_next (of x_next), s and z. The condensed
+            gradient is ``gradient_affine + mu gradient_centring``; residuals are ``F - x_next`` and
+            ``c - s``; norms are infinity norms where they are not said to be sums.
         """
         stage = self._stage
         x_next = ca.SX.sym("x_next", layout.STATES)
@@ -160,17 +158,17 @@ class StageSystem:
             "z_sum": ca.sum1(self._z),
             "lam_sum": ca.norm_1(lam),
         }
-        return ca.Function(
-            name,
-            [*self._point(x_next), lam, self._lam_next, self._s, self._z],
-            list(results.values()),
-            [*POINT, "lam", "lam_next", "s", "z"],
-            list(results),
-            {"cse": True},
-        )
+        arguments = {
+            **self._point(x_next),
+            "lam": lam,
+            "lam_next": self._lam_next,
+            "s": self._s,
+            "z": self._z,
+        }
+        return named_function(name, arguments, results, cse=True)
 
     def least_soft_slacks(self, name: str) -> ca.Function:
-        """Return a function of ``POINT``: the smallest slacks of u that keep every soft limit.
+        """Return a function of ``x, u, x_next, p, g``: smallest slacks of u that keep the soft limits.
 
         The slacks of u itself and the next state are ignored.
         """
@@ -183,25 +181,27 @@ class StageSystem:
             rows = softens.row()[softens.colind()[column] : softens.colind()[column + 1]]
             least.append(ca.fmax(0.0, ca.mmax(-unsoftened[rows])))
         point = self._point(ca.SX.sym("x_next", layout.STATES))
-        return ca.Function(
-            name, point, [ca.vertcat(*least)], list(POINT), ["soft_slacks"], {"cse": True}
-        )
+        return named_function(name, point, {"soft_slacks": ca.vertcat(*least)}, cse=True)
 
     def evaluate(self, name: str) -> ca.Function:
-        """Return a function of ``POINT``: inequality constraints c, residual of the dynamics and cost."""
+        """Return a function of ``x, u, x_next, p, g``: constraints c, residual of the dynamics, cost."""
         x_next = ca.SX.sym("x_next", layout.STATES)
-        return ca.Function(
-            name,
-            self._point(x_next),
-            [self._inequalities, self._stage.next_state - x_next, self._stage.cost],
-            list(POINT),
-            ["inequalities", "dynamics_residual", "cost"],
-            {"cse": True},
-        )
+        results = {
+            "inequalities": self._inequalities,
+            "dynamics_residual": self._stage.next_state - x_next,
+            "cost": self._stage.cost,
+        }
+        return named_function(name, self._point(x_next), results, cse=True)
 
-    def _point(self, x_next: ca.SX) -> list[ca.SX]:
+    def _point(self, x_next: ca.SX) -> dict[str, ca.SX]:
         stage = self._stage
-        return [stage.state, stage.inputs, x_next, stage.step_parameters, stage.global_parameters]
+        return {
+            "x": stage.state,
+            "u": stage.inputs,
+            "x_next": x_next,
+            "p": stage.step_parameters,
+            "g": stage.global_parameters,
+        }
 
 
 def common_sparsity(systems: Sequence[StageSystem]) -> StageSparsity:
