@@ -52,7 +52,7 @@ def measure(grids: Sequence[str], solvers: Sequence[str], count: int) -> dict[st
             # The first problem starts cold, and the caches are cold as well.
             kept = outcomes[1:] or outcomes
             times = 1e3 * np.array([outcome.elapsed.processor_s for outcome in kept])
-            iterations = np.array([outcome.iterations for outcome in kept])
+            iterations = np.array([outcome.result.iterations for outcome in kept])
             rows.append(
                 {
                     "solver": name,

@@ -8,10 +8,10 @@ stage structure, stage-wise mapped derivatives and compiled code.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
@@ -26,7 +26,8 @@ from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, Sta
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import NOT_ASKED_FOR_M
 from iptm_controller.solvers.factory import build_plain_solver
-from iptm_controller.solvers.interface import SolverOptions
+from iptm_controller.solvers.interface import SolveResult, SolverOptions
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
@@ -43,27 +44,11 @@ WARM_K = 303.15
 MOTION = 4  # position, speed and the two cell temperatures
 
 
-@dataclass(frozen=True)
-class PeerAnswer:
-    """What the peer found.
-
-    Attributes:
-        succeeded: IPOPT's own word.
-        variables: solution in the controller's order and scaling.
-        objective: cost.
-        iterations: IPOPT's iterations.
-        time_s: wall time.
-    """
-
-    succeeded: bool
-    variables: FloatArray
-    objective: float
-    iterations: int
-    time_s: float
-
-
 class OptiPeer:
-    """The problem of one grid in Opti."""
+    """The problem of one grid in Opti; see ``SolverBackend``."""
+
+    name = "peer"
+    compiled = False
 
     def __init__(
         self,
@@ -168,7 +153,7 @@ class OptiPeer:
         opti.minimize(cost)
         self._cost = cost
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> PeerAnswer:
+    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
         """Solve one problem from the same shifted guess that the controller uses."""
         states, inputs = self._grid.split(guess)
         began = time.perf_counter()
@@ -185,12 +170,15 @@ class OptiPeer:
             for part in (self._states, self._acceleration, self._power, self._slacks)
         ]
         elapsed = time.perf_counter() - began
-        return PeerAnswer(
-            succeeded=bool(opti.stats()["success"]),
+        stats = opti.stats()
+        return SolveResult(
+            status=SolveStatus.SOLVED if stats["success"] else SolveStatus.NUMERICAL_ERROR,
+            reason=str(stats["return_status"]),
             variables=self._variables(data, values),
             objective=float(answer.value(self._cost)),
-            iterations=int(opti.stats()["iter_count"]),
+            iterations=int(stats["iter_count"]),
             time_s=elapsed,
+            infeasibility=math.nan,
         )
 
     def _variables(self, data: ProblemData, values: list[FloatArray]) -> FloatArray:

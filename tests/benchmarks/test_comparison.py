@@ -20,6 +20,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverOptions
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 
@@ -40,7 +41,7 @@ def test_the_peer_finds_the_same_optimum(problems: ProblemSet) -> None:
     for index in range(len(problems)):
         data, guess = problems.problem(index)
         theirs = peer.solve(data, guess)
-        assert theirs.succeeded
+        assert theirs.status is SolveStatus.SOLVED
         assert theirs.objective == pytest.approx(ours.solve(data, guess).objective, rel=1e-5)
         assert checker.residual(data, theirs.variables).worst < 1e-4
 

@@ -143,14 +143,6 @@ def test_second_start_never_asks_for_less_than_there_is(parameters: ModelParamet
     assert (powers_of(inner.guesses[1]) == 2000.0).all()
 
 
-def test_second_start_of_a_failed_solve_is_the_guess(parameters: ModelParameters) -> None:
-    broken = answer(SolveStatus.NUMERICAL_ERROR)
-    broken.variables[:] = np.nan
-    inner = Scripted(broken, answer(power_w=900.0))
-    probe(parameters, inner).solve(DATA, GUESS + 0.25)
-    assert np.isfinite(inner.guesses[1]).all()
-
-
 def test_neither_guess_nor_answer_is_written_to(parameters: ModelParameters) -> None:
     first = answer(temperature_slack_k=1.0)
     kept, guess = first.variables.copy(), GUESS.copy()

@@ -63,15 +63,6 @@ def test_full_preview_is_followed_exactly(
     assert forecast.known_s == HORIZON_S
 
 
-def test_a_preview_that_just_reaches_the_horizon_is_full(
-    forecaster: LeaderForecaster,
-    leader: LeaderState,
-    make_preview: Callable[..., LeaderPreview],
-) -> None:
-    forecast = forecaster.forecast(leader, make_preview(leader, length_s=HORIZON_S))
-    assert forecast.quality is PreviewQuality.FULL
-
-
 def test_short_preview_goes_on_at_its_last_speed(
     forecaster: LeaderForecaster,
     leader: LeaderState,
@@ -172,17 +163,6 @@ def test_going_back_in_time_starts_a_new_history(
     leader = make_leader(time_s=0.0)
     forecast = forecaster.forecast(leader, NONE_YET)
     assert forecast.motion.times_s.tolist() == [0.0]
-
-
-def test_the_same_tick_again_gives_the_same_forecast(
-    forecaster: LeaderForecaster,
-    leader: LeaderState,
-    make_preview: Callable[..., LeaderPreview],
-) -> None:
-    preview = make_preview(leader)
-    first = forecaster.forecast(leader, preview)
-    again = forecaster.forecast(leader, preview)
-    assert again.motion.times_s.tolist() == first.motion.times_s.tolist()
 
 
 def spoil(preview: LeaderPreview, name: str, index: int, value: float) -> LeaderPreview:

@@ -97,15 +97,6 @@ def test_plan_is_left_where_it_ends(
     assert ladder.fall_back(make_state(time_s=113.0), make_leader())[0] is Rung.SAFE_LAW
 
 
-def test_plan_of_an_earlier_trip_is_not_followed(
-    ladder: FallbackLadder,
-    make_state: Callable[..., VehicleState],
-    make_leader: Callable[..., LeaderState],
-) -> None:
-    ladder.accept(plan_from(100.0))
-    assert ladder.fall_back(make_state(time_s=0.0), make_leader())[0] is Rung.SAFE_LAW
-
-
 def test_without_a_plan_the_safe_law_comes_first(
     ladder: FallbackLadder,
     make_state: Callable[..., VehicleState],
@@ -131,17 +122,6 @@ def test_without_a_state_it_stops_whatever_else_is_known(
     assert rung is Rung.STOP
     assert command.acceleration_m_s2 < 0.0
     assert command.compressor_power_w == 0.0
-
-
-def test_a_tick_without_state_counts_as_failure(
-    ladder: FallbackLadder,
-    make_state: Callable[..., VehicleState],
-    make_leader: Callable[..., LeaderState],
-) -> None:
-    ladder.accept(plan_from(100.0))
-    for _ in range(3):
-        ladder.fall_back(None, None)
-    assert ladder.fall_back(make_state(time_s=104.0), make_leader())[0] is Rung.SAFE_LAW
 
 
 def test_rungs_can_be_left_out(

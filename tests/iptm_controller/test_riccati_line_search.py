@@ -22,10 +22,6 @@ def accepts(
     return search.accepts(trial, current, MU, slope, 1.0)
 
 
-def test_barrier_objective() -> None:
-    assert point(5.0, 0.0, log_sum=-2.0).barrier_objective(0.1) == pytest.approx(5.2)
-
-
 @pytest.mark.parametrize(
     ("cost", "violation", "accepted"),
     [

@@ -10,7 +10,6 @@ from iptm_controller.solvers.riccati.recursion import (
     SMALLEST_PIVOT,
     cholesky_solve,
     modified_cholesky,
-    symmetric,
 )
 from iptm_core.state import FloatArray
 
@@ -70,10 +69,3 @@ def test_as_many_pivots_are_corrected_as_there_are_negative_ones() -> None:
     _, pivots, corrected, _ = factor(np.diag([1.0, -2.0, 3.0, -0.5, 0.0]), np.ones((SIZE, 1)))
     assert corrected == 3.0
     np.testing.assert_allclose(pivots, [1.0, 2.0, 3.0, 0.5, SMALLEST_PIVOT])
-
-
-def test_the_lower_triangle_is_enough() -> None:
-    matrix = random_symmetric(3)
-    symbol = ca.SX.sym("A", ca.Sparsity.lower(SIZE))
-    full = ca.Function("full", [symbol], [symmetric(symbol)])(ca.tril(ca.DM(matrix)))
-    np.testing.assert_allclose(full.full(), matrix)

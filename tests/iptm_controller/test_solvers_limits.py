@@ -100,18 +100,6 @@ def test_an_emergency_brakes_as_fast_as_the_jerk_limit_permits(
     assert plan.slacks.gap_m > 0.1
 
 
-def test_a_full_start_is_limited_by_jerk(
-    parameters: ModelParameters,
-    plain_solver: Solvers,
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
-) -> None:
-    measured = make_scene(speed_m_s=5.0, leader_speed_m_s=15.0, gap_m=100.0)
-    plan = solve(plain_solver("3x1+5x5"), problem_of, measured, "3x1+5x5", "aging")
-    expect_hard_limits(plan, measured, parameters)
-    np.testing.assert_allclose(plan.inputs[:3, 0], [0.5, 1.0, 1.5], atol=1e-3)
-
-
 def test_a_leader_that_is_lost_costs_the_long_gap(
     plain_solver: Solvers, problem_of: Pose, make_scene: Callable[..., Measurements]
 ) -> None:
