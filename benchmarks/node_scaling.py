@@ -6,19 +6,16 @@ replayed. The time per iteration is fitted by a straight line through all grids 
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.contenders import build_contender
 from benchmarks.record_problems import record_problems
-from benchmarks.report_files import finish
+from benchmarks.report_files import run_benchmark
 from iptm_controller.horizon import Horizon
-from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 
 GRIDS = ("15x1", "60x1", "200x1", "500x1", "1000x1")
@@ -95,20 +92,16 @@ def _fit(rows: Sequence[dict[str, Any]], solver: str) -> dict[str, float]:
     }
 
 
+OPTIONS = {
+    "grids": (GRIDS, "grids, repeatable"),
+    "solvers": (SOLVERS, "contenders, repeatable"),
+    "count": (15, "problems per grid"),
+}
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="node_scaling", description=__doc__)
-    parser.add_argument("--grid", action="append", help=f"default: {', '.join(GRIDS)}")
-    parser.add_argument("--solver", action="append", help=f"default: {', '.join(SOLVERS)}")
-    parser.add_argument("--count", type=int, default=15, help="problems per grid (%(default)s)")
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    given = parser.parse_args(arguments)
-    try:
-        numbers = measure(given.grid or GRIDS, given.solver or SOLVERS, given.count)
-    except IptmError as error:
-        print(f"node_scaling: {error}", file=sys.stderr)
-        return 2
-    return finish(numbers, given.json)
+    return run_benchmark("node_scaling", __doc__, measure, OPTIONS, arguments)
 
 
 if __name__ == "__main__":

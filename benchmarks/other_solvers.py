@@ -36,7 +36,7 @@ class SqpBackend(NlpsolBackend):
     def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
         """Solve one problem; see ``SolverBackend``."""
         result = super().solve(data, guess)
-        (solver,) = self._solvers.values()
+        solver = self._solver
         for start, found in (("lam_x0", "lam_x"), ("lam_g0", "lam_g")):
             keep = result.status is SolveStatus.SOLVED
             solver.arguments[start][:] = solver.results[found] if keep else 0.0
@@ -44,9 +44,8 @@ class SqpBackend(NlpsolBackend):
 
     def forget(self) -> None:
         """Drop the multipliers, as at the start of a trip."""
-        for solver in self._solvers.values():
-            solver.arguments["lam_x0"][:] = 0.0
-            solver.arguments["lam_g0"][:] = 0.0
+        for start in ("lam_x0", "lam_g0"):
+            self._solver.arguments[start][:] = 0.0
 
 
 def build_other_solver(problem: OptimalControlProblem, options: SolverOptions) -> NlpsolBackend:
@@ -58,29 +57,27 @@ def build_other_solver(problem: OptimalControlProblem, options: SolverOptions) -
     if options.name == FATROP:
         return NlpsolBackend(_fatrop_plugin(problem.grid.steps, options), problem, options)
     if options.name in OTHER_SOLVER_NAMES:
-        return SqpBackend(_sqp_plugin(options.name.removeprefix("sqp_")), problem, options)
+        plugin = _sqp_plugin(options.name.removeprefix("sqp_"), options.max_iterations)
+        return SqpBackend(plugin, problem, options)
     raise SolverSetupError(f"solver is '{options.name}'; allowed: {', '.join(OTHER_SOLVER_NAMES)}")
 
 
 def _fatrop_plugin(steps: int, options: SolverOptions) -> Plugin:
     """Return Fatrop with the stage structure of a horizon."""
-
-    def plugin_options(max_iterations: int) -> dict[str, Any]:
-        return {
-            "structure_detection": "manual",
-            "N": steps,
-            "nx": [layout.STATES] * (steps + 1),
-            "nu": [layout.INPUTS] * steps + [0],
-            "ng": [layout.LIMITS] * steps + [0],
-            "equality": ([True] * layout.STATES + [False] * layout.LIMITS) * steps,
-            "fatrop": {
-                "print_level": 0,
-                "tol": options.tolerance,
-                "max_iter": max_iterations,
-                "mu_init": options.initial_barrier,
-            },
-        }
-
+    settings: dict[str, Any] = {
+        "structure_detection": "manual",
+        "N": steps,
+        "nx": [layout.STATES] * (steps + 1),
+        "nu": [layout.INPUTS] * steps + [0],
+        "ng": [layout.LIMITS] * steps + [0],
+        "equality": ([True] * layout.STATES + [False] * layout.LIMITS) * steps,
+        "fatrop": {
+            "print_level": 0,
+            "tol": options.tolerance,
+            "max_iter": options.max_iterations,
+            "mu_init": options.initial_barrier,
+        },
+    }
     signature = {
         "nlp_f": ("f",),
         "nlp_g": ("g",),
@@ -88,33 +85,26 @@ def _fatrop_plugin(steps: int, options: SolverOptions) -> Plugin:
         "nlp_jac_g": ("g", "jac_g_x"),
         "nlp_hess_l": ("grad_gamma_x", "hess_gamma_x_x"),
     }
-    return Plugin(FATROP, FATROP, signature, plugin_options)
+    return Plugin(FATROP, FATROP, signature, settings)
 
 
-def _sqp_plugin(qp_solver: str) -> Plugin:
+def _sqp_plugin(qp_solver: str, max_iterations: int) -> Plugin:
     """Return CasADi's SQP method with one of ``QP_SOLVERS``."""
-
-    def plugin_options(max_iterations: int) -> dict[str, Any]:
-        return {
-            "qpsol": qp_solver,
-            "qpsol_options": {
-                "error_on_fail": False,
-                "print_time": False,
-                **QP_SOLVERS[qp_solver],
-            },
-            "convexify_strategy": "eigen-clip",
-            "convexify_margin": SQP_SMALLEST_EIGENVALUE,
-            "tol_du": SQP_DUAL_TOLERANCE,
-            "tol_pr": SQP_PRIMAL_TOLERANCE,
-            "max_iter": max_iterations,
-            "print_header": False,
-            "print_iteration": False,
-            "print_status": False,
-        }
-
+    settings: dict[str, Any] = {
+        "qpsol": qp_solver,
+        "qpsol_options": {"error_on_fail": False, "print_time": False, **QP_SOLVERS[qp_solver]},
+        "convexify_strategy": "eigen-clip",
+        "convexify_margin": SQP_SMALLEST_EIGENVALUE,
+        "tol_du": SQP_DUAL_TOLERANCE,
+        "tol_pr": SQP_PRIMAL_TOLERANCE,
+        "max_iter": max_iterations,
+        "print_header": False,
+        "print_iteration": False,
+        "print_status": False,
+    }
     signature = {
         "nlp_fg": ("f", "g"),
         "nlp_jac_fg": ("f", "grad_f_x", "g", "jac_g_x"),
         "nlp_hess_l": ("hess_gamma_x_x",),
     }
-    return Plugin(f"sqp_{qp_solver}", "sqpmethod", signature, plugin_options)
+    return Plugin(f"sqp_{qp_solver}", "sqpmethod", signature, settings)
