@@ -22,7 +22,7 @@ MODULE = "iptm_controller.node"
         ({"strategy": "aging", "aging_weight": 0.0}, "every weight is zero"),
         ({"parameter_set": "no_such_set"}, "no_such_set"),
         ({"parameter_overrides": "body.mass_kg=heavy"}, "body.mass_kg=heavy"),
-        ({"horizn": "3x1"}, "did you mean horizon?"),
+        ({"horizn": "3x1"}, "did you mean 'horizon'?"),
     ],
 )
 def test_user_mistake_is_one_line_and_exit_code_2(

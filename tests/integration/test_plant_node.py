@@ -349,7 +349,7 @@ def test_stops_cleanly_on_signals(
         ({"parameter_set": "no_such_set"}, "no_such_set"),
         ({"parameter_overrides": "body.mass_kg=-3"}, "body.mass_kg"),
         ({"expected_peers": -1}, "parameter expected_peers is -1"),
-        ({"rate_factr": 2.0}, "did you mean rate_factor?"),
+        ({"rate_factr": 2.0}, "did you mean 'rate_factor'?"),
     ],
 )
 def test_user_mistake_is_one_line_and_exit_code_2(

@@ -206,8 +206,8 @@ def test_diagnostics_count_dropouts_and_show_the_age(launcher: Any, ears: Ears) 
         ({"cycle": "absent.csv"}, "absent.csv"),
         ({"latency_s": -1.0}, "parameter latency_s is -1.0"),
         ({"noise_std_m_s": ".nan"}, "parameter noise_std_m_s"),
-        ({"preview_length_s": 2.0, "preview_step_s": 5.0}, "preview step is 5.0 s"),
-        ({"latnecy_s": 1.0}, "did you mean latency_s?"),
+        ({"preview_length_s": 2.0, "preview_step_s": 5.0}, "preview_step_s is 5.0 s; allowed: "),
+        ({"latnecy_s": 1.0}, "did you mean 'latency_s'?"),
     ],
 )
 def test_user_mistake_is_one_line_and_exit_code_2(

@@ -8,6 +8,7 @@ import pytest
 
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import RunMetrics
+from iptm_core.settings import PreviewMode
 from iptm_studies.campaign import Campaign, CaseState, plan_campaign
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.stored_run import StoredRun
@@ -85,7 +86,7 @@ def test_the_best_weights_are_taken(
     (new,) = campaign.take()
     assert new.address == "table/best_without_preview"
     assert new.inputs.spec.strategy.aging_weight == 2e7
-    assert new.inputs.spec.preview.mode == "none"
+    assert new.inputs.spec.preview.preview_mode is PreviewMode.NONE
     found = states(campaign)
     assert found["table/best"].key == second.key, "the best run itself, not computed again"
     assert found["table/best"].reason == ""
