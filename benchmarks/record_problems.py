@@ -18,9 +18,8 @@ from benchmarks.problem_sets import ProblemSet
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.solvers.backend import SolverBackend
-from iptm_controller.solvers.factory import SolverOptions, build_solver
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.solvers.factory import build_solver
+from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters

@@ -14,7 +14,7 @@ import iptm_bringup
 from iptm_bringup.composition import parameter_file_text
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.solvers.result import STATUS_TEXT
+from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters

@@ -13,10 +13,9 @@ from iptm_controller.controller import Controller, ControllerOptions, Decision, 
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import StateIndex
-from iptm_controller.solvers.backend import SolverBackend
 from iptm_controller.solvers.cooling_probe import CoolingProbe
-from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.solvers.factory import build_plain_solver
+from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M

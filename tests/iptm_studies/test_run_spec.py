@@ -43,7 +43,7 @@ def test_equal_runs_have_equal_text() -> None:
     ("changes", "complaint"),
     [
         ({"horizon": "15"}, "'15' cannot be read"),
-        ({"horizon": "3x5+5x1"}, "must not shrink"),
+        ({"horizon": "3x5+5x1"}, "do not shrink"),
         ({"tick_s": 0.0}, "tick_s is 0"),
         ({"tick_s": float("nan")}, "tick_s is nan"),
         ({"plant_step_s": -1.0}, "plant_step_s is -1"),

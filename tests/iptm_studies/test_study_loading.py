@@ -134,7 +134,7 @@ CASE = "title: t\ncases:\n  - name: a\n    run: {%s}\n"
         ("title: t\ndefaults: {horizn: 15x1}\ncases: [{name: a}]\n", "did you mean 'horizon'"),
         (CASE % "horizon: 15", "horizon is 15 .*; allowed: a text"),
         (CASE % "horizon: 15s", "'15s' cannot be read"),
-        (CASE % "strategy: agng", "strategy 'agng' is unknown"),
+        (CASE % "strategy: agng", "strategy is 'agng'"),
         (CASE % "strategy: 5", "strategy holds 5; allowed: a mapping"),
         (CASE % "strategy: {aging_weight: 1}", "'base' is missing"),
         (

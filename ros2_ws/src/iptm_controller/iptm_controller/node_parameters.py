@@ -8,9 +8,7 @@ from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
 from iptm_controller.ladder import LadderOptions
 from iptm_controller.settings import ControllerSettings, SolveSettings
-from iptm_controller.solvers.budget import SolveBudget
-from iptm_controller.solvers.factory import SolverOptions
-from iptm_controller.solvers.interior_point import InteriorPointOptions
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.declaration import parameter
 from iptm_core.settings import ModelSettings, SamplingSettings
@@ -78,8 +76,9 @@ class ControllerNodeParameters(SamplingSettings, ModelSettings, SolveSettings, C
             solver=SolverOptions(
                 name=self.solver,
                 compile_code=self.compile_code,
-                budget=SolveBudget(self.max_iterations, 1e-3 * self.deadline_ms),
-                interior_point=InteriorPointOptions(tolerance=self.tolerance),
+                max_iterations=self.max_iterations,
+                deadline_s=1e-3 * self.deadline_ms,
+                tolerance=self.tolerance,
             ),
             ladder=LadderOptions(self.shifted_plan_ticks, self.safe_law_ticks),
             max_preview_age_s=self.max_preview_age_s,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iptm_controller.horizon import MULTI_HORIZON
-from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions
+from iptm_controller.solvers.factory import SOLVER_NAMES
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.declaration import Settings, parameter
 
@@ -30,10 +31,10 @@ class SolveSettings(Settings):
     """Effort of one solve."""
 
     max_iterations: int = parameter(
-        _SOLVER.budget.max_iterations, "iterations of one solve at most", "", 1, 10000
+        _SOLVER.max_iterations, "iterations of one solve at most", "", 1, 10000
     )
     tolerance: float = parameter(
-        _SOLVER.interior_point.tolerance,
+        _SOLVER.tolerance,
         "optimality tolerance of the scaled problem",
         "",
         1e-10,
