@@ -5,22 +5,18 @@ The reference is IPOPT at 1e-8; energies and capacity losses should agree within
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report_files import finish
+from benchmarks.report_files import run_benchmark
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
-from iptm_controller.solvers.factory import SolverOptions
-from iptm_controller.solvers.interior_point import InteriorPointOptions
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import SolveStatus
-from iptm_core.errors import IptmError
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
@@ -34,7 +30,7 @@ KEYS = (
     "cell_1_degradation",
     "cell_n_degradation",
 )
-REFERENCE = SolverOptions(name="ipopt", interior_point=InteriorPointOptions(tolerance=1e-8))
+REFERENCE = SolverOptions(name="ipopt", tolerance=1e-8)
 
 
 def measure(cycle: str, horizon: str, strategy: str, duration_s: float | None) -> dict[str, Any]:
@@ -90,21 +86,17 @@ def measure(cycle: str, horizon: str, strategy: str, duration_s: float | None) -
     }
 
 
+OPTIONS = {
+    "cycle": ("wltc_class3b", "driving cycle"),
+    "horizon": ("3x1+5x5", "grid"),
+    "strategy": ("aging", "strategy"),
+    "duration_s": (None, "cut the trip, s"),
+}
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="closed_loop_equivalence", description=__doc__)
-    parser.add_argument("--cycle", default="wltc_class3b", help="driving cycle (%(default)s)")
-    parser.add_argument("--horizon", default="3x1+5x5", help="grid (%(default)s)")
-    parser.add_argument("--strategy", default="aging", help="strategy (%(default)s)")
-    parser.add_argument("--duration", type=float, help="cut the trip, s")
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    given = parser.parse_args(arguments)
-    try:
-        numbers = measure(given.cycle, given.horizon, given.strategy, given.duration)
-    except IptmError as error:
-        print(f"closed_loop_equivalence: {error}", file=sys.stderr)
-        return 2
-    return finish(numbers, given.json)
+    return run_benchmark("closed_loop_equivalence", __doc__, measure, OPTIONS, arguments)
 
 
 if __name__ == "__main__":

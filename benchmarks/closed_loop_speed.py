@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report_files import finish
+from benchmarks.report_files import quantiles, run_benchmark
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
 from iptm_controller.solvers.cooling_probe import CoolingProbe
-from iptm_controller.solvers.factory import SolverOptions
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import SolveStatus
-from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_plant_sim.plant import Plant
@@ -101,11 +98,11 @@ def measure(
             "rest": (processor_s - parts["decide"] - parts["plant"] - parts["bridge"])
             / processor_s,
         },
-        "decision_ms": _quantiles(1e3 * np.array(times["decide"])),
+        "decision_ms": quantiles(1e3 * np.array(times["decide"])),
         "solve_total_s": parts["solve"],
-        "solve_ms": _quantiles(solves),
-        "solve_wall_ms": _quantiles(1e3 * log.solve_time_s[np.isfinite(log.solve_time_s)]),
-        "iterations": _quantiles(log.iterations.astype(float)),
+        "solve_ms": quantiles(solves),
+        "solve_wall_ms": quantiles(1e3 * log.solve_time_s[np.isfinite(log.solve_time_s)]),
+        "iterations": quantiles(log.iterations.astype(float)),
         "statuses": dict(statuses),
         "fallback_ticks": int(np.count_nonzero(log.rung)),
         "unconverged": [
@@ -119,33 +116,18 @@ def measure(
     }
 
 
-def _quantiles(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> dict[str, float]:
-    if values.size == 0:
-        return {}
-    return {
-        "median": float(np.median(values)),
-        "p99": float(np.quantile(values, 0.99)),
-        "p99.9": float(np.quantile(values, 0.999)),
-        "max": float(values.max()),
-    }
+OPTIONS = {
+    "cycle": ("comprehensive", "driving cycle"),
+    "horizon": ("3x1+5x5", "grid"),
+    "strategy": ("aging", "strategy"),
+    "solver": ("riccati", "back end"),
+    "duration_s": (None, "cut the trip, s"),
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="closed_loop_speed", description=__doc__)
-    parser.add_argument("--cycle", default="comprehensive", help="driving cycle (%(default)s)")
-    parser.add_argument("--horizon", default="3x1+5x5", help="grid (%(default)s)")
-    parser.add_argument("--strategy", default="aging", help="strategy (%(default)s)")
-    parser.add_argument("--solver", default="riccati", help="back end (%(default)s)")
-    parser.add_argument("--duration", type=float, help="cut the trip, s")
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    given = parser.parse_args(arguments)
-    try:
-        numbers = measure(given.cycle, given.horizon, given.strategy, given.solver, given.duration)
-    except IptmError as error:
-        print(f"closed_loop_speed: {error}", file=sys.stderr)
-        return 2
-    return finish(numbers, given.json)
+    return run_benchmark("closed_loop_speed", __doc__, measure, OPTIONS, arguments)
 
 
 if __name__ == "__main__":

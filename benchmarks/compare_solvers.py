@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.contenders import CONTENDER_NAMES, PEER, Contender, Outcome, build_contender
+from benchmarks.contenders import CONTENDER_NAMES, PEER, Contender, TimedSolve, build_contender
+from benchmarks.kkt import KktChecker, KktResidual
 from benchmarks.problem_sets import Block, ProblemSet, spread_blocks
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.transcription import transcribe
-from iptm_controller.solvers.kkt import KktChecker, KktResidual
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_core.errors import IptmError, SolverSetupError
 from iptm_core.parameters import load_parameters
 
@@ -72,7 +72,7 @@ class ContenderSummary:
 
 @dataclass
 class _Series:
-    outcomes: list[Outcome] = field(default_factory=list)
+    outcomes: list[TimedSolve] = field(default_factory=list)
     residuals: list[KktResidual] = field(default_factory=list)
 
 
@@ -91,7 +91,7 @@ def compare(problems: ProblemSet, replay: Replay) -> list[ContenderSummary]:
     """
     horizon, parameters = Horizon.parse(problems.horizon), load_parameters().values
     contenders = [build_contender(name, horizon, parameters) for name in replay.contenders]
-    checker = KktChecker(transcribe(horizon, parameters), parameters.limits)
+    checker = KktChecker(OptimalControlProblem(horizon, parameters))
     series = {contender.name: _Series() for contender in contenders}
     blocks = spread_blocks(len(problems), replay.blocks, replay.block_length)
     for block in blocks:
@@ -107,22 +107,25 @@ def compare(problems: ProblemSet, replay: Replay) -> list[ContenderSummary]:
     return _summaries(series)
 
 
-def _take_turn(contender: Contender, problems: ProblemSet, block: Block) -> list[Outcome]:
+def _take_turn(contender: Contender, problems: ProblemSet, block: Block) -> list[TimedSolve]:
     contender.solve(*problems.problem(block.start))  # fills the caches
     contender.forget()
     return [contender.solve(*problems.problem(index)) for index in range(block.start, block.stop)]
 
 
-def _judge(checker: KktChecker, data: ProblemData, outcome: Outcome) -> KktResidual:
+def _judge(checker: KktChecker, data: ProblemData, outcome: TimedSolve) -> KktResidual:
     try:
-        return checker.residual(data, outcome.variables)
+        return checker.residual(data, outcome.result.variables)
     except SolverSetupError:
         return KktResidual(np.inf, np.inf, np.inf, 1.0)
 
 
 def _summaries(series: dict[str, _Series]) -> list[ContenderSummary]:
     usable_costs = [
-        [outcome.objective if outcome.usable else np.inf for outcome in own.outcomes]
+        [
+            outcome.result.objective if outcome.result.status.usable else np.inf
+            for outcome in own.outcomes
+        ]
         for own in series.values()
     ]
     best = np.min(usable_costs, axis=0)
@@ -132,8 +135,8 @@ def _summaries(series: dict[str, _Series]) -> list[ContenderSummary]:
         outcomes = own.outcomes
         times = _milliseconds(outcomes)
         wall = 1e3 * np.array([outcome.elapsed.wall_s for outcome in outcomes])
-        iterations = np.array([outcome.iterations for outcome in outcomes], dtype=float)
-        objectives = np.array([outcome.objective for outcome in outcomes])
+        iterations = np.array([outcome.result.iterations for outcome in outcomes], dtype=float)
+        objectives = np.array([outcome.result.objective for outcome in outcomes])
         residuals = np.array([residual.worst for residual in own.residuals] or [np.nan])
         excess = (objectives - best) / np.maximum(1.0, np.abs(best))
         summaries.append(
@@ -149,7 +152,7 @@ def _summaries(series: dict[str, _Series]) -> list[ContenderSummary]:
                 iterations_p99=float(np.quantile(iterations, 0.99)),
                 iterations_max=float(iterations.max()),
                 unconverged=sum(not outcome.converged for outcome in outcomes),
-                unusable=sum(not outcome.usable for outcome in outcomes),
+                unusable=sum(not outcome.result.status.usable for outcome in outcomes),
                 other_optimum=int(np.count_nonzero(~(excess <= SAME_OPTIMUM))),
                 kkt_median=float(np.median(residuals)),
                 kkt_max=float(np.max(residuals)),
@@ -162,12 +165,12 @@ def _summaries(series: dict[str, _Series]) -> list[ContenderSummary]:
     return summaries
 
 
-def _milliseconds(outcomes: list[Outcome]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _milliseconds(outcomes: list[TimedSolve]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     return 1e3 * np.array([outcome.elapsed.processor_s for outcome in outcomes])
 
 
 def table(summaries: Sequence[ContenderSummary]) -> str:
-    """Markdown table of a replay."""
+    """Return the Markdown table of a replay."""
     header = (
         "| solver | median ms | p99 ms | max ms | wall median / p99 ms | iterations median / p99 / max "
         "| not converged | unusable | other optimum | KKT residual median / worst "

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from benchmarks.clock import Elapsed, timed
+from benchmarks.other_solvers import OTHER_SOLVER_NAMES, SqpBackend, build_other_solver
 from benchmarks.peer_opti import OptiPeer
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions, build_plain_solver
-from iptm_controller.solvers.nlpsol_backend import NlpsolBackend
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.solvers.factory import SOLVER_NAMES, build_plain_solver
+from iptm_controller.solvers.interface import RICCATI, SolverBackend, SolveResult, SolverOptions
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import ModelParameters
@@ -18,92 +19,60 @@ from iptm_core.state import FloatArray
 
 PEER = "peer_plain"
 PEER_EXPANDED = "peer_expanded"
+PEERS = (PEER, PEER_EXPANDED)
 INTERPRETED = "riccati_interpreted"
-CONTENDER_NAMES = (*SOLVER_NAMES, INTERPRETED, PEER, PEER_EXPANDED)
+# The order of the tables.
+CONTENDER_NAMES = (RICCATI, "fatrop", "ipopt", *OTHER_SOLVER_NAMES[1:], INTERPRETED, *PEERS)
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """One solve.
+class TimedSolve:
+    """One solve with its time."""
 
-    Attributes:
-        converged: by the solver's own word.
-        usable: dynamics and limits are kept.
-        variables: solution in the controller's order.
-        objective: cost.
-        iterations: iterations of the solver.
-        elapsed: time.
-    """
-
-    converged: bool
-    usable: bool
-    variables: FloatArray
-    objective: float
-    iterations: int
+    result: SolveResult
     elapsed: Elapsed
+
+    @property
+    def converged(self) -> bool:
+        """By the solver's own word."""
+        return self.result.status is SolveStatus.SOLVED
 
 
 @dataclass(frozen=True)
 class Contender:
-    """A solver with a name.
-
-    Attributes:
-        name: one of ``CONTENDER_NAMES``.
-        solve: solves one problem.
-        forget: drops what is carried from solve to solve, at the start of a stretch.
-    """
+    """A solver with a name of ``CONTENDER_NAMES``."""
 
     name: str
-    solve: Callable[[ProblemData, FloatArray], Outcome]
-    forget: Callable[[], None]
+    backend: SolverBackend
+
+    def solve(self, data: ProblemData, guess: FloatArray) -> TimedSolve:
+        """Solve one problem."""
+        result, elapsed = timed(lambda: self.backend.solve(data, guess))
+        return TimedSolve(result, elapsed)
+
+    def forget(self) -> None:
+        """Drop what is carried from solve to solve, as at the start of a stretch."""
+        if isinstance(self.backend, SqpBackend):
+            self.backend.forget()
 
 
 def build_contender(name: str, horizon: Horizon, parameters: ModelParameters) -> Contender:
-    """Set a contender up for a grid.
+    """Return a contender for a grid.
 
     Raises:
         ScenarioError: the name is unknown.
         SolverSetupError: the set-up fails.
     """
-    if name in {PEER, PEER_EXPANDED}:
-        return _peer(name, horizon, parameters)
-    if name not in CONTENDER_NAMES:
-        raise ScenarioError(f"'{name}' is unknown, allowed are {', '.join(CONTENDER_NAMES)}")
-    options = SolverOptions(compile_code=False) if name == INTERPRETED else SolverOptions(name=name)
-    backend = build_plain_solver(horizon, parameters, options)
-
-    def solve(data: ProblemData, guess: FloatArray) -> Outcome:
-        result, elapsed = timed(lambda: backend.solve(data, guess))
-        return Outcome(
-            converged=result.status is SolveStatus.SOLVED,
-            usable=result.status.usable,
-            variables=result.variables,
-            objective=result.objective,
-            iterations=result.iterations,
-            elapsed=elapsed,
-        )
-
-    return Contender(
-        name, solve, backend.forget if isinstance(backend, NlpsolBackend) else _nothing
-    )
-
-
-def _peer(name: str, horizon: Horizon, parameters: ModelParameters) -> Contender:
-    peer = OptiPeer(horizon, parameters, expand=name == PEER_EXPANDED)
-
-    def solve(data: ProblemData, guess: FloatArray) -> Outcome:
-        answer, elapsed = timed(lambda: peer.solve(data, guess))
-        return Outcome(
-            converged=answer.succeeded,
-            usable=answer.succeeded,
-            variables=answer.variables,
-            objective=answer.objective,
-            iterations=answer.iterations,
-            elapsed=elapsed,
-        )
-
-    return Contender(name, solve, _nothing)
-
-
-def _nothing() -> None:
-    """Nothing is carried over."""
+    problem = OptimalControlProblem(horizon, parameters)
+    backend: SolverBackend
+    if name in PEERS:
+        backend = OptiPeer(problem, expand=name == PEER_EXPANDED)
+    elif name == INTERPRETED:
+        backend = build_plain_solver(horizon, parameters, SolverOptions(compile_code=False))
+    elif name in SOLVER_NAMES:
+        backend = build_plain_solver(horizon, parameters, SolverOptions(name=name))
+    elif name in OTHER_SOLVER_NAMES:
+        backend = build_other_solver(problem, SolverOptions(name=name))
+    else:
+        raise ScenarioError(f"contender is '{name}'; allowed: {', '.join(CONTENDER_NAMES)}")
+    return Contender(name, backend)

@@ -7,25 +7,21 @@ by the duration of the call). Over ROS 2, the real-time scenario is driven with 
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report_files import finish
+from benchmarks.report_files import quantiles, run_benchmark
 from benchmarks.ros_speed import drive
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
-from iptm_controller.solvers.budget import SolveBudget
-from iptm_controller.solvers.factory import SolverOptions
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_core.decision_record import SolveStatus
-from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_plant_sim.plant import Plant
@@ -87,8 +83,8 @@ def paced(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str
     """
     parameters = load_parameters().values
     route = build_route(CYCLE, initial_gap_m=parameters.gap.initial_gap_m, duration_s=float(ticks))
-    budget = SolveBudget(deadline_s=deadline_s)
-    controller = Controller(parameters, ControllerOptions(solver=SolverOptions(budget=budget)))
+    solver = SolverOptions(deadline_s=deadline_s)
+    controller = Controller(parameters, ControllerOptions(solver=solver))
     plant = Plant(parameters, route.slope.slope_at)
     with busy_processes(load):
         schedule = _Schedule(period_s)
@@ -102,8 +98,8 @@ def paced(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str
         "deadline_ms": 1e3 * deadline_s,
         "busy_processes": load,
         "overruns": int(np.count_nonzero(answers > 1e3 * period_s)),
-        "answer_ms": _quantiles(answers),
-        "solve_ms": _quantiles(solves),
+        "answer_ms": quantiles(answers),
+        "solve_ms": quantiles(solves),
         "statuses": dict(Counter(names.get(int(code), "none") for code in run.decisions.status)),
         "fallback_ticks": int(np.count_nonzero(run.decisions.rung)),
         "smallest_gap_m": float(run.trajectory.gap_m.min()),
@@ -134,14 +130,6 @@ def over_ros(duration_s: float, rate_factor: float, load: int) -> dict[str, Any]
     }
 
 
-def _quantiles(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> dict[str, float]:
-    return {
-        "median": float(np.median(values)),
-        "p99": float(np.quantile(values, 0.99)),
-        "max": float(values.max()),
-    }
-
-
 def measure(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str, Any]:
     """Measure both ways, without and with load.
 
@@ -154,21 +142,17 @@ def measure(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[s
     }
 
 
+OPTIONS = {
+    "ticks": (600, "ticks headless"),
+    "period_s": (0.1, "schedule, s"),
+    "deadline_s": (0.05, "bound on a solve, s"),
+    "load": (2, "busy processes"),
+}
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="deadline_under_load", description=__doc__)
-    parser.add_argument("--ticks", type=int, default=600, help="ticks headless (%(default)s)")
-    parser.add_argument("--period", type=float, default=0.1, help="schedule, s (%(default)s)")
-    parser.add_argument("--deadline", type=float, default=0.05, help="solve, s (%(default)s)")
-    parser.add_argument("--load", type=int, default=2, help="busy processes (%(default)s)")
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    given = parser.parse_args(arguments)
-    try:
-        numbers = measure(given.ticks, given.period, given.deadline, given.load)
-    except IptmError as error:
-        print(f"deadline_under_load: {error}", file=sys.stderr)
-        return 2
-    return finish(numbers, given.json)
+    return run_benchmark("deadline_under_load", __doc__, measure, OPTIONS, arguments)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from iptm_controller.ocp.compilation import COMPILER_FLAGS, find_compiler
 
 
 def machine_description() -> dict[str, str]:
-    """Processor, memory, load and versions, in readable pairs."""
+    """Return processor, memory, load and versions, in readable pairs."""
     load = os.getloadavg()
     return {
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%d"),

@@ -6,19 +6,16 @@ replayed. The time per iteration is fitted by a straight line through all grids 
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.contenders import build_contender
 from benchmarks.record_problems import record_problems
-from benchmarks.report_files import finish
+from benchmarks.report_files import run_benchmark
 from iptm_controller.horizon import Horizon
-from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 
 GRIDS = ("15x1", "60x1", "200x1", "500x1", "1000x1")
@@ -52,7 +49,7 @@ def measure(grids: Sequence[str], solvers: Sequence[str], count: int) -> dict[st
             # The first problem starts cold, and the caches are cold as well.
             kept = outcomes[1:] or outcomes
             times = 1e3 * np.array([outcome.elapsed.processor_s for outcome in kept])
-            iterations = np.array([outcome.iterations for outcome in kept])
+            iterations = np.array([outcome.result.iterations for outcome in kept])
             rows.append(
                 {
                     "solver": name,
@@ -71,7 +68,7 @@ def measure(grids: Sequence[str], solvers: Sequence[str], count: int) -> dict[st
 
 
 def _fit(rows: Sequence[dict[str, Any]], solver: str) -> dict[str, float]:
-    """Straight line of the time per iteration over the nodes, with the exponent of a power law."""
+    """Fit a straight line and a power law to the time per iteration over the nodes."""
     own = [row for row in rows if row["solver"] == solver]
     nodes = np.array([row["nodes"] for row in own], dtype=float)
     times = np.array([row["ms_per_iteration"] for row in own])
@@ -95,20 +92,16 @@ def _fit(rows: Sequence[dict[str, Any]], solver: str) -> dict[str, float]:
     }
 
 
+OPTIONS = {
+    "grids": (GRIDS, "grids, repeatable"),
+    "solvers": (SOLVERS, "contenders, repeatable"),
+    "count": (15, "problems per grid"),
+}
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="node_scaling", description=__doc__)
-    parser.add_argument("--grid", action="append", help=f"default: {', '.join(GRIDS)}")
-    parser.add_argument("--solver", action="append", help=f"default: {', '.join(SOLVERS)}")
-    parser.add_argument("--count", type=int, default=15, help="problems per grid (%(default)s)")
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    given = parser.parse_args(arguments)
-    try:
-        numbers = measure(given.grid or GRIDS, given.solver or SOLVERS, given.count)
-    except IptmError as error:
-        print(f"node_scaling: {error}", file=sys.stderr)
-        return 2
-    return finish(numbers, given.json)
+    return run_benchmark("node_scaling", __doc__, measure, OPTIONS, arguments)
 
 
 if __name__ == "__main__":

@@ -8,10 +8,10 @@ stage structure, stage-wise mapped derivatives and compiled code.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
@@ -21,15 +21,13 @@ from benchmarks.problem_sets import ProblemSet
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.grid import StageKind, quadrature
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, StateIndex, StepIndex
-from iptm_controller.ocp.stage import (
-    DEFAULT_PENALTIES,
-    DEFAULT_SMOOTHING,
-    NOT_ASKED_FOR_M,
-    quadrature,
-    sample_count,
-)
-from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.stage import NOT_ASKED_FOR_M
+from iptm_controller.solvers.factory import build_plain_solver
+from iptm_controller.solvers.interface import SolveResult, SolverOptions
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
@@ -46,32 +44,15 @@ WARM_K = 303.15
 MOTION = 4  # position, speed and the two cell temperatures
 
 
-@dataclass(frozen=True)
-class PeerAnswer:
-    """What the peer found.
-
-    Attributes:
-        succeeded: IPOPT's own word.
-        variables: solution in the controller's order and scaling.
-        objective: cost.
-        iterations: IPOPT's iterations.
-        time_s: wall time.
-    """
-
-    succeeded: bool
-    variables: FloatArray
-    objective: float
-    iterations: int
-    time_s: float
-
-
 class OptiPeer:
-    """The problem of one grid in Opti."""
+    """The problem of one grid in Opti; see ``SolverBackend``."""
+
+    name = "peer"
+    compiled = False
 
     def __init__(
         self,
-        horizon: Horizon,
-        parameters: ModelParameters,
+        problem: OptimalControlProblem,
         tolerance: float = 1e-5,
         *,
         expand: bool = True,
@@ -79,27 +60,23 @@ class OptiPeer:
         """Write the problem down.
 
         Args:
-            horizon: the grid.
-            parameters: vehicle, pack, limits.
+            problem: horizon, vehicle, formulation.
             tolerance: IPOPT's ``tol``.
             expand: let CasADi expand the whole problem into scalar operations, an option that a
                 user has to know; without it the step functions are called as functions.
         """
-        self._horizon = horizon
-        steps = horizon.steps
+        self._problem = problem
+        self._grid = problem.grid
+        steps = self._grid.steps
         opti = ca.Opti()
         self._states = opti.variable(MOTION, steps + 1)
         self._acceleration = opti.variable(1, steps)
         self._power = opti.variable(1, steps)
         self._slacks = opti.variable(layout.SLACKS, steps)
         self._start = opti.parameter(layout.STATES)
-        size = layout.GLOBALS + sum(
-            layout.step_parameter_count(sample_count(float(length)))
-            for length in horizon.step_lengths_s
-        )
-        self._parameters = opti.parameter(size)
+        self._parameters = opti.parameter(self._grid.parameter_count)
         self._opti = opti
-        self._write(parameters)
+        self._write(problem.model)
         opti.solver(
             "ipopt",
             {"expand": expand, "print_time": False, "detect_simple_bounds": True},
@@ -110,10 +87,11 @@ class OptiPeer:
         opti, start, slacks = self._opti, self._start, self._slacks
         acceleration, power = self._acceleration, self._power
         limits, gap_policy = parameters.limits, parameters.gap
-        steps = {
-            float(length): _step_function(float(length), parameters)
-            for length in set(self._horizon.step_lengths_s.tolist())
-        }
+        functions = [
+            function
+            for kind in self._grid.stages
+            for function in [_step_function(kind, self._problem)] * kind.count
+        ]
         shared = self._parameters[: layout.GLOBALS]
         opti.subject_to(self._states[:, 0] == start[:MOTION])
         opti.subject_to(opti.bounded(0.0, ca.vec(slacks), np.inf))
@@ -127,16 +105,14 @@ class OptiPeer:
                 limits.max_compressor_power_w / POWER_SCALE_W,
             )
         )
-        weights = DEFAULT_PENALTIES
+        weights = self._problem.penalties
         last_acceleration, last_power = start[StateIndex.LAST_ACCELERATION], start[-1]
         cost = ca.MX(0.0)
-        offset = layout.GLOBALS
-        for k, length in enumerate(self._horizon.step_lengths_s.tolist()):
-            count = layout.step_parameter_count(sample_count(length))
-            p = self._parameters[offset : offset + count]
-            offset += count
+        lengths = self._grid.horizon.step_lengths_s.tolist()
+        for k, (length, place) in enumerate(zip(lengths, self._grid.step_parameters, strict=True)):
+            p = self._parameters[place]
             now, after = self._states[:, k], self._states[:, k + 1]
-            end, stage_cost, outlet_k = steps[length](
+            end, stage_cost, outlet_k = functions[k](
                 now, acceleration[k], power[k], p[layout.STEP_PARAMETERS :], shared
             )
             opti.subject_to(after == end)
@@ -177,38 +153,49 @@ class OptiPeer:
         opti.minimize(cost)
         self._cost = cost
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> PeerAnswer:
+    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
         """Solve one problem from the same shifted guess that the controller uses."""
-        steps = self._horizon.steps
-        table = guess[: -layout.STATES].reshape(steps, -1)
-        states = np.vstack([table[:, :MOTION], guess[-layout.STATES :][:MOTION]])
+        states, inputs = self._grid.split(guess)
         began = time.perf_counter()
         opti = self._opti
         opti.set_value(self._parameters, data.parameters)
         opti.set_value(self._start, data.initial_state)
-        opti.set_initial(self._states, states.T)
-        opti.set_initial(self._acceleration, table[:, layout.STATES + InputIndex.ACCELERATION])
-        opti.set_initial(self._power, table[:, layout.STATES + InputIndex.COMPRESSOR_POWER])
-        opti.set_initial(self._slacks, table[:, layout.STATES + InputIndex.GAP_SHORT :].T)
+        opti.set_initial(self._states, states[:, :MOTION].T)
+        opti.set_initial(self._acceleration, inputs[:, InputIndex.ACCELERATION])
+        opti.set_initial(self._power, inputs[:, InputIndex.COMPRESSOR_POWER])
+        opti.set_initial(self._slacks, inputs[:, InputIndex.GAP_SHORT :].T)
         answer = opti.solve_limited()
         values = [
             np.asarray(answer.value(part), dtype=float)
             for part in (self._states, self._acceleration, self._power, self._slacks)
         ]
         elapsed = time.perf_counter() - began
-        return PeerAnswer(
-            succeeded=bool(opti.stats()["success"]),
-            variables=_in_controller_order(data, values, steps),
+        stats = opti.stats()
+        return SolveResult(
+            status=SolveStatus.SOLVED if stats["success"] else SolveStatus.NUMERICAL_ERROR,
+            reason=str(stats["return_status"]),
+            variables=self._variables(data, values),
             objective=float(answer.value(self._cost)),
-            iterations=int(opti.stats()["iter_count"]),
+            iterations=int(stats["iter_count"]),
             time_s=elapsed,
+            infeasibility=math.nan,
         )
 
+    def _variables(self, data: ProblemData, values: list[FloatArray]) -> FloatArray:
+        """Return the solution in the controller's order."""
+        states, acceleration, power, slacks = (
+            value.reshape(rows, -1)
+            for value, rows in zip(values, (MOTION, 1, 1, layout.SLACKS), strict=True)
+        )
+        inputs = np.vstack([acceleration, power])
+        last = np.hstack([data.initial_state[StateIndex.LAST_ACCELERATION :][:, None], inputs])
+        return self._grid.join(np.vstack([states, last]).T, np.vstack([inputs, slacks]).T)
 
-def _step_function(step_s: float, parameters: ModelParameters) -> ca.Function:
-    """One step: state, inputs, samples and weights to state at its end, cost and outlet temperature."""
+
+def _step_function(kind: StageKind, problem: OptimalControlProblem) -> ca.Function:
+    """Return one step: state, inputs, samples and weights to its end state, cost and outlet temperature."""
     x, a, kilowatt = ca.SX.sym("x", MOTION), ca.SX.sym("a"), ca.SX.sym("p_cp")
-    count = sample_count(step_s)
+    step_s, count, parameters = kind.step_s, kind.samples, problem.model
     samples = ca.SX.sym("samples", layout.SAMPLE_PARAMETERS * count)
     g = ca.SX.sym("g", layout.GLOBALS)
     channel = reduce_channel(parameters.cooling, parameters.pack)
@@ -233,7 +220,7 @@ def _step_function(step_s: float, parameters: ModelParameters) -> ca.Function:
         v = advance_speed_m_s(speed, a, elapsed_s)
         cells = CellPair(now_1, now_n, g[GlobalIndex.CELL_1_LOSS], g[GlobalIndex.CELL_N_LOSS])
         rates = power_thermal_rates(
-            v, a, slope, POWER_SCALE_W * kilowatt, cells, parameters, channel, DEFAULT_SMOOTHING
+            v, a, slope, POWER_SCALE_W * kilowatt, cells, parameters, channel, problem.smoothing
         )
         reference = g[GlobalIndex.REFERENCE_TEMPERATURE]
         cost += share_s * (
@@ -256,18 +243,6 @@ def _step_function(step_s: float, parameters: ModelParameters) -> ca.Function:
     return ca.Function("step", [x, a, kilowatt, samples, g], [end, cost, outlet])
 
 
-def _in_controller_order(data: ProblemData, values: list[FloatArray], steps: int) -> FloatArray:
-    states, acceleration, power, slacks = (
-        value.reshape(rows, -1)
-        for value, rows in zip(values, (MOTION, 1, 1, layout.SLACKS), strict=True)
-    )
-    inputs = np.vstack([acceleration, power])
-    last = np.hstack([data.initial_state[StateIndex.LAST_ACCELERATION :][:, None], inputs])
-    full = np.vstack([states, last]).T
-    head = np.hstack([full[:steps], inputs.T, slacks.T]).ravel()
-    return np.concatenate([head, full[steps]])
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Check on recorded problems that both formulations have the same optima."""
     parser = argparse.ArgumentParser(prog="peer_opti", description=__doc__)
@@ -277,7 +252,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         problems = ProblemSet.load(given.problems)
         horizon, parameters = Horizon.parse(problems.horizon), load_parameters().values
-        peer = OptiPeer(horizon, parameters, tolerance=1e-8)
+        peer = OptiPeer(OptimalControlProblem(horizon, parameters), tolerance=1e-8)
         ours = build_plain_solver(horizon, parameters, SolverOptions())
     except IptmError as error:
         print(f"peer_opti: {error}", file=sys.stderr)

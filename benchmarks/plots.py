@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 
 def plot_comparison(comparisons: dict[str, Any], path: Path) -> None:
-    """Median to p99 of every contender, one panel per grid, logarithmic in time."""
+    """Plot median to p99 of every contender, one panel per grid, logarithmic in time."""
     figure, panels = plt.subplots(
         1, len(comparisons), figsize=(3.1 * len(comparisons), 3.6), sharey=True, squeeze=False
     )
@@ -34,7 +34,7 @@ def plot_comparison(comparisons: dict[str, Any], path: Path) -> None:
 
 
 def plot_scaling(scaling: dict[str, Any], path: Path) -> None:
-    """Time per iteration and in total over the number of nodes, with the straight lines."""
+    """Plot time per iteration and in total over the number of nodes, with the straight lines."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.5, 3.6))
     for index, (name, fit) in enumerate(scaling["fits"].items()):
         rows = [row for row in scaling["rows"] if row["solver"] == name]

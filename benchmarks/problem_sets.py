@@ -40,7 +40,7 @@ class ProblemSet:
         return int(self.guesses.shape[0])
 
     def problem(self, index: int) -> tuple[ProblemData, FloatArray]:
-        """Data and guess of one problem."""
+        """Return data and guess of one problem."""
         data = ProblemData(self.initial_states[index], self.parameters[index])
         return data, self.guesses[index]
 
@@ -95,7 +95,7 @@ class Block:
 
 
 def spread_blocks(total: int, blocks: int, length: int) -> list[Block]:
-    """Stretches of equal length, evenly spread over ``total`` problems.
+    """Return stretches of equal length, evenly spread over ``total`` problems.
 
     Args:
         total: number of problems.

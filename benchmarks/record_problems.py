@@ -18,18 +18,16 @@ from benchmarks.problem_sets import ProblemSet
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.solvers.backend import SolverBackend
-from iptm_controller.solvers.factory import SolverOptions, build_solver
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.solvers.factory import build_solver
+from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
+from iptm_core.settings import PreviewSettings
 from iptm_core.state import FloatArray
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
-from iptm_v2x_bridge.bridge import BridgeSettings
-from iptm_v2x_bridge.source import PreviewGrid
 
 PREVIEW_RESERVE_S = 30.0
 
@@ -100,7 +98,7 @@ def record_problems(
     recorder = RecordingBackend(build_solver(grid, parameters, SolverOptions()))
     recorded = Controller(parameters, ControllerOptions(strategy=chosen, horizon=grid), recorder)
     lead_in = Controller(parameters, ControllerOptions(strategy=chosen, horizon=MULTI_HORIZON))
-    preview = BridgeSettings(grid=PreviewGrid(max(60.0, grid.duration_s + PREVIEW_RESERVE_S)))
+    preview = PreviewSettings(preview_length_s=max(60.0, grid.duration_s + PREVIEW_RESERVE_S))
     run_closed_loop(
         route,
         Plant(parameters, route.slope.slope_at),

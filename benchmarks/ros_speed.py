@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -11,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report_files import finish
-from iptm_core.errors import IptmError, ScenarioError
+from benchmarks.report_files import run_benchmark
+from iptm_core.errors import ScenarioError
 
 TIMEOUT_S = 900.0
 
@@ -69,21 +68,20 @@ def measure(scenario: str, duration_s: float | None, *, record: bool) -> dict[st
     }
 
 
+def measure_both(scenario: str, duration_s: float | None) -> list[dict[str, Any]]:
+    """Drive with and without recording."""
+    return [measure(scenario, duration_s, record=record) for record in (True, False)]
+
+
+OPTIONS = {
+    "scenario": ("wltc", "scenario"),
+    "duration_s": (None, "cut the trip, s"),
+}
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="ros_speed", description=__doc__)
-    parser.add_argument("--scenario", default="wltc", help="scenario (%(default)s)")
-    parser.add_argument("--duration", type=float, help="cut the trip, s")
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    given = parser.parse_args(arguments)
-    try:
-        numbers = [
-            measure(given.scenario, given.duration, record=record) for record in (True, False)
-        ]
-    except IptmError as error:
-        print(f"ros_speed: {error}", file=sys.stderr)
-        return 2
-    return finish(numbers, given.json)
+    return run_benchmark("ros_speed", __doc__, measure_both, OPTIONS, arguments)
 
 
 if __name__ == "__main__":

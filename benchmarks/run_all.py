@@ -55,7 +55,7 @@ def _say(text: str) -> None:
 
 
 def _comparisons(*, quick: bool) -> dict[str, Any]:
-    """Both cycles on the paper's grids, the comprehensive one on the long grids."""
+    """Compare both cycles on the paper's grids, the comprehensive one on the long grids."""
     numbers = {}
     for cycle in CYCLES:
         for grid, contenders in GRIDS.items():

@@ -6,7 +6,6 @@ the start of the process to the arrival of its command.
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -23,10 +22,10 @@ import rclpy
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 
-from benchmarks.report_files import finish
+from benchmarks.report_files import run_benchmark
 from iptm_bringup.environment import environment_of_run
 from iptm_controller.ocp.compilation import CACHE_VARIABLE
-from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_core.state import IntervalPowers
@@ -67,7 +66,7 @@ class Start:
 
 
 def scripted_messages() -> dict[Topic, Any]:
-    """The state at the start of a trip, and what the bridge says then."""
+    """Return the messages of the state at the start of a trip, and of the bridge."""
     parameters = load_parameters().values
     route = build_route("wltc_class3b", initial_gap_m=parameters.gap.initial_gap_m)
     source = CycleSource(route)
@@ -203,19 +202,15 @@ def _summary(starts: Sequence[Start]) -> dict[str, float]:
     }
 
 
+OPTIONS = {
+    "warm": (5, "starts, warm cache"),
+    "cold": (1, "starts, empty cache"),
+}
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="start_up", description=__doc__)
-    parser.add_argument("--warm", type=int, default=5, help="starts, warm cache (%(default)s)")
-    parser.add_argument("--cold", type=int, default=1, help="starts, empty cache (%(default)s)")
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    given = parser.parse_args(arguments)
-    try:
-        numbers = measure(given.warm, given.cold)
-    except IptmError as error:
-        print(f"start_up: {error}", file=sys.stderr)
-        return 2
-    return finish(numbers, given.json)
+    return run_benchmark("start_up", __doc__, measure, OPTIONS, arguments)
 
 
 if __name__ == "__main__":

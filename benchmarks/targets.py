@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from iptm_controller.solvers.factory import SolverOptions
+from iptm_controller.solvers.interface import RICCATI
 
 PROPOSED = "3x1+5x5"
 SINGLE = "15x1"
 REFERENCE = "reference"
-DEFAULT_SOLVER = SolverOptions().name
+DEFAULT_SOLVER = RICCATI
 PEER = "peer_plain"
 NOT_MEASURED = "not measured"
 
@@ -67,7 +67,7 @@ def targets(found: dict[str, Any]) -> list[Target]:
 
 
 def _row(found: dict[str, Any], grid: str, name: str) -> list[tuple[str, dict[str, Any]]]:
-    """Rows of a contender on a grid, with the cycle they belong to."""
+    """Return the rows of a contender on a grid, with the cycle they belong to."""
     rows = []
     for title, summaries in (found.get("comparisons") or {}).items():
         cycle, _, horizon = title.split(", ")
@@ -121,7 +121,7 @@ def _unconverged(found: dict[str, Any]) -> tuple[str, bool] | None:
 
 
 def _half(found: dict[str, Any]) -> tuple[str, bool] | None:
-    """Computing time as the paper counts it: all solves of a trip, against the reference on SH 15."""
+    """Judge the computing time as in the paper: all solves of a trip, against the reference on SH 15."""
     singles = {
         (run["cycle"], run["strategy"]): run["solve_total_s"] for run in _loop(found, SINGLE)
     }

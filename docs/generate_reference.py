@@ -1,4 +1,4 @@
-"""Writes docs/reference/*.md and the README's topic table from the code: no table is kept by hand.
+"""Writes docs/reference/*.md and the parameter files of the nodes from the code.
 
 Run it through ``scripts/update_docs``; a test fails when the committed pages are out of date.
 """
@@ -7,21 +7,23 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 
+import iptm_bringup
+from iptm_bringup.composition import parameter_file_text
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.solvers.result import STATUS_TEXT
+from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import STRATEGIES
+from iptm_core.declaration import parameter_specs, plain
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
-from iptm_interfaces.parameters import parameter_specs, parameter_table_markdown
 from iptm_interfaces.topics import topic_table_markdown
 from iptm_plant_sim.node_parameters import PlantNodeParameters
-from iptm_v2x_bridge.node import BridgeParameters
+from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 
 DOCS = Path(__file__).resolve().parent
-README = DOCS.parent / "README.md"
-TABLE_START = "<!-- topics: made by scripts/update_docs from the code; do not edit. -->"
-TABLE_END = "<!-- end of topics -->"
+CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"
 NOTICE = "<!-- Made by scripts/update_docs from the code; do not edit. -->\n\n"
 
 
@@ -51,16 +53,51 @@ def parameters_page() -> str:
     return "".join(parts)
 
 
+NODES = {
+    PLANT: (
+        PlantNodeParameters,
+        "Simulated vehicle, battery and cooling; the master of time.",
+    ),
+    BRIDGE: (
+        BridgeNodeParameters,
+        "The leader and the prediction of its motion, with everything that goes wrong on the radio link.",
+    ),
+    CONTROLLER: (
+        ControllerNodeParameters,
+        "Multi-horizon model predictive control of acceleration and compressor power.",
+    ),
+}
+
+
 def nodes_page() -> str:
     """Parameters of the three nodes."""
     parts = [f"# Node parameters\n\n{NOTICE}"]
-    for title, description in (
-        ("plant", PlantNodeParameters),
-        ("v2x_bridge", BridgeParameters),
-        ("controller", ControllerNodeParameters),
-    ):
-        parts.append(f"## `{title}`\n\n{parameter_table_markdown(parameter_specs(description))}\n")
+    for node, (parameters, _) in NODES.items():
+        parts.append(
+            f"## `{node}`\n\n| parameter | default | unit | allowed | meaning |\n|---|---|---|---|---|\n"
+        )
+        parts += [
+            f"| `{spec.name}` | `{plain(spec.default)}` | {spec.unit or '-'} | {spec.allowed} "
+            f"| {spec.description} |\n"
+            for spec in parameter_specs(parameters)
+        ]
+        parts.append("\n")
     return "".join(parts)
+
+
+def node_file(node: str) -> str:
+    """The parameter file of a node: every default, with its meaning."""
+    parameters, about = NODES[node]
+    specs = parameter_specs(parameters)
+    header = (
+        f"# {about}\n# Made by scripts/update_docs from the code. These are the defaults; "
+        "`ros2 param describe` and `--help`\n# of the node tell the permitted ranges.\n"
+    )
+    return header + parameter_file_text(
+        node,
+        {spec.name: plain(spec.default) for spec in specs},
+        {spec.name: spec.description + (f" [{spec.unit}]" if spec.unit else "") for spec in specs},
+    )
 
 
 def strategies_page() -> str:
@@ -81,20 +118,12 @@ def strategies_page() -> str:
     )
 
 
-def readme_page() -> str:
-    """The README with its topic table as it should be."""
-    text = README.read_text(encoding="utf-8")
-    head, _, rest = text.partition(TABLE_START)
-    _, _, tail = rest.partition(TABLE_END)
-    return f"{head}{TABLE_START}\n{topic_table_markdown()}{TABLE_END}{tail}"
-
-
 PAGES = {
-    README: readme_page,
     DOCS / "reference" / "topics.md": topics_page,
     DOCS / "reference" / "parameters.md": parameters_page,
     DOCS / "reference" / "nodes.md": nodes_page,
     DOCS / "reference" / "strategies.md": strategies_page,
+    **{CONFIG / f"{node}.yaml": partial(node_file, node) for node in NODES},
 }
 
 

@@ -17,8 +17,7 @@ from iptm_core.metrics import FIGURES, compute_metrics, figure_values
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.run_parameters import read_model_parameters
+from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 
 MODULE = "iptm_bringup.run_closed_loop"
@@ -224,7 +223,7 @@ def test_a_run_keeps_its_domain_and_can_be_interrupted(
     [
         (["no_such_scenario"], "scenario 'no_such_scenario' is unknown"),
         # Known only to the node, which is started to say so.
-        (["--set", "controller.tolerence=1e-4"], "did you mean tolerance?"),
+        (["--set", "controller.tolerence=1e-4"], "did you mean 'tolerance'?"),
     ],
 )
 def test_a_mistake_is_one_line(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,6 @@ IMPERFECT = RunSpec(
 
 def options_of(spec: RunSpec) -> list[str]:
     """Options of the run over ROS 2 that mean the same."""
-    preview = spec.preview
-    grid = spec.bridge_settings().grid
     options: dict[str, object] = {
         "cycle": spec.cycle,
         "slope": spec.slope,
@@ -49,15 +48,7 @@ def options_of(spec: RunSpec) -> list[str]:
         "strategy": spec.strategy.name,
         "horizon": spec.horizon,
         "solver": spec.solver.name,
-        "preview-mode": preview.mode,
-        "preview-length-s": grid.length_s,
-        "preview-step-s": grid.step_s,
-        "latency-s": preview.latency_s,
-        "dropout-probability": preview.dropout_probability,
-        "dropout-burst": preview.dropout_burst,
-        "noise-std-m-s": preview.noise_std_m_s,
-        "noise-correlation-s": preview.noise_correlation_s,
-        "seed": preview.seed,
+        **{name.replace("_", "-"): value for name, value in asdict(spec.bridge_settings()).items()},
     }
     return [part for name, value in options.items() for part in (f"--{name}", str(value))]
 

@@ -13,10 +13,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from iptm_bringup.composition import (
-    BRIDGE,
-    CONTROLLER,
     MODULES,
-    PLANT,
     Listeners,
     RecorderRequest,
     node_command,
@@ -26,19 +23,18 @@ from iptm_bringup.composition import (
     run_information,
 )
 from iptm_bringup.preparation import PreparedScenario, prepare
-from iptm_bringup.scenario import Scenario
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT, Scenario
 from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_core.declaration import checked_value, parameter_specs, plain
 from iptm_interfaces.discovery import reserve_domain
-from iptm_interfaces.parameters import checked_value, parameter_specs
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_recording.recorder_cli import build_parser
-from iptm_recording.run_information import load_run_information
-from iptm_recording.run_parameters import stored_model_parameters
-from iptm_v2x_bridge.node import BridgeParameters
+from iptm_recording.run_information import load_run_information, stored_model_parameters
+from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 
 NODES: dict[str, type[Any]] = {
     PLANT: PlantNodeParameters,
-    BRIDGE: BridgeParameters,
+    BRIDGE: BridgeNodeParameters,
     CONTROLLER: ControllerNodeParameters,
 }
 
@@ -47,7 +43,8 @@ NODES: dict[str, type[Any]] = {
 def test_nodes_know_what_they_are_given(node: str, prepared: PreparedScenario) -> None:
     specs = {spec.name: spec for spec in parameter_specs(NODES[node])}
     for name, value in node_parameters(prepared, Listeners())[node].items():
-        assert checked_value(specs[name], value) == value
+        assert plain(checked_value(specs[name], value)) == value
+        assert type(value) in {bool, int, float, str}
 
 
 def test_modules_exist() -> None:

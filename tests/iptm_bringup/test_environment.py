@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
 import pytest
 
-from iptm_bringup.environment import RunDomain, domain_of_run, environment_of_run
+from iptm_bringup.environment import (
+    RunDomain,
+    domain_of_run,
+    environment_of_run,
+    process_environment,
+)
 from iptm_bringup.scenario import AUTOMATIC_DOMAIN
 from iptm_core.errors import ScenarioError
 from iptm_interfaces.discovery import PROFILE_VARIABLE
@@ -58,3 +64,15 @@ def test_what_is_not_set_gets_a_sensible_value(tmp_path: Path) -> None:
     assert Path(found[PROFILE_VARIABLE]).is_file()
     assert found["OMP_NUM_THREADS"] == "1"
     assert found["AMENT_PREFIX_PATH"] == sys.prefix
+
+
+def test_the_environment_of_this_process_changes_for_the_run_only(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("ROS_LOG_DIR", "/mine")
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    before = dict(os.environ)
+    with process_environment(environment_of_run(5, tmp_path)):
+        assert os.environ["ROS_DOMAIN_ID"] == "5"
+        assert os.environ["ROS_LOG_DIR"] == str(tmp_path)
+    assert dict(os.environ) == before

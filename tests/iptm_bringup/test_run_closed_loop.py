@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 
 from iptm_bringup.run_closed_loop import build_parser, main, prepared_from
-from iptm_bringup.scenario import scenario_specs
+from iptm_bringup.scenario import Scenario
 from iptm_bringup.scenario_files import shipped_scenarios
+from iptm_core.declaration import parameter_specs
 
 
 def test_every_field_of_a_scenario_is_an_option() -> None:
     text = build_parser().format_help()
-    for spec in scenario_specs():
+    for spec in parameter_specs(Scenario):
         assert f"--{spec.name.replace('_', '-')} " in text
     for option in ("--output", "--no-record", "--no-picture", "--set", "--list"):
         assert option in text
@@ -45,7 +46,7 @@ def test_the_list_names_every_scenario(capsys: pytest.CaptureFixture[str]) -> No
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["wtlc"], "did you mean wltc?"),
+        (["wtlc"], "did you mean 'wltc'?"),
         (["--cycle", "moon"], "unknown driving cycle 'moon'"),
         (["--duration-s", "-5"], "option --duration-s is -5"),
         (["--horizon", "long"], "horizon 'long' cannot be read"),

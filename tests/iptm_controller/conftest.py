@@ -15,18 +15,14 @@ from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
-from iptm_controller.ocp.stage import (
-    DEFAULT_SMOOTHING,
-    StageSpec,
-    build_stage,
-    quadrature,
-    sample_count,
-)
+from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.stage import DEFAULT_SMOOTHING, build_stage
 from iptm_controller.ocp.transcription import Transcription, transcribe
 from iptm_controller.plan import PlanShifter, sample_positions_m, variables_from_plan
-from iptm_controller.solvers.backend import SolverBackend
 from iptm_controller.solvers.cooling_probe import CoolingProbe
-from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
+from iptm_controller.solvers.factory import build_plain_solver
+from iptm_controller.solvers.interface import SolverBackend, SolverOptions
 from iptm_controller.strategy import REFERENCE_TEMPERATURE_K, strategy_by_name
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
@@ -170,15 +166,15 @@ def problem_of() -> Callable[..., tuple[ProblemData, FloatArray]]:
     ) -> tuple[ProblemData, FloatArray]:
         assert measured.state is not None
         assert measured.leader is not None
-        grid = Horizon.parse(horizon)
+        grid = ProblemGrid(Horizon.parse(horizon))
         builder = ProblemDataBuilder(grid, strategy_by_name(strategy))
-        guess = PlanShifter(grid).cold_start(measured.state)
-        forecast = LeaderForecaster(grid.duration_s, 10.0).forecast(
+        guess = PlanShifter(grid.horizon).cold_start(measured.state)
+        forecast = LeaderForecaster(grid.horizon.duration_s, 10.0).forecast(
             measured.leader, measured.preview
         )
-        expected = sample_positions_m(guess, builder.sample_times_s)
+        expected = sample_positions_m(guess, grid.sample_times_s)
         data = builder.build(measured.state, forecast.motion, measured.slope, expected)
-        return data, variables_from_plan(guess, measured.state)
+        return data, variables_from_plan(guess, grid, measured.state)
 
     return pose
 
@@ -213,7 +209,7 @@ def probing_solver(
 def transcription_of(parameters: ModelParameters) -> Callable[[str], Transcription]:
     @lru_cache
     def build(horizon: str) -> Transcription:
-        return transcribe(Horizon.parse(horizon), parameters)
+        return transcribe(OptimalControlProblem(Horizon.parse(horizon), parameters))
 
     return build
 
@@ -228,7 +224,7 @@ def run_stage(parameters: ModelParameters) -> Callable[..., tuple[FloatArray, fl
 
     @lru_cache
     def function(step_s: float, samples: int, smoothing: Smoothing) -> ca.Function:
-        stage = build_stage(StageSpec(step_s, samples, smoothing), parameters)
+        stage = build_stage(step_s, samples, parameters, smoothing)
         inputs = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
         return ca.Function("stage", inputs, [stage.next_state, stage.cost, stage.limits])
 

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.solvers.backend import SolverBackend
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.solvers.interface import SolverBackend, SolveResult
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
@@ -163,7 +162,7 @@ HANG = """
 from dataclasses import replace
 import numpy as np
 from iptm_controller.controller import Controller, ControllerOptions, Measurements
-from iptm_controller.solvers.factory import SolverOptions
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_core.parameters import load_parameters
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
 state = VehicleState(100.0, 1000.0, 10.0, 1.5, 0.0, 308.0, 308.5, 1e-3, 1e-3)

@@ -13,9 +13,8 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex, StateIndex
-from iptm_controller.solvers.backend import SolverBackend
 from iptm_controller.solvers.cooling_probe import OFF_BELOW_W, PROBE_EVERY, CoolingProbe
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.solvers.interface import SolverBackend, SolveResult
 from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
@@ -142,14 +141,6 @@ def test_second_start_never_asks_for_less_than_there_is(parameters: ModelParamet
     state[StateIndex.LAST_COMPRESSOR_POWER] = 2.0
     probe(parameters, inner).solve(replace(DATA, initial_state=state), GUESS)
     assert (powers_of(inner.guesses[1]) == 2000.0).all()
-
-
-def test_second_start_of_a_failed_solve_is_the_guess(parameters: ModelParameters) -> None:
-    broken = answer(SolveStatus.NUMERICAL_ERROR)
-    broken.variables[:] = np.nan
-    inner = Scripted(broken, answer(power_w=900.0))
-    probe(parameters, inner).solve(DATA, GUESS + 0.25)
-    assert np.isfinite(inner.guesses[1]).all()
 
 
 def test_neither_guess_nor_answer_is_written_to(parameters: ModelParameters) -> None:

@@ -11,13 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iptm_controller.forecast import (
-    HISTORY_S,
-    LeaderForecaster,
-    PreviewQuality,
-    check_preview,
-)
-from iptm_core.errors import PreviewError
+from iptm_controller.forecast import HISTORY_S, LeaderForecaster, LeaderMotion, PreviewQuality
 from iptm_core.state import LeaderPreview, LeaderState
 
 HORIZON_S = 28.0
@@ -44,9 +38,9 @@ def moved(preview: LeaderPreview, seconds: float) -> LeaderPreview:
     )
 
 
-def expect_constant_speed(forecast_motion: object, leader: LeaderState) -> None:
+def expect_constant_speed(motion: LeaderMotion, leader: LeaderState) -> None:
     times = leader.time_s + np.array([0.0, 1.0, 28.0])
-    positions, speeds = forecast_motion.at(times)  # type: ignore[attr-defined]
+    positions, speeds = motion.at(times)
     assert speeds.tolist() == [leader.speed_m_s] * 3
     np.testing.assert_allclose(
         positions, leader.position_m + leader.speed_m_s * (times - leader.time_s)
@@ -67,15 +61,6 @@ def test_full_preview_is_followed_exactly(
     np.testing.assert_allclose(positions, preview.positions_m, atol=1e-9)
     np.testing.assert_allclose(speeds, preview.speeds_m_s, atol=1e-12)
     assert forecast.known_s == HORIZON_S
-
-
-def test_a_preview_that_just_reaches_the_horizon_is_full(
-    forecaster: LeaderForecaster,
-    leader: LeaderState,
-    make_preview: Callable[..., LeaderPreview],
-) -> None:
-    forecast = forecaster.forecast(leader, make_preview(leader, length_s=HORIZON_S))
-    assert forecast.quality is PreviewQuality.FULL
 
 
 def test_short_preview_goes_on_at_its_last_speed(
@@ -107,7 +92,7 @@ def test_old_previews_are_used_up_to_the_permitted_age(
     assert forecast.quality == quality
     assert forecast.age_s == pytest.approx(age_s)
     if quality == PreviewQuality.STALE:
-        assert forecast.reason == f"preview is {age_s:.1f} s old, allowed are 10 s"
+        assert forecast.reason == f"preview is {age_s:.1f} s old; allowed: up to 10 s"
         expect_constant_speed(forecast.motion, leader)
 
 
@@ -180,17 +165,6 @@ def test_going_back_in_time_starts_a_new_history(
     assert forecast.motion.times_s.tolist() == [0.0]
 
 
-def test_the_same_tick_again_gives_the_same_forecast(
-    forecaster: LeaderForecaster,
-    leader: LeaderState,
-    make_preview: Callable[..., LeaderPreview],
-) -> None:
-    preview = make_preview(leader)
-    first = forecaster.forecast(leader, preview)
-    again = forecaster.forecast(leader, preview)
-    assert again.motion.times_s.tolist() == first.motion.times_s.tolist()
-
-
 def spoil(preview: LeaderPreview, name: str, index: int, value: float) -> LeaderPreview:
     values = getattr(preview, name).copy()
     values[index] = value
@@ -204,15 +178,15 @@ def leap(preview: LeaderPreview, index: int, distance_m: float) -> LeaderPreview
 
 
 MALFORMED: dict[str, tuple[Callable[[LeaderPreview], LeaderPreview], str]] = {
-    "nan_time": (lambda p: spoil(p, "times_s", 3, math.nan), "times are not finite at node 3"),
-    "inf_position": (lambda p: spoil(p, "positions_m", 5, math.inf), "positions are not finite"),
-    "nan_speed": (lambda p: spoil(p, "speeds_m_s", 0, math.nan), "speeds are not finite at node 0"),
+    "nan_time": (lambda p: spoil(p, "times_s", 3, math.nan), "time is nan at node 3"),
+    "inf_position": (lambda p: spoil(p, "positions_m", 5, math.inf), "position is inf at node 5"),
+    "nan_speed": (lambda p: spoil(p, "speeds_m_s", 0, math.nan), "speed is nan at node 0"),
     "same_time": (lambda p: spoil(p, "times_s", 4, 103.0), "do not increase after node 3"),
     "time_back": (lambda p: spoil(p, "times_s", 4, 90.0), "do not increase after node 3"),
     "backwards": (lambda p: spoil(p, "positions_m", 7, 0.0), "backwards after node 6"),
-    "leap": (lambda p: leap(p, 9, 1e5), "positions leap after node 8, allowed are 100 m/s"),
-    "negative_speed": (lambda p: spoil(p, "speeds_m_s", 2, -0.1), "allowed are 0 to 100 m/s"),
-    "too_fast": (lambda p: spoil(p, "speeds_m_s", 2, 101.0), "allowed are 0 to 100 m/s"),
+    "leap": (lambda p: leap(p, 9, 1e5), "positions leap after node 8; allowed: 100 m/s"),
+    "negative_speed": (lambda p: spoil(p, "speeds_m_s", 2, -0.1), "allowed: 0 to 100 m/s"),
+    "too_fast": (lambda p: spoil(p, "speeds_m_s", 2, 101.0), "allowed: 0 to 100 m/s"),
     "short_speeds": (lambda p: replace(p, speeds_m_s=p.speeds_m_s[:-1]), "equal numbers"),
     "no_positions": (lambda p: replace(p, positions_m=np.empty(0)), "equal numbers"),
     "nan_generated": (lambda p: replace(p, generated_at_s=math.nan), "generated at nan s"),
@@ -232,16 +206,6 @@ def test_malformed_previews_are_named_and_not_used(
     assert forecast.quality is PreviewQuality.INVALID
     assert complaint in forecast.reason
     expect_constant_speed(forecast.motion, leader)
-
-
-@pytest.mark.parametrize("kind", sorted(set(MALFORMED) - {"future"}))
-def test_check_raises_what_the_forecast_reports(
-    leader: LeaderState, make_preview: Callable[..., LeaderPreview], kind: str
-) -> None:
-    change, complaint = MALFORMED[kind]
-    with pytest.raises(PreviewError) as caught:
-        check_preview(change(make_preview(leader)))
-    assert complaint in str(caught.value)
 
 
 def test_recovers_at_once(

@@ -12,14 +12,14 @@ from iptm_controller.horizon import (
     MULTI_HORIZON,
     SINGLE_HORIZON,
     Horizon,
-    Phase,
+    HorizonPhase,
 )
 from iptm_core.errors import ParameterError
 
 STEPS = st.integers(1, 60)
 TWENTIETHS = st.integers(1, 1200).map(lambda count: count / 20.0)
 HORIZONS = st.lists(st.tuples(STEPS, TWENTIETHS), min_size=1, max_size=5).map(
-    lambda pairs: Horizon(tuple(Phase(*pair) for pair in sorted(pairs, key=lambda p: p[1])))
+    lambda pairs: Horizon(tuple(HorizonPhase(*pair) for pair in sorted(pairs, key=lambda p: p[1])))
 )
 
 
@@ -77,7 +77,7 @@ def test_grid_is_consistent(horizon: Horizon) -> None:
         ("3x0", "step of 0.0 s"),
         ("3x0.04", "step of 0.04 s"),
         ("3x61", "step of 61.0 s"),
-        ("5x5+3x1", "must not shrink"),
+        ("5x5+3x1", "do not shrink"),
     ],
 )
 def test_refusals_name_the_fault(text: str, complaint: str) -> None:
@@ -99,9 +99,9 @@ def test_any_text_is_read_or_refused(text: str) -> None:
 @pytest.mark.parametrize("step_s", [float("nan"), float("inf"), -1.0])
 def test_phase_refuses_what_is_no_length(step_s: float) -> None:
     with pytest.raises(ParameterError, match="step of"):
-        Phase(3, step_s)
+        HorizonPhase(3, step_s)
 
 
 def test_horizon_needs_a_phase() -> None:
-    with pytest.raises(ParameterError, match="at least one phase"):
+    with pytest.raises(ParameterError, match="at least one"):
         Horizon(())

@@ -112,7 +112,7 @@ def test_what_can_be_actuated_passes_untouched(
         ),
     ],
 )
-def test_reasons_name_what_bit(
+def test_reasons_name_the_active_bounds(
     limiter: CommandLimiter,
     make_state: Callable[..., VehicleState],
     command: Command,

@@ -11,7 +11,7 @@ import pytest
 
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.node_reports import plan_trajectory, situation
-from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.solvers.interface import SolverBackend
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import LeaderPreview
@@ -38,38 +38,38 @@ def good(controller: Controller, make_scene: Callable[..., Measurements]) -> Dec
     return controller.decide(make_scene())
 
 
-def test_report_of_a_good_day(good: Decision) -> None:
-    report = good.record
+def test_record_of_a_good_day(good: Decision) -> None:
+    record = good.record
     assert good.result is not None
-    assert report.status is SolveStatus.SOLVED
-    assert report.iterations == good.result.iterations
-    assert report.objective == good.result.objective
-    assert report.solve_time_s == good.result.time_s
-    assert report.rung is Rung.OPTIMAL
-    assert not report.limiter_active
-    assert report.preview_age_s == 0.0
-    assert report.gap_slack_m == pytest.approx(0.0, abs=1e-5)
+    assert record.status is SolveStatus.SOLVED
+    assert record.iterations == good.result.iterations
+    assert record.objective == good.result.objective
+    assert record.solve_time_s == good.result.time_s
+    assert record.rung is Rung.OPTIMAL
+    assert not record.limiter_active
+    assert record.preview_age_s == 0.0
+    assert record.gap_slack_m == pytest.approx(0.0, abs=1e-5)
 
 
-def test_report_without_a_solve(
+def test_record_without_a_solve(
     controller: Controller, make_scene: Callable[..., Measurements]
 ) -> None:
-    report = controller.decide(replace(make_scene(), leader=None)).record
-    assert report.status is SolveStatus.NOT_POSED
-    assert report.iterations == 0
-    assert report.rung is Rung.STOP
-    for value in (report.objective, report.gap_slack_m, report.solve_time_s, report.preview_age_s):
+    record = controller.decide(replace(make_scene(), leader=None)).record
+    assert record.status is SolveStatus.NOT_POSED
+    assert record.iterations == 0
+    assert record.rung is Rung.STOP
+    for value in (record.objective, record.gap_slack_m, record.solve_time_s, record.preview_age_s):
         assert math.isnan(value)
 
 
 @pytest.mark.parametrize("change", [{}, {"leader": None}, {"state": None}, {"preview": EMPTY}])
-def test_every_report_travels(
+def test_every_record_travels(
     controller: Controller, make_scene: Callable[..., Measurements], change: dict[str, object]
 ) -> None:
     measured = replace(make_scene(), **change)  # type: ignore[arg-type]
-    report = controller.decide(measured).record
-    again = decode_decision_record(encode_decision_record(100_000_000_000, report))
-    assert repr(again) == repr(report)  # by text, as NaN does not equal itself
+    record = controller.decide(measured).record
+    again = decode_decision_record(encode_decision_record(100_000_000_000, record))
+    assert repr(again) == repr(record)  # by text, as NaN does not equal itself
 
 
 def test_plan_travels_with_its_node_times(good: Decision) -> None:

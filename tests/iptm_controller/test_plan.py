@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
+from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import (
     Plan,
@@ -101,9 +102,9 @@ def expect_starts_at(plan: Plan, state: VehicleState) -> None:
 def test_scaling_there_and_back(
     make_state: Callable[..., VehicleState], text: str, seed: int
 ) -> None:
-    horizon, state = Horizon.parse(text), make_state()
-    plan = random_plan(horizon, seed, state)
-    again = plan_from_variables(variables_from_plan(plan, state), horizon, state)
+    grid, state = ProblemGrid(Horizon.parse(text)), make_state()
+    plan = random_plan(grid.horizon, seed, state)
+    again = plan_from_variables(variables_from_plan(plan, grid, state), grid, state)
     np.testing.assert_allclose(again.states, plan.states, rtol=1e-13, atol=1e-9)
     np.testing.assert_allclose(again.inputs, plan.inputs, rtol=1e-13, atol=1e-12)
 

@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 from iptm_controller.controller import Measurements
-from iptm_controller.forecast import LeaderForecaster
+from iptm_controller.forecast import LeaderForecaster, LeaderMotion
 from iptm_controller.horizon import Horizon
-from iptm_controller.motion import Motion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
 from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StepIndex
-from iptm_controller.ocp.stage import quadrature, sample_count
-from iptm_controller.ocp.transcription import Transcription
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
@@ -26,16 +24,10 @@ FLAT = SlopePreview(np.zeros(1), np.zeros(1))
 
 def steps_of(data: ProblemData, horizon: Horizon) -> list[tuple[FloatArray, FloatArray]]:
     """Cut the vector into each step's own parameters and its samples, one row each."""
-    steps, offset = [], layout.GLOBALS
-    for length in horizon.step_lengths_s:
-        count = sample_count(float(length))
-        own = data.parameters[offset : offset + layout.STEP_PARAMETERS]
-        offset += layout.STEP_PARAMETERS
-        end = offset + count * layout.SAMPLE_PARAMETERS
-        steps.append((own, data.parameters[offset:end].reshape(count, -1)))
-        offset = end
-    assert offset == data.parameters.size
-    return steps
+    grid = ProblemGrid(horizon)
+    vectors = [data.parameters[place] for place in grid.step_parameters]
+    size = layout.STEP_PARAMETERS
+    return [(v[:size], v[size:].reshape(-1, layout.SAMPLE_PARAMETERS)) for v in vectors]
 
 
 def sample_times(horizon: Horizon) -> FloatArray:
@@ -48,43 +40,24 @@ def sample_times(horizon: Horizon) -> FloatArray:
 
 def build(
     state: VehicleState,
-    leader: Motion,
+    leader: LeaderMotion,
     slope: SlopePreview = FLAT,
     expected_m: FloatArray | None = None,
     horizon: Horizon = HORIZON,
 ) -> ProblemData:
-    builder = ProblemDataBuilder(horizon, strategy_by_name("reference_energy_aging"))
-    np.testing.assert_allclose(builder.sample_times_s, sample_times(horizon))
+    grid = ProblemGrid(horizon)
+    builder = ProblemDataBuilder(grid, strategy_by_name("reference_energy_aging"))
     if expected_m is None:
-        expected_m = state.position_m + state.speed_m_s * builder.sample_times_s
+        expected_m = state.position_m + state.speed_m_s * grid.sample_times_s
     return builder.build(state, leader, slope, expected_m)
 
 
 @pytest.fixture
-def steady() -> Motion:
-    return Motion(np.array([0.0]), np.array([0.0]), np.array([10.5]))
+def steady() -> LeaderMotion:
+    return LeaderMotion(np.array([0.0]), np.array([0.0]), np.array([10.5]))
 
 
-@pytest.mark.parametrize("text", ["15x1", "3x1+5x5", "1x0.5+2x2+4x10"])
-def test_vector_is_as_long_as_the_problem_wants(
-    make_state: Callable[..., VehicleState],
-    transcription_of: Callable[[str], Transcription],
-    steady: Motion,
-    text: str,
-) -> None:
-    horizon = Horizon.parse(text)
-    data = build(make_state(), steady, horizon=horizon)
-    transcription = transcription_of(text)
-    assert data.parameters.size == transcription.parameters.numel()
-    assert np.isfinite(data.parameters).all()
-    starts = [own.size for own, _ in steps_of(data, horizon)]
-    assert starts == [layout.STEP_PARAMETERS] * horizon.steps
-    sizes = [own.size + samples.size for own, samples in steps_of(data, horizon)]
-    offsets = layout.GLOBALS + np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    assert transcription.step_offsets.tolist() == offsets.tolist()
-
-
-def test_globals(make_state: Callable[..., VehicleState], steady: Motion) -> None:
+def test_globals(make_state: Callable[..., VehicleState], steady: LeaderMotion) -> None:
     data = build(make_state(cell_1_capacity_loss=2e-3, cell_n_capacity_loss=3e-3), steady)
     expected = {
         GlobalIndex.CELL_1_LOSS: 2e-3,
@@ -101,7 +74,7 @@ def test_globals(make_state: Callable[..., VehicleState], steady: Motion) -> Non
 
 
 def test_initial_state_is_scaled_and_starts_at_position_zero(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     state = make_state(acceleration_m_s2=-0.7, compressor_power_w=1250.0)
     data = build(state, steady)
@@ -126,7 +99,7 @@ def test_leader_at_the_end_of_every_step(
 
 
 def test_rates_count_between_the_middles_of_two_steps(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     data = build(make_state(), steady)
     intervals = [own[StepIndex.RATE_INTERVAL] for own, _ in steps_of(data, HORIZON)]
@@ -134,7 +107,7 @@ def test_rates_count_between_the_middles_of_two_steps(
 
 
 def test_a_change_into_a_long_step_has_to_happen_soon(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     """Into a 15 s step as into one of 5 s; between equal steps nothing changes."""
     horizon = Horizon.parse("2x1+2x15")
@@ -144,7 +117,7 @@ def test_a_change_into_a_long_step_has_to_happen_soon(
 
 
 def test_the_leader_is_known_at_every_sample(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     data = build(make_state(), steady)
     times = sample_times(HORIZON)
@@ -157,7 +130,7 @@ def test_the_leader_is_known_at_every_sample(
 
 
 def test_braking_reserve_is_asked_for_where_the_preview_ends(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     data = build(make_state(), steady)
     asked = [own[StepIndex.END_OF_PREVIEW] for own, _ in steps_of(data, HORIZON)]
@@ -168,10 +141,11 @@ def test_braking_reserve_is_asked_for_where_the_preview_ends(
     ("known_s", "node"), [(0.0, 0), (1.0, 0), (2.9, 1), (3.0, 2), (12.0, 3), (28.0, 7), (60.0, 7)]
 )
 def test_braking_reserve_is_asked_for_no_later_than_the_leader_is_known(
-    make_state: Callable[..., VehicleState], steady: Motion, known_s: float, node: int
+    make_state: Callable[..., VehicleState], steady: LeaderMotion, known_s: float, node: int
 ) -> None:
-    builder = ProblemDataBuilder(HORIZON, strategy_by_name("aging"))
-    expected_m = np.zeros(builder.sample_times_s.size)
+    grid = ProblemGrid(HORIZON)
+    builder = ProblemDataBuilder(grid, strategy_by_name("aging"))
+    expected_m = np.zeros(grid.sample_times_s.size)
     flat = SlopePreview(np.zeros(1), np.zeros(1))
     data = builder.build(make_state(), steady, flat, expected_m, known_s)
     asked = [own[StepIndex.END_OF_PREVIEW] for own, _ in steps_of(data, HORIZON)]
@@ -185,7 +159,7 @@ def test_reference_is_the_mean_speed_over_the_last_two_seconds(
     times = np.arange(97.0, 131.0)
     speeds = 12.0 + 4.0 * np.sin(times / 3.0)
     positions = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
-    data = build(make_state(), Motion(times, 1040.0 + positions, speeds))
+    data = build(make_state(), LeaderMotion(times, 1040.0 + positions, speeds))
     found = np.concatenate([s[:, SampleIndex.SPEED_REFERENCE] for _, s in steps_of(data, HORIZON)])
     for reference, sample in zip(found, 100.0 + sample_times(HORIZON), strict=True):
         fine = np.linspace(sample - REFERENCE_WINDOW_S, sample, 20001)
@@ -193,7 +167,7 @@ def test_reference_is_the_mean_speed_over_the_last_two_seconds(
 
 
 def test_slope_is_expanded_where_the_host_is_expected(
-    make_state: Callable[..., VehicleState], steady: Motion
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
 ) -> None:
     """A road of the second degree comes back exactly, wherever the host then is."""
     nodes = np.arange(0.0, 3000.0, 5.0)
@@ -216,7 +190,9 @@ def test_slope_is_expanded_where_the_host_is_expected(
         np.testing.assert_allclose(expanded, road(expected + away), atol=1e-9)
 
 
-def test_ends_of_the_road_are_held(make_state: Callable[..., VehicleState], steady: Motion) -> None:
+def test_ends_of_the_road_are_held(
+    make_state: Callable[..., VehicleState], steady: LeaderMotion
+) -> None:
     ahead_of_all = SlopePreview(np.array([0.0, 500.0]), np.array([0.0, 0.03]))
     for _, samples in steps_of(build(make_state(), steady, ahead_of_all), HORIZON):
         assert (samples[:, SampleIndex.SLOPE] == 0.03).all()

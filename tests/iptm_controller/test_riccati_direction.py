@@ -13,15 +13,13 @@ from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.transcription import BLOCK, ROWS, Transcription
-from iptm_controller.solvers.riccati.program import (
-    ITERATE,
-    PARTS,
-    RiccatiProgram,
-    build_program,
-)
-from iptm_controller.solvers.riccati.report import Report
-from iptm_controller.solvers.riccati.stage_system import limit_sides
+from iptm_controller.ocp.layout import BLOCK, ROWS
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.transcription import Transcription
+from iptm_controller.solvers.riccati.program import ITERATE, RiccatiProgram, build_program
+from iptm_controller.solvers.riccati.recursion import PARTS
+from iptm_controller.solvers.riccati.stage_system import inequality_constraints
+from iptm_controller.solvers.riccati.step_summary import StepSummary
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 
@@ -44,7 +42,7 @@ class Iterate:
 
 @pytest.fixture(scope="module")
 def program(parameters: ModelParameters) -> RiccatiProgram:
-    return build_program(Horizon.parse(GRID), parameters)
+    return build_program(OptimalControlProblem(Horizon.parse(GRID), parameters))
 
 
 @pytest.fixture
@@ -57,12 +55,12 @@ def problem(
 
 @pytest.fixture
 def iterate(program: RiccatiProgram, problem: tuple[ProblemData, FloatArray]) -> Iterate:
-    """Positive distances and multipliers without order, so that nothing cancels by chance."""
+    """Positive slacks and multipliers without order, so that nothing cancels by chance."""
     data, guess = problem
     rng = np.random.default_rng(5)
     w = guess + 0.02 * rng.normal(size=guess.size)
     w[: layout.STATES] = data.initial_state
-    s, z = (program.start.size_out(index)[0] for index in (1, 2))
+    s, z = (program.starting_point.size_out(name)[0] for name in ("s", "z"))
     return Iterate(
         w,
         rng.normal(size=layout.STATES * STEPS),
@@ -77,14 +75,14 @@ def call(function: ca.Function, **given: object) -> dict[str, FloatArray]:
 
 def direction(
     program: RiccatiProgram, data: ProblemData, at: Iterate, delta: float
-) -> tuple[dict[str, FloatArray], Report]:
+) -> tuple[dict[str, FloatArray], StepSummary]:
     parts = call(
-        program.direction, w=at.w, p=data.parameters, lam=at.lam, s=at.s, z=at.z, delta=delta
+        program.search_direction, w=at.w, p=data.parameters, lam=at.lam, s=at.s, z=at.z, delta=delta
     )
     step = {
         name: parts[f"d{name}_{PARTS[0]}"] + MU * parts[f"d{name}_{PARTS[1]}"] for name in ITERATE
     }
-    return step, Report(*parts["report"].tolist())
+    return step, StepSummary(*parts["summary"].tolist())
 
 
 @dataclass(frozen=True)
@@ -94,9 +92,9 @@ class Dense:
     gradient: FloatArray
     hessian: FloatArray
     dynamics: FloatArray
-    defect: FloatArray
-    slopes: FloatArray
-    distances: FloatArray
+    residual: FloatArray
+    jacobian: FloatArray
+    constraints: FloatArray
 
 
 def dense_terms(
@@ -104,23 +102,23 @@ def dense_terms(
 ) -> Dense:
     """Everything from the transcription's own derivatives, in the conventions of the method."""
     t = transcription
-    sides = limit_sides(parameters.limits)
-    choose = np.zeros((len(sides) * STEPS, ROWS * STEPS))
-    bounds = np.zeros((len(sides) * STEPS, t.variable_count))
-    offsets = np.zeros(len(sides) * STEPS)
+    inequalities = inequality_constraints(parameters.limits)
+    choose = np.zeros((len(inequalities) * STEPS, ROWS * STEPS))
+    bounds = np.zeros((len(inequalities) * STEPS, t.grid.variable_count))
+    offsets = np.zeros(len(inequalities) * STEPS)
     for step in range(STEPS):
-        for index, side in enumerate(sides):
-            row = step * len(sides) + index
-            offsets[row] = side.sign * side.bound
-            if side.index < layout.LIMITS:
-                choose[row, step * ROWS + layout.STATES + side.index] = side.sign
+        for index, one in enumerate(inequalities):
+            row = step * len(inequalities) + index
+            offsets[row] = one.sign * one.bound
+            if one.index < layout.LIMITS:
+                choose[row, step * ROWS + layout.STATES + one.index] = one.sign
             else:
-                bounds[row, step * BLOCK + layout.STATES + side.index - layout.LIMITS] = side.sign
+                bounds[row, step * BLOCK + layout.STATES + one.index - layout.LIMITS] = one.sign
     is_dynamics = np.arange(ROWS * STEPS) % ROWS < layout.STATES
     # The rows are x+ - F and the limits; the method counts F - x+ and subtracts the limits.
     multipliers = -choose.T @ at.z
     multipliers[is_dynamics] = -at.lam
-    lam_f, lam_rows = ca.MX.sym("lam_f"), ca.MX.sym("lam_rows", t.row_count)
+    lam_f, lam_rows = ca.MX.sym("lam_f"), ca.MX.sym("lam_rows", t.grid.row_count)
     terms = ca.Function(
         "terms",
         [t.variables, t.parameters, lam_f, lam_rows],
@@ -132,9 +130,9 @@ def dense_terms(
         gradient=gradient.ravel()[free],
         hessian=hessian[free, free],
         dynamics=-jacobian[is_dynamics, free],
-        defect=-rows.ravel()[is_dynamics],
-        slopes=(choose @ jacobian + bounds)[:, free],
-        distances=choose @ rows.ravel() + bounds @ at.w - offsets,
+        residual=-rows.ravel()[is_dynamics],
+        jacobian=(choose @ jacobian + bounds)[:, free],
+        constraints=choose @ rows.ravel() + bounds @ at.w - offsets,
     )
 
 
@@ -145,15 +143,15 @@ def newton_step(dense: Dense, at: Iterate, delta: float) -> dict[str, FloatArray
     w, lam = slice(0, n), slice(n, n + m)
     s, z = slice(n + m, n + m + k), slice(n + m + k, None)
     matrix[w, w] = dense.hessian + delta * np.eye(n)
-    matrix[w, lam], matrix[w, z] = dense.dynamics.T, -dense.slopes.T
+    matrix[w, lam], matrix[w, z] = dense.dynamics.T, -dense.jacobian.T
     matrix[lam, w] = dense.dynamics
-    matrix[s, w], matrix[s, s] = dense.slopes, -np.eye(k)
+    matrix[s, w], matrix[s, s] = dense.jacobian, -np.eye(k)
     matrix[z, s], matrix[z, z] = np.diag(at.z), np.diag(at.s)
     residual = np.concatenate(
         [
-            dense.gradient + dense.dynamics.T @ at.lam - dense.slopes.T @ at.z,
-            dense.defect,
-            dense.distances - at.s,
+            dense.gradient + dense.dynamics.T @ at.lam - dense.jacobian.T @ at.z,
+            dense.residual,
+            dense.constraints - at.s,
             at.s * at.z - MU,
         ]
     )
@@ -171,8 +169,8 @@ def test_the_recursion_solves_the_newton_system(
     delta: float,
 ) -> None:
     data, _ = problem
-    step, report = direction(program, data, iterate, delta)
-    assert report.changed_pivots == 0.0
+    step, summary = direction(program, data, iterate, delta)
+    assert summary.corrected_pivots == 0.0
     dense = dense_terms(transcription_of(GRID), parameters, data, iterate)
     # The last state has no stage of its own: nothing is added to its (absent) curvature.
     hessian = dense.hessian.copy()
@@ -184,7 +182,7 @@ def test_the_recursion_solves_the_newton_system(
         np.testing.assert_allclose(step[name], expected[name], rtol=1e-5, atol=1e-5)
 
 
-def test_the_report_tells_the_residuals(
+def test_the_summary_has_the_residual_norms_and_slopes(
     program: RiccatiProgram,
     transcription_of: Callable[[str], Transcription],
     parameters: ModelParameters,
@@ -192,24 +190,26 @@ def test_the_report_tells_the_residuals(
     iterate: Iterate,
 ) -> None:
     data, _ = problem
-    step, report = direction(program, data, iterate, 0.0)
+    step, summary = direction(program, data, iterate, 0.0)
     dense = dense_terms(transcription_of(GRID), parameters, data, iterate)
-    stationarity = dense.gradient + dense.dynamics.T @ iterate.lam - dense.slopes.T @ iterate.z
+    stationarity = dense.gradient + dense.dynamics.T @ iterate.lam - dense.jacobian.T @ iterate.z
     # lam of the last state has no counterpart but itself; the method keeps it at zero.
     own = np.abs(stationarity[: -layout.STATES]).max()
-    assert report.stationarity == pytest.approx(own, rel=1e-9)
-    assert report.defect == pytest.approx(np.abs(dense.defect).max(), rel=1e-9)
-    assert report.gap == pytest.approx(np.abs(dense.distances - iterate.s).max(), rel=1e-9)
-    assert report.largest_product == pytest.approx((iterate.s * iterate.z).max())
-    assert report.product_sum == pytest.approx(iterate.s @ iterate.z)
-    assert report.multiplier_sum == pytest.approx(iterate.z.sum())
-    slope = report.slope_pull + MU * report.slope_centring
+    assert summary.stationarity == pytest.approx(own, rel=1e-9)
+    assert summary.dynamics == pytest.approx(np.abs(dense.residual).max(), rel=1e-9)
+    assert summary.inequalities == pytest.approx(
+        np.abs(dense.constraints - iterate.s).max(), rel=1e-9
+    )
+    assert summary.complementarity == pytest.approx((iterate.s * iterate.z).max())
+    assert summary.complementarity_sum == pytest.approx(iterate.s @ iterate.z)
+    assert summary.z_sum == pytest.approx(iterate.z.sum())
+    slope = summary.cost_slope_affine + MU * summary.cost_slope_centring
     assert slope == pytest.approx(dense.gradient @ step["w"][layout.STATES :], rel=1e-8)
-    log_slope = report.log_slope_pull + MU * report.log_slope_centring
+    log_slope = summary.log_slope_affine + MU * summary.log_slope_centring
     assert log_slope == pytest.approx((step["s"] / iterate.s).sum(), rel=1e-8)
 
 
-def test_advance_takes_the_step_and_looks_there(
+def test_a_trial_point_is_a_step_away(
     program: RiccatiProgram,
     transcription_of: Callable[[str], Transcription],
     parameters: ModelParameters,
@@ -218,11 +218,11 @@ def test_advance_takes_the_step_and_looks_there(
 ) -> None:
     data, _ = problem
     given = {"w": iterate.w, "lam": iterate.lam, "s": iterate.s, "z": iterate.z}
-    parts = call(program.direction, p=data.parameters, delta=0.0, **given)
-    parts.pop("report")
-    answer = call(program.advance, p=data.parameters, mu=MU, shrink=0.5, **given, **parts)
+    parts = call(program.search_direction, p=data.parameters, delta=0.0, **given)
+    parts.pop("summary")
+    answer = call(program.trial_point, p=data.parameters, mu=MU, backtracking=0.5, **given, **parts)
     length = float(answer["length"][0])
-    step = {name: parts[f"d{name}_pull"] + MU * parts[f"d{name}_centring"] for name in ITERATE}
+    step = {name: parts[f"d{name}_affine"] + MU * parts[f"d{name}_centring"] for name in ITERATE}
     assert 0.0 < length <= 0.5
     np.testing.assert_allclose(answer["next_w"], iterate.w + length * step["w"], atol=1e-12)
     np.testing.assert_allclose(answer["next_lam"], iterate.lam + length * step["lam"], atol=1e-12)
@@ -231,11 +231,11 @@ def test_advance_takes_the_step_and_looks_there(
     assert there.z.min() > 0.0
     dense = dense_terms(transcription_of(GRID), parameters, data, there)
     moved = iterate.s + length * step["s"]
-    np.testing.assert_allclose(there.s, np.maximum(moved, dense.distances), atol=1e-9)
-    residual = np.concatenate([dense.defect, dense.distances - there.s])
-    cost, logarithms, total, largest = answer["values"]
+    np.testing.assert_allclose(there.s, np.maximum(moved, dense.constraints), atol=1e-9)
+    residual = np.concatenate([dense.residual, dense.constraints - there.s])
+    cost, log_sum, total, largest = answer["point"]
     assert np.isfinite(cost)
-    assert logarithms == pytest.approx(np.log(there.s).sum())
+    assert log_sum == pytest.approx(np.log(there.s).sum())
     assert total == pytest.approx(np.abs(residual).sum())
     assert largest == pytest.approx(np.abs(residual).max())
 
@@ -245,27 +245,29 @@ def test_code_does_not_grow_with_the_horizon(parameters: ModelParameters) -> Non
 
     def length(grid: str) -> int:
         generator = ca.CodeGenerator("code.c", {"with_header": False})
-        for function in build_program(Horizon.parse(grid), parameters).functions:
+        for function in build_program(
+            OptimalControlProblem(Horizon.parse(grid), parameters)
+        ).functions:
             generator.add(function)
         return len(generator.dump())
 
     assert length("200x1") - length("20x1") < 180 * 3000
 
 
-def test_slacks_start_as_guessed_or_eased(
+def test_soft_slacks_start_as_guessed_or_relaxed(
     program: RiccatiProgram,
     transcription_of: Callable[[str], Transcription],
     parameters: ModelParameters,
     problem_of: Pose,
     make_scene: Callable[..., Measurements],
 ) -> None:
-    """Far too close: eased, the slacks leave no soft limit out of reach."""
+    """Far too close: relaxed, the slacks leave no soft limit out of reach."""
     data, guess = problem_of(make_scene(gap_m=-20.0), GRID, "aging")
     starts = {
-        ease: call(program.start, guess=guess, p=data.parameters, mu=1e-2, ease=ease)
-        for ease in (0.0, 1.0)
+        relax: call(program.starting_point, guess=guess, p=data.parameters, mu=1e-2, relax=relax)
+        for relax in (0.0, 1.0)
     }
-    for ease, start in starts.items():
+    for relax, start in starts.items():
         table = start["w"][: -layout.STATES].reshape(STEPS, BLOCK)
         slacks = table[:, BLOCK - layout.SLACKS :]
         assert slacks.min() > 0.0
@@ -274,9 +276,9 @@ def test_slacks_start_as_guessed_or_eased(
         none = np.zeros(layout.STATES * STEPS)
         at = Iterate(start["w"], none, start["s"], start["z"])
         dense = dense_terms(transcription_of(GRID), parameters, data, at)
-        if ease:
-            assert dense.distances.min() > -1e-9
+        if relax:
+            assert dense.constraints.min() > -1e-9
             assert slacks.max() > 20.0
         else:
-            assert dense.distances.min() < -20.0
+            assert dense.constraints.min() < -20.0
             assert slacks.max() < 0.1

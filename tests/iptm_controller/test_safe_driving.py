@@ -216,13 +216,6 @@ def test_thermostat_rises_with_the_warmer_cell(
     assert powers == pytest.approx([share * THERMOSTAT_POWER_W for share in expected])
 
 
-def test_thermostat_respects_a_small_compressor(
-    parameters: ModelParameters, make_state: Callable[..., VehicleState]
-) -> None:
-    small = replace(parameters, limits=replace(parameters.limits, max_compressor_power_w=800.0))
-    assert thermostat_power_w(make_state(cell_n_temperature_k=330.0), small) == 800.0
-
-
 @given(speed=st.floats(0.0, 37.5), acceleration=st.floats(-2.0, 2.0))
 @settings(max_examples=50)
 def test_controlled_stop_halts_within_the_jerk_limit(
@@ -246,17 +239,3 @@ def test_controlled_stop_halts_within_the_jerk_limit(
     # Once it brakes it goes on braking.
     slower = np.diff(speeds) <= 0.0
     assert slower[int(np.argmax(slower)) :].all()
-
-
-def test_controlled_stop_stays_stopped(
-    parameters: ModelParameters, make_state: Callable[..., VehicleState]
-) -> None:
-    command = controlled_stop(make_state(speed_m_s=0.0), parameters, 1.0)
-    assert command.acceleration_m_s2 == pytest.approx(0.0, abs=1e-12)
-
-
-def test_controlled_stop_goes_on_cooling(
-    parameters: ModelParameters, make_state: Callable[..., VehicleState]
-) -> None:
-    hot = make_state(cell_n_temperature_k=320.0)
-    assert controlled_stop(hot, parameters, 1.0).compressor_power_w == THERMOSTAT_POWER_W

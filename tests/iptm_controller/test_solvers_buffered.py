@@ -32,18 +32,3 @@ def test_two_instances_of_one_function_do_not_share_memory() -> None:
     first()
     second()
     assert (first.results["y"][0], second.results["y"][0]) == (2.0, 10.0)
-
-
-def test_an_ill_posed_problem_raises_and_the_next_one_is_solved() -> None:
-    x = ca.SX.sym("x")
-    options = {"ipopt": {"print_level": 0, "sb": "yes"}, "print_time": False}
-    solver = BufferedFunction(
-        ca.nlpsol("s", "ipopt", {"x": x, "f": (x - 2.0) ** 2}, {**options, "error_on_fail": False})
-    )
-    solver.arguments["lbx"][:], solver.arguments["ubx"][:] = 5.0, 4.0
-    with pytest.raises(RuntimeError):
-        solver()
-    solver.arguments["lbx"][:], solver.arguments["ubx"][:] = -4.0, 4.0
-    solver()
-    assert solver.stats()["success"]
-    assert solver.results["x"][0] == pytest.approx(2.0)

@@ -15,8 +15,8 @@ from iptm_controller.controller import Measurements
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex, LimitIndex
-from iptm_controller.ocp.transcription import BLOCK, StageFunctions, Transcription
-from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.ocp.transcription import StageFunctions, Transcription
+from iptm_controller.solvers.interface import SolverBackend
 from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
@@ -49,10 +49,10 @@ class Rollout:
         self._data = data
         self._stages: list[StageFunctions] = [
             stage
-            for stage, phase in zip(transcription.stages, transcription.horizon.phases, strict=True)
-            for _ in range(phase.steps)
+            for stage, kind in zip(transcription.stages, transcription.grid.stages, strict=True)
+            for _ in range(kind.count)
         ]
-        self._offsets = transcription.step_offsets
+        self._places = transcription.grid.step_parameters
         limits = parameters.limits
         self._low = np.array([limits.min_acceleration_m_s2, limits.min_compressor_power_w / 1e3])
         self._high = np.array([limits.max_acceleration_m_s2, limits.max_compressor_power_w / 1e3])
@@ -62,8 +62,8 @@ class Rollout:
         """Cost of inputs, shape (N, 2), after they are brought within bounds and rates."""
         state = self._data.initial_state
         total = 0.0
-        for stage, offset, inputs in zip(self._stages, self._offsets, wanted, strict=True):
-            p = self._data.parameters[offset : offset + stage.spec.parameter_count]
+        for stage, place, inputs in zip(self._stages, self._places, wanted, strict=True):
+            p = self._data.parameters[place]
             step = self._rates * p[2]
             last = state[4:6]
             bounded = np.clip(np.clip(inputs, self._low, self._high), last - step, last + step)
@@ -79,7 +79,7 @@ class Rollout:
 
 
 def inputs_of(variables: FloatArray) -> FloatArray:
-    table = variables[: -layout.STATES].reshape(-1, BLOCK)
+    table = variables[: -layout.STATES].reshape(-1, layout.BLOCK)
     return table[:, layout.STATES : layout.STATES + 2].copy()
 
 
@@ -187,15 +187,12 @@ def test_solutions_are_feasible(
     data, guess = problem_of(ordinary_scene, "3x1+5x5", "aging")
     result = plain_solver("3x1+5x5").solve(data, guess)
     transcription = transcription_of("3x1+5x5")
-    table = result.variables[: -layout.STATES].reshape(-1, BLOCK)
-    nodes = np.vstack([table[:, : layout.STATES], result.variables[-layout.STATES :]])
+    nodes, inputs = transcription.grid.split(result.variables)
     np.testing.assert_allclose(nodes[0], data.initial_state, atol=1e-7)
-    step = 0
-    for stage, phase in zip(transcription.stages, transcription.horizon.phases, strict=True):
-        for _ in range(phase.steps):
-            offset = transcription.step_offsets[step]
-            p = data.parameters[offset : offset + stage.spec.parameter_count]
-            u = table[step, layout.STATES :]
+    for stage, kind in zip(transcription.stages, transcription.grid.stages, strict=True):
+        for step in range(kind.steps.start, kind.steps.stop):
+            p = data.parameters[transcription.grid.step_parameters[step]]
+            u = inputs[step]
             rows, _ = stage.value(nodes[step], u, p, data.parameters[: layout.GLOBALS])
             values = rows.full().ravel()
             np.testing.assert_allclose(nodes[step + 1], -values[: layout.STATES], atol=1e-5)
@@ -205,5 +202,4 @@ def test_solutions_are_feasible(
             assert -2.0 - 1e-6 <= u[0] <= 2.0 + 1e-6
             assert -1e-6 <= u[1] <= 4.5 + 1e-6
             assert u[2:].min() >= -1e-6
-            step += 1
     assert result.infeasibility <= 1e-5

@@ -10,13 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from iptm_controller.ocp.grid import quadrature, sample_count
 from iptm_controller.ocp.layout import LimitIndex, StateIndex
 from iptm_controller.ocp.stage import (
     DEFAULT_PENALTIES,
     GAP_SMOOTHING_M,
     NOT_ASKED_FOR_M,
-    quadrature,
-    sample_count,
 )
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.coolant import reduce_channel
@@ -25,22 +24,6 @@ from iptm_core.state import FloatArray, VehicleState
 
 RunStage = Callable[..., tuple[FloatArray, float, FloatArray]]
 STEP_LENGTHS = st.sampled_from([0.2, 1.0, 2.0, 5.0, 10.0])
-
-
-@pytest.mark.parametrize("samples", [1, 2, 3, 4])
-def test_quadrature_is_exact_up_to_its_degree(samples: int) -> None:
-    nodes, weights = quadrature(samples)
-    assert weights.sum() == pytest.approx(1.0)
-    assert ((nodes > 0.0) & (nodes < 1.0)).all()
-    for degree in range(2 * samples):
-        assert weights @ nodes**degree == pytest.approx(1.0 / (degree + 1))
-    too_high = 2 * samples
-    assert weights @ nodes**too_high != pytest.approx(1.0 / (too_high + 1), abs=1e-9)
-
-
-def test_long_steps_take_more_samples() -> None:
-    lengths = [0.1, 1.0, 1.1, 2.5, 5.0, 5.1, 10.0, 60.0]
-    assert [sample_count(length) for length in lengths] == [1, 1, 2, 2, 2, 3, 4, 24]
 
 
 @settings(max_examples=50)

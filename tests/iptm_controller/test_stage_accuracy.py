@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from iptm_controller.ocp.grid import MIDPOINT_UP_TO_S
 from iptm_controller.ocp.layout import StateIndex
-from iptm_controller.ocp.stage import DEFAULT_SMOOTHING, MIDPOINT_UP_TO_S
+from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.aging import capacity_loss_rate_1_s
 from iptm_core.physics.battery_power import battery_power_w

@@ -10,15 +10,12 @@ import numpy as np
 import pytest
 
 from iptm_controller.controller import Measurements
-from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.layout import InputIndex, LimitIndex
-from iptm_controller.ocp.oracle import oracle_functions
-from iptm_controller.ocp.transcription import BLOCK, ROWS, Transcription, problem_bounds
-from iptm_controller.solvers.backend import SolverBackend
+from iptm_controller.ocp.layout import BLOCK, ROWS, InputIndex, LimitIndex
+from iptm_controller.ocp.transcription import Transcription
+from iptm_controller.solvers.interface import SolverBackend
 from iptm_controller.strategy import STRATEGIES
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 
 GRIDS = ["2x1+2x5", "3x1", "1x0.5+1x1+2x10"]
@@ -51,13 +48,6 @@ def numbers(function: ca.Function, *arguments: Any) -> FloatArray:
     return values
 
 
-def test_sizes(transcription: Transcription, grid: str) -> None:
-    steps = Horizon.parse(grid).steps
-    assert transcription.variable_count == 12 * steps + 6 == transcription.variables.numel()
-    assert transcription.row_count == 20 * steps == transcription.rows.numel()
-    assert transcription.jacobian.shape == (transcription.row_count, transcription.variable_count)
-
-
 def test_gradient_and_jacobian_are_casadis_own(
     transcription: Transcription, point: tuple[FloatArray, FloatArray]
 ) -> None:
@@ -75,51 +65,27 @@ def test_hessian_is_casadis_own(
     transcription: Transcription, point: tuple[FloatArray, FloatArray]
 ) -> None:
     t = transcription
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", t.row_count)
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", t.grid.row_count)
     lagrangian = lam_f * t.cost + ca.dot(lam_g, t.rows)
     theirs = ca.hessian(lagrangian, t.variables)[0]
     arguments = [t.variables, t.parameters, lam_f, lam_g]
     function = ca.Function("pair", arguments, [t.hessian(lam_f, lam_g), theirs])
-    multipliers = np.random.default_rng(2).normal(size=t.row_count)
+    multipliers = np.random.default_rng(2).normal(size=t.grid.row_count)
     mine, reference = (value.full() for value in function(*point, 0.7, multipliers))
     np.testing.assert_allclose(mine, reference, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(mine, mine.T, rtol=1e-12, atol=1e-12)
 
 
-def test_derivatives_agree_with_finite_differences(
-    transcription: Transcription, point: tuple[FloatArray, FloatArray]
-) -> None:
-    t = transcription
-    lam_g = np.random.default_rng(3).normal(size=t.row_count)
-    values = ca.Function("v", [t.variables, t.parameters], [ca.vertcat(t.cost, t.rows)])
-    slopes = ca.Function("s", [t.variables, t.parameters], [ca.vertcat(t.gradient.T, t.jacobian)])
-    curvature = ca.Function("h", [t.variables, t.parameters], [t.hessian(ca.MX(1.0), ca.MX(lam_g))])
-    w, p = point
-    weights = np.concatenate([[1.0], lam_g])
-    step = 1e-5
-    for seed in range(5):
-        direction = np.random.default_rng(seed).normal(size=w.size)
-        ahead, behind = w + step * direction, w - step * direction
-        difference = (numbers(values, ahead, p) - numbers(values, behind, p)) / (2.0 * step)
-        analytic = numbers(slopes, w, p) @ direction
-        np.testing.assert_allclose(analytic, difference.ravel(), rtol=1e-4, atol=1e-4)
-        turned = numbers(slopes, ahead, p) - numbers(slopes, behind, p)
-        expected = weights @ turned / (2.0 * step)
-        np.testing.assert_allclose(
-            numbers(curvature, w, p) @ direction, expected, rtol=1e-3, atol=1e-3
-        )
-
-
 def test_stage_structure_is_visible(transcription: Transcription) -> None:
     """Rows of a step touch its own variables and, one to one, the states of the next node."""
-    steps = transcription.horizon.steps
+    steps = transcription.grid.steps
     rows, columns = (np.array(part) for part in transcription.jacobian.sparsity().get_triplet())
     assert (columns >= BLOCK * (rows // ROWS)).all()
     assert (columns < BLOCK * (rows // ROWS) + BLOCK + layout.STATES).all()
     successor = columns >= BLOCK * (rows // ROWS) + BLOCK
     assert (rows[successor] % ROWS == columns[successor] % BLOCK).all()
     assert successor.sum() == layout.STATES * steps
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", transcription.row_count)
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", transcription.grid.row_count)
     hessian = transcription.hessian(lam_f, lam_g).sparsity()
     rows, columns = (np.array(part) for part in hessian.get_triplet())
     assert (rows // BLOCK == columns // BLOCK).all()
@@ -174,30 +140,6 @@ def test_single_and_multi_horizon_give_the_same_plan_on_the_same_steps(
     np.testing.assert_allclose(plans[0].variables, plans[1].variables, rtol=0.0, atol=1e-6)
 
 
-def test_only_physical_input_limits_are_hard(parameters: ModelParameters) -> None:
-    bounds = problem_bounds(3, parameters.limits)
-    low = bounds.variables_low[:-6].reshape(3, BLOCK)
-    high = bounds.variables_high[:-6].reshape(3, BLOCK)
-    for table, states in ((low, -np.inf), (high, np.inf)):
-        assert (table[:, : layout.STATES] == states).all()
-    inputs = slice(layout.STATES, None)
-    assert low[:, inputs].tolist() == [[-2.0, 0.0, 0.0, 0.0, 0.0, 0.0]] * 3
-    assert high[:, inputs].tolist() == [[2.0, 4.5, np.inf, np.inf, np.inf, np.inf]] * 3
-    assert (bounds.variables_low[-6:] == -np.inf).all()
-    row_low, row_high = bounds.rows_low.reshape(3, ROWS), bounds.rows_high.reshape(3, ROWS)
-    assert (row_low[:, : layout.STATES] == 0.0).all()
-    assert (row_high[:, : layout.STATES] == 0.0).all()
-    rates = [
-        layout.STATES + LimitIndex.ACCELERATION_RATE,
-        layout.STATES + LimitIndex.COMPRESSOR_RATE,
-    ]
-    assert (row_low[:, rates] == -1.0).all()
-    assert (row_high[:, rates] == 1.0).all()
-    soft = [row for row in range(layout.STATES, ROWS) if row not in rates]
-    assert (row_low[:, soft] == 0.0).all()
-    assert (row_high[:, soft] == np.inf).all()
-
-
 def test_enough_slack_makes_any_state_feasible(
     transcription_of: Callable[[str], Transcription],
     problem_of: Pose,
@@ -211,30 +153,3 @@ def test_enough_slack_makes_any_state_feasible(
     guess[:-6].reshape(-1, BLOCK)[:, layout.STATES + InputIndex.GAP_SHORT :] = 5000.0
     rows = numbers(function, guess, data.parameters).reshape(-1, ROWS)[:, layout.STATES :]
     assert (rows[:, LimitIndex.GAP_MIN :] >= 0.0).all()
-
-
-def test_functions_for_compiled_solvers(
-    transcription: Transcription, point: tuple[FloatArray, FloatArray]
-) -> None:
-    """What plug-ins look up by name has the promised outputs and values."""
-    signature = {
-        "nlp_grad_f": ("grad_f_x",),
-        "nlp_hess_l": ("grad_gamma_x", "hess_gamma_x_x", "triu_hess_gamma_x_x"),
-    }
-    functions = {f.name(): f for f in oracle_functions(transcription, signature)}
-    assert set(functions) == {"nlp", "nlp_grad", *signature}
-    assert functions["nlp"].name_in() == ["x", "p"]
-    assert functions["nlp_hess_l"].name_in() == ["x", "p", "lam_f", "lam_g"]
-    assert functions["nlp_hess_l"].name_out() == list(signature["nlp_hess_l"])
-    lam_g = np.random.default_rng(4).normal(size=transcription.row_count)
-    slope, hessian, upper = functions["nlp_hess_l"](*point, 2.0, lam_g)
-    t = transcription
-    parts = ca.Function("parts", [t.variables, t.parameters], [t.gradient, t.jacobian])
-    gradient, jacobian = (part.full() for part in parts(*point))
-    expected = 2.0 * gradient.ravel() + jacobian.T @ lam_g
-    np.testing.assert_allclose(slope.full().ravel(), expected, rtol=1e-12, atol=1e-12)
-    np.testing.assert_array_equal(np.triu(hessian.full()), upper.full())
-    cost, rows, again, _ = functions["nlp_grad"](*point, 2.0, lam_g)
-    np.testing.assert_allclose(again.full(), slope.full())
-    assert rows.numel() == transcription.row_count
-    assert float(cost) == pytest.approx(float(functions["nlp"](*point)[0]))

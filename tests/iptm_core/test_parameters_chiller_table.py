@@ -83,29 +83,29 @@ def test_a_row_is_met_although_its_conversion_rounds(write: Write) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"rows": [COLD]}, "rows: a list of at least two rows is needed"),
-        ({"rows": [WARM, COLD]}, "the ambient temperatures must increase from row to row"),
-        ({"rows": [COLD, COLD]}, "the ambient temperatures must increase from row to row"),
+        ({"rows": [COLD]}, "rows is [["),
+        ({"rows": [WARM, COLD]}, "allowed: increasing ones"),
+        ({"rows": [COLD, COLD]}, "allowed: increasing ones"),
         (
             {"rows": [COLD, "[40.0, 1.0]"]},
-            "rows, row 2 = [40.0, 1.0]: a list of 7 numbers is needed",
+            "row 2 is [40.0, 1.0]; allowed: a list of 7 numbers",
         ),
-        ({"rows": [COLD, "7"]}, "rows, row 2 = 7: a list of 7 numbers is needed"),
+        ({"rows": [COLD, "7"]}, "row 2 is 7; allowed: a list of 7 numbers"),
         (
             {"rows": [COLD, WARM.replace("1.0,", "true,", 1)]},
-            "row 2: chiller.xi_1 = True: a number is needed",
+            "row 2: chiller.xi_1 is True, no number",
         ),
         (
             {"rows": [COLD, WARM.replace("1.0,", ".nan,", 1)]},
-            "row 2: chiller.xi_1 = nan: must be finite",
+            "row 2: chiller.xi_1 is nan; allowed",
         ),
         (
             {"rows": [COLD, WARM.replace("40.0", "140.0")]},
-            "row 2: environment.ambient_temperature_k = 140.0 degC = 413.15 K: out of range",
+            "row 2: environment.ambient_temperature_k is 140.0 degC = 413.15 K; allowed",
         ),
         (
             {"rows": [COLD, WARM], "columns": "5"},
-            "columns: a list of the names ambient_temperature_k, xi_1, ",
+            "columns is ",
         ),
         (
             {"rows": [COLD, WARM], "columns": COLUMNS.replace("xi_6_w", "xi_7")},
@@ -113,19 +113,19 @@ def test_a_row_is_met_although_its_conversion_rounds(write: Write) -> None:
         ),
         (
             {"rows": [COLD, WARM], "columns": COLUMNS.replace("xi_6_w", "xi_1")},
-            "xi_6_w is needed once",
+            "xi_6_w once",
         ),
         (
             {"rows": [COLD, WARM], "units": "[degC]"},
-            "units = ['degC']: one unit for each column is needed",
+            "units is ['degC']; allowed: a list of 7 units",
         ),
         (
             {"rows": [COLD, WARM], "units": UNITS.replace("1/W", "1/kW")},
-            "row 1: chiller.xi_2_1_w = -0.0001: unit '1/kW'; permitted: '1/W'",
+            "row 1: chiller.xi_2_1_w is -0.0001 with unit '1/kW'; allowed: '1/W'",
         ),
         (
             {"rows": [COLD, WARM], "units": UNITS.replace("degC", "[degC]")},
-            "unit ['degC']; permitted: 'K' or 'degC'",
+            "unit ['degC']; allowed: 'K' or 'degC'",
         ),
         (
             {"rows": [COLD, WARM], "more": 'xi_1: {value: 2.0, unit: "1", source: chosen}'},
@@ -146,10 +146,10 @@ def test_a_wrong_table(write: Write, arguments: dict[str, str], message: str) ->
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ("5", "chiller.by_ambient_temperature = 5: a mapping is needed"),
+        ("5", "chiller.by_ambient_temperature holds 5; allowed: a mapping"),
         ("{rows: []}", "chiller.by_ambient_temperature: 'source' is missing"),
         ("{source: paper, row: []}", "unknown entry 'row'; did you mean 'rows'?"),
-        ("{source: paper}", "columns: a list of the names"),
+        ("{source: paper}", "columns is None; allowed: a list"),
     ],
 )
 def test_a_table_that_is_none(tmp_path: Path, entry: str, message: str) -> None:

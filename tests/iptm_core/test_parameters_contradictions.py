@@ -35,14 +35,14 @@ from iptm_core.parameters import load_parameters
         ),
         (
             {"gap.initial_gap_m": 4.0},
-            "gap.initial_gap_m = 4.0; permitted: from gap.standstill_gap_m to gap.max_gap_m, 5.0 to 120.0 m",
+            "gap.initial_gap_m = 4.0; allowed: from gap.standstill_gap_m to gap.max_gap_m, 5.0 to 120.0 m",
         ),
-        ({"gap.initial_gap_m": 130.0}, "gap.initial_gap_m = 130.0; permitted: "),
+        ({"gap.initial_gap_m": 130.0}, "gap.initial_gap_m = 130.0; allowed: "),
         (
             {"cooling.convective_coefficient_w_k": 30.0},
             "is not below the heat-capacity rate of one coolant channel, 29.97 W/K",
         ),
-        ({"cooling.coolant_mass_flow_kg_s": 0.002}, "h/C_f = 1.17742, permitted: below 1"),
+        ({"cooling.coolant_mass_flow_kg_s": 0.002}, "h/C_f = 1.17742, allowed: below 1"),
         (
             {"cooling.coolant_mass_flow_kg_s": 0.13},
             "the coefficients belong to the coolant flow that they were fitted at",
@@ -71,19 +71,19 @@ def test_parameters_that_contradict_each_other(overrides: dict[str, float], mess
             {"gap.max_gap": 80.0},
             "overrides: unknown parameter 'gap.max_gap'; did you mean 'gap.max_gap_m'?",
         ),
-        ({"zzz": 1.0}, "overrides: unknown parameter 'zzz'; known: body.mass_kg, "),
+        ({"zzz": 1.0}, "overrides: unknown parameter 'zzz'; allowed: body.mass_kg, "),
         (
             {"gap.max_gap_m": "80"},
-            "overrides: gap.max_gap_m = '80': a number is needed; permitted: 20 to 1000 m",
+            "overrides: gap.max_gap_m is '80', no number; allowed: 20 to 1000 m",
         ),
-        ({"gap.max_gap_m": True}, "overrides: gap.max_gap_m = True: a number is needed"),
+        ({"gap.max_gap_m": True}, "overrides: gap.max_gap_m is True, no number"),
         (
             {"pack.modules": 1.5},
-            "overrides: pack.modules = 1.5: must be a whole number; permitted: whole numbers from 1 to 1000",
+            "overrides: pack.modules is 1.5; allowed: whole numbers from 1 to 1000",
         ),
         (
             [("gap.max_gap_m", 80.0)],
-            "overrides: dotted keys with values are needed, got [('gap.max_gap_m', 80.0)]",
+            "overrides holds [('gap.max_gap_m', 80.0)]; allowed: a mapping",
         ),
     ],
 )
@@ -98,12 +98,12 @@ def test_wrong_overrides(overrides: Any, message: str) -> None:
     [
         (
             "textbook",
-            "parameter set 'textbook': no shipped set and no file; did you mean 'textbook_cell'?",
+            "parameter set is 'textbook', no shipped set and no file; did you mean 'textbook_cell'?",
         ),
-        ("", "parameter set '': a name or a path is needed; shipped sets: paper_calibrated, "),
-        (7, "parameter set 7: a name or a path is needed"),
+        ("", "parameter set is ''; allowed: a path, or a shipped set: paper_calibrated, "),
+        (7, "parameter set is 7; allowed: a path"),
         ("nowhere.yaml", "nowhere.yaml: no such file"),
-        ("x" * 300, "no shipped set and no file; shipped sets: paper_calibrated, "),
+        ("x" * 300, "no shipped set and no file; allowed: paper_calibrated, "),
         ("y" * 300 + ".yaml", "cannot be read as UTF-8 text"),
     ],
 )

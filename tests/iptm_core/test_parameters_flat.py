@@ -82,7 +82,7 @@ def test_any_number_in_range_is_taken_as_an_override(data: st.DataObject) -> Non
     try:
         loaded = load_parameters(overrides={spec.key: number})
     except ParameterError as error:  # it may still contradict another parameter
-        if "out of range" in str(error):
+        if f"{spec.key} is" in str(error):
             raise
         return
     assert bits(to_flat_dict(loaded.values)) == bits(DEFAULTS | {spec.key: number})
@@ -99,7 +99,7 @@ def test_any_number_out_of_range_is_refused_with_key_value_and_range(data: st.Da
     with pytest.raises(ParameterError) as caught:
         load_parameters(overrides={spec.key: number})
     message = str(caught.value)
-    assert message.startswith(f"overrides: {spec.key} = {number!r}")
+    assert message.startswith(f"overrides: {spec.key} is {number!r}")
     assert f"{spec.minimum:g} to {spec.maximum:g}" in message
 
 
@@ -126,7 +126,7 @@ def test_an_overridden_coefficient_is_not_interpolated_away() -> None:
 @pytest.mark.parametrize("ambient_k", [299.14, 312.66, 253.15])
 def test_the_published_chiller_refuses_other_ambient_temperatures(ambient_k: float) -> None:
     with pytest.raises(
-        ParameterError, match=r"outside of the chiller table; permitted: 299.15 to 312.65 K"
+        ParameterError, match=r"outside of the chiller table; allowed: 299.15 to 312.65 K"
     ):
         load_parameters("published_chiller", {"environment.ambient_temperature_k": ambient_k})
 
@@ -160,10 +160,10 @@ def test_a_set_can_be_sent_to_another_process() -> None:
     ("change", "message"),
     [
         ({"body.mass": 1500.0}, "unknown parameter 'body.mass'; did you mean 'body.mass_kg'?"),
-        ({17: 1.0}, "unknown parameter 17; known: body.mass_kg, "),
-        ({"body.mass_kg": None}, "body.mass_kg = None: a number is needed"),
-        ({"body.mass_kg": float("nan")}, "body.mass_kg = nan: must be finite"),
-        ({"pack.modules": 15.5}, "pack.modules = 15.5: must be a whole number; permitted: whole "),
+        ({17: 1.0}, "parameter 17; allowed: a text"),
+        ({"body.mass_kg": None}, "body.mass_kg is None, no number; allowed: 100 to 60000 kg"),
+        ({"body.mass_kg": float("nan")}, "body.mass_kg is nan; allowed: "),
+        ({"pack.modules": 15.5}, "pack.modules is 15.5; allowed: whole numbers "),
     ],
 )
 def test_a_flat_mapping_is_checked_like_a_file(change: dict[str, float], message: str) -> None:
@@ -184,7 +184,7 @@ def test_a_flat_mapping_names_what_is_missing() -> None:
         )
     with pytest.raises(ParameterError, match=r"missing body\.mass_kg, .* and \d+ more$"):
         flat_to_parameters({})
-    with pytest.raises(ParameterError, match="a mapping of dotted keys is needed, got 5"):
+    with pytest.raises(ParameterError, match="holds 5; allowed: a mapping"):
         flat_to_parameters(5)  # type: ignore[arg-type]
 
 
@@ -205,5 +205,5 @@ def test_a_malformed_line_of_overrides_is_refused(text: str) -> None:
 
 
 def test_an_override_that_is_not_finite_is_refused_later() -> None:
-    with pytest.raises(ParameterError, match=r"gap\.max_gap_m = inf: must be finite"):
+    with pytest.raises(ParameterError, match=r"gap\.max_gap_m is inf; allowed: 20 to 1000 m"):
         load_parameters(overrides=parse_overrides("gap.max_gap_m=inf"))

@@ -39,97 +39,58 @@ def mass(entry: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("entry", "message"),
+    ("entry", "named"),
     [
-        (
-            "{value: heavy, unit: kg, source: chosen}",
-            "body.mass_kg = 'heavy': a number is needed; permitted: 100 to 60000 kg",
-        ),
-        ("{value: true, unit: kg, source: chosen}", "body.mass_kg = True: a number is needed"),
-        ("{value: null, unit: kg, source: chosen}", "body.mass_kg = None: a number is needed"),
-        (
-            "{value: [1432.0], unit: kg, source: chosen}",
-            "body.mass_kg = [1432.0]: a number is needed",
-        ),
+        ("{value: heavy, unit: kg, source: chosen}", "body.mass_kg is 'heavy', no number"),
+        ("{value: true, unit: kg, source: chosen}", "body.mass_kg is True, no number"),
+        ("{value: null, unit: kg, source: chosen}", "body.mass_kg is None, no number"),
+        ("{value: [1432.0], unit: kg, source: chosen}", "body.mass_kg is [1432.0], no number"),
         (
             "{value: .nan, unit: kg, source: chosen}",
-            "body.mass_kg = nan: must be finite; permitted: 100 to 60000 kg",
+            "body.mass_kg is nan; allowed: 100 to 60000 kg",
         ),
-        ("{value: -.inf, unit: kg, source: chosen}", "body.mass_kg = -inf: must be finite"),
-        (
-            f"{{value: {10**400}, unit: kg, source: chosen}}",
-            "must be finite; permitted: 100 to 60000 kg",
-        ),
+        ("{value: -.inf, unit: kg, source: chosen}", "body.mass_kg is -inf"),
+        (f"{{value: {10**400}, unit: kg, source: chosen}}", "body.mass_kg is 1000"),
         (
             "{value: 99.9, unit: kg, source: chosen}",
-            "body.mass_kg = 99.9: out of range; permitted: 100 to 60000 kg",
+            "body.mass_kg is 99.9; allowed: 100 to 60000 kg",
         ),
-        (
-            "{value: 1432.0, unit: g, source: chosen}",
-            "body.mass_kg = 1432.0: unit 'g'; permitted: 'kg'",
-        ),
-        (
-            "{value: 1432.0, unit: 1, source: chosen}",
-            "body.mass_kg.unit = 1: text is needed (quote it)",
-        ),
-        (
-            "{value: 1432.0, source: chosen}",
-            "body.mass_kg: 'unit' is missing; permitted: 100 to 60000 kg",
-        ),
+        ("{value: 1432.0, unit: g, source: chosen}", "unit 'g'; allowed: 'kg'"),
+        ("{value: 1432.0, unit: 1, source: chosen}", "body.mass_kg: unit is 1"),
+        ("{value: 1432.0, source: chosen}", "body.mass_kg: 'unit' is missing"),
         ("{unit: kg, source: chosen}", "body.mass_kg: 'value' is missing"),
-        (
-            "{value: 1432.0, unit: kg}",
-            "body.mass_kg: 'source' is missing; permitted: paper, derived, published, chosen",
-        ),
-        (
-            "{value: 1432.0, unit: kg, source: guessed}",
-            "body.mass_kg: source 'guessed'; permitted: paper, ",
-        ),
-        (
-            "{value: 1432.0, unit: kg, source: override}",
-            "body.mass_kg: source 'override'; permitted: paper, ",
-        ),
-        (
-            "{value: 1432.0, unit: kg, source: [paper]}",
-            "body.mass_kg: source ['paper']; permitted: paper, ",
-        ),
-        (
-            "{value: 1432.0, unit: kg, source: paper, note: 3}",
-            "body.mass_kg: note = 3: text is needed",
-        ),
-        (
-            "{value: 1432.0, units: kg, source: paper}",
-            "body.mass_kg: unknown entry 'units'; did you mean 'unit'?",
-        ),
-        (
-            "1432.0",
-            "body.mass_kg = 1432.0: write {value: ..., unit: kg, source: ...}; permitted: 100 to ",
-        ),
+        ("{value: 1432.0, unit: kg}", "body.mass_kg: 'source' is missing"),
+        ("{value: 1432.0, unit: kg, source: guessed}", "source is 'guessed'; allowed: paper, "),
+        ("{value: 1432.0, unit: kg, source: override}", "source is 'override'; allowed: paper, "),
+        ("{value: 1432.0, unit: kg, source: [paper]}", "source is ['paper']; allowed: paper, "),
+        ("{value: 1432.0, unit: kg, source: paper, note: 3}", "body.mass_kg: note is 3"),
+        ("{value: 1432.0, units: kg, source: paper}", "entry 'units'; did you mean 'unit'?"),
+        ("1432.0", "body.mass_kg is 1432.0; allowed: {value: ..., unit: kg, source: ...}"),
     ],
 )
-def test_a_wrong_entry(refuse: Refuse, entry: str, message: str) -> None:
-    assert message in refuse(mass(entry))
+def test_a_wrong_entry(refuse: Refuse, entry: str, named: str) -> None:
+    message = refuse(mass(entry))
+    assert named in message
+    assert "allowed: " in message
+    assert "\n" not in message
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "named"),
     [
-        ("", ": the file is empty; a mapping of groups is needed"),
-        ("# only a comment\n", ": the file is empty"),
-        ("- 1\n- 2\n", ": a mapping of groups is needed, got [1, 2]"),
-        ("just words", ": a mapping of groups is needed, got 'just words'"),
+        ("", " holds nothing; allowed: a mapping"),
+        ("# only a comment\n", " holds nothing"),
+        ("- 1\n- 2\n", " holds [1, 2]"),
+        ("just words", " holds 'just words'"),
         (BASE + "bodi:\n  mass_kg: 1\n", ": unknown group 'bodi'; did you mean 'body'?"),
-        (BASE + "body: 5\n", ": body = 5: a mapping of parameters is needed"),
-        (BASE + "body:\n", ": body = None: a mapping of parameters is needed"),
-        (
-            BASE + "body:\n  mas_kg: 1\n",
-            ": unknown parameter 'body.mas_kg'; did you mean 'body.mass_kg'?",
-        ),
-        (BASE + "description: [a]\n", ": description = ['a']: text is needed"),
-        ("base: 3\n", ": base = 3: text is needed"),
+        (BASE + "body: 5\n", ": body holds 5; allowed: a mapping"),
+        (BASE + "body:\n", ": body holds nothing; allowed: a mapping"),
+        (BASE + "body:\n  mas_kg: 1\n", "'body.mas_kg'; did you mean 'body.mass_kg'?"),
+        (BASE + "description: [a]\n", ": description is ['a']; allowed: a text"),
+        ("base: 3\n", ": base is 3; allowed: a text"),
         (
             "base: paper_calibratet\n",
-            ": base 'paper_calibratet': no shipped set and no file; did you mean 'paper_calibrated'?",
+            "'paper_calibratet', no shipped set and no file; did you mean",
         ),
         (mass("{value: 1432.0, unit: kg, source: paper"), ": not valid YAML: "),
         ("body: {\t}\n\tx", ": not valid YAML: "),
@@ -147,13 +108,15 @@ def test_a_wrong_entry(refuse: Refuse, entry: str, message: str) -> None:
         ),
     ],
 )
-def test_a_wrong_file(refuse: Refuse, text: str, message: str) -> None:
-    assert message in refuse(text)
+def test_a_wrong_file(refuse: Refuse, text: str, named: str) -> None:
+    assert named in refuse(text)
 
 
 @pytest.mark.parametrize("written", ["1_000", "010", "1:30", "0x10", "'1432'", "yes", "1.5.2"])
 def test_numbers_that_yaml_1_1_would_guess_are_refused(refuse: Refuse, written: str) -> None:
-    assert "a number is needed" in refuse(mass(f"{{value: {written}, unit: kg, source: paper}}"))
+    assert "no number; allowed: 100 to 60000 kg" in refuse(
+        mass(f"{{value: {written}, unit: kg, source: paper}}")
+    )
 
 
 @pytest.mark.parametrize("written", ["2e3", "2E+3", "2000", "2000.", "+2000.0", "2.e3"])
@@ -167,13 +130,13 @@ def test_numbers_in_every_usual_notation_are_read(tmp_path: Path, written: str) 
 def test_a_converted_value_is_shown_in_both_units(refuse: Refuse) -> None:
     hot = "limits:\n  max_temperature_k: {value: 100.0, unit: degC, source: chosen}\n"
     assert (
-        "limits.max_temperature_k = 100.0 degC = 373.15 K: out of range; permitted: 263.15 to 353.15 K"
+        "limits.max_temperature_k is 100.0 degC = 373.15 K; allowed: 263.15 to 353.15 K"
         in refuse(BASE + hot)
     )
     knots = "limits:\n  max_speed_m_s: {value: 60.0, unit: kn, source: chosen}\n"
-    assert "unit 'kn'; permitted: 'm/s' or 'km/h'" in refuse(BASE + knots)
+    assert "unit 'kn'; allowed: 'm/s' or 'km/h'" in refuse(BASE + knots)
     slope = "cell:\n  entropic_coefficient_v_k: {value: 1e-4, unit: degC, source: chosen}\n"
-    assert "unit 'degC'; permitted: 'V/K'" in refuse(BASE + slope)
+    assert "unit 'degC'; allowed: 'V/K'" in refuse(BASE + slope)
 
 
 def test_a_set_without_base_must_be_complete(refuse: Refuse) -> None:

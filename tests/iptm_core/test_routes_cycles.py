@@ -76,7 +76,7 @@ def test_files_carry_the_schedule_in_tenths_of_its_unit(name: str) -> None:
 
 
 def test_unknown_cycle_names_the_known_ones() -> None:
-    with pytest.raises(RouteError, match="unknown driving cycle 'nedc'; allowed are nycc, sc03"):
+    with pytest.raises(RouteError, match="unknown driving cycle 'nedc'; allowed: nycc, sc03"):
         load_cycle("nedc")
 
 

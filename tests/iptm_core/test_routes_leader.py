@@ -101,7 +101,7 @@ def test_comprehensive_leader_ends_where_the_road_does() -> None:
 @pytest.mark.parametrize(
     ("times", "speeds", "start", "message"),
     [
-        ([0.0, 1.0], [0.0, 1.0], 15.0, r"ends at 1\.0 m/s; allowed is 0"),
+        ([0.0, 1.0], [0.0, 1.0], 15.0, r"ends at 1\.0 m/s; allowed: 0"),
         ([0.0, 1.0, 2.0], [0.0, -1.0, 0.0], 15.0, r"speed -1\.0 m/s at 1\.0 s"),
         ([0.0, 1.0], [0.0, 0.0], np.nan, "start at nan m"),
         ([1.0, 0.0], [0.0, 0.0], 15.0, "strictly increase"),

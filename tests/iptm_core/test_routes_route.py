@@ -98,19 +98,19 @@ def test_csv_without_road_column_is_level(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"cycle": "nedc"}, r"unknown driving cycle 'nedc'; allowed are nycc, .*\.csv"),
+        ({"cycle": "nedc"}, r"unknown driving cycle 'nedc'; allowed: nycc, .*\.csv"),
         ({"cycle": ""}, "unknown driving cycle ''"),
         ({"cycle": "missing.csv"}, "no such file"),
         ({"cycle": "bad\0name.csv"}, "cannot be read"),
         (
             {"slope": "alpine"},
-            "unknown slope 'alpine'; allowed are as_designed, flat, small, large",
+            "slope is 'alpine'; allowed: as_designed, flat, small, large",
         ),
-        ({"initial_gap_m": 0.0}, r"initial gap of 0\.0 m"),
-        ({"initial_gap_m": np.nan}, "initial gap of nan m"),
-        ({"duration_s": 0.0}, r"trip of 0\.0 s"),
-        ({"duration_s": np.inf}, "trip of inf s"),
-        ({"duration_s": np.nan}, "trip of nan s"),
+        ({"initial_gap_m": 0.0}, r"initial gap is 0\.0 m"),
+        ({"initial_gap_m": np.nan}, "initial gap is nan m"),
+        ({"duration_s": 0.0}, r"trip is 0\.0 s"),
+        ({"duration_s": np.inf}, "trip is inf s"),
+        ({"duration_s": np.nan}, "trip is nan s"),
     ],
 )
 def test_wrong_choices_are_explained(arguments: dict[str, object], message: str) -> None:

@@ -62,8 +62,8 @@ def test_hills_are_deterministic_and_variants_differ() -> None:
         ((0.0, 49.0, 0.06), "at least 50 m"),
         ((np.nan, 100.0, 0.06), "finite"),
         ((0.0, np.inf, 0.06), "finite"),
-        ((0.0, 100.0, 0.31), r"0\.31; allowed is 0 to 0\.3"),
-        ((0.0, 100.0, -0.1), "allowed is 0 to"),
+        ((0.0, 100.0, 0.31), r"0\.31; allowed: 0 to 0\.3"),
+        ((0.0, 100.0, -0.1), "allowed: 0 to"),
         ((0.0, 100.0, 0.1, -1), "integer >= 0"),
     ],
 )
@@ -159,15 +159,15 @@ def test_short_elevation_profiles_are_level(positions: list[float], heights: lis
 
 
 def test_too_steep_profiles_are_refused() -> None:
-    with pytest.raises(RouteError, match=r"31\.0 % at 5\.0 m; allowed is -30 % to 30 %"):
+    with pytest.raises(RouteError, match=r"31\.0 % at 5\.0 m; allowed: -30 % to 30 %"):
         SlopeProfile(np.array([0.0, 5.0]), np.array([0.0, np.arctan(0.31)]))
     SlopeProfile(np.array([0.0]), np.array([np.arctan(0.3)]))
-    with pytest.raises(RouteError, match="allowed is -30 % to 30 %"):
+    with pytest.raises(RouteError, match="allowed: -30 % to 30 %"):
         SlopeProfile.from_elevations([0.0, 100.0], [0.0, 500.0])
 
 
 def test_unknown_kind_of_hills_is_refused() -> None:
-    with pytest.raises(RouteError, match="unknown slope kind 'alpine'; allowed are flat, small"):
+    with pytest.raises(RouteError, match="unknown slope kind 'alpine'; allowed: flat, small"):
         SlopeProfile.hilly(1000.0, "alpine")
 
 

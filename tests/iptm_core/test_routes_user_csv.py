@@ -167,7 +167,7 @@ BAD_FILES = [
     (_csv("time_s,slope_rad", *GOOD), "exactly one of speed_m_s, speed_kmh, speed_mph is required"),
     (_csv("time_s,speed_m_s,speed_kmh", "0,0,0"), r"speed columns \['speed_m_s', 'speed_kmh'\]"),
     (_csv("time_s,speed_m_s,slope_rad,elevation_m", "0,0,0,0"), "at most one of slope_percent"),
-    (_csv("time_s,speed", *GOOD), "line 1: unknown column 'speed'; allowed are time_s, speed_m_s"),
+    (_csv("time_s,speed", *GOOD), "line 1: unknown column 'speed'; allowed: time_s, speed_m_s"),
     (_csv("time_s;speed_m_s", "0;0"), "line 1: unknown column 'time_s;speed_m_s'"),
     (_csv("time_s,speed_m_s,time_s", "0,0,0"), "line 1: column 'time_s' appears 2 times"),
     (
@@ -178,8 +178,8 @@ BAD_FILES = [
     (_csv("time_s,speed_m_s", "0,0", "1_0,1"), "line 3, column time_s: '1_0' is not a number"),
     (_csv("time_s,speed_m_s", "0,0", "1,nan"), "line 3, column speed_m_s: 'nan' is not finite"),
     (_csv("time_s,speed_m_s", "inf,0", "1,0"), "line 2, column time_s: 'inf' is not finite"),
-    (_csv("time_s,speed_m_s", "0,0", "1"), "line 3: 1 values; allowed is one per column, 2"),
-    (_csv("time_s,speed_m_s", "0,0", "1,2,3"), "line 3: 3 values; allowed is one per column, 2"),
+    (_csv("time_s,speed_m_s", "0,0", "1"), "line 3: 1 values; allowed: one per column, 2"),
+    (_csv("time_s,speed_m_s", "0,0", "1,2,3"), "line 3: 3 values; allowed: one per column, 2"),
     (_csv("time_s,speed_m_s", "0,0", "1,-0.1"), "line 3, column speed_m_s: value -0.1; .*0 to 100"),
     (_csv("time_s,speed_m_s", "0,0", "1,101"), "line 3, column speed_m_s: value 101; .*0 to 100"),
     (_csv("time_s,speed_kmh", "0,0", "1,361"), "line 3, column speed_kmh: value 361; .*0 to 360"),
@@ -194,15 +194,15 @@ BAD_FILES = [
     ),
     (
         _csv("time_s,speed_m_s,slope_percent", "0,0,0", "2,1,-31"),
-        "line 3, column slope_percent: value -31; allowed is -30 to 30",
+        "line 3, column slope_percent: value -31; allowed: -30 to 30",
     ),
     (
         _csv("time_s,speed_m_s,slope_rad", "0,0,0.3", "2,1,0"),
-        "line 2, column slope_rad: value 0.3; allowed is -0.291457 to 0.291457",
+        "line 2, column slope_rad: value 0.3; allowed: -0.291457 to 0.291457",
     ),
     (
         _csv("time_s,speed_m_s,elevation_m", "0,0,0", "20,20,0", "40,20,300"),
-        "column elevation_m: slope profile: .* allowed is -30 % to 30 %",
+        "column elevation_m: slope profile: .* allowed: -30 % to 30 %",
     ),
     (
         _csv("time_s,speed_m_s", "0,0", "0.5,5", "1,0", "1.5,5", "2,0", "3,0"),

@@ -72,11 +72,11 @@ def test_state_survives_the_six_messages(
 
 def test_frames_and_units_on_the_wire() -> None:
     messages = encode_all(STATE)
-    odometry = messages["odometry"]
+    odometry = messages[Topic.PLANT_ODOMETRY]
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("road", "host")
     assert odometry.pose.pose.orientation.w == 1.0
-    assert messages["acceleration"].header.frame_id == "host"
-    assert messages["cell_1_temperature"].temperature == pytest.approx(28.1, abs=1e-12)
+    assert messages[Topic.PLANT_ACCELERATION].header.frame_id == "host"
+    assert messages[Topic.PLANT_CELL_1_TEMPERATURE].temperature == pytest.approx(28.1, abs=1e-12)
 
 
 def test_numpy_scalars_are_sent_as_plain_numbers() -> None:

@@ -13,28 +13,28 @@ from iptm_interfaces.watchdog import Watchdog
 class Bench:
     def __init__(self) -> None:
         self.now_s = 0.0
-        self.barks: list[float] = []
-        self.dog = Watchdog(2.0, self.barks.append, lambda: self.now_s)
+        self.reports: list[float] = []
+        self.dog = Watchdog(2.0, self.reports.append, lambda: self.now_s)
 
     def wait(self, duration_s: float) -> None:
         self.now_s += duration_s
         self.dog.check()
 
 
-def test_it_does_not_bark_before_the_first_sign_of_life() -> None:
+def test_it_does_not_report_before_the_first_sign_of_life() -> None:
     bench = Bench()
     bench.wait(1000.0)
-    assert not bench.barks
+    assert not bench.reports
 
 
-def test_it_barks_once_per_silence() -> None:
+def test_it_reports_once_per_silence() -> None:
     bench = Bench()
     bench.dog.feed()
     bench.wait(2.0)
     assert not bench.dog.is_silent
     bench.wait(0.5)
     bench.wait(5.0)
-    assert bench.barks == [2.5]
+    assert bench.reports == [2.5]
     assert bench.dog.is_silent
 
 
@@ -44,7 +44,7 @@ def test_feeding_arms_it_again() -> None:
         bench.dog.feed()
         assert not bench.dog.is_silent
         bench.wait(3.0)
-    assert len(bench.barks) == 2
+    assert len(bench.reports) == 2
 
 
 def test_disarmed_it_is_quiet() -> None:
@@ -52,7 +52,7 @@ def test_disarmed_it_is_quiet() -> None:
     bench.dog.feed()
     bench.dog.disarm()
     bench.wait(100.0)
-    assert not bench.barks
+    assert not bench.reports
 
 
 @pytest.mark.parametrize("timeout_s", [0.0, -1.0, float("nan")])

@@ -107,8 +107,8 @@ def test_a_whole_trip_is_accurate_to_a_millionth(
         change = abs(getattr(end, name) - getattr(start, name))
         assert getattr(state, name) == pytest.approx(getattr(end, name), abs=1e-6 * change)
     for name in ("traction_power_w", "battery_power_w", "chiller_heat_w"):
-        total = sum(getattr(step, name) for step in steps)
-        fine_total = sum(getattr(fine, name) for _, fine in reference)
+        total = sum(getattr(step.powers, name) for step in steps)
+        fine_total = sum(getattr(fine.powers, name) for _, fine in reference)
         assert total == pytest.approx(fine_total, rel=1e-6)
     assert state.position_m == pytest.approx(end.position_m, abs=1e-9)
 

@@ -16,7 +16,7 @@ from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_interfaces.codecs import encode_decision_record
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.qos import RecordedQos
+from iptm_recording.recorded_topics import DEFAULT_QOS
 
 SECOND_NS = 10**9
 
@@ -41,7 +41,7 @@ def small_bag(tmp_path: Path) -> Path:
     """Two topics, 20 messages each, one per second from 0 s on; /a carries 0, 1, ..., /b 0, -1, ..."""
     folder = tmp_path / "small"
     with BagWriter(folder, custom_data={"scenario": "small", "seed": "7"}) as writer:
-        a = writer.add_topic("/a", "std_msgs/msg/Float64", offered_qos=[RecordedQos()])
+        a = writer.add_topic("/a", "std_msgs/msg/Float64", offered_qos=[DEFAULT_QOS])
         b = writer.add_topic("/b", "std_msgs/msg/Float64")
         for k in range(20):
             writer.write(a, float_bytes(k), k * SECOND_NS)

@@ -15,9 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.definitions import message_definition
+from iptm_recording.message_types import message_definition
 from iptm_recording.metadata import NO_START_NS
-from iptm_recording.qos import RecordedQos
 from iptm_recording.run_information import RunInformation
 
 FLOAT = "std_msgs/msg/Float64"
@@ -49,6 +48,7 @@ def test_mcap_library_reads_what_was_written(small_bag: Path) -> None:
         assert summary.statistics is not None
         assert summary.statistics.message_count == 40
         assert summary.statistics.message_end_time == 19 * 10**9 + 1
+        assert (len(summary.schemas), len(summary.channels)) == (1, 2)
         schema = summary.schemas[1]
         assert (schema.name, schema.encoding) == (FLOAT, "ros2msg")
         assert schema.data.decode() == message_definition(FLOAT).text
@@ -59,14 +59,6 @@ def test_mcap_library_reads_what_was_written(small_bag: Path) -> None:
         assert [record.name for record in reader.iter_metadata()] == ["iptm_run", "rosbag2"]
         times = [message.log_time for _, _, message in reader.iter_messages()]
     assert times == sorted(times)
-
-
-def test_one_schema_serves_all_topics_of_a_type(small_bag: Path) -> None:
-    with (small_bag / "small_0.mcap").open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    assert len(summary.schemas) == 1
-    assert len(summary.channels) == 2
 
 
 def test_metadata_is_version_9(small_bag: Path) -> None:
@@ -97,7 +89,9 @@ def test_metadata_is_version_9(small_bag: Path) -> None:
     topic = topics[0]["topic_metadata"]
     assert topic["name"] == "/a"
     assert topic["serialization_format"] == "cdr"
-    assert topic["offered_qos_profiles"] == [RecordedQos().to_mapping()]
+    (qos,) = topic["offered_qos_profiles"]
+    assert (qos["history"], qos["depth"], qos["reliability"]) == ("keep_last", 10, "reliable")
+    assert qos["deadline"] == {"sec": 9223372036, "nsec": 854775807}
     assert topic["type_description_hash"] == message_definition(FLOAT).type_hash
 
 
@@ -127,7 +121,7 @@ def test_run_information_survives(tmp_path: Path) -> None:
         assert reader.run_information() == information
 
 
-@pytest.mark.parametrize("compression", ["", "lz4", "zstd"])
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_many_chunks_and_a_message_larger_than_a_chunk(
     tmp_path: Path, encode: Encode, compression: str
 ) -> None:
@@ -187,12 +181,6 @@ def test_empty_bag_is_sound(tmp_path: Path) -> None:
     assert start["nanoseconds_since_epoch"] == NO_START_NS
 
 
-def test_bag_without_topics_is_sound(tmp_path: Path) -> None:
-    BagWriter(tmp_path / "bare").close()
-    with BagReader(tmp_path / "bare") as reader:
-        assert reader.topics == {}
-
-
 def test_existing_folder_is_never_overwritten(small_bag: Path) -> None:
     before = (small_bag / "small_0.mcap").read_bytes()
     with pytest.raises(BagError, match="exists already"):
@@ -218,15 +206,9 @@ def test_relative_topic_and_repeated_topic_are_refused(tmp_path: Path) -> None:
 
 
 def test_unknown_compression(tmp_path: Path) -> None:
-    with pytest.raises(BagError, match=r"'gzip' is unknown.*lz4"):
+    with pytest.raises(BagError, match=r"'gzip'; allowed:.*lz4"):
         BagWriter(tmp_path / "bag", compression="gzip")
     assert not (tmp_path / "bag").exists()
-
-
-def test_close_twice(small_bag: Path, tmp_path: Path) -> None:
-    writer = BagWriter(tmp_path / "again")
-    assert writer.close() == writer.close()
-    assert small_bag.exists()
 
 
 def test_an_error_inside_the_block_leaves_a_sound_bag(tmp_path: Path, encode: Encode) -> None:
@@ -253,14 +235,20 @@ topic = writer.add_topic("/a", "std_msgs/msg/Float64")
 written = 0
 try:
     while True:
-        writer.write(topic, bytes([0, 1, 0, 0]) + bytes(8), written)
-        written += 1
+        for _ in range(10):
+            writer.write(topic, bytes([0, 1, 0, 0]) + bytes(8), written)
+        writer.flush()
+        written += 10
 except BagError as error:
     print(written, error)
+try:
+    writer.close()
+except BagError as error:
+    print(error)
 """
 
 
-def test_full_disk_is_reported_and_loses_nothing_written(tmp_path: Path) -> None:
+def test_full_disk_is_reported_and_loses_nothing_flushed(tmp_path: Path) -> None:
     limit = 50_000
     done = subprocess.run(
         [sys.executable, "-c", FILL_DISK, str(tmp_path / "bag")],
@@ -270,7 +258,8 @@ def test_full_disk_is_reported_and_loses_nothing_written(tmp_path: Path) -> None
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
     )
     count, _, message = done.stdout.partition(" ")
-    assert "cannot write" in message
+    assert message.count("cannot write") == 2
+    assert done.stderr == ""
     from iptm_recording.recover import recover  # noqa: PLC0415
 
-    assert recover(tmp_path / "bag").message_count == int(count) > 500
+    assert 500 < int(count) <= recover(tmp_path / "bag").message_count < int(count) + 10

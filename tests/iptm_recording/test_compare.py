@@ -13,9 +13,9 @@ from iptm_interfaces.topics import Topic
 from iptm_recording import compare_cli
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.compare import BagComparison, CompareOptions, TopicComparison, compare_bags
-from iptm_recording.definitions import standard_typestore
-from iptm_recording.field_differences import Tolerance, differences, flatten
-from iptm_recording.selection import TopicSelection
+from iptm_recording.field_differences import NumberTolerance, differences, flatten
+from iptm_recording.message_types import standard_typestore
+from iptm_recording.recorded_topics import TopicSelection
 
 WriteRun = Callable[..., Path]
 TYPES = standard_typestore().types
@@ -65,8 +65,8 @@ def test_tolerance(trajectory: Trajectory, write_run: WriteRun, tmp_path: Path) 
     first = write_run(tmp_path / "a", trajectory)
     second = write_run(tmp_path / "b", changed(trajectory, "battery_power_w", 3, 1e-6))
     assert not compare_bags(first, second).agrees
-    assert compare_bags(first, second, CompareOptions(tolerance=Tolerance(1.1e-6))).agrees
-    assert not compare_bags(first, second, CompareOptions(tolerance=Tolerance(0.9e-6))).agrees
+    assert compare_bags(first, second, CompareOptions(tolerance=NumberTolerance(1.1e-6))).agrees
+    assert not compare_bags(first, second, CompareOptions(tolerance=NumberTolerance(0.9e-6))).agrees
 
 
 def test_lost_message_is_one_difference_not_many(
@@ -119,8 +119,8 @@ def test_order_of_named_values_is_no_difference() -> None:
         return joint_state(header(time(1, 2), ""), list(values), list(values.values()), [], [])
 
     assert dict(flatten(named(a=1.0, b=2.0)))["b"] == 2.0
-    assert differences(named(a=1.0, b=2.0), named(b=2.0, a=1.0), Tolerance()) == []
-    found = differences(named(a=1.0, b=2.0), named(a=1.0, c=2.0), Tolerance())
+    assert differences(named(a=1.0, b=2.0), named(b=2.0, a=1.0), NumberTolerance()) == []
+    found = differences(named(a=1.0, b=2.0), named(a=1.0, c=2.0), NumberTolerance())
     assert [(f.path, f.first, f.second) for f in found] == [
         ("b", 2.0, "(absent)"),
         ("c", "(absent)", 2.0),
@@ -130,11 +130,13 @@ def test_order_of_named_values_is_no_difference() -> None:
 def test_arrays_of_different_length_and_texts() -> None:
     array, layout = TYPES["std_msgs/msg/Float64MultiArray"], TYPES["std_msgs/msg/MultiArrayLayout"]
     found = differences(
-        array(layout([], 0), [1.0, 2.0]), array(layout([], 0), [1.0]), Tolerance(9.0)
+        array(layout([], 0), [1.0, 2.0]), array(layout([], 0), [1.0]), NumberTolerance(9.0)
     )
     assert [f.path for f in found] == ["data.length", "data.1"]
     text = TYPES["std_msgs/msg/String"]
-    assert [f.distance for f in differences(text("a"), text("b"), Tolerance(9.0))] == [math.inf]
+    assert [f.distance for f in differences(text("a"), text("b"), NumberTolerance(9.0))] == [
+        math.inf
+    ]
 
 
 @pytest.mark.parametrize(
@@ -150,7 +152,7 @@ def test_arrays_of_different_length_and_texts() -> None:
     ],
 )
 def test_tolerance_of_special_numbers(first: float, second: float, accepted: bool) -> None:
-    assert Tolerance(relative=0.02).accepts(first, second) is accepted
+    assert NumberTolerance(relative=0.02).accepts(first, second) is accepted
 
 
 def test_command(

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from iptm_recording.gate import PATIENCE_ALONE_S, PATIENCE_INCOMPLETE_S, SETTLE_S, Gate
+from iptm_recording.subscriptions import PATIENCE_ALONE_S, PATIENCE_INCOMPLETE_S, SETTLE_S, Gate
 
 GATE = ["/plant/odometry", "/clock"]
 OTHERS = ["/plant/powers", "/controller/command"]

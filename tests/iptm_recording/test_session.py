@@ -6,12 +6,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from mcap.records import Message
+from rosbags.interfaces import Qos
 
 from iptm_core.errors import BagError
 from iptm_recording import session as session_module
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.qos import RecordedQos
+from iptm_recording.recorded_topics import DEFAULT_QOS
+from iptm_recording.salvage import SalvageReader
 from iptm_recording.session import RecordingSession
 from iptm_recording.timeline import Timeline, TimeSource
 
@@ -115,9 +118,9 @@ def test_topic_enters_the_bag_with_its_first_message(
 ) -> None:
     asked = []
 
-    def offered() -> list[RecordedQos]:
+    def offered() -> list[Qos]:
         asked.append(1)
-        return [RecordedQos(depth=77)]
+        return [DEFAULT_QOS._replace(depth=77)]
 
     session.channel("/silent", FLOAT, list)
     take_clock = session.channel("/clock", "rosgraph_msgs/msg/Clock", list)
@@ -129,7 +132,28 @@ def test_topic_enters_the_bag_with_its_first_message(
     assert asked == [1]
     with BagReader(tmp_path / "bag") as reader:
         assert set(reader.topics) == {"/a", "/clock"}
-        assert reader.topics["/a"].offered_qos == (RecordedQos(depth=77),)
+        assert reader.topics["/a"].offered_qos == (DEFAULT_QOS._replace(depth=77),)
+
+
+def test_tick_is_in_the_file_when_the_next_one_begins(
+    session: RecordingSession, tmp_path: Path, encode: Encode
+) -> None:
+    """Else a kill would lose more than one tick."""
+    take_clock = session.channel("/clock", "rosgraph_msgs/msg/Clock", list)
+    take = session.channel("/a", FLOAT, list)
+    path = tmp_path / "bag" / "bag_0.mcap"
+
+    def saved() -> int:
+        records = SalvageReader(path).records()
+        return sum(isinstance(record, Message) for record in records)
+
+    for tick in range(3):
+        take_clock(clock(tick * S))
+        take(encode(tick))
+        take(encode(tick))
+        assert saved() == 3 * tick
+    session.flush()
+    assert saved() == 9
 
 
 def test_unknown_type_is_refused(session: RecordingSession) -> None:

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.definitions import message_definition
+from iptm_recording.message_types import message_definition
 from iptm_recording.timeline import (
     MAX_LEAD_NS,
     StampKind,

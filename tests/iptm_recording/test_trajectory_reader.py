@@ -68,7 +68,7 @@ def test_wrong_type(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag") as writer:
         topic = writer.add_topic("/plant/odometry", "std_msgs/msg/Float64")
         writer.write(topic, b"\x00\x01\x00\x00" + bytes(8), 0)
-    with pytest.raises(BagError, match="must be nav_msgs/msg/Odometry"):
+    with pytest.raises(BagError, match="allowed: nav_msgs/msg/Odometry"):
         read_trajectory(tmp_path / "bag")
 
 
@@ -85,7 +85,7 @@ def test_bag_without_a_complete_tick(
 ) -> None:
     drop = frozenset((Topic.LEADER, row) for row in range(len(trajectory)))
     bag = write_run(tmp_path / "bag", trajectory, drop=drop)
-    with pytest.raises(BagError, match=r"no complete tick.*v2x/leader 0"):
+    with pytest.raises(BagError, match=r"no tick is complete.*v2x/leader 0"):
         read_trajectory(bag)
 
 

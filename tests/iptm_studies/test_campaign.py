@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from iptm_core.errors import ScenarioError
+from iptm_core.settings import PreviewMode
 from iptm_studies.campaign import Campaign, CaseState, plan_campaign
 from iptm_studies.run import Run
 from iptm_studies.study_loading import read_study
@@ -76,7 +77,7 @@ def test_the_best_weights_are_taken(campaign: Campaign, make_run: MakeRun) -> No
     (new,) = campaign.take()
     assert new.address == "table/best_without_preview"
     assert new.spec.strategy.aging_weight == 2e7
-    assert new.spec.preview.mode == "none"
+    assert new.spec.preview.preview_mode is PreviewMode.NONE
     found = states(campaign)
     assert found["table/best"].key == second.key, "the best run itself, not computed again"
     assert found["table/best"].reason == ""

@@ -13,10 +13,9 @@ from iptm_controller.controller import Controller, ControllerOptions, Decision, 
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import StateIndex
-from iptm_controller.solvers.backend import SolverBackend
 from iptm_controller.solvers.cooling_probe import CoolingProbe
-from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.solvers.factory import build_plain_solver
+from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M
@@ -24,12 +23,11 @@ from iptm_core.metrics.gap import gap_margins_m
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route, build_route
+from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
-from iptm_v2x_bridge.bridge import BridgeSettings, PreviewMode
-from iptm_v2x_bridge.imperfections import Imperfections
 
 ROUNDING = 1e-6
 SHORT_SIGHTED = Horizon.parse("5x1")
@@ -62,7 +60,7 @@ def drive(
         strategy: str = "aging",
         slope: str = "large",
         horizon: Horizon = MULTI_HORIZON,
-        bridge: BridgeSettings | None = None,
+        bridge: PreviewSettings | None = None,
         solver: SolverBackend | None = None,
         on_tick: Callable[[int, Measurements, Decision], None] | None = None,
     ) -> ClosedLoopRun:
@@ -239,18 +237,14 @@ def test_the_single_horizon_drives(
 @pytest.mark.parametrize(
     "bridge",
     [
-        BridgeSettings(mode=PreviewMode.NONE),
-        BridgeSettings(imperfections=Imperfections(latency_s=4.0)),
-        BridgeSettings(
-            imperfections=Imperfections(
-                dropout_probability=0.5, dropout_burst=5, noise_std_m_s=1.5, seed=4
-            )
-        ),
+        PreviewSettings(preview_mode=PreviewMode.NONE),
+        PreviewSettings(latency_s=4.0),
+        PreviewSettings(dropout_probability=0.5, dropout_burst=5, noise_std_m_s=1.5, seed=4),
     ],
     ids=["no preview", "late", "lossy and noisy"],
 )
 def test_a_poor_link_is_no_danger(
-    drive: Callable[..., ClosedLoopRun], parameters: ModelParameters, bridge: BridgeSettings
+    drive: Callable[..., ClosedLoopRun], parameters: ModelParameters, bridge: PreviewSettings
 ) -> None:
     run = drive("wltc_class3b", 90.0, bridge=bridge)
     expect_safe(run.trajectory, parameters)

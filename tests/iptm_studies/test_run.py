@@ -36,7 +36,7 @@ def test_solvers_that_carry_multipliers_start_anew() -> None:
         cycle="us06",
         duration_s=8.0,
         horizon="3x1+5x5",
-        solver=SolverSpec(name="sqp_piqp", max_iterations=30),
+        solver=SolverSpec(name="ipopt", max_iterations=30),
     )
     inputs = resolve_inputs(spec)
     assert_same(perform_run(inputs), perform_run(inputs))
@@ -49,8 +49,8 @@ def test_the_specification_reaches_the_controller() -> None:
     assert options.strategy is spec.strategy
     assert options.tick_s == 0.5
     assert options.solver.name == "ipopt"
-    assert options.solver.budget.max_iterations == 77
-    assert options.solver.interior_point.tolerance == 1e-7
+    assert options.solver.max_iterations == 77
+    assert options.solver.tolerance == 1e-7
 
 
 def test_a_whole_trip(short_inputs: RunInputs) -> None:

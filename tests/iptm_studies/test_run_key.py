@@ -33,7 +33,7 @@ def key_of(spec: RunSpec) -> str:
         {"horizon": "16x1"},
         {"solver": SolverSpec(tolerance=2e-5)},
         {"preview": PreviewSpec(seed=1, noise_std_m_s=1.0)},
-        {"preview": PreviewSpec(length_s=61.0)},
+        {"preview": PreviewSpec(preview_length_s=61.0)},
         {"tick_s": 0.5},
         {"plant_step_s": 0.1},
     ],
@@ -48,7 +48,7 @@ def test_every_number_counts(changes: dict[str, Any]) -> None:
         {"strategy": replace(STRATEGIES["aging"], name="proposed")},
         {"overrides": (("body.mass_kg", 1432.0),)},  # what the set says anyway
         {"horizon": "15x1.0"},
-        {"preview": PreviewSpec(length_s=60.0)},  # what the horizon asks for anyway
+        {"preview": PreviewSpec(preview_length_s=60.0)},  # what the horizon asks for anyway
     ],
 )
 def test_names_do_not_count(changes: dict[str, Any]) -> None:
@@ -138,10 +138,10 @@ def test_unreadable_source_is_reported(tmp_path: Path) -> None:
     ("changes", "complaint"),
     [
         ({"cycle": "moon"}, "unknown driving cycle 'moon'"),
-        ({"slope": "steep"}, "unknown slope"),
+        ({"slope": "steep"}, "slope is 'steep'"),
         ({"parameter_set": "textbok_cell"}, "did you mean 'textbook_cell'"),
         ({"overrides": (("gap.max_gap", 80.0),)}, "unknown parameter 'gap.max_gap'"),
-        ({"overrides": (("gap.max_gap_m", -1.0),)}, "permitted: 20 to 1000 m"),
+        ({"overrides": (("gap.max_gap_m", -1.0),)}, "allowed: 20 to 1000 m"),
         ({"duration_s": 10.5}, "whole number of ticks"),
     ],
 )

@@ -112,7 +112,7 @@ def test_fine_twins_have_the_length_of_their_long_steps() -> None:
 def test_previews_reach_to_the_end_of_every_horizon() -> None:
     for name in available_studies():
         for case in load_study(name).cases:
-            reach_s = case.spec.bridge_settings().grid.length_s
+            reach_s = case.spec.bridge_settings().preview_length_s
             assert reach_s >= Horizon.parse(case.spec.horizon).duration_s
 
 

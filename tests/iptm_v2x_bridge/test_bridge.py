@@ -5,17 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from iptm_v2x_bridge.bridge import BridgeSettings, PreviewMode, V2xBridge
+from iptm_core.settings import PreviewMode, PreviewSettings
+from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.cycle_source import CycleSource
-from iptm_v2x_bridge.imperfections import Imperfections
-from iptm_v2x_bridge.source import PreviewGrid
+from iptm_v2x_bridge.source import preview_times_s
 
 NS = 10**9
 
 
 def bridge_with(source: CycleSource, **imperfections: float) -> V2xBridge:
-    faults = Imperfections(**imperfections)  # type: ignore[arg-type]
-    return V2xBridge(source, BridgeSettings(imperfections=faults))
+    return V2xBridge(source, PreviewSettings(**imperfections))  # type: ignore[arg-type]
 
 
 def test_perfect_preview_agrees_with_the_leader_at_every_tick(source: CycleSource) -> None:
@@ -50,7 +49,7 @@ def test_old_preview_is_what_was_true_at_its_generation(source: CycleSource) -> 
     bridge = bridge_with(source, latency_s=4.0)
     for tick in range(100):
         answer = bridge.answer(tick * NS)
-    expected = source.predict(95 * NS, PreviewGrid())
+    expected = source.predict(preview_times_s(PreviewSettings(), 95 * NS))
     np.testing.assert_array_equal(answer.preview.times_s, expected.times_s)
     np.testing.assert_array_equal(answer.preview.positions_m, expected.positions_m)
 
@@ -82,9 +81,14 @@ def test_earlier_tick_begins_a_new_trip(source: CycleSource) -> None:
 
 
 def test_same_seed_gives_the_same_trip(source: CycleSource) -> None:
-    settings = BridgeSettings(
-        grid=PreviewGrid(30.0, 1.0),
-        imperfections=Imperfections(0.5, 0.2, 3, 1.0, 5.0, 42),
+    settings = PreviewSettings(
+        preview_length_s=30.0,
+        latency_s=0.5,
+        dropout_probability=0.2,
+        dropout_burst=3,
+        noise_std_m_s=1.0,
+        noise_correlation_s=5.0,
+        seed=42,
     )
     first, second = V2xBridge(source, settings), V2xBridge(source, settings)
     for tick in range(100):
@@ -108,14 +112,10 @@ def test_joining_late_gives_the_same_previews(source: CycleSource) -> None:
 
 
 def test_mode_none_knows_the_leader_now_and_nothing_else(source: CycleSource) -> None:
-    bridge = V2xBridge(source, BridgeSettings(mode=PreviewMode.NONE))
+    bridge = V2xBridge(source, PreviewSettings(preview_mode=PreviewMode.NONE))
     for tick in range(5):
         answer = bridge.answer(tick * NS)
         assert answer.leader == source.leader_at(tick * NS)
         assert answer.preview.times_s.size == 0
         assert answer.preview_age_s == math.inf
     assert bridge.sent == 0
-
-
-def test_ticks_may_be_given_in_seconds(source: CycleSource) -> None:
-    assert V2xBridge(source).answer_at(12.5).time_ns == 12_500_000_000

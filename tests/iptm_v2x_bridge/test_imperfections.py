@@ -8,17 +8,25 @@ import numpy as np
 import pytest
 
 from iptm_core.errors import ParameterError
+from iptm_core.settings import PreviewSettings
 from iptm_core.state import LeaderPreview
 from iptm_v2x_bridge.cycle_source import CycleSource
-from iptm_v2x_bridge.imperfections import Imperfections
-from iptm_v2x_bridge.source import PreviewGrid
+from iptm_v2x_bridge.imperfections import distort, is_lost, latency_ns
+from iptm_v2x_bridge.source import preview_times_s
 
 NS = 10**9
-NOISY = Imperfections(noise_std_m_s=1.5, seed=7)
+NOISY = PreviewSettings(noise_std_m_s=1.5, seed=7)
 
 
-def loss_pattern(imperfections: Imperfections, count: int = 8000) -> np.ndarray[Any, Any]:
-    return np.array([imperfections.is_lost(tick * NS) for tick in range(count)])
+def predicted(
+    source: CycleSource, time_ns: int, length_s: float = 60.0, step_s: float = 1.0
+) -> LeaderPreview:
+    settings = PreviewSettings(preview_length_s=length_s, preview_step_s=step_s)
+    return source.predict(preview_times_s(settings, time_ns))
+
+
+def loss_pattern(settings: PreviewSettings, count: int = 8000) -> np.ndarray[Any, Any]:
+    return np.array([is_lost(settings, tick * NS) for tick in range(count)])
 
 
 def steady(speed_m_s: float, count: int = 61, step_s: float = 1.0) -> LeaderPreview:
@@ -34,23 +42,25 @@ def at_tick(preview: LeaderPreview, tick: int) -> LeaderPreview:
 
 
 def test_perfect_by_default(source: CycleSource) -> None:
-    perfect = Imperfections()
-    preview = source.predict(50 * NS, PreviewGrid())
-    assert perfect.distort(preview) is preview
+    perfect = PreviewSettings()
+    preview = predicted(source, 50 * NS)
+    assert distort(perfect, preview) is preview
     assert not loss_pattern(perfect, 100).any()
-    assert perfect.latency_ns == 0
+    assert latency_ns(perfect) == 0
 
 
 @pytest.mark.parametrize("burst", [1, 3, 10])
 @pytest.mark.parametrize("probability", [0.05, 0.3])
 def test_share_of_lost_predictions_is_as_asked(probability: float, burst: int) -> None:
-    lost = loss_pattern(Imperfections(dropout_probability=probability, dropout_burst=burst, seed=1))
+    lost = loss_pattern(
+        PreviewSettings(dropout_probability=probability, dropout_burst=burst, seed=1)
+    )
     deviation = math.sqrt(probability * (1.0 - probability) * burst / lost.size)
     assert abs(lost.mean() - probability) < 4.0 * deviation
 
 
 def test_bursts_are_as_long_as_asked() -> None:
-    lost = loss_pattern(Imperfections(dropout_probability=0.05, dropout_burst=5, seed=2))
+    lost = loss_pattern(PreviewSettings(dropout_probability=0.05, dropout_burst=5, seed=2))
     edges = np.flatnonzero(np.diff(lost.astype(int)))
     runs = np.diff(edges)[lost[edges[:-1] + 1]]
     assert runs.min() >= 5
@@ -58,37 +68,37 @@ def test_bursts_are_as_long_as_asked() -> None:
 
 
 def test_all_or_nothing() -> None:
-    assert loss_pattern(Imperfections(dropout_probability=1.0), 50).all()
-    assert not loss_pattern(Imperfections(dropout_probability=0.0), 50).any()
+    assert loss_pattern(PreviewSettings(dropout_probability=1.0), 50).all()
+    assert not loss_pattern(PreviewSettings(dropout_probability=0.0), 50).any()
 
 
 def test_losses_depend_on_seed_and_stamp_only() -> None:
-    first = Imperfections(dropout_probability=0.3, dropout_burst=2, seed=5)
-    again = Imperfections(dropout_probability=0.3, dropout_burst=2, seed=5)
-    other = Imperfections(dropout_probability=0.3, dropout_burst=2, seed=6)
+    first = PreviewSettings(dropout_probability=0.3, dropout_burst=2, seed=5)
+    again = PreviewSettings(dropout_probability=0.3, dropout_burst=2, seed=5)
+    other = PreviewSettings(dropout_probability=0.3, dropout_burst=2, seed=6)
     forward = loss_pattern(first, 300)
-    backward = np.array([again.is_lost(tick * NS) for tick in reversed(range(300))])[::-1]
+    backward = np.array([is_lost(again, tick * NS) for tick in reversed(range(300))])[::-1]
     np.testing.assert_array_equal(forward, backward)
     assert (forward != loss_pattern(other, 300)).any()
 
 
 def test_noise_depends_on_seed_and_stamp_only(source: CycleSource) -> None:
-    preview = source.predict(100 * NS, PreviewGrid())
-    first = NOISY.distort(preview)
+    preview = predicted(source, 100 * NS)
+    first = distort(NOISY, preview)
     for tick in (1, 99, 500):
-        NOISY.distort(source.predict(tick * NS, PreviewGrid()))
-    again = Imperfections(noise_std_m_s=1.5, seed=7).distort(preview)
+        distort(NOISY, predicted(source, tick * NS))
+    again = distort(PreviewSettings(noise_std_m_s=1.5, seed=7), preview)
     np.testing.assert_array_equal(first.speeds_m_s, again.speeds_m_s)
     np.testing.assert_array_equal(first.positions_m, again.positions_m)
-    other_seed = Imperfections(noise_std_m_s=1.5, seed=8).distort(preview)
+    other_seed = distort(PreviewSettings(noise_std_m_s=1.5, seed=8), preview)
     assert (first.speeds_m_s != other_seed.speeds_m_s).any()
     flat = steady(20.0)
-    assert (NOISY.distort(flat).speeds_m_s != NOISY.distort(at_tick(flat, 1)).speeds_m_s).any()
+    assert (distort(NOISY, flat).speeds_m_s != distort(NOISY, at_tick(flat, 1)).speeds_m_s).any()
 
 
 def test_longer_previews_see_the_same_error_where_they_overlap(source: CycleSource) -> None:
-    short = NOISY.distort(source.predict(60 * NS, PreviewGrid(20.0, 1.0)))
-    long = NOISY.distort(source.predict(60 * NS, PreviewGrid(200.0, 1.0)))
+    short = distort(NOISY, predicted(source, 60 * NS, 20.0, 1.0))
+    long = distort(NOISY, predicted(source, 60 * NS, 200.0, 1.0))
     np.testing.assert_array_equal(short.speeds_m_s, long.speeds_m_s[:21])
     np.testing.assert_array_equal(short.positions_m, long.positions_m[:21])
 
@@ -96,8 +106,8 @@ def test_longer_previews_see_the_same_error_where_they_overlap(source: CycleSour
 @pytest.mark.parametrize("tick", [0, 30, 100, 333, 590])
 @pytest.mark.parametrize("std_m_s", [0.2, 2.0, 10.0])
 def test_positions_belong_to_speeds(source: CycleSource, tick: int, std_m_s: float) -> None:
-    true = source.predict(tick * NS, PreviewGrid(100.0, 1.0))
-    noisy = Imperfections(noise_std_m_s=std_m_s, seed=3).distort(true)
+    true = predicted(source, tick * NS, 100.0, 1.0)
+    noisy = distort(PreviewSettings(noise_std_m_s=std_m_s, seed=3), true)
     assert noisy.generated_at_s == true.generated_at_s
     assert noisy.times_s is true.times_s
     assert noisy.positions_m[0] == true.positions_m[0]
@@ -112,18 +122,18 @@ def test_positions_belong_to_speeds(source: CycleSource, tick: int, std_m_s: flo
 
 @pytest.mark.parametrize("step_s", [0.5, 3.0, 7.0])
 def test_no_car_drives_backwards_on_any_grid(source: CycleSource, step_s: float) -> None:
-    noise = Imperfections(noise_std_m_s=8.0, noise_correlation_s=1.0, seed=11)
+    noise = PreviewSettings(noise_std_m_s=8.0, noise_correlation_s=1.0, seed=11)
     for tick in range(0, 590, 7):
-        noisy = noise.distort(source.predict(tick * NS, PreviewGrid(70.0, step_s)))
+        noisy = distort(noise, predicted(source, tick * NS, 70.0, step_s))
         assert (noisy.speeds_m_s >= 0.0).all()
         assert (np.diff(noisy.positions_m) >= 0.0).all()
 
 
 def test_error_grows_to_the_standard_deviation_asked() -> None:
-    noise = Imperfections(noise_std_m_s=1.0, noise_correlation_s=10.0, seed=4)
+    noise = PreviewSettings(noise_std_m_s=1.0, noise_correlation_s=10.0, seed=4)
     truth = steady(50.0)
     errors = np.array(
-        [noise.distort(at_tick(truth, tick)).speeds_m_s - 50.0 for tick in range(4000)]
+        [distort(noise, at_tick(truth, tick)).speeds_m_s - 50.0 for tick in range(4000)]
     )
     deviations = errors.std(axis=0)
     expected = np.sqrt(1.0 - np.exp(-2.0 * truth.times_s / 10.0))
@@ -132,10 +142,10 @@ def test_error_grows_to_the_standard_deviation_asked() -> None:
 
 
 def test_error_is_correlated_over_the_horizon() -> None:
-    noise = Imperfections(noise_std_m_s=1.0, noise_correlation_s=10.0, seed=4)
+    noise = PreviewSettings(noise_std_m_s=1.0, noise_correlation_s=10.0, seed=4)
     truth = steady(50.0, 101)
     errors = np.array(
-        [noise.distort(at_tick(truth, tick)).speeds_m_s - 50.0 for tick in range(3000)]
+        [distort(noise, at_tick(truth, tick)).speeds_m_s - 50.0 for tick in range(3000)]
     )
     far = errors[:, 60:]
     for lag in (1, 5, 10):
@@ -146,7 +156,7 @@ def test_error_is_correlated_over_the_horizon() -> None:
 def test_single_node_and_empty_previews_pass_untouched() -> None:
     for count in (0, 1):
         preview = steady(5.0, count)
-        assert NOISY.distort(preview) is preview
+        assert distort(NOISY, preview) is preview
 
 
 @pytest.mark.parametrize(
@@ -163,5 +173,5 @@ def test_single_node_and_empty_previews_pass_untouched() -> None:
 )
 def test_impossible_values_are_refused(name: str, value: Any) -> None:
     changes: dict[str, Any] = {name: value}
-    with pytest.raises(ParameterError, match=f"{name} is {value}; allowed"):
-        Imperfections(**changes)
+    with pytest.raises(ParameterError, match=f"{name} is {value} .*; allowed"):
+        PreviewSettings(**changes)

@@ -15,7 +15,6 @@ setup(
         "setuptools",
         "numpy>=1.24",
         "PyYAML>=6.0",
-        "lz4>=4",
         "zstandard>=0.20",
         "mcap>=1.6",
         "rosbags>=0.11",

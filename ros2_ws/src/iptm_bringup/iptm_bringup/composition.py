@@ -7,21 +7,21 @@ from __future__ import annotations
 
 import json
 import sys
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from iptm_bringup.preparation import PreparedScenario
-from iptm_bringup.scenario import Scalar
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT, names_for
 from iptm_bringup.scenario_files import scenario_text
+from iptm_core.declaration import Scalar, plain
 from iptm_core.parameters import to_flat_dict
-from iptm_recording.run_parameters import MODEL_KEY
+from iptm_recording.run_information import MODEL_KEY
 
-PLANT = "plant"
-BRIDGE = "v2x_bridge"
-CONTROLLER = "controller"
 RECORDER = "recorder"
+COMMENT_WIDTH = 100
 
 MODULES = {
     PLANT: "iptm_plant_sim.node",
@@ -29,26 +29,6 @@ MODULES = {
     CONTROLLER: "iptm_controller.node",
     RECORDER: "iptm_recording.recorder_cli",
 }
-
-_ROAD = ("cycle", "slope")
-_MODEL = ("parameter_set", "parameter_overrides")
-_FROM_SCENARIO = {
-    PLANT: (*_ROAD, "duration_s", *_MODEL, "mode", "rate_factor"),
-    BRIDGE: (
-        *_ROAD,
-        "preview_mode",
-        "preview_length_s",
-        "preview_step_s",
-        "latency_s",
-        "dropout_probability",
-        "dropout_burst",
-        "noise_std_m_s",
-        "noise_correlation_s",
-        "seed",
-    ),
-    CONTROLLER: ("strategy", "horizon", "solver", *_MODEL),
-}
-"""Which fields of a scenario each node takes as parameters of the same name."""
 
 
 @dataclass(frozen=True)
@@ -107,11 +87,11 @@ def node_parameters(
     }
     return {
         node: {
-            **{name: getattr(scenario, name) for name in names},
+            **{name: plain(getattr(scenario, name)) for name in names_for(node)},
             **peers[node],
             **scenario.node_parameters.get(node, {}),
         }
-        for node, names in _FROM_SCENARIO.items()
+        for node in NODES
     }
 
 
@@ -144,13 +124,25 @@ def recorder_command(request: RecorderRequest, namespace: str) -> list[str]:
     return command if namespace == "/" else [*command, "--ros-args", "-r", f"__ns:={namespace}"]
 
 
-def parameter_file_text(node: str, parameters: Mapping[str, Scalar]) -> str:
+def parameter_file_text(
+    node: str, parameters: Mapping[str, Scalar], comments: Mapping[str, str] | None = None
+) -> str:
     """Return a ROS 2 parameter file for a node in whatever namespace.
 
     Texts are always quoted: ROS would take a bare ``1e3`` or ``on`` for a number or a truth value.
+
+    Args:
+        node: name of the node.
+        parameters: values by name.
+        comments: remarks by name, written above the values.
     """
     lines = [f"/**/{node}:", "  ros__parameters:"]
-    lines += [f"    {name}: {_scalar_text(value)}" for name, value in parameters.items()]
+    for name, value in parameters.items():
+        remark = (comments or {}).get(name, "")
+        lines += textwrap.wrap(
+            remark, COMMENT_WIDTH, initial_indent="    # ", subsequent_indent="    # "
+        )
+        lines.append(f"    {name}: {_scalar_text(value)}")
     return "\n".join(lines) + "\n"
 
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from types import FrameType, TracebackType
+from types import TracebackType
 
 from rclpy.executors import Executor
 
-from iptm_bringup.composition import BRIDGE, CONTROLLER, PLANT, RECORDER
+from iptm_bringup.composition import RECORDER
 from iptm_bringup.monitor import RunMonitor
 from iptm_bringup.progress import Progress
-from iptm_bringup.supervisor import Ending, Supervisor
-from iptm_interfaces.process import EXIT_USER_ERROR
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
+from iptm_bringup.supervisor import ProcessEnd, Supervisor
+from iptm_interfaces.process import EXIT_USER_ERROR, StopRequest
 from iptm_interfaces.topics import Topic
 
 START_TIMEOUT_S = 180.0
@@ -30,7 +30,7 @@ _QUIET_SPINS = 2
 _LAST_ANSWERS = (Topic.SOLVE, Topic.COMMAND, Topic.LEADER)
 
 
-class Outcome(Enum):
+class DriveOutcome(Enum):
     """How a run ended."""
 
     FINISHED = "finished"
@@ -51,30 +51,10 @@ class DriveResult:
         wall_time_s: from the first to the last clock.
     """
 
-    outcome: Outcome
+    outcome: DriveOutcome
     message: str = ""
     last_lines: tuple[str, ...] = ()
     wall_time_s: float = 0.0
-
-
-class StopRequest:
-    """Notes SIGINT and SIGTERM; a second one changes nothing, so the end cannot be cut short.
-
-    Attributes:
-        number: the signal, None while there was none.
-    """
-
-    def __init__(self) -> None:
-        self.number: signal.Signals | None = None
-
-    def install(self) -> None:
-        """Take over both signals for the rest of the process."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._on_signal)
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
-        if self.number is None:
-            self.number = signal.Signals(number)
 
 
 class Drive:
@@ -156,7 +136,7 @@ class Drive:
             on_start: called when the trip begins.
         """
         result = self._wait_for_start()
-        if result.outcome is Outcome.FINISHED:
+        if result.outcome is DriveOutcome.FINISHED:
             if on_start is not None:
                 on_start()
             result = self._wait_for_end()
@@ -170,7 +150,7 @@ class Drive:
             self._progress.waiting(self._awaited())
             if time.monotonic() > deadline_s:
                 return DriveResult(
-                    Outcome.FAILED,
+                    DriveOutcome.FAILED,
                     f"the trip did not start within {START_TIMEOUT_S:g} s: {self._awaited()}",
                 )
             return self._intruded()
@@ -182,7 +162,7 @@ class Drive:
         if not crowded:
             return None
         return DriveResult(
-            Outcome.REFUSED,
+            DriveOutcome.REFUSED,
             f"another run takes place in this ROS domain, it publishes {', '.join(crowded)}; "
             "allowed: one run per domain (see --domain)",
         )
@@ -203,13 +183,13 @@ class Drive:
                 self._progress.running(snapshot, now_s - self._monitor.first_clock_s)
             if now_s - self._monitor.last_sign_s > SILENCE_TIMEOUT_S:
                 return DriveResult(
-                    Outcome.FAILED,
+                    DriveOutcome.FAILED,
                     f"nothing was heard of the plant for {SILENCE_TIMEOUT_S:g} s{self._at()}",
                 )
             return None
 
         result = self._spin_until(lambda: not self._supervisor.is_running(PLANT), show)
-        if result.outcome is Outcome.FINISHED:
+        if result.outcome is DriveOutcome.FINISHED:
             self._await_last_answers()
         return result
 
@@ -222,12 +202,12 @@ class Drive:
             self._hear()
             now_s = time.monotonic()
             if self._stop.number is not None:
-                return DriveResult(Outcome.INTERRUPTED, f"stopped by {self._stop.number.name}")
+                return DriveResult(DriveOutcome.INTERRUPTED, f"stopped by {self._stop.number.name}")
             failure = self._failure()
             if failure is not None:
                 return failure
             if condition():
-                return DriveResult(Outcome.FINISHED)
+                return DriveResult(DriveOutcome.FINISHED)
             if now_s >= next_show_s:
                 next_show_s = now_s + _SHOW_PERIOD_S
                 ended = show()
@@ -242,11 +222,11 @@ class Drive:
             started = self._monitor.time_ns is not None
             if ending.code == EXIT_USER_ERROR and not started:
                 said = ending.last_lines[-1] if ending.last_lines else ""
-                return DriveResult(Outcome.REFUSED, said or f"{ending.name} {ending.how}")
-            return DriveResult(Outcome.FAILED, self._obituary(ending), ending.last_lines)
+                return DriveResult(DriveOutcome.REFUSED, said or f"{ending.name} {ending.how}")
+            return DriveResult(DriveOutcome.FAILED, self._what_ended(ending), ending.last_lines)
         return None
 
-    def _obituary(self, ending: Ending) -> str:
+    def _what_ended(self, ending: ProcessEnd) -> str:
         reason = f" ({self._monitor.plant_reason})" if ending.name == PLANT and ending.code else ""
         return f"{ending.name} {ending.how}{reason}{self._at()}; all other processes were stopped"
 

@@ -86,3 +86,25 @@ def environment_of_run(
         "RCUTILS_COLORIZED_OUTPUT": "0",
         "PYTHONUNBUFFERED": "1",
     }
+
+
+@contextmanager
+def process_environment(environment: Mapping[str, str]) -> Iterator[None]:
+    """Give this process an environment until the context ends.
+
+    A process that takes part in the graph itself needs it: ROS and Fast DDS read their settings from
+    the environment of the process when a node is built.
+
+    Args:
+        environment: variables to set.
+    """
+    before = {name: os.environ.get(name) for name in environment}
+    os.environ.update(environment)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

@@ -16,9 +16,8 @@ from iptm_core.trajectory import Trajectory
 from iptm_interfaces.assembly import assemble_decisions, assemble_run
 from iptm_interfaces.codecs import s_from_ns
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
-from iptm_recording.bag_reader import BagReader
+from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.run_information import RunInformation
-from iptm_recording.run_parameters import read_model_parameters
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 
 Heard = Mapping[Topic, Sequence[bytes]]

@@ -18,10 +18,12 @@ from rclpy.context import Context
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
-from iptm_bringup.composition import BRIDGE, CONTROLLER, PLANT, RECORDER
+from iptm_bringup.composition import RECORDER
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_core.decision_record import Rung
 from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import decode_decision_record, decode_temperature
 from iptm_interfaces.diagnostics import Level, find_status, status_values
 from iptm_interfaces.suite_node import SuiteNode
@@ -224,7 +226,7 @@ class RunMonitor(SuiteNode):
 def stamp_ns_of(data: bytes) -> int:
     """Return the stamp of a clock or of a message that starts with a header, from its bytes."""
     seconds, nanoseconds = _STAMP.unpack_from(data)
-    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+    return int(seconds) * NS_PER_S + int(nanoseconds)
 
 
 def messages_by_stamp(topic: Topic, data: Iterable[bytes]) -> dict[int, Any]:

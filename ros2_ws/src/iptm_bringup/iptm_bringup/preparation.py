@@ -9,13 +9,12 @@ from typing import TypeVar
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
-from iptm_bringup.scenario import LOCK_STEP, Scenario
+from iptm_bringup.scenario import Scenario
 from iptm_controller.horizon import Horizon
 from iptm_core.errors import IptmError, ScenarioError
-from iptm_core.parameters import ParameterSet, load_parameters
-from iptm_core.parameters.override_text import parse_overrides
-from iptm_core.routes import Route, build_route
-from iptm_v2x_bridge.source import PreviewGrid
+from iptm_core.parameters import ParameterSet
+from iptm_core.routes import Route
+from iptm_core.settings import LoopMode
 
 T = TypeVar("T")
 
@@ -37,7 +36,7 @@ class PreparedScenario:
     @property
     def is_lock_step(self) -> bool:
         """Whether trip time waits for the controller."""
-        return self.scenario.mode == LOCK_STEP
+        return self.scenario.mode is LoopMode.LOCK_STEP
 
 
 def prepare(scenario: Scenario) -> PreparedScenario:
@@ -48,7 +47,7 @@ def prepare(scenario: Scenario) -> PreparedScenario:
 
     Raises:
         ScenarioError: a part cannot be built: unknown cycle, malformed horizon, contradictory
-            parameters, preview or namespace.
+            parameters or namespace.
     """
 
     def part(keys: str, build: Callable[[], T]) -> T:
@@ -57,26 +56,10 @@ def prepare(scenario: Scenario) -> PreparedScenario:
         except IptmError as error:
             raise ScenarioError(f"scenario {scenario.name}: {keys}: {error}") from None
 
-    def model() -> ParameterSet:
-        return load_parameters(
-            scenario.parameter_set, parse_overrides(scenario.parameter_overrides)
-        )
-
-    parameters = part("parameter_set, parameter_overrides", model)
-    route = part(
-        "cycle, slope",
-        lambda: build_route(
-            scenario.cycle,
-            scenario.slope,
-            initial_gap_m=parameters.values.gap.initial_gap_m,
-            duration_s=scenario.duration_s or None,
-        ),
-    )
+    parameters = part("parameter_set, parameter_overrides", scenario.model)
+    initial_gap_m = parameters.values.gap.initial_gap_m
+    route = part("cycle, slope", lambda: scenario.trip_route(initial_gap_m))
     part("horizon", lambda: Horizon.parse(scenario.horizon))
-    part(
-        "preview_length_s, preview_step_s",
-        lambda: PreviewGrid(scenario.preview_length_s, scenario.preview_step_s),
-    )
     part("namespace", lambda: _check_namespace(scenario.full_namespace))
     return PreparedScenario(scenario, parameters, route)
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from iptm_bringup.preparation import PreparedScenario, prepare
 from iptm_bringup.run_folder import default_output
 from iptm_bringup.runner import RunOptions, run
-from iptm_bringup.scenario import scenario_specs
+from iptm_bringup.scenario import Scenario
 from iptm_bringup.scenario_files import (
     DEFAULT_SCENARIO,
     load_scenario,
@@ -21,6 +21,7 @@ from iptm_bringup.scenario_files import (
     with_node_parameters,
 )
 from iptm_bringup.tables import TABLES_WIDTH
+from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import IptmError
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
 
@@ -74,9 +75,9 @@ def build_parser() -> argparse.ArgumentParser:
         help="a parameter of plant, v2x_bridge or controller, e.g. controller.deadline_ms=50; repeatable",
     )
     fields = parser.add_argument_group("fields of the scenario")
-    for spec in scenario_specs():
+    for spec in parameter_specs(Scenario):
         allowed = "" if spec.allowed == "a text" else f"; {spec.allowed}"
-        said = f"{spec.description}{allowed} (default: {spec.default!r})"
+        said = f"{spec.description}{allowed} (default: {plain(spec.default)!r})"
         fields.add_argument(
             f"--{spec.name.replace('_', '-')}",
             dest=f"field_{spec.name}",
@@ -92,7 +93,9 @@ def prepared_from(arguments: argparse.Namespace) -> PreparedScenario:
     Raises:
         ScenarioError: an argument or the scenario file is wrong.
     """
-    given = {spec.name: getattr(arguments, f"field_{spec.name}") for spec in scenario_specs()}
+    given = {
+        spec.name: getattr(arguments, f"field_{spec.name}") for spec in parameter_specs(Scenario)
+    }
     options = {name: text for name, text in given.items() if text is not None}
     scenario = load_scenario(arguments.scenario, options)
     extra = with_node_parameters(scenario, arguments.set)

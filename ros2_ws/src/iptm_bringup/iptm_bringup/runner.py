@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,9 +16,6 @@ from rich.console import Console
 from rich.text import Text
 
 from iptm_bringup.composition import (
-    BRIDGE,
-    CONTROLLER,
-    PLANT,
     RECORDER,
     Listeners,
     RecorderRequest,
@@ -29,19 +25,25 @@ from iptm_bringup.composition import (
     recorder_command,
     run_information,
 )
-from iptm_bringup.drive import Drive, DriveResult, Outcome, StopRequest, unclean_ends
-from iptm_bringup.environment import RunDomain, domain_of_run, environment_of_run
+from iptm_bringup.drive import Drive, DriveOutcome, DriveResult, unclean_ends
+from iptm_bringup.environment import (
+    RunDomain,
+    domain_of_run,
+    environment_of_run,
+    process_environment,
+)
 from iptm_bringup.evaluation import EvaluatedRun, evaluate
 from iptm_bringup.monitor import RunMonitor
 from iptm_bringup.preparation import PreparedScenario
 from iptm_bringup.progress import make_progress
 from iptm_bringup.results import results_json
 from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.scenario import Scalar
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_bringup.supervisor import Supervisor
 from iptm_bringup.tables import print_results
+from iptm_core.declaration import Scalar
 from iptm_core.errors import IptmError
-from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
+from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
 from iptm_interfaces.topics import Topic
 from iptm_recording.run_information import collect_run_information
 
@@ -104,25 +106,27 @@ def _run_in(
 ) -> int:
     with domain_of_run(prepared.scenario.domain) as domain:
         environment = environment_of_run(domain.number, folder.logs / "ros")
-        os.environ.update(environment)  # the runner takes part in the graph itself
         supervisor = Supervisor(environment, folder.log_path)
         console.print(_introduction(prepared, domain.number), soft_wrap=True)
-        with _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor):
+        with (
+            process_environment(environment),  # the runner takes part in the graph itself
+            _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor),
+        ):
             progress = make_progress(console, prepared.route.duration_s)
             with Drive(supervisor, monitor, executor, progress, stop) as drive:
-                start = _Start(folder, prepared, options)
+                start = _ProcessStarter(folder, prepared, options)
                 drive.start(start.first())
                 # Nobody else can be in a private domain.
                 result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
-                if result.outcome is Outcome.FINISHED:
+                if result.outcome is DriveOutcome.FINISHED:
                     drive.start(start.then(monitor))
                     result = drive.run(folder.settle)
-    if result.outcome is not Outcome.FINISHED:
+    if result.outcome is not DriveOutcome.FINISHED:
         return _report_failure(result, folder, stop, errors)
     return _report(folder, prepared, options, monitor, supervisor, result, console, errors)
 
 
-class _Start:
+class _ProcessStarter:
     """Writes the files that the processes need and gives the commands to start them."""
 
     def __init__(self, folder: RunFolder, prepared: PreparedScenario, options: RunOptions) -> None:
@@ -223,7 +227,7 @@ def _draw(folder: RunFolder, prepared: PreparedScenario, evaluated: EvaluatedRun
 def _report_failure(
     result: DriveResult, folder: RunFolder, stop: StopRequest, errors: Console
 ) -> int:
-    if result.outcome is Outcome.REFUSED:
+    if result.outcome is DriveOutcome.REFUSED:
         folder.discard()
         errors.print(
             f"run_closed_loop: {result.message}", markup=False, highlight=False, soft_wrap=True
@@ -233,7 +237,7 @@ def _report_failure(
     lines = [f"run_closed_loop: {result.message}", *(f"    {line}" for line in result.last_lines)]
     lines.append(f"logs: {folder.logs}")
     errors.print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)
-    if result.outcome is Outcome.INTERRUPTED and stop.number is not None:
+    if result.outcome is DriveOutcome.INTERRUPTED and stop.number is not None:
         return EXIT_SIGNAL + int(stop.number)
     return EXIT_RUN_FAILED
 
@@ -242,7 +246,7 @@ def _title(prepared: PreparedScenario) -> str:
     scenario = prepared.scenario
     return (
         f"{prepared.route.name}, {prepared.route.duration_s:g} s: strategy {scenario.strategy},"
-        f" horizon {scenario.horizon}, {scenario.solver}, {scenario.mode.replace('_', '-')}"
+        f" horizon {scenario.horizon}, {scenario.solver}, {scenario.mode.value.replace('_', '-')}"
     )
 
 

@@ -11,17 +11,17 @@ What a file does not state keeps its default. Relative paths in a file start at 
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from iptm_bringup.scenario import NODES, Scalar, Scenario, scenario_specs
+from iptm_bringup.scenario import NODES, Scenario
+from iptm_core.declaration import ParameterSpec, Scalar, checked_value, parameter_specs, plain
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
-from iptm_interfaces.parameters import ParameterSpec, checked_value
+from iptm_core.strict_mapping import StrictMapping, suggestion
 
 DEFAULT_SCENARIO = "wltc"
 _SUFFIXES = (".yaml", ".yml")
@@ -80,27 +80,27 @@ def scenario_from(
         folder: where relative paths start.
         options: texts by field name.
     """
-    if content is None:
-        content = {}
-    if not isinstance(content, Mapping):
-        raise ScenarioError(f"{origin}: holds {content!r}; allowed: a mapping of keys to values")
-    specs = {spec.name: spec for spec in scenario_specs()}
+    specs = {spec.name: spec for spec in parameter_specs(Scenario)}
+    written = StrictMapping(
+        {} if content is None else content, origin, [*specs, "description", _NODE_PARAMETERS]
+    )
     values: dict[str, Any] = {"name": name}
-    for key, value in content.items():
+    for key, value in written.content.items():
         if key == "description":
-            values[key] = _text(origin, key, value)
+            values[key] = written.text(key)
         elif key == _NODE_PARAMETERS:
-            values[key] = _node_parameters(f"{origin}: {key}", value)
-        elif key in specs:
-            plain = _overrides_text(origin, value) if key == _OVERRIDES else value
-            values[key] = _rooted(key, _checked(origin, specs[key], plain), folder)
+            values[key] = _node_parameters(written.section(key, NODES, kind="node"))
         else:
-            _refuse_unknown(origin, "key", key, [*specs, "description", _NODE_PARAMETERS])
+            given = _overrides_text(written) if key == _OVERRIDES else value
+            values[key] = _rooted(key, _checked(f"{origin}: ", specs[key], given), folder)
     for key, text in (options or {}).items():
-        spec = specs[key]
-        option = f"option --{key.replace('_', '-')}"
-        values[key] = _checked(option, spec, _typed(spec, text), says_key=False)
-    return Scenario(**values)
+        option = specs[key]
+        as_typed = replace(option, name=key.replace("_", "-"))
+        values[key] = _checked("option --", as_typed, _typed(option, text))
+    try:
+        return Scenario(**values)
+    except ParameterError as error:
+        raise ScenarioError(f"scenario {name}: {error}") from None
 
 
 def with_node_parameters(scenario: Scenario, assignments: Iterable[str]) -> dict[str, Any]:
@@ -119,7 +119,8 @@ def with_node_parameters(scenario: Scenario, assignments: Iterable[str]) -> dict
                 f"with a node of {', '.join(NODES)}"
             )
         value = parse_yaml(text, "option --set", ScenarioError) if text.strip() else ""
-        checked = _node_parameters("option --set", {node: {name: value}})
+        given = StrictMapping({node: {name: value}}, "option --set", NODES, kind="node")
+        checked = _node_parameters(given)
         merged.setdefault(node, {}).update(checked[node])
     return merged
 
@@ -127,9 +128,8 @@ def with_node_parameters(scenario: Scenario, assignments: Iterable[str]) -> dict
 def scenario_text(scenario: Scenario) -> str:
     """Return a scenario as the YAML text that `scenario_from` reads back."""
     content: dict[str, Any] = {
-        entry.name: getattr(scenario, entry.name)
-        for entry in fields(scenario)
-        if entry.name not in {"name", _NODE_PARAMETERS}
+        "description": scenario.description,
+        **{spec.name: plain(getattr(scenario, spec.name)) for spec in parameter_specs(Scenario)},
     }
     if scenario.node_parameters:
         content[_NODE_PARAMETERS] = {
@@ -148,27 +148,21 @@ def _find(name_or_path: str | Path) -> Path:
     path = Path(text)
     if path.suffix in _SUFFIXES or path.is_file():
         return path
-    near = difflib.get_close_matches(text, names, n=1)
-    hint = f"did you mean {near[0]}? " if near else ""
     raise ScenarioError(
-        f"scenario {text!r} is unknown; {hint}allowed: {', '.join(names)}, or the path of a .yaml file"
+        f"scenario {text!r} is unknown; {suggestion(text, names)}, or the path of a .yaml file"
     )
 
 
-def _checked(origin: str, spec: ParameterSpec, value: object, *, says_key: bool = True) -> Any:
+def _checked(prefix: str, spec: ParameterSpec, value: object) -> Any:
     try:
         return checked_value(spec, value)
     except ParameterError as error:
-        said = str(error).removeprefix("parameter ")
-        if not says_key:
-            said = said.removeprefix(f"{spec.name} ")
-            raise ScenarioError(f"{origin} {said}") from None
-        raise ScenarioError(f"{origin}: {said}") from None
+        raise ScenarioError(f"{prefix}{error}") from None
 
 
 def _typed(spec: ParameterSpec, text: str) -> Scalar:
     """Return a typed text as a number where the field is one; leave nonsense to the check."""
-    if isinstance(spec.default, str):
+    if spec.kind is str:
         return text
     number = parse_yaml(text, f"option {spec.name}", ScenarioError)
     return number if isinstance(number, (int, float)) else text
@@ -182,45 +176,19 @@ def _rooted(key: str, value: Scalar, folder: Path) -> Scalar:
     return value
 
 
-def _overrides_text(origin: str, value: Any) -> Any:
+def _overrides_text(written: StrictMapping) -> Any:
     """Return overrides given as a mapping in the form of one line, as node parameters carry them."""
-    if not isinstance(value, Mapping):
-        return value
-    for key, number in value.items():
-        if isinstance(number, bool) or not isinstance(number, (int, float)):
-            raise ScenarioError(
-                f"{origin}: {_OVERRIDES}: {key} is {number!r}; allowed: a number in the unit of "
-                "the model"
-            )
-    return ", ".join(f"{key}={number!r}" for key, number in value.items())
+    if not isinstance(written.content[_OVERRIDES], Mapping):
+        return written.content[_OVERRIDES]
+    overrides = written.section(_OVERRIDES)
+    for key in overrides:
+        overrides.number(key)
+    return ", ".join(f"{key}={number!r}" for key, number in overrides.content.items())
 
 
-def _node_parameters(where: str, value: Any) -> dict[str, dict[str, Scalar]]:
-    if not isinstance(value, Mapping):
-        raise ScenarioError(f"{where} is {value!r}; allowed: {{<node>: {{<parameter>: <value>}}}}")
+def _node_parameters(by_node: StrictMapping) -> dict[str, dict[str, Scalar]]:
     result: dict[str, dict[str, Scalar]] = {}
-    for node, given in value.items():
-        if node not in NODES:
-            _refuse_unknown(where, "node", node, NODES)
-        if not isinstance(given, Mapping):
-            raise ScenarioError(f"{where}: {node} is {given!r}; allowed: {{<parameter>: <value>}}")
-        for name, entry in given.items():
-            if not isinstance(entry, (bool, int, float, str)):
-                raise ScenarioError(
-                    f"{where}: {node}.{name} is {entry!r}; allowed: a number, a text, true or false"
-                )
-        result[node] = {str(name): entry for name, entry in given.items()}
+    for node in by_node:
+        given = by_node.section(node, kind="parameter")
+        result[node] = {name: given.scalar(name) for name in given}
     return result
-
-
-def _text(origin: str, key: str, value: object) -> str:
-    if not isinstance(value, str):
-        raise ScenarioError(f"{origin}: {key} is {value!r}; allowed: a text")
-    return value
-
-
-def _refuse_unknown(origin: str, kind: str, name: object, known: Iterable[str]) -> NoReturn:
-    names = list(known)
-    near = difflib.get_close_matches(str(name), names, n=1)
-    hint = f"did you mean {near[0]}? " if near else ""
-    raise ScenarioError(f"{origin}: unknown {kind} {name!r}; {hint}allowed: {', '.join(names)}")

@@ -24,7 +24,7 @@ _C_LIBRARY = ctypes.CDLL(None) if sys.platform == "linux" else None
 
 
 @dataclass(frozen=True)
-class Ending:
+class ProcessEnd:
     """How a process ended.
 
     Attributes:
@@ -89,10 +89,10 @@ class Supervisor:
         process = self._processes.get(name)
         return process is not None and process.poll() is None
 
-    def endings(self) -> tuple[Ending, ...]:
+    def endings(self) -> tuple[ProcessEnd, ...]:
         """Return the processes that have ended so far, in the order of their start."""
         return tuple(
-            Ending(name, process.returncode, self._last_lines(name))
+            ProcessEnd(name, process.returncode, self._last_lines(name))
             for name, process in self._processes.items()
             if process.poll() is not None
         )

@@ -16,61 +16,37 @@ from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT, Scenario, names_for
+from iptm_core.declaration import parameter_specs, plain
+from iptm_core.parameters import load_parameters
 from launch import LaunchDescription
 
 CONFIG = Path(get_package_share_directory("iptm_bringup")) / "config" / "nodes"
-
-# Node -> package, executable, parameters of it that are arguments here, with their types.
-ROAD = {"cycle": str, "slope": str}
-MODEL = {"parameter_set": str, "parameter_overrides": str}
-NODES = {
-    "plant": (
-        "iptm_plant_sim",
-        "plant",
-        {**ROAD, "duration_s": float, **MODEL, "mode": str, "rate_factor": float},
-    ),
-    "v2x_bridge": (
-        "iptm_v2x_bridge",
-        "bridge",
-        {
-            **ROAD,
-            "initial_gap_m": float,
-            "preview_length_s": float,
-            "latency_s": float,
-            "dropout_probability": float,
-            "noise_std_m_s": float,
-            "seed": int,
-        },
-    ),
-    "controller": (
-        "iptm_controller",
-        "controller",
-        {"strategy": str, "horizon": str, "solver": str, **MODEL},
-    ),
+EXECUTABLES = {
+    PLANT: ("iptm_plant_sim", "plant"),
+    BRIDGE: ("iptm_v2x_bridge", "bridge"),
+    CONTROLLER: ("iptm_controller", "controller"),
 }
 
+SPECS = {spec.name: spec for spec in parameter_specs(Scenario)}
+# Node -> parameters of it that are arguments here, with their types.
+PARAMETERS = {node: {name: SPECS[name].kind for name in names_for(node)} for node in NODES}
+PARAMETERS[BRIDGE]["initial_gap_m"] = float
+
+DEFAULT_GAP_M = load_parameters().values.gap.initial_gap_m
+# Argument -> default, description.
 ARGUMENTS = {
     "namespace": ("", "namespace of all nodes"),
     "clock": ("/clock", "topic of the clock; two vehicles in one graph need one each"),
     "use_sim_time": ("false", "the nodes go by the stamps of messages; only their logs differ"),
     "record": ("false", "whether to record a bag"),
     "bag": (f"bags/run_{datetime.now().astimezone():%Y%m%d_%H%M%S}", "bag folder to create"),
-    "cycle": ("wltc_class3b", "driving cycle of the leader: a name, or the path of a .csv file"),
-    "slope": ("as_designed", "slope of the road: as_designed, flat, small or large"),
-    "duration_s": ("0.0", "length of the trip in s, 0 for the whole cycle"),
-    "parameter_set": ("paper_calibrated", "parameters of the vehicle: a shipped set or a file"),
-    "parameter_overrides": ("", "single model parameters, e.g. 'body.mass_kg=1600'"),
-    "mode": ("lock_step", "lock_step or real_time"),
-    "rate_factor": ("1.0", "real_time: seconds of trip time per second of wall time"),
-    "initial_gap_m": ("15.0", "gap at the start in m, gap.initial_gap_m of the parameter set"),
-    "preview_length_s": ("60.0", "how far a prediction of the leader reaches, in s"),
-    "latency_s": ("0.0", "delay of a prediction in s"),
-    "dropout_probability": ("0.0", "share of the predictions lost"),
-    "noise_std_m_s": ("0.0", "standard deviation of the predicted speed in m/s"),
-    "seed": ("0", "seed of loss and error"),
-    "strategy": ("aging", "cost of the controller"),
-    "horizon": ("3x1+5x5", "prediction grid, <steps>x<seconds> parts joined by +"),
-    "solver": ("riccati", "solver back end"),
+    **{
+        name: (str(plain(spec.default)), f"{spec.description}; {spec.allowed}")
+        for name, spec in SPECS.items()
+        if any(name in of_node for of_node in PARAMETERS.values())
+    },
+    "initial_gap_m": (str(DEFAULT_GAP_M), "gap at the start in m, as in the parameter set"),
     **{
         f"{node}_parameters": (str(CONFIG / f"{node}.yaml"), f"parameter file of {node}")
         for node in NODES
@@ -93,16 +69,21 @@ def generate_launch_description() -> LaunchDescription:
     }
     sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
     actions = [
-        DeclareLaunchArgument(name, default_value=default, description=description)
+        DeclareLaunchArgument(
+            name,
+            default_value=default,
+            description=description,
+            choices=list(SPECS[name].choices) or None if name in SPECS else None,
+        )
         for name, (default, description) in ARGUMENTS.items()
     ]
-    for name, (package, executable, own) in NODES.items():
+    for name, (package, executable) in EXECUTABLES.items():
         parameters = {
             key: ParameterValue(LaunchConfiguration(key), value_type=kind)
-            for key, kind in own.items()
+            for key, kind in PARAMETERS[name].items()
         }
         parameters["use_sim_time"] = sim_time
-        if name != "controller":
+        if name != CONTROLLER:
             parameters["expected_peers"] = peers
         actions.append(
             Node(

@@ -10,6 +10,7 @@ from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 
+from iptm_core.settings import RoadSettings
 from launch import LaunchDescription
 
 LOOP = Path(get_package_share_directory("iptm_bringup")) / "launch" / "closed_loop.launch.py"
@@ -20,7 +21,9 @@ def generate_launch_description() -> LaunchDescription:
     """Return both loops; with the first that ends, everything ends."""
     arguments = [
         DeclareLaunchArgument(
-            argument, default_value="wltc_class3b", description=f"driving cycle ahead of {vehicle}"
+            argument,
+            default_value=RoadSettings.cycle,
+            description=f"driving cycle ahead of {vehicle}",
         )
         for vehicle, argument in VEHICLES.items()
     ]

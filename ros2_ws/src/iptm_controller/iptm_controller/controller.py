@@ -1,6 +1,6 @@
 """The controller without ROS: one call per tick, from measurements to a limited command.
 
-``preview + state -> problem data -> solver -> result -> ladder -> limiter -> command``. Nothing in here
+``measurements -> problem data -> solver -> plan or fallback -> limiter -> command``. Nothing in here
 raises for bad measurements or failed solves: both are outcomes, reported in the decision.
 """
 
@@ -11,9 +11,11 @@ from dataclasses import dataclass, field, replace
 
 from iptm_controller.forecast import LeaderForecast, LeaderForecaster
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
-from iptm_controller.ladder import FallbackLadder, LadderDecision, LadderOptions
+from iptm_controller.ladder import FallbackLadder, LadderOptions
 from iptm_controller.limiter import CommandLimiter, LimitedCommand
+from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.ocp.data import ProblemDataBuilder
+from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.plan import (
     Plan,
     PlanShifter,
@@ -21,15 +23,14 @@ from iptm_controller.plan import (
     sample_positions_m,
     variables_from_plan,
 )
-from iptm_controller.solvers.backend import SolverBackend
-from iptm_controller.solvers.factory import SolverOptions, build_solver
-from iptm_controller.solvers.result import SolveResult
-from iptm_controller.state_check import check_leader, check_slope, check_state
+from iptm_controller.solvers.factory import build_solver
+from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import STRATEGIES, Strategy
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
-from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import Command, LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_core.state import Command, LeaderState, VehicleState
+
+__all__ = ["Controller", "ControllerOptions", "Decision", "Measurements", "PlanningResult"]
 
 
 @dataclass(frozen=True)
@@ -54,22 +55,20 @@ class ControllerOptions:
 
 
 @dataclass(frozen=True)
-class Measurements:
-    """What the controller acts on at one tick, all of the same instant.
+class PlanningResult:
+    """What came of posing and solving the problem of one tick.
 
     Attributes:
-        state: host and pack, None if not measured.
-        leader: the preceding vehicle by range sensor, None if not measured.
-        preview: newest received prediction, possibly empty.
-        slope: road slope over position.
-        fault: why something is not measured; empty if all is.
+        plan: the solution, None if there is none that may be followed.
+        reason: why there is none, or how the forecast is worse than it should be; empty if all is well.
+        result: the solver's answer, None if no problem could be posed.
+        forecast: the leader's motion used, None if it could not be formed.
     """
 
-    state: VehicleState | None
-    leader: LeaderState | None
-    preview: LeaderPreview
-    slope: SlopePreview
-    fault: str = ""
+    plan: Plan | None
+    reason: str
+    result: SolveResult | None = None
+    forecast: LeaderForecast | None = None
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,8 @@ class Controller:
         horizon = options.horizon
         self.options = options
         self.backend = backend or build_solver(horizon, parameters, options.solver)
-        self._builder = ProblemDataBuilder(horizon, options.strategy)
+        self._grid = ProblemGrid(horizon)
+        self._builder = ProblemDataBuilder(self._grid, options.strategy)
         self._shifter = PlanShifter(horizon)
         self._forecaster = LeaderForecaster(horizon.duration_s, options.max_preview_age_s)
         self._ladder = FallbackLadder(parameters, options.tick_s, options.ladder)
@@ -144,86 +144,62 @@ class Controller:
 
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""
-        if measured.state is None:
-            return self._without_state(measured.fault or "no measurement of the state")
-        try:
-            check_state(measured.state)
-        except StateError as error:
-            return self._without_state(str(error))
-        self._last_trusted = measured.state
-        if measured.leader is None:
-            reason = measured.fault or "no measurement of the leader"
-            return self._fall_back(measured.state, None, reason)
-        try:
-            check_leader(measured.leader, measured.state)
-        except StateError as error:
-            return self._fall_back(measured.state, None, str(error))
-        try:
-            check_slope(measured.slope)
-        except StateError as error:
-            return self._fall_back(measured.state, measured.leader, str(error))
-        return self._optimise(measured.state, measured.leader, measured)
+        trusted = trusted_measurements(measured)
+        state, leader = trusted.state, trusted.leader
+        if state is None or leader is None or trusted.fault:
+            planned = PlanningResult(None, trusted.fault)
+        else:
+            planned = self._plan(state, leader, measured)
+        if planned.plan is not None:
+            rung, command = self._ladder.accept(planned.plan)
+        else:
+            rung, command = self._ladder.fall_back(state, leader)
+        limited = self._limit(command, state)
+        return Decision(
+            limited.command,
+            rung,
+            planned.reason,
+            limited,
+            planned.plan,
+            planned.result,
+            planned.forecast,
+        )
 
-    def _optimise(
+    def _plan(
         self, state: VehicleState, leader: LeaderState, measured: Measurements
-    ) -> Decision:
+    ) -> PlanningResult:
+        """Pose and solve the problem of a tick."""
         forecast = self._forecaster.forecast(leader, measured.preview)
-        last = self._ladder.last_good_plan
-        # Past its end a plan only repeats its last input, which leads to absurd speeds.
+        last = self._ladder.plan_at(state.time_s)
         guess = (
-            self._shifter.shift(last, state)
-            if last is not None and last.covers(state.time_s)
-            else self._shifter.cold_start(state)
+            self._shifter.cold_start(state) if last is None else self._shifter.shift(last, state)
         )
         data = self._builder.build(
             state,
             forecast.motion,
             measured.slope,
-            sample_positions_m(guess, self._builder.sample_times_s),
+            sample_positions_m(guess, self._grid.sample_times_s),
             forecast.known_s,
         )
-        result = self.backend.solve(data, variables_from_plan(guess, state))
+        result = self.backend.solve(data, variables_from_plan(guess, self._grid, state))
         if not result.status.usable:
-            return self._fall_back(state, leader, result.reason, result, forecast)
-        plan = plan_from_variables(result.variables, self.options.horizon, state)
-        choice = self._ladder.accept(plan)
-        return self._limited(choice, state, forecast.reason, plan, result, forecast)
+            return PlanningResult(None, result.reason, result, forecast)
+        plan = plan_from_variables(result.variables, self._grid, state)
+        return PlanningResult(plan, forecast.reason, result, forecast)
 
-    def _without_state(self, reason: str) -> Decision:
-        choice = self._ladder.fall_back(None, None)
-        # The limiter needs something to hold rates against: the last state that could be trusted.
+    def _limit(self, command: Command, state: VehicleState | None) -> LimitedCommand:
+        """Limit a command relative to the state, or to the last one that could be trusted."""
+        if state is not None:
+            self._last_trusted = state
+            return self._limiter.limit(command, state)
         reference = self._last_trusted
         if reference is None:
-            limited = LimitedCommand(Command(0.0, 0.0), ("no state was ever trusted",))
-            return Decision(limited.command, choice.rung, reason, limited, None, None, None)
-        decision = self._limited(choice, reference, reason, None, None, None)
+            return LimitedCommand(Command(0.0, 0.0), ("no state was ever trusted",))
+        limited = self._limiter.limit(command, reference)
         # The rates count from this command next time, or braking would never get beyond one step.
         self._last_trusted = replace(
             reference,
-            acceleration_m_s2=decision.command.acceleration_m_s2,
-            compressor_power_w=decision.command.compressor_power_w,
+            acceleration_m_s2=limited.command.acceleration_m_s2,
+            compressor_power_w=limited.command.compressor_power_w,
         )
-        return decision
-
-    def _fall_back(
-        self,
-        state: VehicleState,
-        leader: LeaderState | None,
-        reason: str,
-        result: SolveResult | None = None,
-        forecast: LeaderForecast | None = None,
-    ) -> Decision:
-        choice = self._ladder.fall_back(state, leader)
-        return self._limited(choice, state, reason, None, result, forecast)
-
-    def _limited(
-        self,
-        choice: LadderDecision,
-        state: VehicleState,
-        reason: str,
-        plan: Plan | None,
-        result: SolveResult | None,
-        forecast: LeaderForecast | None,
-    ) -> Decision:
-        limited = self._limiter.limit(choice.command, state)
-        return Decision(limited.command, choice.rung, reason, limited, plan, result, forecast)
+        return limited

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
-from iptm_controller.motion import Motion
-from iptm_core.errors import PreviewError
-from iptm_core.state import LeaderPreview, LeaderState
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 HISTORY_S = 3.0
 MAX_LEADER_SPEED_M_S = 100.0
@@ -36,6 +35,46 @@ class PreviewQuality(IntEnum):
 
 
 @dataclass(frozen=True)
+class LeaderMotion:
+    """Positions and speeds at increasing node times, the speed held outside them.
+
+    Attributes:
+        times_s: node times, shape (n,), increasing, n >= 1.
+        positions_m: positions at the nodes, shape (n,).
+        speeds_m_s: speeds at the nodes, shape (n,).
+    """
+
+    times_s: FloatArray
+    positions_m: FloatArray
+    speeds_m_s: FloatArray
+
+    def at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and speeds at any times, shapes of ``times_s``.
+
+        Between two nodes the speed is linear; the position is the cubic that meets both nodes in
+        position and speed, which is the exact quadratic where the nodes are consistent.
+        """
+        nodes = self.times_s
+        if nodes.size == 1:
+            elapsed = times_s - nodes[0]
+            return self.positions_m[0] + self.speeds_m_s[0] * elapsed, np.full(
+                times_s.shape, self.speeds_m_s[0]
+            )
+        index = np.clip(np.searchsorted(nodes, times_s, side="right") - 1, 0, nodes.size - 2)
+        start, width = nodes[index], nodes[index + 1] - nodes[index]
+        inside = np.clip(times_s, nodes[0], nodes[-1])
+        tau = (inside - start) / width
+        v_0, v_1 = self.speeds_m_s[index], self.speeds_m_s[index + 1]
+        p_0, p_1 = self.positions_m[index], self.positions_m[index + 1]
+        # Rest that a linear speed leaves over; zero for consistent nodes.
+        rest = p_1 - p_0 - 0.5 * width * (v_0 + v_1)
+        position = p_0 + width * tau * (v_0 + 0.5 * tau * (v_1 - v_0))
+        position = position + rest * tau * tau * (3.0 - 2.0 * tau)
+        speed = v_0 + tau * (v_1 - v_0)
+        return position + speed * (times_s - inside), speed
+
+
+@dataclass(frozen=True)
 class LeaderForecast:
     """Motion of the leader around now.
 
@@ -47,57 +86,46 @@ class LeaderForecast:
         known_s: how far ahead a preview backs the motion; 0 where a constant speed is all there is.
     """
 
-    motion: Motion
+    motion: LeaderMotion
     quality: PreviewQuality
     reason: str
     age_s: float
     known_s: float
 
 
-def check_preview(preview: LeaderPreview) -> None:
-    """Check lengths, order, finiteness and plausibility of a preview.
-
-    Raises:
-        PreviewError: says what is wrong, the value and what is allowed.
-    """
-    sizes = (preview.times_s.size, preview.positions_m.size, preview.speeds_m_s.size)
+def preview_fault(preview: LeaderPreview) -> str:
+    """Return what is wrong with lengths, order, finiteness or plausibility of a preview, empty if nothing."""
+    times, positions, speeds = preview.times_s, preview.positions_m, preview.speeds_m_s
+    sizes = (times.size, positions.size, speeds.size)
     if len(set(sizes)) != 1:
-        raise PreviewError(
-            f"preview has {sizes} times, positions and speeds, expected equal numbers"
-        )
+        return f"preview has {sizes} times, positions and speeds; allowed: equal numbers"
     if not np.isfinite(preview.generated_at_s):
-        raise PreviewError(
-            f"preview was generated at {preview.generated_at_s} s, allowed are finite times"
-        )
-    for label, values in (
-        ("times", preview.times_s),
-        ("positions", preview.positions_m),
-        ("speeds", preview.speeds_m_s),
-    ):
+        return f"preview was generated at {preview.generated_at_s} s; allowed: finite times"
+    for label, values in (("time", times), ("position", positions), ("speed", speeds)):
         if not np.all(np.isfinite(values)):
-            bad = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise PreviewError(f"preview {label} are not finite at node {bad}: {values[bad]}")
-    if np.any(np.diff(preview.times_s) <= 0.0):
-        bad = int(np.flatnonzero(np.diff(preview.times_s) <= 0.0)[0])
-        raise PreviewError(f"preview times do not increase after node {bad}")
-    if np.any(np.diff(preview.positions_m) < -1e-6):
-        bad = int(np.flatnonzero(np.diff(preview.positions_m) < -1e-6)[0])
-        raise PreviewError(f"preview positions move backwards after node {bad}")
+            bad = _first(~np.isfinite(values))
+            return f"preview {label} is {values[bad]} at node {bad}; allowed: finite values"
+    if np.any(np.diff(times) <= 0.0):
+        return f"preview times do not increase after node {_first(np.diff(times) <= 0.0)}"
+    if np.any(np.diff(positions) < -1e-6):
+        return f"preview positions move backwards after node {_first(np.diff(positions) < -1e-6)}"
     with np.errstate(over="ignore"):
-        reach_m = 1.0 + MAX_LEADER_SPEED_M_S * np.diff(preview.times_s)
-        leaps = np.diff(preview.positions_m) > reach_m
+        leaps = np.diff(positions) > 1.0 + MAX_LEADER_SPEED_M_S * np.diff(times)
     if np.any(leaps):
-        bad = int(np.flatnonzero(leaps)[0])
-        raise PreviewError(
-            f"preview positions leap after node {bad}, allowed are {MAX_LEADER_SPEED_M_S:g} m/s"
+        return (
+            f"preview positions leap after node {_first(leaps)}; "
+            f"allowed: {MAX_LEADER_SPEED_M_S:g} m/s"
         )
-    if preview.speeds_m_s.size and not (
-        preview.speeds_m_s.min() >= 0.0 and preview.speeds_m_s.max() <= MAX_LEADER_SPEED_M_S
-    ):
-        raise PreviewError(
-            f"preview speeds span {preview.speeds_m_s.min():.2f} to {preview.speeds_m_s.max():.2f} m/s, "
-            f"allowed are 0 to {MAX_LEADER_SPEED_M_S:g} m/s"
+    if speeds.size and not (speeds.min() >= 0.0 and speeds.max() <= MAX_LEADER_SPEED_M_S):
+        return (
+            f"preview speed is {speeds.min():.2f} to {speeds.max():.2f} m/s; "
+            f"allowed: 0 to {MAX_LEADER_SPEED_M_S:g} m/s"
         )
+    return ""
+
+
+def _first(flags: NDArray[np.bool_]) -> int:
+    return int(np.flatnonzero(flags)[0])
 
 
 class LeaderForecaster:
@@ -122,7 +150,7 @@ class LeaderForecaster:
             future = self._follow_preview(leader, preview)
             known_s = min(float(preview.times_s[-1]) - leader.time_s, self._horizon_s)
         else:
-            future = Motion(
+            future = LeaderMotion(
                 np.array([leader.time_s]),
                 np.array([leader.position_m]),
                 np.array([leader.speed_m_s]),
@@ -139,15 +167,14 @@ class LeaderForecaster:
     def _assess(self, leader: LeaderState, preview: LeaderPreview) -> tuple[PreviewQuality, str]:
         if preview.times_s.size == 0:
             return PreviewQuality.MISSING, "no preview of the leader received yet"
-        try:
-            check_preview(preview)
-        except PreviewError as error:
-            return PreviewQuality.INVALID, str(error)
+        fault = preview_fault(preview)
+        if fault:
+            return PreviewQuality.INVALID, fault
         age_s = leader.time_s - preview.generated_at_s
         if age_s > self._max_age_s:
             return (
                 PreviewQuality.STALE,
-                f"preview is {age_s:.1f} s old, allowed are {self._max_age_s:g} s",
+                f"preview is {age_s:.1f} s old; allowed: up to {self._max_age_s:g} s",
             )
         if age_s < -1e-6:
             return PreviewQuality.INVALID, f"preview was generated {-age_s:.3f} s in the future"
@@ -162,23 +189,23 @@ class LeaderForecaster:
         return PreviewQuality.FULL, ""
 
     @staticmethod
-    def _follow_preview(leader: LeaderState, preview: LeaderPreview) -> Motion:
-        predicted = Motion(preview.times_s, preview.positions_m, preview.speeds_m_s)
+    def _follow_preview(leader: LeaderState, preview: LeaderPreview) -> LeaderMotion:
+        predicted = LeaderMotion(preview.times_s, preview.positions_m, preview.speeds_m_s)
         now = np.array([leader.time_s])
         position_now, speed_now = predicted.at(now)
         ahead = preview.times_s > leader.time_s + 1e-9
         shift_m = leader.position_m - float(position_now[0])
-        return Motion(
+        return LeaderMotion(
             np.concatenate([now, preview.times_s[ahead]]),
             np.concatenate([[leader.position_m], preview.positions_m[ahead] + shift_m]),
             np.concatenate([speed_now, preview.speeds_m_s[ahead]]),
         )
 
-    def _with_past(self, future: Motion) -> Motion:
+    def _with_past(self, future: LeaderMotion) -> LeaderMotion:
         past = list(self._past)[:-1]
         if not past:
             return future
-        return Motion(
+        return LeaderMotion(
             np.concatenate([[state.time_s for state in past], future.times_s]),
             np.concatenate([[state.position_m for state in past], future.positions_m]),
             np.concatenate([[state.speed_m_s for state in past], future.speeds_m_s]),

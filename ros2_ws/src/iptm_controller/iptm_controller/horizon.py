@@ -21,7 +21,7 @@ _PHASE = re.compile(r"^\s*(\d+)\s*[x*]\s*([0-9]*\.?[0-9]+)\s*(?:s)?\s*$")
 
 
 @dataclass(frozen=True)
-class Phase:
+class HorizonPhase:
     """``steps`` equal steps of ``step_s`` seconds."""
 
     steps: int
@@ -29,12 +29,10 @@ class Phase:
 
     def __post_init__(self) -> None:
         if not 1 <= self.steps <= MAX_NODES:
-            raise ParameterError(
-                f"horizon phase has {self.steps} steps, allowed are 1 to {MAX_NODES}"
-            )
+            raise ParameterError(f"horizon phase has {self.steps} steps; allowed: 1 to {MAX_NODES}")
         if not (math.isfinite(self.step_s) and 0.05 <= self.step_s <= MAX_STEP_S):
             raise ParameterError(
-                f"horizon phase has a step of {self.step_s} s, allowed are 0.05 to {MAX_STEP_S} s"
+                f"horizon phase has a step of {self.step_s} s; allowed: 0.05 to {MAX_STEP_S:g} s"
             )
 
 
@@ -46,14 +44,16 @@ class Horizon:
         phases: at least one phase; step lengths never shrink from one phase to the next.
     """
 
-    phases: tuple[Phase, ...]
+    phases: tuple[HorizonPhase, ...]
 
     def __post_init__(self) -> None:
         if not self.phases:
-            raise ParameterError("a horizon needs at least one phase, such as '3x1+5x5'")
+            raise ParameterError("horizon has no phase; allowed: at least one, such as '3x1+5x5'")
         lengths = [phase.step_s for phase in self.phases]
         if lengths != sorted(lengths):
-            raise ParameterError(f"horizon step lengths must not shrink with time, got {lengths} s")
+            raise ParameterError(
+                f"horizon step lengths are {lengths} s; allowed: lengths that do not shrink with time"
+            )
 
     @classmethod
     def parse(cls, text: str) -> Horizon:
@@ -67,10 +67,10 @@ class Horizon:
             match = _PHASE.match(part)
             if match is None:
                 raise ParameterError(
-                    f"horizon '{text}' cannot be read at '{part}', expected '<steps>x<seconds>' "
+                    f"horizon '{text}' cannot be read at '{part}'; allowed: '<steps>x<seconds>' "
                     "parts joined by '+', such as '3x1+5x5'"
                 )
-            phases.append(Phase(int(match[1]), float(match[2])))
+            phases.append(HorizonPhase(int(match[1]), float(match[2])))
         return cls(tuple(phases))
 
     def __str__(self) -> str:
@@ -97,5 +97,5 @@ class Horizon:
         return float(self.node_times_s[-1])
 
 
-SINGLE_HORIZON = Horizon((Phase(15, 1.0),))
-MULTI_HORIZON = Horizon((Phase(3, 1.0), Phase(5, 5.0)))
+SINGLE_HORIZON = Horizon((HorizonPhase(15, 1.0),))
+MULTI_HORIZON = Horizon((HorizonPhase(3, 1.0), HorizonPhase(5, 5.0)))

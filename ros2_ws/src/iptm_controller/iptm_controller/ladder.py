@@ -14,6 +14,9 @@ from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, LeaderState, VehicleState
 
+BLIND_BRAKING = Command(-1.0, 0.0)
+"""Nothing is known about the vehicle: brake gently, the limiter keeps the jerk."""
+
 
 @dataclass(frozen=True)
 class LadderOptions:
@@ -21,14 +24,6 @@ class LadderOptions:
 
     shifted_plan_ticks: int = 3
     safe_law_ticks: int = 120
-
-
-@dataclass(frozen=True)
-class LadderDecision:
-    """A command and the rung that it comes from."""
-
-    command: Command
-    rung: Rung
 
 
 class FallbackLadder:
@@ -41,19 +36,24 @@ class FallbackLadder:
         self._last_good: Plan | None = None
         self._failures = 0
 
-    @property
-    def last_good_plan(self) -> Plan | None:
-        """The newest usable plan."""
-        return self._last_good
+    def plan_at(self, time_s: float) -> Plan | None:
+        """Return the newest usable plan if it covers a trip time.
 
-    def accept(self, plan: Plan) -> LadderDecision:
-        """A usable plan was found: back to the top."""
+        Past its end a plan only repeats its last input, which leads to absurd speeds.
+        """
+        plan = self._last_good
+        return plan if plan is not None and plan.covers(time_s) else None
+
+    def accept(self, plan: Plan) -> tuple[Rung, Command]:
+        """Go back to the top: a usable plan was found."""
         self._last_good = plan
         self._failures = 0
-        return LadderDecision(plan.command_at(plan.start_s), Rung.OPTIMAL)
+        return Rung.OPTIMAL, plan.command_at(plan.start_s)
 
-    def fall_back(self, state: VehicleState | None, leader: LeaderState | None) -> LadderDecision:
-        """No usable plan at this tick.
+    def fall_back(
+        self, state: VehicleState | None, leader: LeaderState | None
+    ) -> tuple[Rung, Command]:
+        """Choose the rung of a tick without a usable plan.
 
         Args:
             state: measured state, None if it cannot be trusted.
@@ -62,14 +62,12 @@ class FallbackLadder:
         self._failures += 1
         options = self._options
         if state is None:
-            # Nothing is known about the vehicle: brake gently, the limiter keeps the jerk.
-            return LadderDecision(Command(-1.0, 0.0), Rung.STOP)
-        plan = self._last_good
-        recent = self._failures <= options.shifted_plan_ticks
-        if recent and plan is not None and plan.covers(state.time_s):
-            return LadderDecision(plan.command_at(state.time_s), Rung.SHIFTED_PLAN)
+            return Rung.STOP, BLIND_BRAKING
+        plan = self.plan_at(state.time_s)
+        if self._failures <= options.shifted_plan_ticks and plan is not None:
+            return Rung.SHIFTED_PLAN, plan.command_at(state.time_s)
         last_safe_tick = options.shifted_plan_ticks + options.safe_law_ticks
         if leader is not None and self._failures <= last_safe_tick:
             command = safe_following(state, leader, self._parameters, self._tick_s)
-            return LadderDecision(command, Rung.SAFE_LAW)
-        return LadderDecision(controlled_stop(state, self._parameters, self._tick_s), Rung.STOP)
+            return Rung.SAFE_LAW, command
+        return Rung.STOP, controlled_stop(state, self._parameters, self._tick_s)

@@ -21,7 +21,7 @@ class LimitedCommand:
 
     Attributes:
         command: what may be actuated.
-        reasons: which bounds bit, empty if none did.
+        reasons: which bounds were active, empty if none was.
     """
 
     command: Command

@@ -5,26 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from iptm_controller.controller import Controller, ControllerOptions
-from iptm_controller.horizon import MULTI_HORIZON, Horizon
+from iptm_controller.horizon import Horizon
 from iptm_controller.ladder import LadderOptions
-from iptm_controller.solvers.budget import SolveBudget
-from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions
-from iptm_controller.solvers.interior_point import InteriorPointOptions
-from iptm_controller.strategy import STRATEGIES, Strategy, strategy_by_name
-from iptm_core.parameters import DEFAULT_SET, load_parameters
-from iptm_core.parameters.override_text import parse_overrides
-from iptm_interfaces.parameters import parameter
+from iptm_controller.settings import ControllerSettings, SolveSettings
+from iptm_controller.solvers.interface import SolverOptions
+from iptm_controller.strategy import Strategy, strategy_by_name
+from iptm_core.declaration import parameter
+from iptm_core.settings import ModelSettings, SamplingSettings
 
 FROM_STRATEGY = -1.0
 
 
 @dataclass(frozen=True)
-class ControllerNodeParameters:
-    """Parameters of the node; ranges and units are in the declarations."""
+class ControllerNodeParameters(SamplingSettings, ModelSettings, SolveSettings, ControllerSettings):
+    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
-    strategy: str = parameter(
-        "aging", "cost terms and weights, one of the paper's strategies", choices=tuple(STRATEGIES)
-    )
     speed_weight: float = parameter(
         FROM_STRATEGY, "Q of J1, -1 takes that of the strategy", "1/(m/s)^2", -1.0, 1e15
     )
@@ -37,15 +32,10 @@ class ControllerNodeParameters:
     aging_weight: float = parameter(
         FROM_STRATEGY, "lambda_Q of J4, -1 takes that of the strategy", "", -1.0, 1e15
     )
-    horizon: str = parameter(
-        str(MULTI_HORIZON), "prediction grid, <steps>x<seconds> parts joined by +"
-    )
-    solver: str = parameter("riccati", "solver back end", choices=SOLVER_NAMES)
     compile_code: bool = parameter(
         default=True,
         description="compile the problem where a C compiler is found (cached between starts)",
     )
-    max_iterations: int = parameter(150, "iterations of one solve at most", "", 1, 10000)
     deadline_ms: float = parameter(
         0.0,
         "wall time of one solve at most, 0 for none; runs with a deadline are not exactly repeatable",
@@ -53,14 +43,6 @@ class ControllerNodeParameters:
         0.0,
         60000.0,
     )
-    tolerance: float = parameter(1e-5, "optimality tolerance of the scaled problem", "", 1e-10, 1.0)
-    parameter_set: str = parameter(
-        DEFAULT_SET, "parameters of the vehicle: name of a shipped set, or the path of a .yaml file"
-    )
-    parameter_overrides: str = parameter(
-        "", "single model parameters to change, e.g. 'body.mass_kg=1600, gap.max_gap_m=80'"
-    )
-    period_s: float = parameter(1.0, "sampling time of the loop", "s", 0.01, 10.0)
     max_preview_age_s: float = parameter(
         10.0,
         "older previews are not used; the leader is then taken to keep its speed",
@@ -88,23 +70,21 @@ class ControllerNodeParameters:
         Raises:
             IptmError: a parameter, the horizon or the solver is not usable.
         """
-        model = load_parameters(
-            self.parameter_set, parse_overrides(self.parameter_overrides)
-        ).values
         options = ControllerOptions(
             strategy=self._strategy(),
             horizon=Horizon.parse(self.horizon),
             solver=SolverOptions(
                 name=self.solver,
                 compile_code=self.compile_code,
-                budget=SolveBudget(self.max_iterations, 1e-3 * self.deadline_ms),
-                interior_point=InteriorPointOptions(tolerance=self.tolerance),
+                max_iterations=self.max_iterations,
+                deadline_s=1e-3 * self.deadline_ms,
+                tolerance=self.tolerance,
             ),
             ladder=LadderOptions(self.shifted_plan_ticks, self.safe_law_ticks),
             max_preview_age_s=self.max_preview_age_s,
             tick_s=self.period_s,
         )
-        return Controller(model, options)
+        return Controller(self.model().values, options)
 
     def _strategy(self) -> Strategy:
         base = strategy_by_name(self.strategy)

@@ -26,7 +26,7 @@ _PREVIEW_SITUATION = {
 
 
 def plan_trajectory(plan: Plan) -> PlanTrajectory:
-    """The plan as published: inputs hold from their node on, the last node repeats the last ones."""
+    """Return the plan as published: inputs hold from their node on, the last node repeats the last ones."""
     inputs = np.vstack([plan.inputs, plan.inputs[-1]])
     states = plan.states
     return PlanTrajectory(
@@ -41,7 +41,7 @@ def plan_trajectory(plan: Plan) -> PlanTrajectory:
 
 
 def situation(decision: Decision | None, *, road_known: bool, road_fault: str) -> tuple[Level, str]:
-    """Severity and one short sentence without numbers, for the diagnostics."""
+    """Return severity and one short sentence without numbers, for the diagnostics."""
     if decision is None:
         return Level.OK, "waiting for state, leader and preview"
     if decision.rung in _RUNG_SITUATION:

@@ -8,6 +8,7 @@ import numpy as np
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
+from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_core.state import Command, FloatArray, VehicleState
 
@@ -38,11 +39,11 @@ class Plan:
     inputs: FloatArray
 
     def covers(self, time_s: float) -> bool:
-        """Whether a trip time lies inside the plan."""
+        """Return whether a trip time lies inside the plan."""
         return 0.0 <= time_s - self.start_s < float(self.node_times_s[-1])
 
     def command_at(self, time_s: float) -> Command:
-        """The planned inputs of the step that holds at a trip time; the last step is held on."""
+        """Return the planned inputs of the step that holds at a trip time; the last step is held on."""
         elapsed = time_s - self.start_s
         step = int(np.searchsorted(self.node_times_s, elapsed + 1e-9, side="right")) - 1
         step = min(max(step, 0), self.inputs.shape[0] - 1)
@@ -60,20 +61,24 @@ class Plan:
         )
 
 
-def plan_from_variables(variables: FloatArray, horizon: Horizon, state: VehicleState) -> Plan:
+def plan_from_variables(variables: FloatArray, grid: ProblemGrid, state: VehicleState) -> Plan:
     """Unscale a solution; positions become absolute."""
-    steps = horizon.steps
-    block = layout.STATES + layout.INPUTS
-    table = variables[: steps * block].reshape(steps, block)
-    scaled = np.vstack([table[:, : layout.STATES], variables[steps * block :]])
-    states = scaled * layout.STATE_SCALE + layout.STATE_OFFSET
+    scaled_states, scaled_inputs = grid.split(variables)
+    states = scaled_states * layout.STATE_SCALE + layout.STATE_OFFSET
     states[:, StateIndex.POSITION] += state.position_m
     return Plan(
         start_s=state.time_s,
-        node_times_s=horizon.node_times_s,
+        node_times_s=grid.horizon.node_times_s,
         states=states,
-        inputs=table[:, layout.STATES :] * layout.INPUT_SCALE,
+        inputs=scaled_inputs * layout.INPUT_SCALE,
     )
+
+
+def variables_from_plan(plan: Plan, grid: ProblemGrid, state: VehicleState) -> FloatArray:
+    """Scale a plan into the optimiser's variables, the inverse of ``plan_from_variables``."""
+    relative = plan.states - layout.STATE_OFFSET
+    relative[:, StateIndex.POSITION] -= state.position_m
+    return grid.join(relative / layout.STATE_SCALE, plan.inputs / layout.INPUT_SCALE)
 
 
 class PlanShifter:
@@ -90,7 +95,7 @@ class PlanShifter:
         self._nodes_s = horizon.node_times_s
 
     def cold_start(self, state: VehicleState) -> Plan:
-        """A plan that brakes to a stop at most gently and leaves the compressor as it is."""
+        """Return a plan that keeps speed and compressor power as they are."""
         steps = self._horizon.steps
         inputs = np.zeros((steps, layout.INPUTS))
         inputs[:, InputIndex.COMPRESSOR_POWER] = state.compressor_power_w
@@ -100,7 +105,7 @@ class PlanShifter:
         return self._roll_out(state, inputs, temperatures)
 
     def shift(self, plan: Plan, state: VehicleState) -> Plan:
-        """The plan as seen from a later state."""
+        """Return the plan as seen from a later state."""
         moved_s = state.time_s - plan.start_s
         inputs = self._average_inputs(plan.inputs, moved_s)
         times = np.minimum(self._nodes_s + moved_s, self._nodes_s[-1])
@@ -144,18 +149,8 @@ class PlanShifter:
         return Plan(state.time_s, self._nodes_s, states, inputs)
 
 
-def variables_from_plan(plan: Plan, state: VehicleState) -> FloatArray:
-    """Scale a plan into the optimiser's variables, the inverse of ``plan_from_variables``."""
-    relative = plan.states - layout.STATE_OFFSET
-    relative[:, StateIndex.POSITION] -= state.position_m
-    scaled_states = relative / layout.STATE_SCALE
-    scaled_inputs = plan.inputs / layout.INPUT_SCALE
-    head = np.hstack([scaled_states[:-1], scaled_inputs]).ravel()
-    return np.concatenate([head, scaled_states[-1]])
-
-
 def sample_positions_m(plan: Plan, sample_times_s: FloatArray) -> FloatArray:
-    """Planned absolute positions at times relative to the plan's start."""
+    """Return planned absolute positions at times relative to the plan's start."""
     steps = np.clip(
         np.searchsorted(plan.node_times_s, sample_times_s, side="right") - 1,
         0,

@@ -20,7 +20,7 @@ BISECTIONS = 30
 def safe_following(
     state: VehicleState, leader: LeaderState, parameters: ModelParameters, tick_s: float = 1.0
 ) -> Command:
-    """Intelligent driver model behind the leader, able to stop behind it at any time, with the thermostat.
+    """Follow the leader by the intelligent driver model, able to stop at any time, with the thermostat.
 
     ``a_max (1 - (v / v_max)^4 - (s* / s)^2)`` with the desired gap ``s*`` of the paper's spacing policy,
     never less than the standstill gap. The model takes braking to be there at once; so the acceleration is
@@ -48,7 +48,7 @@ def safe_following(
 def _stoppable_acceleration(
     state: VehicleState, room_m: float, limits: LimitParameters, tick_s: float
 ) -> float:
-    """Largest acceleration for the next tick after which the host can still stop within a distance.
+    """Return the largest acceleration for a tick after which the host can still stop within a distance.
 
     The hardest braking if there is none within the reach of one tick's jerk.
     """
@@ -71,7 +71,7 @@ def _stoppable_acceleration(
 def _way_to_stop_m(
     speed_m_s: float, acceleration_m_s2: float, limits: LimitParameters, tick_s: float
 ) -> float:
-    """Way to standstill if an acceleration is held for a tick and braking builds up from there."""
+    """Return the way to standstill if an acceleration is held for a tick and braking builds up from there."""
     after_m_s = speed_m_s + acceleration_m_s2 * tick_s
     if after_m_s <= 0.0:
         return 0.5 * speed_m_s * speed_m_s / max(-acceleration_m_s2, 1e-9)
@@ -80,7 +80,7 @@ def _way_to_stop_m(
 
 
 def thermostat_power_w(state: VehicleState, parameters: ModelParameters) -> float:
-    """Compressor power proportional to how far the warmer cell is above 32 degC, up to 1500 W."""
+    """Return compressor power in proportion to the excess of the warmer cell over 32 degC, up to 1500 W."""
     warmest = max(state.cell_1_temperature_k, state.cell_n_temperature_k)
     demand = (warmest - THERMOSTAT_ON_K) / THERMOSTAT_SPAN_K
     power = THERMOSTAT_POWER_W * min(max(demand, 0.0), 1.0)

@@ -46,10 +46,12 @@ class Strategy:
         for key, value in weights.items():
             if not (math.isfinite(value) and 0.0 <= value <= 1e15):
                 raise ParameterError(
-                    f"strategy '{self.name}': {key} = {value}, allowed are 0 to 1e15"
+                    f"strategy '{self.name}': {key} is {value}; allowed: 0 to 1e15"
                 )
         if not any(value > 0.0 for value in weights.values()):
-            raise ParameterError(f"strategy '{self.name}' has no cost term: every weight is zero")
+            raise ParameterError(
+                f"strategy '{self.name}' has no cost term: every weight is zero; allowed: one above 0"
+            )
 
 
 # With aging alone the weight only sets the scale of the cost; 1e9 makes it of order one per second.
@@ -71,7 +73,7 @@ STRATEGIES: dict[str, Strategy] = {
 
 
 def strategy_by_name(name: str) -> Strategy:
-    """Look a strategy up.
+    """Return a strategy of the paper.
 
     Raises:
         ParameterError: there is no such strategy.
@@ -79,6 +81,4 @@ def strategy_by_name(name: str) -> Strategy:
     try:
         return STRATEGIES[name]
     except KeyError:
-        raise ParameterError(
-            f"strategy '{name}' is unknown, allowed are {', '.join(STRATEGIES)}"
-        ) from None
+        raise ParameterError(f"strategy is '{name}'; allowed: {', '.join(STRATEGIES)}") from None

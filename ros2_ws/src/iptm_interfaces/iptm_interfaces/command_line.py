@@ -1,4 +1,4 @@
-"""The command line of a node: everything is a ROS argument, but for a plea for help."""
+"""The command line of a node: everything is a ROS argument but `--help`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from rclpy.utilities import remove_ros_args
 
-from iptm_interfaces.parameters import ParameterSpec, parameter_specs
+from iptm_core.declaration import ParameterSpec, Scalar, parameter_specs, plain
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, run_node
 from iptm_interfaces.suite_node import SuiteNode
 
@@ -69,15 +69,13 @@ def help_text(program: str, description: str, specs: Sequence[ParameterSpec]) ->
     ]
     for spec in specs:
         unit = f" {spec.unit}" if spec.unit else ""
-        lines.append(f"  {spec.name} (default: {_shown(spec.default)}{unit})")
+        lines.append(f"  {spec.name} (default: {_shown(plain(spec.default))}{unit})")
         text = f"{spec.description}; {spec.allowed}"
         lines += textwrap.wrap(text, _WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6)
     return "\n".join(lines)
 
 
-def _shown(default: object) -> str:
+def _shown(default: Scalar) -> str:
     if isinstance(default, bool):
         return str(default).lower()
-    if isinstance(default, tuple):
-        return "[" + ", ".join(_shown(entry) for entry in default) + "]"
     return repr(default)

@@ -42,15 +42,23 @@ _USER_ERRORS = (
 )
 
 
-class _StopFlag:
-    """Set by SIGINT and SIGTERM instead of an exception in the middle of a callback.
+class StopRequest:
+    """Notes SIGINT and SIGTERM instead of raising an exception in the middle of a callback.
 
     Launchers and terminals often send the signal twice; the second one changes nothing, so the
     clean-up can never be interrupted by it.
+
+    Attributes:
+        number: the first signal, None while there was none.
     """
 
     def __init__(self) -> None:
-        self.is_set = False
+        self.number: signal.Signals | None = None
+
+    @property
+    def is_set(self) -> bool:
+        """Whether a signal has arrived."""
+        return self.number is not None
 
     def install(self) -> None:
         """Take over both signals, for the rest of the life of the process."""
@@ -58,7 +66,8 @@ class _StopFlag:
             signal.signal(number, self._on_signal)
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
-        self.is_set = True
+        if self.number is None:
+            self.number = signal.Signals(number)
 
 
 def run_node(
@@ -81,7 +90,7 @@ def run_node(
     command = list(sys.argv if arguments is None else arguments)
     program = Path(command[0]).stem if command else "node"
     program = Path(command[0]).parent.name if program in {"__main__", "node"} else program
-    stop = _StopFlag()
+    stop = StopRequest()
     stop.install()
     try:
         rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
@@ -98,13 +107,15 @@ def run_node(
     return _spin(node, stop, program, stderr)
 
 
-def _spin(node: SuiteNode, stop: _StopFlag, program: str, stderr: TextIO | None) -> int:
+def _spin(node: SuiteNode, stop: StopRequest, program: str, stderr: TextIO | None) -> int:
     executor = EventsExecutor()
     executor.add_node(node)
     code = EXIT_OK
     try:
         # A timeout is essential: without one this executor never runs a callback.
-        while rclpy.ok() and not stop.is_set and not node.finished:
+        while rclpy.ok() and not node.finished:
+            if stop.is_set:
+                node.stop()
             executor.spin_once(timeout_sec=_SPIN_TIMEOUT_S)
         code = node.exit_code
     except ExternalShutdownException:

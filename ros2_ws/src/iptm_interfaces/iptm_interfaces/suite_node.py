@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +12,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from iptm_core.errors import ParameterError
+from iptm_core.strict_mapping import suggestion
 from iptm_interfaces.topics import TOPICS, Topic
 
 _ROS_PARAMETERS = ("use_sim_time", "qos_overrides.", "start_type_description_service")
@@ -63,10 +63,16 @@ class SuiteNode(Node):
         for name in overrides:
             if self.has_parameter(name) or name.startswith(_ROS_PARAMETERS):
                 continue
-            known = sorted(self._parameters)
-            close = difflib.get_close_matches(name, known, n=1)
-            hint = f"did you mean {close[0]}?" if close else f"allowed: {', '.join(known)}"
+            own = [known for known in self._parameters if not known.startswith(_ROS_PARAMETERS)]
+            hint = suggestion(name, sorted(own))
             raise ParameterError(f"parameter {name} is unknown to {self.get_name()}; {hint}")
+
+    def stop(self) -> None:
+        """Answer a request to stop (SIGINT, SIGTERM); repeated until the node has finished.
+
+        A node with work left overrides this and finishes later.
+        """
+        self.finish(self.exit_code)
 
     def finish(self, exit_code: int = 0) -> None:
         """Ask for the end of the process; the current callback still completes."""

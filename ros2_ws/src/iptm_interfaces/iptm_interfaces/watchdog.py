@@ -36,30 +36,30 @@ class Watchdog:
         self._on_silence = on_silence
         self._steady_time_s = steady_time_s
         self._fed_s: float | None = None
-        self._barked = False
+        self._reported = False
 
     def feed(self) -> None:
         """Note a sign of life."""
         self._fed_s = self._steady_time_s()
-        self._barked = False
+        self._reported = False
 
     def disarm(self) -> None:
         """Expect nothing any more until it is fed again."""
         self._fed_s = None
-        self._barked = False
+        self._reported = False
 
     @property
     def is_silent(self) -> bool:
         """Whether the present silence has been reported."""
-        return self._barked
+        return self._reported
 
     def check(self) -> None:
         """Report the silence if it has become too long."""
-        if self._fed_s is None or self._barked:
+        if self._fed_s is None or self._reported:
             return
         silence_s = self._steady_time_s() - self._fed_s
         if silence_s > self.timeout_s:
-            self._barked = True
+            self._reported = True
             self._on_silence(silence_s)
 
     def attach(self, node: SuiteNode) -> Watchdog:

@@ -12,6 +12,7 @@ import sys
 from sensor_msgs.msg import JointState
 
 from iptm_core.errors import MessageError
+from iptm_core.settings import LoopMode
 from iptm_core.state import Command
 from iptm_interfaces.codecs import decode_command, ns_from_time
 from iptm_interfaces.command_line import node_main
@@ -20,7 +21,7 @@ from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_interfaces.watchdog import Watchdog
-from iptm_plant_sim.node_parameters import REAL_TIME, WAIT, PlantNodeParameters
+from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.node_publishers import PlantPublishers
 from iptm_plant_sim.schedule import Schedule
 from iptm_plant_sim.trip import CommandHold, Phase
@@ -63,7 +64,7 @@ class PlantNode(SuiteNode):
 
     @property
     def _is_real_time(self) -> bool:
-        return self._options.mode == REAL_TIME
+        return self._options.mode is LoopMode.REAL_TIME
 
     # --- start
 
@@ -180,7 +181,7 @@ class PlantNode(SuiteNode):
         level, reason = self._situation()
         values: dict[str, object] = {
             "phase": self._phase.value,
-            "mode": self._options.mode,
+            "mode": self._options.mode.value,
             "tick": trip.tick,
             "ticks": trip.ticks,
             "standstill": trip.step.standstill,

@@ -11,6 +11,7 @@ import numpy as np
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.power_thermal import CellPair
+from iptm_core.settings import IntegrationSettings
 from iptm_core.state import (
     Command,
     FloatArray,
@@ -22,7 +23,7 @@ from iptm_plant_sim.actuators import ActuatorReport, Clamp, limit_command
 from iptm_plant_sim.integrator import IntervalIntegrator, IntervalResult
 from iptm_plant_sim.motion import Motion, plan_motion
 
-DEFAULT_STEP_S = 0.05
+DEFAULT_STEP_S = IntegrationSettings.integration_step_s
 """Keeps each interval's energies and capacity loss within 0.1 %; the kinks set the error, not the order."""
 _POWER_BISECTIONS = 40
 

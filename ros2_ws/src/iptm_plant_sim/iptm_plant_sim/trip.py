@@ -8,10 +8,10 @@ from enum import Enum
 
 from iptm_core.controlled_stop import controlled_stop_command
 from iptm_core.state import Command, VehicleState
+from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.actuators import Clamp
 from iptm_plant_sim.plant import Plant, PlantStep
 
-NS_PER_S = 1_000_000_000
 RECENT_TICKS = 10
 """A limited command stays worth mentioning for so many ticks."""
 

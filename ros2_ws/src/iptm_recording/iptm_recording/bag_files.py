@@ -14,8 +14,8 @@ from mcap.summary import Summary
 from mcap.well_known import Profile
 
 from iptm_core.errors import BagError
-from iptm_recording.definitions import SCHEMA_ENCODING, MessageDefinition
-from iptm_recording.mcap_file import MAGIC
+from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
+from iptm_recording.salvage import MAGIC
 
 _FOOTER_BYTES = 9 + 20 + len(MAGIC)
 _DAMAGE = (McapError, struct.error, UnicodeDecodeError, ValueError, KeyError, EOFError)
@@ -26,7 +26,7 @@ def find_files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
 
     Args:
         path: bag folder or .mcap file.
-        metadata: content of the folder's ``metadata.yaml``; empty when there is none.
+        metadata: content of the folder's `metadata.yaml`; empty when there is none.
 
     Raises:
         BagError: there is no such bag, or it is stored in another way.

@@ -1,19 +1,22 @@
-"""The command ``bag_info``: what is in a bag, what its run depended on and what it achieved."""
+"""The command `bag_info`: what is in a bag, what its run depended on and what it achieved."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 from collections.abc import Sequence
+from math import isnan
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from rosbags.interfaces import QosDurability
 
+from iptm_core.decision_record import DecisionSeries, DecisionStatistics
 from iptm_core.errors import BagError, IptmError
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.metadata import TopicRecord
+from iptm_recording.bag_reader import BagReader, read_model_parameters
+from iptm_recording.recorded_topics import TopicRecord
 from iptm_recording.run_information import RunInformation
 
 _PIPE_WIDTH = 140
@@ -56,25 +59,45 @@ def overview_table(reader: BagReader, information: RunInformation) -> Table:
     return table
 
 
-def metrics_table(path: Path, namespace: str | None = None) -> Table:
-    """Return the figures of the recorded run and of its decisions.
+def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
+    """Return the figures of the recorded run, and how its decisions came about if the bag tells.
 
     Raises:
         BagError: the bag does not hold a complete run of the suite.
     """
-    from iptm_recording.run_parameters import read_model_parameters  # noqa: PLC0415
+    # Decoding to the suite's messages needs ROS, everything else here does not.
     from iptm_recording.trajectory_reader import read_decisions, read_trajectory  # noqa: PLC0415
 
     parameters, is_stored = read_model_parameters(path)
-    decisions = read_decisions(path, namespace)
-    values = figure_values(compute_metrics(read_trajectory(path, namespace), parameters, decisions))
+    trajectory = read_trajectory(path, namespace)
+    try:
+        decisions = read_decisions(path, namespace)
+    except BagError:  # a controller that does not report them
+        decisions = None
     caption = None if is_stored else "limits of the default parameter set: the bag names no other"
     table = Table("figure", title=f"{path.name}: results", title_justify="left", caption=caption)
     table.add_column("value", justify="right")
     table.add_column("unit")
-    for key, value in values.items():
+    for key, value in figure_values(compute_metrics(trajectory, parameters, decisions)).items():
         figure = FIGURES[key]
         table.add_row(figure.label, figure.precise_text(value), figure.unit)
+    return [table] if decisions is None else [table, decisions_table(path.name, decisions)]
+
+
+def decisions_table(name: str, decisions: DecisionSeries) -> Table:
+    """Return the spread of what every decision reports."""
+    statistics = DecisionStatistics.of(decisions)
+    table = Table("decisions", title=f"{name}: {statistics.decisions} decisions")
+    table.title_justify = "left"
+    for heading in ("median", "p99", "largest"):
+        table.add_column(heading, justify="right")
+    for label, scale, spread in (
+        ("solve time (ms)", 1e3, statistics.solve_time_s),
+        ("iterations", 1.0, statistics.iterations),
+        ("age of the preview (s)", 1.0, statistics.preview_age_s),
+    ):
+        values = (spread.median, spread.p99, spread.largest)
+        table.add_row(label, *("unknown" if isnan(v) else f"{scale * v:.4g}" for v in values))
     return table
 
 
@@ -97,7 +120,8 @@ def print_information(
         console.print(overview_table(reader, information))
         console.print(topics_table(reader))
     try:
-        console.print(metrics_table(path, namespace))
+        for table in result_tables(path, namespace):
+            console.print(table)
     except (IptmError, ImportError) as error:  # the tables above need no ROS, this one does
         console.print(f"no figures of the run: {error}", style="dim", highlight=False)
     if show_parameters:
@@ -110,8 +134,8 @@ def _has_rate(topic: TopicRecord, duration_s: float) -> bool:
 
 def _qos_text(topic: TopicRecord) -> str:
     texts = [
-        f"{qos.reliability.replace('_', ' ')}, {qos.history.replace('_', ' ')} {qos.depth}"
-        + (", transient-local" if qos.durability == "transient_local" else "")
+        f"{qos.reliability.name}, {qos.history.name} {qos.depth}".lower().replace("_", " ")
+        + (", transient-local" if qos.durability is QosDurability.TRANSIENT_LOCAL else "")
         for qos in topic.offered_qos
     ]
     return "; ".join(dict.fromkeys(texts))

@@ -1,7 +1,7 @@
 """Opens a bag, lists its topics and reads its messages, without ROS.
 
 Accepts a rosbag2 folder with MCAP files, split or not, or a single .mcap file, written by this suite
-or by ``ros2 bag record``. What is wrong with a bag is said in one sentence, with the way out.
+or by `ros2 bag record`. What is wrong with a bag is said in one sentence, with the way out.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from types import TracebackType
 from typing import Any, final
 
 from iptm_core.errors import BagError
+from iptm_core.parameters import ModelParameters, load_parameters
 from iptm_recording.bag_files import BagFile, find_files
-from iptm_recording.definitions import MessageDefinition
-from iptm_recording.metadata import METADATA_FILE, TopicRecord, read_metadata
-from iptm_recording.qos import parse_profiles
-from iptm_recording.run_information import RECORD_NAME, RunInformation
-from iptm_recording.typed import Decoder
+from iptm_recording.message_types import Decoder, MessageDefinition
+from iptm_recording.metadata import METADATA_FILE, read_metadata
+from iptm_recording.recorded_topics import TopicRecord, parse_profiles
+from iptm_recording.run_information import RECORD_NAME, RunInformation, stored_model_parameters
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class RawMessage:
 
     Attributes:
         topic: fully qualified topic name.
-        type_name: ``package/msg/Type``.
+        type_name: `package/msg/Type`.
         log_time_ns: time of reception.
         publish_time_ns: time of publication.
         data: CDR bytes, header included.
@@ -41,19 +41,15 @@ class RawMessage:
 
 
 @dataclass(frozen=True)
-class TypedMessage:
-    """One decoded message; ``message`` has the fields of its type, arrays are NumPy arrays."""
+class TypedMessage(RawMessage):
+    """One decoded message; `message` has the fields of its type, arrays are NumPy arrays."""
 
-    topic: str
-    type_name: str
-    log_time_ns: int
-    publish_time_ns: int
     message: Any
 
 
 @final
 class BagReader:
-    """A bag opened for reading; use it as a context manager or call ``close``.
+    """A bag opened for reading; use it as a context manager or call `close`.
 
     Args:
         path: bag folder or .mcap file.
@@ -102,7 +98,7 @@ class BagReader:
 
     @property
     def custom_data(self) -> dict[str, str]:
-        """Texts about the run, from the file itself or else from ``metadata.yaml``."""
+        """Texts about the run, from the file itself or else from `metadata.yaml`."""
         for file in self._files:
             texts = file.metadata_record(RECORD_NAME)
             if texts is not None:
@@ -123,7 +119,7 @@ class BagReader:
         """Find a topic.
 
         Args:
-            name: full name, or a relative one such as ``plant/odometry`` in whatever namespace.
+            name: full name, or a relative one such as `plant/odometry` in whatever namespace.
             type_name: type it must have; any by default.
 
         Raises:
@@ -145,8 +141,8 @@ class BagReader:
         topic = self.topics[found[0]]
         if type_name is not None and topic.type_name != type_name:
             raise BagError(
-                f"topic {topic.name} of {self.path} has the type {topic.type_name},"
-                f" must be {type_name}"
+                f"type of topic {topic.name} of {self.path} is {topic.type_name};"
+                f" allowed: {type_name}"
             )
         return topic
 
@@ -169,7 +165,7 @@ class BagReader:
         for name in topics or ():
             if name not in self.topics:
                 self.resolve(name)
-                raise BagError(f"topic {name!r} must be given in full, starting with '/'")
+                raise BagError(f"topic is {name!r}; allowed: a full name, with '/' in front")
         for file in self._files:
             for channel, message in file.messages(topics, start_ns, end_ns):
                 yield RawMessage(
@@ -186,19 +182,13 @@ class BagReader:
         start_ns: int | None = None,
         end_ns: int | None = None,
     ) -> Iterator[TypedMessage]:
-        """Yield decoded messages; see ``raw_messages``.
+        """Yield decoded messages; see `raw_messages`.
 
         Raises:
             BagError: as there, or a message does not fit its type.
         """
         for raw in self.raw_messages(topics, start_ns, end_ns):
-            yield TypedMessage(
-                raw.topic,
-                raw.type_name,
-                raw.log_time_ns,
-                raw.publish_time_ns,
-                self.decode(raw),
-            )
+            yield TypedMessage(**vars(raw), message=self.decode(raw))
 
     def decode(self, raw: RawMessage) -> Any:
         """Decode one message with the definition stored in the bag.
@@ -240,6 +230,22 @@ def read_run_information(path: Path) -> RunInformation:
     """
     with BagReader(path) as reader:
         return reader.run_information()
+
+
+def read_model_parameters(path: Path) -> tuple[ModelParameters, bool]:
+    """Return the parameters to judge a recorded run by.
+
+    Args:
+        path: bag folder or .mcap file.
+
+    Returns:
+        The parameters of the run and True; or the default set and False where the bag has none.
+
+    Raises:
+        BagError: the bag cannot be read, or its parameters are malformed.
+    """
+    stored = stored_model_parameters(read_run_information(path))
+    return (load_parameters().values, False) if stored is None else (stored, True)
 
 
 def _metadata_of(path: Path) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader, RawMessage
-from iptm_recording.field_differences import FieldDifference, Tolerance, differences
-from iptm_recording.selection import TopicSelection
+from iptm_recording.field_differences import FieldDifference, NumberTolerance, differences
+from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.timeline import StampKind, read_stamp_ns, stamp_kind
 
 # What depends on the machine and not on the run.
@@ -33,13 +33,13 @@ class CompareOptions:
     Attributes:
         selection: topics wanted.
         tolerance: for floating-point numbers.
-        ignored_fields: field paths or patterns (``header.stamp.*``) that may differ.
+        ignored_fields: field paths or patterns (`header.stamp.*`) that may differ.
     """
 
     selection: TopicSelection = field(
         default_factory=lambda: TopicSelection(exclude=DEFAULT_EXCLUDED_TOPICS)
     )
-    tolerance: Tolerance = field(default_factory=Tolerance)
+    tolerance: NumberTolerance = field(default_factory=NumberTolerance)
     ignored_fields: tuple[str, ...] = DEFAULT_IGNORED_FIELDS
 
 

@@ -1,4 +1,4 @@
-"""The command ``compare_bags``: did two runs do the same, and where did they first part?"""
+"""The command `compare_bags`: did two runs do the same, and where did they first part?"""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from iptm_recording.compare import (
     TopicComparison,
     compare_bags,
 )
-from iptm_recording.field_differences import Tolerance
-from iptm_recording.selection import TopicSelection
+from iptm_recording.field_differences import NumberTolerance
+from iptm_recording.recorded_topics import TopicSelection
 
 _PIPE_WIDTH = 140
 _FIELDS_SHOWN = 8
@@ -103,7 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parsed = build_parser().parse_args(arguments)
     options = CompareOptions(
         selection=TopicSelection(tuple(parsed.topics), tuple(parsed.exclude)),
-        tolerance=Tolerance(parsed.absolute, parsed.relative),
+        tolerance=NumberTolerance(parsed.absolute, parsed.relative),
         ignored_fields=tuple(parsed.ignore),
     )
     try:

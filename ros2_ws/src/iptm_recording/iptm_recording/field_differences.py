@@ -15,14 +15,14 @@ _CONSTANT_PREFIX = "__"
 
 
 @dataclass(frozen=True)
-class Tolerance:
-    """How far two numbers may be apart: ``absolute + relative * max(abs(a), abs(b))``."""
+class NumberTolerance:
+    """How far two numbers may be apart: `absolute + relative * max(abs(a), abs(b))`."""
 
     absolute: float = 0.0
     relative: float = 0.0
 
     def accepts(self, first: float, second: float) -> bool:
-        """Tell whether two numbers agree; NaN agrees with NaN."""
+        """Return whether two numbers agree; NaN agrees with NaN."""
         if first == second or (math.isnan(first) and math.isnan(second)):
             return True
         if not (math.isfinite(first) and math.isfinite(second)):
@@ -54,7 +54,7 @@ class FieldDifference:
         return math.inf
 
 
-def differences(first: Any, second: Any, tolerance: Tolerance) -> list[FieldDifference]:
+def differences(first: Any, second: Any, tolerance: NumberTolerance) -> list[FieldDifference]:
     """Return the fields in which two messages of the same type differ.
 
     Args:
@@ -77,7 +77,7 @@ def differences(first: Any, second: Any, tolerance: Tolerance) -> list[FieldDiff
 def flatten(message: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
     """Yield every scalar of a message with its dotted path.
 
-    Named values (a ``JointState`` with one position per name) are called by their names, so that
+    Named values (a `JointState` with one position per name) are called by their names, so that
     another order of the names is no difference.
     """
     if _is_named_values(message):

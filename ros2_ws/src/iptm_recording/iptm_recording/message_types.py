@@ -1,32 +1,193 @@
-"""Finds the Python class of a message type by its name."""
+"""Message types of a bag: their definitions and hashes, and the decoding of their messages.
+
+A bag explains itself: every type is stored with its definition, followed by the definitions of all
+types it contains. Text and hash come from the installed message packages (with the comments, which
+hold the units), or from the type store of rosbags when a package is not installed.
+"""
 
 from __future__ import annotations
 
-import importlib
+import json
+import os
+import re
+import struct
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
+
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import FieldDesc
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from iptm_core.errors import BagError
 
+SCHEMA_ENCODING = "ros2msg"
+_SEPARATOR = "=" * 80
+_TYPE_NAME = re.compile(r"^(?P<package>[a-zA-Z]\w*)/(?:msg/)?(?P<name>[a-zA-Z]\w*)$")
+_ENCAPSULATION_BYTES = 4
+_ENCAPSULATIONS = (b"\x00\x00", b"\x00\x01")
+_MISFIT = (SerdeError, struct.error, UnicodeDecodeError, ValueError, IndexError)
 
-def message_class(type_name: str) -> type[Any]:
-    """Return the class of a message type.
+
+@dataclass(frozen=True)
+class MessageDefinition:
+    """Definition of a message type.
+
+    Attributes:
+        type_name: full name, `package/msg/Type`.
+        text: the definition and those of all nested types, concatenated.
+        type_hash: RIHS01 hash, or "" when it is unknown.
+    """
+
+    type_name: str
+    text: str
+    type_hash: str
+
+
+def message_definition(type_name: str) -> MessageDefinition:
+    """Return the definition of a message type.
 
     Args:
-        type_name: ``package/msg/Type``.
+        type_name: `package/msg/Type`; `package/Type` is understood as well.
 
     Raises:
-        BagError: the package is not installed or has no such type.
+        BagError: the name is malformed, or neither an installed package nor rosbags knows the type.
     """
-    parts = type_name.split("/")
-    if len(parts) != 3 or parts[1] != "msg":
-        raise BagError(f"message type {type_name!r} is not of the form package/msg/Type")
+    match = _TYPE_NAME.match(type_name)
+    if match is None:
+        raise BagError(f"message type is {type_name!r}; allowed: package/msg/Type")
+    full_name = f"{match['package']}/msg/{match['name']}"
+    return _cached_definition(full_name, os.environ.get("AMENT_PREFIX_PATH", ""))
+
+
+@lru_cache(maxsize=256)
+def _cached_definition(type_name: str, prefix_path: str) -> MessageDefinition:
+    prefixes = [Path(entry) for entry in prefix_path.split(os.pathsep) if entry]
+    shares = [prefix / "share" for prefix in (*prefixes, Path(sys.prefix))]
+    text = _installed_text(type_name, shares)
+    store = standard_typestore()
+    if not text:
+        try:
+            text = store.generate_msgdef(type_name, ros_version=2)[0]
+        except TypesysError:
+            raise BagError(
+                f"message type {type_name!r} is unknown: its package is not installed below"
+                f" AMENT_PREFIX_PATH ({prefix_path or 'not set'}) and it is no standard type"
+            ) from None
+    # rosbags computes another hash than ROS for a few types (std_msgs/msg/Char for one).
+    type_hash = _installed_hash(type_name, shares)
+    if not type_hash and type_name in store.fielddefs:
+        type_hash = store.hash_rihs01(type_name)
+    return MessageDefinition(type_name, text, type_hash)
+
+
+@lru_cache(maxsize=1)
+def standard_typestore() -> Typestore:
+    """Return the message types of ROS 2 Jazzy; shared, so never register types in it."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def _find(type_name: str, suffix: str, shares: list[Path]) -> Path | None:
+    package, _, name = type_name.split("/")
+    paths = (share / package / "msg" / f"{name}{suffix}" for share in shares)
+    return next((path for path in paths if path.is_file()), None)
+
+
+def _installed_text(type_name: str, shares: list[Path]) -> str:
+    """Concatenate the .msg files of a type and of all it contains; "" when one is missing."""
+    texts: dict[str, str] = {}
+    waiting = [type_name]
+    while waiting:
+        current = waiting.pop(0)
+        if current in texts:
+            continue
+        path = _find(current, ".msg", shares)
+        if path is None:
+            return ""
+        texts[current] = path.read_text(encoding="utf-8")
+        _, fields = get_types_from_msg(texts[current], current)[current]
+        waiting.extend(name for _, field in fields for name in _nested_types(field))
+    parts = [texts.pop(type_name)]
+    for name, text in texts.items():
+        parts.append(f"{_SEPARATOR}\nMSG: {name.replace('/msg/', '/')}\n{text}")
+    return "\n".join(part.rstrip("\n") for part in parts) + "\n"
+
+
+def _nested_types(field: FieldDesc) -> Iterator[str]:
+    """Yield the name of the message type that a field refers to, if it does."""
+    if field[0] is Nodetype.ARRAY or field[0] is Nodetype.SEQUENCE:
+        yield from _nested_types(field[1][0])
+    elif field[0] is Nodetype.NAME:
+        yield field[1]
+
+
+def _installed_hash(type_name: str, shares: list[Path]) -> str:
+    path = _find(type_name, ".json", shares)
+    if path is None:
+        return ""
     try:
-        module = importlib.import_module(f"{parts[0]}.msg")
-    except ImportError:
-        raise BagError(
-            f"message type {type_name}: package {parts[0]} is not installed here"
-        ) from None
-    found: type[Any] | None = getattr(module, parts[2], None)
-    if found is None:
-        raise BagError(f"message type {type_name}: package {parts[0]} has no message {parts[2]}")
-    return found
+        entries = json.loads(path.read_text(encoding="utf-8"))["type_hashes"]
+        return next((e["hash_string"] for e in entries if e["type_name"] == type_name), "")
+    except (ValueError, KeyError, TypeError):
+        return ""  # the hash is optional; a recording must not fail for it
+
+
+class Decoder:
+    """Decoder of CDR bytes with the definitions that a bag carries.
+
+    A type whose hash equals that of the standard type uses the standard definition; every other
+    one is built from the text in the bag, so that bags of other distributions and own types work.
+
+    Args:
+        definitions: definitions by type name.
+    """
+
+    def __init__(self, definitions: Mapping[str, MessageDefinition]) -> None:
+        self._definitions = definitions
+        self._stores: dict[str, Typestore] = {}
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        """Return the message.
+
+        Raises:
+            BagError: the bytes do not fit the type, or the type is not defined.
+        """
+        store = self._stores.get(type_name)
+        if store is None:
+            store = self._store_for(type_name)
+            self._stores[type_name] = store
+        if len(data) < _ENCAPSULATION_BYTES or data[:2] not in _ENCAPSULATIONS:
+            raise BagError(f"{len(data)} bytes are no {type_name}: they are not plain CDR")
+        msgdef = store.get_msgdef(type_name)
+        read = msgdef.deserialize_cdr_le if data[1] else msgdef.deserialize_cdr_be
+        # Not through the store's own function: it refuses the unused bytes that ROS's serialiser
+        # leaves behind a message, when its estimate of the length was generous.
+        try:
+            message, _ = read(memoryview(data)[_ENCAPSULATION_BYTES:], 0, msgdef.cls, store)
+        except _MISFIT as error:
+            raise BagError(f"{len(data)} bytes are no {type_name}: {error}") from None
+        return message
+
+    def _store_for(self, type_name: str) -> Typestore:
+        definition = self._definitions.get(type_name)
+        text = definition.text if definition else ""
+        standard = standard_typestore()
+        if type_name in standard.fielddefs and (
+            definition is None
+            or not text
+            or definition.type_hash == standard.hash_rihs01(type_name)
+        ):
+            return standard
+        if not text:
+            raise BagError(f"type {type_name} is not standard and the bag does not define it")
+        store = get_typestore(Stores.EMPTY)
+        try:
+            store.register(get_types_from_msg(text, type_name))
+        except TypesysError as error:
+            raise BagError(f"definition of {type_name} cannot be understood: {error}") from None
+        return store

@@ -1,126 +1,92 @@
-"""The ``metadata.yaml`` of a bag folder, version 9 (ROS 2 Jazzy), written and read."""
+"""The `metadata.yaml` of a bag folder, version 9 (ROS 2 Jazzy), written and read."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
+from rosbags.rosbag2.metadata import dump_qos_v9
 
 from iptm_core.errors import BagError
-from iptm_recording.qos import RecordedQos
+from iptm_recording.recorded_topics import TopicRecord
 
 METADATA_FILE = "metadata.yaml"
 METADATA_VERSION = 9
-_ROOT_KEY = "rosbag2_bagfile_information"
 # What rosbag2 writes as the start of a bag without messages.
 NO_START_NS = 2**63 - 1
+_ROOT_KEY = "rosbag2_bagfile_information"
 
 
-@dataclass(frozen=True)
-class TopicRecord:
-    """One recorded topic.
+def describe_bag(
+    file_name: str,
+    start_ns: int,
+    duration_ns: int,
+    topics: Sequence[TopicRecord],
+    custom_data: Mapping[str, str],
+    ros_distro: str,
+) -> dict[str, Any]:
+    """Return the metadata of a bag with a single MCAP file.
 
-    Attributes:
-        name: fully qualified topic name.
-        type_name: ``package/msg/Type``.
-        type_hash: RIHS01 hash of the type, "" when unknown.
-        offered_qos: what the publishers offered.
-        message_count: recorded messages.
-    """
-
-    name: str
-    type_name: str
-    type_hash: str
-    offered_qos: tuple[RecordedQos, ...]
-    message_count: int
-
-
-@dataclass(frozen=True)
-class BagMetadata:
-    """Content of ``metadata.yaml`` of a bag with a single MCAP file.
-
-    Attributes:
+    Args:
         file_name: name of the MCAP file inside the folder.
-        start_ns: earliest log time; ``NO_START_NS`` without messages.
+        start_ns: earliest log time; `NO_START_NS` without messages.
         duration_ns: latest minus earliest log time.
         topics: recorded topics.
         custom_data: free texts by name (what the run depended on).
         ros_distro: ROS distribution that recorded.
     """
-
-    file_name: str
-    start_ns: int
-    duration_ns: int
-    topics: tuple[TopicRecord, ...]
-    custom_data: Mapping[str, str] = field(default_factory=dict)
-    ros_distro: str = ""
-
-    @property
-    def message_count(self) -> int:
-        """Messages of all topics together."""
-        return sum(topic.message_count for topic in self.topics)
-
-    def to_mapping(self) -> dict[str, Any]:
-        """Return the content below ``rosbag2_bagfile_information``."""
-        start = {"nanoseconds_since_epoch": self.start_ns}
-        duration = {"nanoseconds": self.duration_ns}
-        return {
-            "version": METADATA_VERSION,
-            "storage_identifier": "mcap",
-            "duration": dict(duration),
-            "starting_time": dict(start),
-            "message_count": self.message_count,
-            "topics_with_message_count": [
-                {
-                    "topic_metadata": {
-                        "name": topic.name,
-                        "type": topic.type_name,
-                        "serialization_format": "cdr",
-                        "offered_qos_profiles": [q.to_mapping() for q in topic.offered_qos],
-                        "type_description_hash": topic.type_hash,
-                    },
-                    "message_count": topic.message_count,
-                }
-                for topic in self.topics
-            ],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [self.file_name],
-            "files": [
-                {
-                    "path": self.file_name,
-                    "starting_time": dict(start),
-                    "duration": dict(duration),
-                    "message_count": self.message_count,
-                }
-            ],
-            "custom_data": dict(self.custom_data),
-            "ros_distro": self.ros_distro,
-        }
-
-    def to_yaml(self) -> str:
-        """Return the inner mapping as text, as the MCAP file carries it."""
-        return _dump(self.to_mapping())
+    message_count = sum(topic.message_count for topic in topics)
+    return {
+        "version": METADATA_VERSION,
+        "storage_identifier": "mcap",
+        "duration": {"nanoseconds": duration_ns},
+        "starting_time": {"nanoseconds_since_epoch": start_ns},
+        "message_count": message_count,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": dump_qos_v9(list(topic.offered_qos)),
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.message_count,
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file_name],
+        "files": [
+            {
+                "path": file_name,
+                "starting_time": {"nanoseconds_since_epoch": start_ns},
+                "duration": {"nanoseconds": duration_ns},
+                "message_count": message_count,
+            }
+        ],
+        "custom_data": dict(custom_data),
+        "ros_distro": ros_distro,
+    }
 
 
-def write_metadata(folder: Path, metadata: BagMetadata) -> Path:
-    """Write ``metadata.yaml`` in one step: readers see the whole file or none.
+def write_metadata(folder: Path, information: Mapping[str, Any]) -> None:
+    """Write `metadata.yaml` in one step: readers see the whole file or none.
 
-    Returns:
-        The path of the file.
+    Args:
+        folder: bag folder.
+        information: what `describe_bag` returns.
     """
-    path = folder / METADATA_FILE
     temporary = folder / f"{METADATA_FILE}.partial"
-    temporary.write_text(_dump({_ROOT_KEY: metadata.to_mapping()}), encoding="utf-8")
-    temporary.replace(path)
-    return path
+    temporary.write_text(metadata_text({_ROOT_KEY: information}), encoding="utf-8")
+    temporary.replace(folder / METADATA_FILE)
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """Read the content below ``rosbag2_bagfile_information`` of a bag folder, of any version.
+    """Return the content below `rosbag2_bagfile_information` of a bag folder, of any version.
 
     Raises:
         BagError: the file is missing, unreadable or not the metadata of a bag.
@@ -139,7 +105,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes texts of several lines (the parameters of a run) as such, so that people can read them."""
+    """Writer that keeps the line breaks of texts of several lines (the parameters of a run)."""
 
 
 def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
@@ -150,6 +116,7 @@ def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 _Dumper.add_representer(str, _represent_text)
 
 
-def _dump(content: Mapping[str, Any]) -> str:
+def metadata_text(content: Mapping[str, Any]) -> str:
+    """Return metadata as YAML text, as folder and MCAP file carry it."""
     text: str = yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
     return text

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader, RawMessage
-from iptm_recording.metadata import TopicRecord
-from iptm_recording.selection import TopicSelection
+from iptm_recording.recorded_topics import TopicRecord, TopicSelection
 from iptm_recording.timeline import CLOCK_TOPIC
 
 
@@ -23,7 +22,7 @@ class PlaybackOptions:
         start_s: offset into the bag at which to begin.
         duration_s: length of the part to play, recorded time; None up to the end.
         selection: topics wanted.
-        clock_hz: publish ``/clock`` at this rate (of the computer's time) instead of the recorded
+        clock_hz: publish `/clock` at this rate (of the computer's time) instead of the recorded
             one; None plays the recorded clock like any other topic.
         wait_for_subscribers: subscriptions, over all topics, to wait for before beginning.
         delay_s: time for subscribers to find the player before it begins.
@@ -103,7 +102,7 @@ class Playback:
         return max(0.0, (log_time_ns - self.start_ns) * 1e-9 / self._options.rate)
 
     def recorded_ns(self, elapsed_s: float) -> int:
-        """Return the recorded time that corresponds to a time since the begin (for ``/clock``)."""
+        """Return the recorded time that corresponds to a time since the begin (for `/clock`)."""
         passed_ns = round(elapsed_s * self._options.rate * 1e9)
         return min(self.start_ns + passed_ns, self.end_ns)
 
@@ -118,11 +117,7 @@ class Playback:
         yield from self._reader.raw_messages(names, self.start_ns, self.end_ns + 1)
 
     def _latched_before(self) -> Iterator[RawMessage]:
-        latched = [
-            topic.name
-            for topic in self.topics
-            if any(qos.durability == "transient_local" for qos in topic.offered_qos)
-        ]
+        latched = [topic.name for topic in self.topics if topic.is_latched]
         if not latched or self._options.start_s == 0.0:
             return
         last: dict[str, RawMessage] = {}
@@ -137,4 +132,4 @@ class Playback:
 
 def _check(name: str, value: float, allowed: str, *, is_allowed: bool) -> None:
     if not is_allowed:
-        raise BagError(f"{name} is {value:g}, must be {allowed}")
+        raise BagError(f"{name} is {value:g}; allowed: {allowed}")

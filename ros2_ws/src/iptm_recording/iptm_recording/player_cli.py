@@ -1,4 +1,4 @@
-"""The command ``replay``: its arguments, and the life of the player process."""
+"""The command `replay`: its arguments, and the life of the player process."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from iptm_core.errors import IptmError
 from iptm_interfaces.process import EXIT_USER_ERROR, run_node
 from iptm_recording.playback import PlaybackOptions
 from iptm_recording.player_node import PlayerNode
-from iptm_recording.selection import TopicSelection
+from iptm_recording.recorded_topics import TopicSelection
 
 _DEFAULT_CLOCK_HZ = 40.0
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 import threading
 import time
@@ -16,11 +15,9 @@ from iptm_interfaces.codecs.time import time_from_ns
 from iptm_interfaces.process import EXIT_USER_ERROR
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_reader import BagReader
-from iptm_recording.message_types import message_class
-from iptm_recording.metadata import TopicRecord
 from iptm_recording.playback import Playback, PlaybackOptions
-from iptm_recording.qos import offer_for
-from iptm_recording.qos_profiles import to_profile
+from iptm_recording.rclpy_types import message_class, to_profile
+from iptm_recording.recorded_topics import TopicRecord, offer_for
 from iptm_recording.timeline import CLOCK_TOPIC
 
 STARTED_LINE = "player started"
@@ -79,9 +76,9 @@ class PlayerNode(SuiteNode):
         except BagError as error:
             self.get_logger().warning(f"topic {topic.name} is not played: {error}")
             return
-        qos = offer_for(topic.offered_qos)
-        if qos.durability == "volatile":
-            qos = dataclasses.replace(qos, depth=max(qos.depth, _LEAST_DEPTH))
+        qos = offer_for(topic)
+        if not topic.is_latched:
+            qos = qos._replace(depth=max(qos.depth, _LEAST_DEPTH))
         publisher = self.create_publisher(kind, topic.name, to_profile(qos))
         self._publishers_by_topic[topic.name] = publisher
 

@@ -1,24 +1,22 @@
-"""The command ``record``: its arguments, and the life of the recorder process."""
+"""The command `record`: its arguments, and the life of the recorder process."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from types import FrameType
 
 from rclpy.utilities import remove_ros_args
 
 from iptm_core.errors import BagError, IptmError
 from iptm_interfaces.process import EXIT_USER_ERROR, run_node
-from iptm_recording.mcap_chunk import COMPRESSIONS
+from iptm_recording.bag_writer import COMPRESSIONS
+from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.recorder_node import DEFAULT_DEPTH, RecorderNode, RecorderOptions
 from iptm_recording.run_information import collect_run_information, load_run_information
-from iptm_recording.selection import TopicSelection
 from iptm_recording.timeline import CLOCK_TOPIC, TimeSource
 
 
@@ -63,7 +61,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--compression",
-        choices=["none", *filter(None, COMPRESSIONS)],
+        choices=list(COMPRESSIONS),
         default="none",
         help="of the file (default: none; with compression a kill loses up to 64 KiB of messages)",
     )
@@ -96,7 +94,7 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
         discover=arguments.all or bool(arguments.topics),
         time_source=source,
         run_information=information,
-        compression="" if arguments.compression == "none" else arguments.compression,
+        compression=arguments.compression,
         depth=max(1, arguments.depth),
     )
 
@@ -128,19 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except IptmError as error:
         print(f"record: {error}", file=sys.stderr)
         return EXIT_USER_ERROR
-
-    def recorder() -> RecorderNode:
-        node = RecorderNode(options)
-
-        def stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-            node.stop()
-
-        # Ends the recording only after what is still queued has been written.
-        signal.signal(signal.SIGINT, stop)
-        signal.signal(signal.SIGTERM, stop)
-        return node
-
-    return run_node(recorder, ["record", *command[1:]])
+    return run_node(lambda: RecorderNode(options), ["record", *command[1:]])
 
 
 if __name__ == "__main__":

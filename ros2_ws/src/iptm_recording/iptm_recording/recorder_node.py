@@ -1,7 +1,7 @@
 """The recorder: subscribes to raw bytes and hands them to the bag, nothing more.
 
-Every message is in the file before the next one is looked at, so that a killed recorder loses only
-what the middleware had not handed over yet. When told to stop it first empties its queues.
+Every tick is in the file before the first message of the next one, and everything a moment later,
+so that a killed recorder loses one tick at most. When told to stop it first empties its queues.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.process import EXIT_USER_ERROR
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_writer import BagWriter
+from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.run_information import RunInformation
-from iptm_recording.selection import TopicSelection
 from iptm_recording.session import RecordingSession
 from iptm_recording.subscriptions import TopicSubscriber
 from iptm_recording.timeline import Timeline, TimeSource
@@ -41,9 +41,9 @@ class RecorderOptions:
         output: bag folder to create.
         selection: topics wanted; without discovery, of the suite's topic table.
         discover: take topics from the graph as they appear, not from the topic table.
-        time_source: simulated time from ``/clock``, or wall time.
+        time_source: simulated time from `/clock`, or wall time.
         run_information: what the run depends on.
-        compression: "", "lz4" or "zstd".
+        compression: "none", "lz4" or "zstd".
         depth: messages queued per topic while the recorder is busy.
     """
 
@@ -52,12 +52,12 @@ class RecorderOptions:
     discover: bool = False
     time_source: TimeSource = TimeSource.SIMULATED
     run_information: RunInformation = field(default_factory=RunInformation)
-    compression: str = ""
+    compression: str = "none"
     depth: int = DEFAULT_DEPTH
 
 
 class RecorderNode(SuiteNode):
-    """Records until ``stop`` is called; then drains, closes the bag and finishes.
+    """Records until `stop` is called; then drains, closes the bag and finishes.
 
     Args:
         options: what to record.
@@ -97,7 +97,7 @@ class RecorderNode(SuiteNode):
         print(READY_LINE, flush=True)
 
     def stop(self) -> None:
-        """Ask for the end of the recording; safe in a signal handler, repeated calls are free."""
+        """Ask for the end of the recording, which comes when the queues are empty."""
         if self._stop_time_s is None:
             self._stop_time_s = time.monotonic()
 
@@ -112,6 +112,10 @@ class RecorderNode(SuiteNode):
         if self._session.message_count != self._seen_count:
             self._seen_count = self._session.message_count
             self._last_arrival_s = now_s
+        try:
+            self._session.flush()
+        except BagError as error:
+            self._fail(error)
         if self._stop_time_s is not None:
             self._looks_since_stop += 1
             if self._is_drained(now_s - self._stop_time_s, now_s - self._last_arrival_s):
@@ -128,7 +132,7 @@ class RecorderNode(SuiteNode):
         self._report()
 
     def _is_drained(self, stopping_s: float, idle_s: float) -> bool:
-        """Tell whether everything that was received before the request to stop has been written.
+        """Return whether everything that was received before the request to stop has been written.
 
         The executor works in the order of arrival: by the second look after the request, all that
         was queued at the first one is done, however large the backlog. A moment more is given to

@@ -6,20 +6,22 @@ Every complete message is taken over with its times; the source is never changed
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.records import Channel, Header, Message, Metadata, Schema
+from mcap.records import Channel, Message, Metadata, Schema
+from mcap.well_known import MessageEncoding
 
 from iptm_core.errors import BagError, IptmError
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.definitions import SCHEMA_ENCODING, MessageDefinition
-from iptm_recording.mcap_scan import McapScanner
-from iptm_recording.metadata import METADATA_FILE, read_metadata
-from iptm_recording.qos import parse_profiles
+from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
+from iptm_recording.metadata import read_metadata
+from iptm_recording.recorded_topics import parse_profiles
 from iptm_recording.run_information import RECORD_NAME
+from iptm_recording.salvage import SalvageReader
 
 
 @dataclass(frozen=True)
@@ -64,44 +66,36 @@ def recover(source: Path, output: Path | None = None) -> RecoveryReport:
     """Write a sound bag with every complete message of a damaged one.
 
     Args:
-        source: bag folder, with or without ``metadata.yaml``, or a single .mcap file.
-        output: bag folder to create; by default beside the source, ``<name>_recovered``.
+        source: bag folder, with or without `metadata.yaml`, or a single .mcap file.
+        output: bag folder to create; by default beside the source, `<name>_recovered`.
 
     Raises:
         BagError: the source is missing, not MCAP, or holds no complete message; the output exists.
     """
-    files = mcap_files(source)
+    files = _mcap_files(source)
     folder = source if source.is_dir() else source.parent
     if output is None:
         stem = source.absolute().name if source.is_dir() else source.stem
         output = source.absolute().parent / f"{stem}_recovered"
-    scanners = [McapScanner(path) for path in files]
+    readers = [SalvageReader(path) for path in files]
     writer = BagWriter(output, custom_data=_custom_data(folder, files))
-    copy = _Copy(writer)
-    for scanner in scanners:
-        copy.next_file()
-        for record in scanner.records():
-            copy.take(record)
-    if not any(writer.message_counts.values()):
-        _discard(writer)
-        raise BagError(f"{source} holds no complete message: there is nothing to recover")
+    notes = _copy(readers, writer)
     writer.close()
+    if not any(writer.message_counts.values()):
+        shutil.rmtree(writer.folder)
+        raise BagError(f"{source} holds no complete message: there is nothing to recover")
     return RecoveryReport(
         output=output,
         message_counts=writer.message_counts,
-        total_bytes=sum(scanner.total_bytes for scanner in scanners),
-        dropped_bytes=sum(scanner.dropped_bytes for scanner in scanners),
-        was_complete=all(scanner.complete for scanner in scanners),
-        notes=(*(note for scanner in scanners for note in scanner.notes), *copy.notes()),
+        total_bytes=sum(reader.total_bytes for reader in readers),
+        dropped_bytes=sum(reader.dropped_bytes for reader in readers),
+        was_complete=all(reader.complete for reader in readers),
+        notes=(*(note for reader in readers for note in reader.notes), *notes),
     )
 
 
-def mcap_files(source: Path) -> list[Path]:
-    """Return the MCAP files of a bag folder in recording order, or the file itself.
-
-    Raises:
-        BagError: there is nothing, or nothing that ends in .mcap.
-    """
+def _mcap_files(source: Path) -> list[Path]:
+    """Return the MCAP files of a bag folder in recording order, or the file itself."""
     if not source.exists():
         raise BagError(f"{source} does not exist")
     if source.is_file():
@@ -113,7 +107,7 @@ def mcap_files(source: Path) -> list[Path]:
 
 
 def _file_number(path: Path) -> tuple[int, str]:
-    """Order split files by their number: ``run_10.mcap`` comes after ``run_9.mcap``."""
+    """Order split files by their number: `run_10.mcap` comes after `run_9.mcap`."""
     number = path.stem.rpartition("_")[2]
     return (int(number) if number.isdecimal() else 0, path.name)
 
@@ -121,86 +115,62 @@ def _file_number(path: Path) -> tuple[int, str]:
 def _custom_data(folder: Path, files: Sequence[Path]) -> dict[str, str]:
     """Return the texts about the run, from the files themselves or else from the metadata."""
     for path in files:
-        for record in McapScanner(path).records():
+        for record in SalvageReader(path).records():
             if isinstance(record, Metadata) and record.name == RECORD_NAME:
                 return dict(record.metadata)
             if isinstance(record, Message):
                 break  # the writer puts them before the first message
-    if (folder / METADATA_FILE).is_file():
-        try:
-            return {str(k): str(v) for k, v in (read_metadata(folder)["custom_data"] or {}).items()}
-        except (BagError, KeyError, AttributeError):
-            return {}
-    return {}
+    try:
+        return {str(k): str(v) for k, v in (read_metadata(folder)["custom_data"] or {}).items()}
+    except (BagError, KeyError, AttributeError):
+        return {}
 
 
-def _discard(writer: BagWriter) -> None:
-    writer.close()
-    for path in writer.folder.iterdir():
-        path.unlink()
-    writer.folder.rmdir()
+def _copy(readers: Sequence[SalvageReader], writer: BagWriter) -> list[str]:
+    """Write every message with a topic into a new bag; return what could not be taken over."""
+    topic_ids: dict[str, int | None] = {}
+    orphans = 0
+    for reader in readers:
+        schemas: dict[int, Schema] = {}
+        topics: dict[int, int | None] = {}
+        for record in reader.records():
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                if record.topic not in topic_ids:
+                    schema = schemas.get(record.schema_id)
+                    topic_ids[record.topic] = _announce(writer, record, schema)
+                topics[record.id] = topic_ids[record.topic]
+            elif isinstance(record, Message):
+                topic_id = topics.get(record.channel_id)
+                if topic_id is not None:
+                    writer.write(topic_id, record.data, record.log_time, record.publish_time)
+                elif record.channel_id not in topics:
+                    orphans += 1
+    skipped = sorted(name for name, topic_id in topic_ids.items() if topic_id is None)
+    notes = [f"topic {name}: not a ROS 2 message in CDR" for name in skipped]
+    return [*notes, f"{orphans} messages without a topic were left out"] if orphans else notes
 
 
-class _Copy:
-    """Feeds the records of one or more files into a new bag."""
-
-    def __init__(self, writer: BagWriter) -> None:
-        self._writer = writer
-        self._topic_ids: dict[str, int] = {}
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
-        self._orphans = 0
-        self._skipped: set[str] = set()
-
-    def next_file(self) -> None:
-        """Forget the numbering of the previous file."""
-        self._schemas.clear()
-        self._channels.clear()
-
-    def take(self, record: Header | Schema | Channel | Message | Metadata) -> None:
-        """Take over one record."""
-        if isinstance(record, Schema):
-            self._schemas[record.id] = record
-        elif isinstance(record, Channel):
-            self._channels[record.id] = record
-            self._announce(record)
-        elif isinstance(record, Message):
-            channel = self._channels.get(record.channel_id)
-            if channel is None:
-                self._orphans += 1
-            elif channel.topic in self._topic_ids:
-                topic_id = self._topic_ids[channel.topic]
-                self._writer.write(topic_id, record.data, record.log_time, record.publish_time)
-
-    def notes(self) -> list[str]:
-        """Return what could not be taken over."""
-        notes = [f"topic {name}: not a ROS 2 message in CDR" for name in sorted(self._skipped)]
-        if self._orphans:
-            notes.append(f"{self._orphans} messages without a topic were left out")
-        return notes
-
-    def _announce(self, channel: Channel) -> None:
-        if channel.topic in self._topic_ids:
-            return
-        schema = self._schemas.get(channel.schema_id)
-        is_ros = schema is not None and schema.encoding == SCHEMA_ENCODING
-        if schema is None or not is_ros or channel.message_encoding != "cdr":
-            self._skipped.add(channel.topic)
-            return
-        self._topic_ids[channel.topic] = self._writer.add_topic(
-            channel.topic,
+def _announce(writer: BagWriter, channel: Channel, schema: Schema | None) -> int | None:
+    """Add a topic to the new bag; return its id, or None if it carries no ROS 2 messages."""
+    is_ros = schema is not None and schema.encoding == SCHEMA_ENCODING
+    if schema is None or not is_ros or channel.message_encoding != MessageEncoding.CDR:
+        return None
+    return writer.add_topic(
+        channel.topic,
+        schema.name,
+        offered_qos=parse_profiles(channel.metadata.get("offered_qos_profiles", "")),
+        definition=MessageDefinition(
             schema.name,
-            offered_qos=parse_profiles(channel.metadata.get("offered_qos_profiles", "")),
-            definition=MessageDefinition(
-                schema.name,
-                schema.data.decode(errors="replace"),
-                channel.metadata.get("topic_type_hash", ""),
-            ),
-        )
+            schema.data.decode(errors="replace"),
+            channel.metadata.get("topic_type_hash", ""),
+        ),
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command ``recover_bag``.
+    """Run the command `recover_bag`.
 
     Returns:
         0 on success, 1 when nothing could be recovered.

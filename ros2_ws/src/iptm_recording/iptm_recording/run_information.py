@@ -1,29 +1,27 @@
 """What a run depended on, stored inside its bag so that it can be repeated years later.
 
-The texts travel twice: as ``custom_data`` of ``metadata.yaml``, where ``ros2 bag`` shows them, and as
+The texts travel twice: as `custom_data` of `metadata.yaml`, where `ros2 bag` shows them, and as
 a metadata record at the very start of the MCAP file, where a kill or a lost folder cannot take them.
 """
 
 from __future__ import annotations
 
-import platform
-import shutil
-import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from importlib import metadata as package_metadata
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from iptm_core.errors import BagError
+from iptm_core.errors import BagError, ParameterError
+from iptm_core.parameters import ModelParameters, flat_to_parameters
+from iptm_core.provenance import UNKNOWN, git_revision, versions
 
 RECORD_NAME = "iptm_run"
-UNKNOWN = "unknown"
+MODEL_KEY = "model"
+"""Entry of the run's parameters that holds the model's, as `to_flat_dict` gives them."""
 _PACKAGES = ("numpy", "casadi", "ros-rclpy", "mcap", "rosbags", "iptm_core", "iptm_controller")
-_GIT_TIMEOUT_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -72,19 +70,19 @@ class RunInformation:
         try:
             seed = int(seed_text) if seed_text else None
         except ValueError:
-            raise BagError(f"seed of the run is {seed_text!r}, must be a whole number") from None
+            raise BagError(f"seed of the run is {seed_text!r}; allowed: a whole number") from None
         try:
-            versions = yaml.safe_load(rest.pop("versions", "")) or {}
+            known = yaml.safe_load(rest.pop("versions", "")) or {}
         except yaml.YAMLError as error:
             raise BagError(f"versions of the run are not YAML: {error}") from None
-        if not isinstance(versions, dict):
-            raise BagError(f"versions of the run are {versions!r}, must be a mapping")
+        if not isinstance(known, dict):
+            raise BagError(f"versions of the run are {known!r}; allowed: a mapping")
         return cls(
             scenario=rest.pop("scenario", ""),
             seed=seed,
             parameters=rest.pop("parameters", ""),
             git_revision=rest.pop("git_revision", UNKNOWN),
-            versions={str(key): str(value) for key, value in versions.items()},
+            versions={str(key): str(value) for key, value in known.items()},
             started_at_utc=rest.pop("started_at_utc", ""),
             extra=rest,
         )
@@ -113,7 +111,7 @@ def collect_run_information(
         seed=seed,
         parameters=str(text),
         git_revision=git_revision(),
-        versions=installed_versions(),
+        versions=versions(_PACKAGES),
         started_at_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
         extra=dict(extra or {}),
     )
@@ -132,14 +130,15 @@ def load_run_information(path: Path) -> RunInformation:
     except yaml.YAMLError as error:
         raise BagError(f"run information {path} is not YAML: {error}") from None
     if not isinstance(content, dict):
-        raise BagError(f"run information {path} must be a mapping, is {type(content).__name__}")
+        raise BagError(f"run information {path} is a {type(content).__name__}; allowed: a mapping")
     scenario = content.pop("scenario", "")
     seed = content.pop("seed", None)
     parameters = content.pop("parameters", "")
     if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int)):
-        raise BagError(f"run information {path}: seed is {seed!r}, must be a whole number")
+        raise BagError(f"run information {path}: seed is {seed!r}; allowed: a whole number")
     if not isinstance(parameters, (str, dict)):
-        raise BagError(f"run information {path}: parameters must be a mapping or YAML text")
+        kind = type(parameters).__name__
+        raise BagError(f"run information {path}: parameters are a {kind}; allowed: mapping, text")
     return collect_run_information(
         scenario=str(scenario),
         seed=seed,
@@ -148,41 +147,19 @@ def load_run_information(path: Path) -> RunInformation:
     )
 
 
-def git_revision(folder: Path | None = None) -> str:
-    """Return the commit of the work tree that holds a folder, "-dirty" appended if it was changed.
+def stored_model_parameters(information: RunInformation) -> ModelParameters | None:
+    """Return the model parameters that a run was made with, None if its bag does not tell.
 
-    Args:
-        folder: any folder of the work tree; this package's own by default.
+    Raises:
+        BagError: there are some, but malformed.
     """
-    git = shutil.which("git")
-    if git is None:
-        return UNKNOWN
     try:
-        done = subprocess.run(  # noqa: S603 - fixed arguments
-            [git, "describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"],
-            cwd=folder or Path(__file__).resolve().parent,
-            capture_output=True,
-            check=True,
-            text=True,
-            timeout=_GIT_TIMEOUT_S,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return UNKNOWN
-    return done.stdout.strip() or UNKNOWN
-
-
-def installed_versions() -> dict[str, str]:
-    """Return the versions of Python, the platform and the libraries a run depends on."""
-    versions = {
-        "python": platform.python_version(),
-        "platform": f"{platform.system()} {platform.machine()}",
-    }
-    installed = {name: _installed_version(name) for name in _PACKAGES}
-    return {**versions, **{name: version for name, version in installed.items() if version}}
-
-
-def _installed_version(name: str) -> str:
+        parameters = yaml.safe_load(information.parameters)
+    except yaml.YAMLError as error:
+        raise BagError(f"parameters of the run are not YAML: {error}") from None
+    if not isinstance(parameters, dict) or MODEL_KEY not in parameters:
+        return None
     try:
-        return package_metadata.version(name)
-    except package_metadata.PackageNotFoundError:
-        return ""
+        return flat_to_parameters(parameters[MODEL_KEY], "parameters of the run")
+    except ParameterError as error:
+        raise BagError(str(error)) from None

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from rosbags.interfaces import Qos
+
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.definitions import message_definition
-from iptm_recording.qos import RecordedQos
-from iptm_recording.timeline import StampKind, Timeline, read_stamp_ns, stamp_kind
+from iptm_recording.message_types import message_definition
+from iptm_recording.timeline import StampKind, Timeline, TimeSource, read_stamp_ns, stamp_kind
 
 # Messages kept in memory while simulated time has not begun; a graph without /clock reaches it.
 MAX_HELD_MESSAGES = 20_000
@@ -18,7 +19,7 @@ MAX_HELD_MESSAGES = 20_000
 class _Channel:
     name: str
     type_name: str
-    offered_qos: Callable[[], Sequence[RecordedQos]]
+    offered_qos: Callable[[], Sequence[Qos]]
     kind: StampKind
     topic_id: int | None = None
 
@@ -35,6 +36,7 @@ class RecordingSession:
         self._writer = writer
         self._timeline = timeline
         self._held: list[tuple[_Channel, bytes]] = []
+        self._tick_ns = 0
         self.message_count = 0
 
     @property
@@ -53,13 +55,13 @@ class RecordingSession:
         return self._writer.message_counts
 
     def channel(
-        self, name: str, type_name: str, offered_qos: Callable[[], Sequence[RecordedQos]]
+        self, name: str, type_name: str, offered_qos: Callable[[], Sequence[Qos]]
     ) -> Callable[[bytes], None]:
         """Prepare a topic; it enters the bag with its first message.
 
         Args:
             name: fully qualified name.
-            type_name: ``package/msg/Type``.
+            type_name: `package/msg/Type`.
             offered_qos: asked once, when the first message arrives: by then publishers are known.
 
         Returns:
@@ -75,6 +77,14 @@ class RecordingSession:
             self._take(channel, data)
 
         return take
+
+    def flush(self) -> None:
+        """Put every message taken so far into the file; call it a few times a second.
+
+        Raises:
+            BagError: the file cannot be written (disk full).
+        """
+        self._writer.flush()
 
     def close(self) -> None:
         """Write what is still held (in wall time, as simulated time never began); close the bag."""
@@ -108,6 +118,10 @@ class RecordingSession:
                 self._write(channel, data, times)
 
     def _write(self, channel: _Channel, data: bytes, times: tuple[int, int]) -> None:
+        """Write a message; in simulated time one tick is kept in memory, the ones before in the file."""
+        if times[0] != self._tick_ns and self._timeline.source is TimeSource.SIMULATED:
+            self._tick_ns = times[0]
+            self._writer.flush()
         if channel.topic_id is None:
             channel.topic_id = self._writer.add_topic(
                 channel.name, channel.type_name, offered_qos=channel.offered_qos()

@@ -1,22 +1,19 @@
-"""Subscribes the recorder to what is published, with the quality of service that is offered."""
+"""Subscribes the recorder to what is published, when and how the publishers need it."""
 
 from __future__ import annotations
 
-import dataclasses
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from rosbags.interfaces import Qos, QosHistory
 
 from iptm_core.errors import BagError
 from iptm_interfaces.topics import TOPICS, Topic, find_topic
-from iptm_recording.gate import Gate
-from iptm_recording.message_types import message_class
-from iptm_recording.qos import RecordedQos, request_for
-from iptm_recording.qos_profiles import from_profile, to_profile
-from iptm_recording.selection import TopicSelection
+from iptm_recording.rclpy_types import from_profile, message_class, to_profile
+from iptm_recording.recorded_topics import TopicSelection, request_for
 from iptm_recording.session import RecordingSession
 
 # In this order: the first clock is the one message of a run that can be done without.
@@ -25,12 +22,80 @@ _GATE = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
 _NOT_OF_A_TRIP = (Topic.SLOPE, Topic.DIAGNOSTICS)
 _NODE_TOPICS = ("/rosout", "/parameter_events")
 
+# Time for the publishers to learn of the subscriptions made last.
+SETTLE_S = 0.3
+# Time in which the other topics of the suite begin to show up, if there are any.
+PATIENCE_ALONE_S = 2.0
+# Time in which an incomplete suite grows further, if it does: nodes may start slowly.
+PATIENCE_INCOMPLETE_S = 30.0
+
+
+class Gate:
+    """Decision when the recorder joins the topics by which the plant counts its peers.
+
+    In lock-step the plant starts once enough peers subscribe to its state and its clock. The
+    recorder is one of them, and must not be counted before it can hear everybody: else the first
+    messages of the controller, or of the plant itself, would be missing from the bag, or the recorder
+    would be taken for the bridge. It therefore subscribes to these "gate" topics last, when it is
+    subscribed to all other topics of the suite. Where no such start is to be expected (the trip is
+    running already, or the rest of the suite is not there), it does not wait.
+
+    Args:
+        gate_topics: topics held back.
+        awaited: topics that must be subscribed first.
+    """
+
+    def __init__(self, gate_topics: Collection[str], awaited: Collection[str]) -> None:
+        self._gate_topics = frozenset(gate_topics)
+        self._awaited = frozenset(awaited) - self._gate_topics
+        self._seen: frozenset[str] = frozenset()
+        self._last_change_s: float | None = None
+        self._is_running = False
+
+    def holds(self, topic: str) -> bool:
+        """Return whether a topic belongs to the gate."""
+        return topic in self._gate_topics
+
+    @property
+    def is_running(self) -> bool:
+        """True once a message of a trip has arrived."""
+        return self._is_running
+
+    def message_arrived(self) -> None:
+        """Note that the trip runs already."""
+        self._is_running = True
+
+    def is_open(
+        self, now_s: float, published: Collection[str], subscribed: Collection[str]
+    ) -> bool:
+        """Return whether the gate topics may be subscribed to.
+
+        Args:
+            now_s: steady time.
+            published: topics that have a publisher.
+            subscribed: topics the recorder is subscribed to and receives from.
+        """
+        if self._is_running:
+            return True
+        seen = frozenset((*published, *subscribed))
+        if seen != self._seen:
+            self._seen = seen
+            self._last_change_s = now_s
+        if self._last_change_s is None:
+            return False
+        unchanged_s = now_s - self._last_change_s
+        if self._awaited.issubset(subscribed):
+            return unchanged_s >= SETTLE_S
+        if self._awaited.isdisjoint(seen):
+            return not self._gate_topics.isdisjoint(seen) and unchanged_s >= PATIENCE_ALONE_S
+        return unchanged_s >= PATIENCE_INCOMPLETE_S
+
 
 @dataclass
 class _Subscribed:
     type_name: str
     take: Callable[[bytes], None]
-    request: RecordedQos
+    request: Qos
     subscription: Subscription
 
 
@@ -90,7 +155,7 @@ class TopicSubscriber:
 
     @property
     def awaited_topics(self) -> list[str]:
-        """Topics of the suite that nobody has published so far."""
+        """Topics of the suite that have had no publisher so far."""
         return [name for name in self._suite if name not in self._subscribed]
 
     def look(self) -> None:
@@ -144,7 +209,7 @@ class TopicSubscriber:
                 return
 
     def _is_matched(self, name: str) -> bool:
-        """Tell whether the subscription to a topic receives, as far as this side can know."""
+        """Return whether the subscription to a topic receives, as far as this side can know."""
         matched: int = self._subscribed[name].subscription.get_publisher_count()
         return matched > 0
 
@@ -178,12 +243,12 @@ class TopicSubscriber:
         self._subscribed[name] = _Subscribed(type_name, take, request, subscription)
 
     def _raw_subscription(
-        self, name: str, type_name: str, take: Callable[[bytes], None], request: RecordedQos
+        self, name: str, type_name: str, take: Callable[[bytes], None], request: Qos
     ) -> Subscription:
         kind = message_class(type_name)
         return self._node.create_subscription(kind, name, take, to_profile(request), raw=True)
 
-    def _offered_qos(self, name: str) -> list[RecordedQos]:
+    def _offered_qos(self, name: str) -> list[Qos]:
         """Return what the publishers of a topic offer at present.
 
         The middleware does not announce how many messages a publisher keeps; for the suite's own
@@ -193,8 +258,8 @@ class TopicSubscriber:
         offered = []
         for endpoint in self._node.get_publishers_info_by_topic(name):
             qos = from_profile(endpoint.qos_profile)
-            if spec is not None and qos.history == "unknown":
+            if spec is not None and qos.history is QosHistory.UNKNOWN:
                 known = from_profile(spec.qos)
-                qos = dataclasses.replace(qos, history=known.history, depth=known.depth)
+                qos = qos._replace(history=known.history, depth=known.depth)
             offered.append(qos)
         return offered

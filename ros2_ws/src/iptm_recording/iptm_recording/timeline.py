@@ -2,7 +2,7 @@
 
 A bag of a simulated run must play back, plot and join in simulated time, whatever the speed of the
 machine that recorded it. The log time of a message is therefore the recorder's node time, taken from
-the latest ``/clock``. Within a tick the plant publishes its state before the clock that announces
+the latest `/clock`. Within a tick the plant publishes its state before the clock that announces
 it; so that this state is not logged one tick early, a header stamp that is a little ahead of the
 clock moves the time on. Log times never decrease unless the clock itself is set back.
 
@@ -17,10 +17,12 @@ import time
 from collections.abc import Iterable
 from enum import Enum
 
+from iptm_core.trip_time import NS_PER_S
+
 CLOCK_TOPIC = "/clock"
 CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 # Stamps further ahead of the clock than this come from another clock (wall time, another run).
-MAX_LEAD_NS = 10 * 10**9
+MAX_LEAD_NS = 10 * NS_PER_S
 
 _HEADER_FIELD = re.compile(r"^\s*std_msgs/(?:msg/)?Header\s+\w+")
 _LITTLE_ENDIAN = struct.Struct("<4xiI")
@@ -44,11 +46,11 @@ class TimeSource(Enum):
 
 
 def stamp_kind(topic: str, type_name: str, definition: str) -> StampKind:
-    """Tell how the messages of a topic are stamped.
+    """Return how the messages of a topic are stamped.
 
     Args:
         topic: fully qualified name.
-        type_name: ``package/msg/Type``.
+        type_name: `package/msg/Type`.
         definition: text of the type's definition.
     """
     if type_name == CLOCK_TYPE:
@@ -66,7 +68,7 @@ def read_stamp_ns(data: bytes) -> int | None:
         return None
     layout = _BIG_ENDIAN if data[1] == _BIG_ENDIAN_MARK else _LITTLE_ENDIAN
     seconds, nanoseconds = layout.unpack_from(data)
-    stamp_ns: int = seconds * 10**9 + nanoseconds
+    stamp_ns: int = seconds * NS_PER_S + nanoseconds
     return stamp_ns if stamp_ns >= 0 else None
 
 
@@ -74,7 +76,7 @@ class Timeline:
     """Current time of the recorder.
 
     Args:
-        source: simulated time from ``/clock``, or wall time.
+        source: simulated time from `/clock`, or wall time.
     """
 
     def __init__(self, source: TimeSource) -> None:
@@ -109,7 +111,7 @@ class Timeline:
 
         Args:
             data: CDR bytes.
-            kind: what ``stamp_kind`` said about its topic.
+            kind: what `stamp_kind` said about its topic.
 
         Returns:
             Both times in nanoseconds; None when simulated time has not begun: ask again later.

@@ -48,7 +48,7 @@ def read_decisions(path: Path, namespace: str | None = None) -> DecisionSeries:
         namespace: namespace of the vehicle; needed only if the bag holds several.
 
     Raises:
-        BagError: as for ``read_trajectory``.
+        BagError: as for `read_trajectory`.
     """
     with BagReader(path) as reader, _named_after(path):
         return assemble_decisions(_messages(reader, (Topic.SOLVE,), namespace)[Topic.SOLVE])

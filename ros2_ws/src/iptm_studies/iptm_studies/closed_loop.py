@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.routes.route import Route
+from iptm_core.settings import PreviewSettings
 from iptm_core.state import LeaderState, PlantObservation, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory
+from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.plant import Plant
-from iptm_v2x_bridge.bridge import BridgeSettings, V2xBridge
+from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.cycle_source import CycleSource
-
-NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ def run_closed_loop(
     route: Route,
     plant: Plant,
     controller: Controller,
-    bridge_settings: BridgeSettings | None = None,
+    bridge_settings: PreviewSettings | None = None,
     on_tick: Callable[[int, Measurements, Decision], None] | None = None,
 ) -> ClosedLoopRun:
     """Drive a route from standstill.

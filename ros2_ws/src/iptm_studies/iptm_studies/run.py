@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from functools import cached_property
 
@@ -152,10 +152,6 @@ def controller_options(spec: RunSpec) -> ControllerOptions:
 
 def solver_options(spec: SolverSpec) -> SolverOptions:
     """Return the options of the solver of a run; what is not specified is the controller's default."""
-    usual = SolverOptions()
-    return replace(
-        usual,
-        name=spec.name,
-        budget=replace(usual.budget, max_iterations=spec.max_iterations),
-        interior_point=replace(usual.interior_point, tolerance=spec.tolerance),
+    return SolverOptions(
+        name=spec.name, max_iterations=spec.max_iterations, tolerance=spec.tolerance
     )

@@ -8,11 +8,9 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 
-from iptm_controller.horizon import Horizon
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters, to_flat_dict
 from iptm_core.parameters.model import ModelParameters
@@ -65,7 +63,7 @@ def resolve_inputs(spec: RunSpec, address: str = "") -> RunInputs:
     if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
         raise ScenarioError(
             f"trip of {route.duration_s:g} s with ticks of {spec.tick_s:g} s; "
-            "allowed is a whole number of ticks, at least one"
+            "allowed: a whole number of ticks, at least one"
         )
     return RunInputs(spec, parameters, route, code_fingerprint(), address)
 
@@ -87,7 +85,7 @@ def run_key(inputs: RunInputs) -> str:
         "strategy": strategy,
         "horizon": spec.horizon,
         "solver": asdict(spec.solver),
-        "preview": _preview_content(spec),
+        "preview": asdict(spec.bridge_settings()),
         "tick_s": spec.tick_s,
         "plant_step_s": spec.plant_step_s,
         "code": inputs.fingerprint,
@@ -111,12 +109,6 @@ def route_digest(route: Route) -> str:
         digest.update(str(array.shape).encode())
         digest.update(array.tobytes())
     return digest.hexdigest()
-
-
-def _preview_content(spec: RunSpec) -> dict[str, Any]:
-    content = asdict(spec.preview)
-    content["length_s"] = spec.preview.reach_s(Horizon.parse(spec.horizon).duration_s)
-    return content
 
 
 @lru_cache(maxsize=256)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
-from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.errors import ScenarioError
-from iptm_studies.run_spec import PreviewSpec, RunKind, RunSpec, SolverSpec
+from iptm_core.strict_mapping import StrictMapping
+from iptm_studies.run_spec import PreviewSpec, RunSpec, SolverSpec
 from iptm_studies.study import DEFAULT_CRITERION, Selection
 
 SETTINGS = tuple(entry.name for entry in fields(RunSpec))
@@ -19,9 +19,10 @@ SETTINGS = tuple(entry.name for entry in fields(RunSpec))
 _FILES = {"cycle": ".csv", "parameter_set": ".yaml"}
 _BASE = "base"
 _BEST_OF = "best_of"
-_SELECTION_KEYS = ("study", "labels", "lowest")
 _WEIGHTS = tuple(entry.name for entry in fields(Strategy) if entry.name != "name")
-_Section = TypeVar("_Section", SolverSpec, PreviewSpec)
+_SOLVER_FIELDS = tuple(entry.name for entry in fields(SolverSpec))
+_PREVIEW_FIELDS = {entry.name.removeprefix("preview_"): entry.name for entry in fields(PreviewSpec)}
+"""Key in the section ``preview`` -> name of the setting; the section says already what it is about."""
 
 
 def merge_settings(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -46,8 +47,11 @@ def build_spec(settings: Mapping[str, Any], folder: Path) -> RunSpec:
     Raises:
         IptmError: a key or value is not as it should be.
     """
-    _check_keys(settings, SETTINGS, "run")
-    arguments = {key: _READERS[key](value, key) for key, value in settings.items()}
+    written = StrictMapping(settings, "run", SETTINGS)
+    arguments = {
+        key: _READERS[key](written) if key in _READERS else value
+        for key, value in written.content.items()
+    }
     for key, suffix in _FILES.items():
         if str(arguments.get(key, "")).lower().endswith(suffix):
             arguments[key] = str(folder / arguments[key])
@@ -62,115 +66,48 @@ def read_selection(strategy: Any) -> Selection | None:
     """
     if not isinstance(strategy, dict) or _BEST_OF not in strategy:
         return None
-    _check_keys(strategy, (_BEST_OF,), "strategy")
-    content = _mapping(strategy[_BEST_OF], "strategy: best_of")
-    _check_keys(content, _SELECTION_KEYS, "strategy: best_of")
-    if "study" not in content:
-        raise ScenarioError("strategy: best_of: 'study' is missing")
+    written = StrictMapping(strategy, "strategy", (_BEST_OF,))
+    best_of = written.section(_BEST_OF, ("study", "labels", "lowest"))
     return Selection(
-        study=_text(content["study"], "strategy: best_of: study"),
-        labels=_mapping(content.get("labels", {}), "strategy: best_of: labels"),
-        lowest=_text(content.get("lowest", DEFAULT_CRITERION), "strategy: best_of: lowest"),
+        study=best_of.text("study"),
+        labels=best_of.section("labels").content,
+        lowest=best_of.text("lowest", DEFAULT_CRITERION),
     )
 
 
-def _strategy(value: Any, where: str) -> Strategy:
-    if isinstance(value, str):
-        return strategy_by_name(value)
-    content = _mapping(value, where)
-    if _BEST_OF in content:
+def _strategy(run: StrictMapping) -> Strategy:
+    if isinstance(run.content["strategy"], str):
+        return strategy_by_name(run.text("strategy"))
+    written = run.section("strategy")
+    if _BEST_OF in written:
         return strategy_by_name("aging")  # stands in until the best run is known
-    _check_keys(content, (_BASE, *_WEIGHTS), where)
-    if _BASE not in content:
+    written = run.section("strategy", (_BASE, *_WEIGHTS))
+    if _BASE not in written:
         raise ScenarioError(
-            f"{where}: 'base' is missing: the name of the strategy that the weights belong to"
+            f"{written.where}: 'base' is missing: the name of the strategy that the weights belong to"
         )
-    weights: dict[str, Any] = {
-        key: _number(number, f"{where}: {key}") for key, number in content.items() if key != _BASE
-    }
-    return replace(strategy_by_name(_text(content[_BASE], f"{where}: base")), **weights)
+    weights: dict[str, Any] = {key: written.number(key) for key in written if key != _BASE}
+    return replace(strategy_by_name(written.text(_BASE)), **weights)
 
 
-def _kind(value: Any, where: str) -> RunKind:
-    kinds = [kind.value for kind in RunKind]
-    if value not in kinds:
-        raise ScenarioError(f"{where} is {value!r}; allowed are {', '.join(kinds)}")
-    return RunKind(value)
+def _overrides(run: StrictMapping) -> tuple[tuple[str, float], ...]:
+    written = run.section("overrides")
+    return tuple((key, written.number(key)) for key in written)
 
 
-def _overrides(value: Any, where: str) -> tuple[tuple[str, float], ...]:
-    return tuple(
-        (key, _number(number, f"{where}: {key}")) for key, number in _mapping(value, where).items()
-    )
+def _solver(run: StrictMapping) -> SolverSpec:
+    return SolverSpec(**run.section("solver", _SOLVER_FIELDS).content)
 
 
-def _optional_number(value: Any, where: str) -> float | None:
-    return None if value is None else _number(value, where)
+def _preview(run: StrictMapping) -> PreviewSpec:
+    written = run.section("preview", _PREVIEW_FIELDS)
+    return PreviewSpec(**{_PREVIEW_FIELDS[key]: value for key, value in written.content.items()})
 
 
-def _section(usual: _Section, value: Any, where: str) -> _Section:
-    """Lay a mapping over the defaults of a section; types follow the defaults."""
-    content = _mapping(value, where)
-    _check_keys(content, tuple(entry.name for entry in fields(usual)), where)
-    changes: dict[str, Any] = {}
-    for key, given in content.items():
-        before = getattr(usual, key)
-        at = f"{where}: {key}"
-        if isinstance(before, str):
-            changes[key] = _text(given, at)
-        elif isinstance(before, int):
-            changes[key] = _whole(given, at)
-        elif given is None and before is None:
-            changes[key] = None
-        else:
-            changes[key] = _number(given, at)
-    return replace(usual, **changes)
-
-
-def _check_keys(content: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
-    for key in content:
-        if key not in known:
-            raise ScenarioError(f"{where}: unknown key {key!r}; allowed are {', '.join(known)}")
-
-
-def _mapping(value: Any, where: str) -> dict[str, Any]:
-    if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
-        raise ScenarioError(f"{where}: a mapping of names is needed, got {value!r:.80}")
-    return value
-
-
-def _text(value: Any, where: str) -> str:
-    if not isinstance(value, str):
-        raise ScenarioError(f"{where}: text is needed, got {value!r:.80}")
-    return value
-
-
-def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ScenarioError(f"{where}: a number is needed, got {value!r:.80}")
-    try:
-        return float(value)
-    except OverflowError as error:
-        raise ScenarioError(f"{where}: the number is too large to be used") from error
-
-
-def _whole(value: Any, where: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise ScenarioError(f"{where}: a whole number is needed, got {value!r:.80}")
-    return value
-
-
-_READERS: dict[str, Callable[[Any, str], Any]] = {
-    "kind": _kind,
-    "cycle": _text,
-    "slope": _text,
-    "duration_s": _optional_number,
-    "parameter_set": _text,
+_READERS: Mapping[str, Callable[[StrictMapping], Any]] = {
     "overrides": _overrides,
     "strategy": _strategy,
-    "horizon": _text,
-    "solver": partial(_section, SolverSpec()),
-    "preview": partial(_section, PreviewSpec()),
-    "tick_s": _number,
-    "plant_step_s": _number,
+    "solver": _solver,
+    "preview": _preview,
 }
+"""Settings that are more than one value; the specification checks all others itself."""

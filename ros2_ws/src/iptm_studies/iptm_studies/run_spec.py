@@ -13,20 +13,23 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from enum import Enum
 from typing import Any
 
-from iptm_controller.controller import ControllerOptions
 from iptm_controller.horizon import Horizon
-from iptm_controller.solvers.factory import SOLVER_NAMES, SolverOptions
+from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.strategy import Strategy, strategy_by_name
-from iptm_core.errors import ScenarioError
+from iptm_core.declaration import Settings, declared, parameter
+from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET
-from iptm_plant_sim.plant import DEFAULT_STEP_S
-from iptm_v2x_bridge.bridge import BridgeSettings, PreviewMode
-from iptm_v2x_bridge.imperfections import Imperfections
-from iptm_v2x_bridge.source import PreviewGrid
+from iptm_core.settings import (
+    IntegrationSettings,
+    ModelSettings,
+    PreviewSettings,
+    SamplingSettings,
+    TripSettings,
+)
+from iptm_core.strict_mapping import StrictMapping
 
 SHORTEST_PREVIEW_S = 60.0
 PREVIEW_RESERVE_S = 30.0
-_SOLVER = SolverOptions()
 
 
 class RunKind(Enum):
@@ -39,91 +42,51 @@ class RunKind(Enum):
 
 
 @dataclass(frozen=True)
-class SolverSpec:
-    """Solver of the controller; the defaults are the controller's own."""
+class SolverSpec(Settings):
+    """Solver of the controller; the defaults are its own, the ranges wide enough for experiments."""
 
-    name: str = _SOLVER.name
-    tolerance: float = _SOLVER.interior_point.tolerance
-    max_iterations: int = _SOLVER.budget.max_iterations
-
-    def __post_init__(self) -> None:
-        if self.name not in SOLVER_NAMES:
-            raise ScenarioError(
-                f"solver {self.name!r} is unknown; allowed are {', '.join(SOLVER_NAMES)}"
-            )
-        if not 0.0 < self.tolerance <= 1.0:
-            raise ScenarioError(f"solver tolerance is {self.tolerance}; allowed: above 0 up to 1")
-        if not 1 <= self.max_iterations <= 100_000:
-            raise ScenarioError(
-                f"solver max_iterations is {self.max_iterations}; allowed: 1 to 100000"
-            )
+    name: str = declared(ControllerSettings, "solver")
+    tolerance: float = declared(SolveSettings, "tolerance", minimum=1e-16)
+    max_iterations: int = declared(SolveSettings, "max_iterations", maximum=100_000)
 
 
 @dataclass(frozen=True)
-class PreviewSpec:
+class PreviewSpec(PreviewSettings):
     """What the host is told about the leader's future.
 
-    Attributes:
-        mode: ``full`` or ``none``.
-        length_s: how far a prediction reaches; None for the horizon and a reserve for its age, but at
-            least a minute.
-        step_s: time between the nodes of a prediction.
-        latency_s: time from generation to reception.
-        dropout_probability: share of the predictions that are lost.
-        dropout_burst: number of successive predictions that one disturbance takes away.
-        noise_std_m_s: standard deviation of the speed error far ahead.
-        noise_correlation_s: time over which the speed error forgets its value.
-        seed: of loss and noise.
+    The length may be left open (None): it is then that of the horizon and a reserve for the age of a
+    prediction, but at least a minute.
     """
 
-    mode: str = PreviewMode.FULL.value
-    length_s: float | None = None
-    step_s: float = 1.0
-    latency_s: float = 0.0
-    dropout_probability: float = 0.0
-    dropout_burst: int = 1
-    noise_std_m_s: float = 0.0
-    noise_correlation_s: float = 10.0
-    seed: int = 0
+    preview_length_s: float | None = declared(  # type: ignore[assignment]  # open, where wanted
+        PreviewSettings, "preview_length_s", default=None
+    )
 
-    def reach_s(self, horizon_s: float) -> float:
-        """Length of the predictions for a horizon."""
-        if self.length_s is not None:
-            return self.length_s
-        return max(SHORTEST_PREVIEW_S, math.ceil(horizon_s + self.latency_s + PREVIEW_RESERVE_S))
+    def __post_init__(self) -> None:
+        # Step and length are compared where the length is known.
+        Settings.__post_init__(self)
 
-    def settings(self, horizon_s: float) -> BridgeSettings:
-        """Settings of the bridge.
+    def settings(self, horizon_s: float) -> PreviewSettings:
+        """Settings of the bridge for a horizon.
 
         Raises:
-            ScenarioError: the mode is unknown.
-            ParameterError: a value is out of range.
+            ParameterError: the step is longer than the preview.
         """
-        modes = [mode.value for mode in PreviewMode]
-        if self.mode not in modes:
-            raise ScenarioError(f"preview mode {self.mode!r}; allowed are {', '.join(modes)}")
-        return BridgeSettings(
-            mode=PreviewMode(self.mode),
-            grid=PreviewGrid(self.reach_s(horizon_s), self.step_s),
-            imperfections=Imperfections(
-                latency_s=self.latency_s,
-                dropout_probability=self.dropout_probability,
-                dropout_burst=self.dropout_burst,
-                noise_std_m_s=self.noise_std_m_s,
-                noise_correlation_s=self.noise_correlation_s,
-                seed=self.seed,
-            ),
-        )
+        length_s = self.preview_length_s
+        if length_s is None:
+            needed_s = math.ceil(horizon_s + self.latency_s + PREVIEW_RESERVE_S)
+            length_s = max(SHORTEST_PREVIEW_S, needed_s)
+        return PreviewSettings(**{**asdict(self), "preview_length_s": length_s})
 
 
 @dataclass(frozen=True)
-class RunSpec:
-    """One run.
+class RunSpec(Settings):
+    """One run; what studies choose otherwise than nodes and scenarios is stated as another default.
 
     Attributes:
         kind: closed loop or whole trip.
         cycle: driving cycle, by name or as the path of a .csv file.
-        slope: slope choice of ``build_route``.
+        slope: slope of the road.
         duration_s: length of the trip, None for the whole cycle.
         parameter_set: shipped set by name, or the path of a .yaml file.
         overrides: single parameters that differ, dotted key and value, sorted by key.
@@ -138,33 +101,30 @@ class RunSpec:
         IptmError: a value is unknown or out of range.
     """
 
-    kind: RunKind = RunKind.CLOSED_LOOP
-    cycle: str = "comprehensive"
-    slope: str = "as_designed"
-    duration_s: float | None = None
-    parameter_set: str = DEFAULT_SET
+    kind: RunKind = parameter(RunKind.CLOSED_LOOP, "what is done with the route")
+    cycle: str = declared(TripSettings, "cycle", default="comprehensive")
+    slope: str = declared(TripSettings, "slope")
+    duration_s: float | None = declared(TripSettings, "duration_s", default=None)
+    parameter_set: str = declared(ModelSettings, "parameter_set")
     overrides: tuple[tuple[str, float], ...] = ()
     strategy: Strategy = field(default_factory=lambda: strategy_by_name("aging"))
-    horizon: str = "15x1"
+    horizon: str = declared(ControllerSettings, "horizon", default="15x1")
     solver: SolverSpec = field(default_factory=SolverSpec)
     preview: PreviewSpec = field(default_factory=PreviewSpec)
-    tick_s: float = ControllerOptions.tick_s
-    plant_step_s: float = DEFAULT_STEP_S
+    tick_s: float = declared(SamplingSettings, "period_s", minimum=1e-3)
+    plant_step_s: float = declared(IntegrationSettings, "integration_step_s", maximum=10.0)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "overrides", tuple(sorted(self.overrides)))
         object.__setattr__(self, "horizon", str(Horizon.parse(self.horizon)))
         self.bridge_settings()
-        for name in ("tick_s", "plant_step_s"):
-            value = getattr(self, name)
-            if not 1e-3 <= value <= 10.0:
-                raise ScenarioError(f"{name} is {value} s; allowed: 0.001 to 10")
-        if self.duration_s is not None and not self.tick_s <= self.duration_s <= 1e6:
+        if self.duration_s is not None and self.duration_s < self.tick_s:
             raise ScenarioError(
-                f"duration_s is {self.duration_s}; allowed: one tick, {self.tick_s:g}, to 1e6"
+                f"duration_s is {self.duration_s}; allowed: one tick, {self.tick_s:g} s, or more"
             )
 
-    def bridge_settings(self) -> BridgeSettings:
+    def bridge_settings(self) -> PreviewSettings:
         """Settings of the bridge for this run's horizon."""
         return self.preview.settings(Horizon.parse(self.horizon).duration_s)
 
@@ -175,10 +135,6 @@ class RunSpec:
         content["overrides"] = dict(self.overrides)
         return content
 
-    def to_json(self) -> str:
-        """Canonical text: sorted keys, shortest floats that read back exactly."""
-        return canonical_json(self.to_dict())
-
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> RunSpec:
         """Rebuild a specification.
@@ -187,20 +143,21 @@ class RunSpec:
             ScenarioError: keys are missing or unknown, or a value is not as it should be.
         """
         try:
-            rest = {**content}
+            written = StrictMapping(content, "run specification", names := _names(cls))
+            written.require(*names)
             return cls(
-                kind=RunKind(rest.pop("kind")),
-                overrides=tuple(rest.pop("overrides").items()),
-                strategy=Strategy(**rest.pop("strategy")),
-                solver=SolverSpec(**rest.pop("solver")),
-                preview=PreviewSpec(**rest.pop("preview")),
-                **rest,
+                **{
+                    **written.content,
+                    "overrides": tuple(written.section("overrides").content.items()),
+                    "strategy": Strategy(**written.section("strategy").content),
+                    "solver": SolverSpec(**written.section("solver", _names(SolverSpec)).content),
+                    "preview": PreviewSpec(
+                        **written.section("preview", _names(PreviewSpec)).content
+                    ),
+                }
             )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise ScenarioError(
-                f"run specification cannot be read ({error}); needed are "
-                f"{', '.join(entry.name for entry in fields(cls))}"
-            ) from error
+        except (TypeError, IptmError) as error:
+            raise ScenarioError(f"run specification cannot be read: {error}") from error
 
     def with_strategy(self, strategy: Strategy) -> RunSpec:
         """The same run under another strategy."""
@@ -224,11 +181,15 @@ class RunSpec:
         return ", ".join(parts)
 
 
+def _names(description: type[Any]) -> tuple[str, ...]:
+    return tuple(entry.name for entry in fields(description))
+
+
 def canonical_json(content: object) -> str:
     """JSON with sorted keys and without blanks: equal content gives equal text."""
     try:
         return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     except ValueError as error:
         raise ScenarioError(
-            f"a value is not a finite number; allowed are finite ones: {error}"
+            f"a value is not a finite number; allowed: finite ones: {error}"
         ) from error

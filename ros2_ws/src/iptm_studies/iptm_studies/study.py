@@ -71,7 +71,7 @@ class Study:
         if twice:
             raise ScenarioError(
                 f"study {self.name}: the case name {twice[0]!r} occurs more than once; "
-                "allowed are different names"
+                "allowed: different names"
             )
 
     def address(self, case: Case) -> str:

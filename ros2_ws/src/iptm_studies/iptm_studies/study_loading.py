@@ -8,10 +8,9 @@ replaced by the value of a label.
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import read_yaml
+from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 from iptm_studies.run_settings import SETTINGS, build_spec, merge_settings, read_selection
 from iptm_studies.study import Case, Label, Study
 
@@ -64,25 +64,23 @@ def read_study(path: Path) -> Study:
     Raises:
         ScenarioError: as for ``load_study``.
     """
-    content = _mapping(read_yaml(path, ScenarioError), _STUDY_KEYS, str(path))
-    for key in ("title", "cases"):
-        if key not in content:
-            raise ScenarioError(f"{path}: {key!r} is missing")
+    content = StrictMapping(read_yaml(path, ScenarioError), str(path), _STUDY_KEYS)
+    content.require("title", "cases")
     if not _NAME.fullmatch(path.stem):
         raise ScenarioError(
-            f"{path}: the file name is the study's name; allowed are letters, digits and . _ + -"
+            f"{path}: the file name is the study's name; allowed: letters, digits and . _ + -"
         )
-    defaults = _mapping(content.get("defaults", {}), SETTINGS, f"{path}: defaults")
+    defaults = content.section("defaults", SETTINGS).content
     cases: list[Case] = []
-    for number, entry in enumerate(_sequence(content["cases"], f"{path}: cases"), start=1):
-        draft = _Draft.read(entry, f"{path}: case {number}")
+    for number, entry in enumerate(content.entries("cases"), start=1):
+        draft = _Draft.read(StrictMapping(entry, f"{path}: case {number}", _CASE_KEYS))
         cases += draft.expand(defaults, path.parent)
         if len(cases) > MAX_CASES:
             raise ScenarioError(f"{path}: more than {MAX_CASES} cases")
     return Study(
         name=path.stem,
-        title=_text(content["title"], f"{path}: title"),
-        about=" ".join(_text(content.get("about", ""), f"{path}: about").split()),
+        title=content.text("title"),
+        about=" ".join(content.text("about", "").split()),
         cases=tuple(cases),
     )
 
@@ -98,24 +96,25 @@ class _Draft:
     axes: tuple[tuple[_Point, ...], ...]
 
     @classmethod
-    def read(cls, entry: Any, where: str) -> _Draft:
-        content = _mapping(entry, _CASE_KEYS, where)
-        if "name" not in content:
-            raise ScenarioError(f"{where}: 'name' is missing")
-        name = _text(content["name"], f"{where}: name")
+    def read(cls, content: StrictMapping) -> _Draft:
+        name = content.text("name")
         axes = []
-        written = _sequence(content.get("for_each", []), f"{where}: for_each", empty=True)
-        for number, axis in enumerate(written, start=1):
-            at = f"{where}: for_each {number}"
-            points = enumerate(_sequence(axis, at), start=1)
-            axes.append(
-                tuple(_Point.read(point, f"{at}, point {count}") for count, point in points)
+        for number, axis in enumerate(content.entries("for_each", may_be_empty=True), start=1):
+            at = f"{content.where}: for_each {number}"
+            if not isinstance(axis, list) or not axis:
+                raise ScenarioError(
+                    f"{at} is {shown(axis)}; allowed: a list with at least one entry"
+                )
+            points = (
+                StrictMapping(point, f"{at}, point {count}", _POINT_KEYS)
+                for count, point in enumerate(axis, start=1)
             )
+            axes.append(tuple(_Point.read(point) for point in points))
         return cls(
-            where=f"{where} ({name})",
+            where=f"{content.where} ({name})",
             name=name,
-            labels=_labels(content.get("labels", {}), where),
-            run=_mapping(content.get("run", {}), SETTINGS, f"{where}: run"),
+            labels=_labels(content),
+            run=content.section("run", SETTINGS).content,
             axes=tuple(axes),
         )
 
@@ -156,12 +155,8 @@ class _Point:
     run: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, entry: Any, where: str) -> _Point:
-        content = _mapping(entry, _POINT_KEYS, where)
-        return cls(
-            labels=_labels(content.get("labels", {}), where),
-            run=_mapping(content.get("run", {}), SETTINGS, f"{where}: run"),
-        )
+    def read(cls, content: StrictMapping) -> _Point:
+        return cls(labels=_labels(content), run=content.section("run", SETTINGS).content)
 
 
 def _filled(value: Any, labels: Mapping[str, Label], where: str) -> Any:
@@ -175,7 +170,7 @@ def _filled(value: Any, labels: Mapping[str, Label], where: str) -> Any:
         if match[1] not in labels:
             raise ScenarioError(
                 f"{where}: {{{match[1]}}} in {value!r} is no label; "
-                f"known are {', '.join(labels) or 'none'}"
+                f"allowed: {', '.join(labels) or 'none'}"
             )
         found = labels[match[1]]
         return found if isinstance(found, str) else f"{found:g}"
@@ -183,39 +178,12 @@ def _filled(value: Any, labels: Mapping[str, Label], where: str) -> Any:
     return _PLACE.sub(label_text, value)
 
 
-def _labels(value: Any, where: str) -> dict[str, Label]:
-    labels = _mapping(value, None, f"{where}: labels")
-    for name, label in labels.items():
+def _labels(content: StrictMapping) -> dict[str, Label]:
+    labels = content.section("labels", kind="label")
+    for name, label in labels.content.items():
         if isinstance(label, bool) or not isinstance(label, str | int | float):
-            raise ScenarioError(
-                f"{where}: label {name!r} is {label!r}; allowed are texts and numbers"
-            )
-    return labels
-
-
-def _mapping(value: Any, known: Collection[str] | None, where: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise ScenarioError(f"{where}: a mapping is needed, got {value!r:.80}")
-    for key in value:
-        if not isinstance(key, str):
-            raise ScenarioError(f"{where}: the key {key!r} must be text")
-        if known is not None and key not in known:
-            near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"allowed are {', '.join(known)}"
-            raise ScenarioError(f"{where}: unknown key {key!r}; {hint}")
-    return value
-
-
-def _sequence(value: Any, where: str, *, empty: bool = False) -> list[Any]:
-    if not isinstance(value, list) or not (value or empty):
-        raise ScenarioError(f"{where}: a list with at least one entry is needed, got {value!r:.80}")
-    return value
-
-
-def _text(value: Any, where: str) -> str:
-    if not isinstance(value, str):
-        raise ScenarioError(f"{where}: text is needed, got {value!r:.80}")
-    return value
+            labels.refuse(name, "a text or a number")
+    return dict(labels.content)
 
 
 def _folder() -> Path:
@@ -230,9 +198,6 @@ def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if path.suffix in _SUFFIXES:
         return path
-    near = difflib.get_close_matches(str(name_or_path), names, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}? " if near else ""
     raise ScenarioError(
-        f"no study {str(name_or_path)!r}; {hint}shipped are {', '.join(names)}; "
-        "the path of a .yaml file is welcome as well"
+        f"no study {str(name_or_path)!r}; {suggestion(name_or_path, names)}, or the path of a .yaml file"
     )

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.horizon import Horizon, Phase
-from iptm_controller.motion import Motion
+from iptm_controller.forecast import LeaderMotion
+from iptm_controller.horizon import Horizon, HorizonPhase
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemDataBuilder
+from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import (
     Plan,
@@ -25,10 +26,8 @@ from iptm_controller.plan import (
     sample_positions_m,
     variables_from_plan,
 )
-from iptm_controller.solvers.budget import SolveBudget
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
-from iptm_controller.solvers.interior_point import InteriorPointOptions
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.strategy import Strategy
 from iptm_core.decision_record import SolveStatus
 from iptm_core.routes.route import Route
@@ -112,20 +111,23 @@ def solve_whole_trip(
     Raises:
         SolverSetupError: the problem cannot be built.
     """
-    horizon = Horizon((Phase(round(route.duration_s / tick_s), tick_s),))
+    horizon = Horizon((HorizonPhase(round(route.duration_s / tick_s), tick_s),))
     # What was driven is far from the optimum of the trip, what was found for another expansion is near.
     first, further = (
         build_plain_solver(
             horizon,
             plant.parameters,
             SolverOptions(
-                budget=SolveBudget(MAX_ITERATIONS),
-                interior_point=InteriorPointOptions(TOLERANCE, NEAR_BARRIER, patience),
+                max_iterations=MAX_ITERATIONS,
+                tolerance=TOLERANCE,
+                initial_barrier=NEAR_BARRIER,
+                warm_start_iterations=warm_start,
             ),
         )
-        for patience in (0, MAX_ITERATIONS)
+        for warm_start in (0, MAX_ITERATIONS)
     )
-    builder = ProblemDataBuilder(horizon, strategy)
+    grid = ProblemGrid(horizon)
+    builder = ProblemDataBuilder(grid, strategy)
     leader = _leader_motion(route, horizon)
     slope = SlopePreview(np.asarray(route.slope.positions_m), np.asarray(route.slope.slopes_rad))
     state = plant.initial_state()
@@ -134,10 +136,10 @@ def solve_whole_trip(
     usable = False
     for index in range(MAX_SOLVES):
         solver = further if index else first
-        expected = sample_positions_m(plan, builder.sample_times_s)
+        expected = sample_positions_m(plan, grid.sample_times_s)
         data = builder.build(state, leader, slope, expected)
-        result = solver.solve(data, variables_from_plan(plan, state))
-        found = plan_from_variables(result.variables, horizon, state)
+        result = solver.solve(data, variables_from_plan(plan, grid, state))
+        found = plan_from_variables(result.variables, grid, state)
         moved = np.abs(found.states[:, StateIndex.POSITION] - plan.states[:, StateIndex.POSITION])
         solves.append(_solve_record(result, float(moved.max())))
         if on_solve is not None:
@@ -169,11 +171,11 @@ def _solve_record(result: SolveResult, moved_m: float) -> WholeTripSolve:
     )
 
 
-def _leader_motion(route: Route, horizon: Horizon) -> Motion:
+def _leader_motion(route: Route, horizon: Horizon) -> LeaderMotion:
     """The leader from before the start (speed references look back) to the end."""
     before = np.arange(-REFERENCE_WINDOW_S - 1.0, 0.0)
     times = np.concatenate([before, horizon.node_times_s])
-    return Motion(times, route.leader.positions_at(times), route.leader.speeds_at(times))
+    return LeaderMotion(times, route.leader.positions_at(times), route.leader.speeds_at(times))
 
 
 def _plan_of(run: Trajectory, horizon: Horizon) -> Plan:

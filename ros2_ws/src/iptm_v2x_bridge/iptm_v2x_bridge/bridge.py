@@ -2,35 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from enum import Enum
+from dataclasses import dataclass
 
+from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import LeaderPreview, LeaderState
-from iptm_v2x_bridge.imperfections import Imperfections, age_s
+from iptm_core.trip_time import NS_PER_S
+from iptm_v2x_bridge.imperfections import age_s, distort, is_lost, latency_ns
 from iptm_v2x_bridge.receiver import RadioLink, Receiver, empty_preview
-from iptm_v2x_bridge.source import NS_PER_S, PreviewGrid, PreviewSource
-
-
-class PreviewMode(Enum):
-    """How much the host is told about the future of the leader."""
-
-    FULL = "full"
-    NONE = "none"
-
-
-@dataclass(frozen=True)
-class BridgeSettings:
-    """What is predicted and how well it arrives.
-
-    Attributes:
-        mode: `NONE` leaves every preview empty; the leader's present state stays known.
-        grid: length and step of the predictions.
-        imperfections: delay, loss and error.
-    """
-
-    mode: PreviewMode = PreviewMode.FULL
-    grid: PreviewGrid = field(default_factory=PreviewGrid)
-    imperfections: Imperfections = field(default_factory=Imperfections)
+from iptm_v2x_bridge.source import PreviewSource, preview_times_s
 
 
 @dataclass(frozen=True)
@@ -61,13 +40,13 @@ class V2xBridge:
     The same tick asked again gets the same answer; an earlier one means that a new trip has begun.
     """
 
-    def __init__(self, source: PreviewSource, settings: BridgeSettings | None = None) -> None:
+    def __init__(self, source: PreviewSource, settings: PreviewSettings | None = None) -> None:
         self._source = source
-        self._settings = settings or BridgeSettings()
+        self._settings = settings or PreviewSettings()
         self._restart()
 
     def _restart(self) -> None:
-        self._link = RadioLink(self._settings.imperfections.latency_ns)
+        self._link = RadioLink(latency_ns(self._settings))
         self._receiver = Receiver()
         self._last: BridgeAnswer | None = None
         self._sent = 0
@@ -94,7 +73,7 @@ class V2xBridge:
         if self._last is not None and time_ns < self._last.time_ns:
             self._restart()
         leader = self._source.leader_at(time_ns)
-        if self._settings.mode is PreviewMode.NONE:
+        if self._settings.preview_mode is PreviewMode.NONE:
             self._last = BridgeAnswer(time_ns, leader, empty_preview(), lost=False)
             return self._last
         lost = self._transmit(time_ns)
@@ -105,15 +84,10 @@ class V2xBridge:
 
     def _transmit(self, time_ns: int) -> bool:
         """Send the prediction of this tick; return whether it is lost on the way."""
-        imperfections = self._settings.imperfections
         self._sent += 1
-        if imperfections.is_lost(time_ns):
+        if is_lost(self._settings, time_ns):
             self._lost += 1
             return True
-        preview = self._source.predict(time_ns, self._settings.grid)
-        self._link.send(time_ns, imperfections.distort(preview))
+        preview = self._source.predict(preview_times_s(self._settings, time_ns))
+        self._link.send(time_ns, distort(self._settings, preview))
         return False
-
-    def answer_at(self, time_s: float) -> BridgeAnswer:
-        """Return the answer to one tick given in seconds of trip time."""
-        return self.answer(round(time_s * NS_PER_S))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from iptm_core.routes import Route
-from iptm_core.state import LeaderPreview, LeaderState, SlopePreview
-from iptm_v2x_bridge.source import NS_PER_S, PreviewGrid
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview
+from iptm_core.trip_time import NS_PER_S
 
 
 class CycleSource:
@@ -17,9 +17,8 @@ class CycleSource:
         """Return the leader's state at an instant (integer nanoseconds of trip time)."""
         return self.route.leader.state_at(time_ns / NS_PER_S)
 
-    def predict(self, generated_ns: int, grid: PreviewGrid) -> LeaderPreview:
-        """Return what the leader is going to do, without any error."""
-        times_s = grid.times_s(generated_ns)
+    def predict(self, times_s: FloatArray) -> LeaderPreview:
+        """Return what the leader is going to do, without any error; see `PreviewSource`."""
         return LeaderPreview(
             generated_at_s=float(times_s[0]),
             times_s=times_s,

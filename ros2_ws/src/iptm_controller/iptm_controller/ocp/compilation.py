@@ -30,7 +30,7 @@ DIGEST_SIZE = hashlib.sha256().digest_size
 
 
 def cache_directory() -> Path:
-    """Folder of compiled problems: ``$IPTM_CACHE_DIR``, else ``iptm`` in the user's cache folder."""
+    """Return the folder of compiled problems: ``$IPTM_CACHE_DIR``, else ``iptm`` in the user's cache."""
     explicit = os.environ.get(CACHE_VARIABLE)
     if explicit:
         return Path(explicit)
@@ -39,7 +39,7 @@ def cache_directory() -> Path:
 
 
 def find_compiler() -> str | None:
-    """Path of a C compiler (``$CC``, ``cc``, ``gcc`` or ``clang``); None with a warning if there is none."""
+    """Return the path of a C compiler (``$CC``, ``cc``, ``gcc``, ``clang``); None with a warning if none."""
     for candidate in (os.environ.get("CC"), "cc", "gcc", "clang"):
         if candidate:
             path = shutil.which(candidate)
@@ -85,7 +85,7 @@ def compile_functions(functions: Sequence[ca.Function], compiler: str) -> Path:
 
 
 def _is_intact(library: Path) -> bool:
-    """Whether a library is there and as it was written; loading a cut one would crash the process."""
+    """Return whether a library is there and as it was written; loading a cut one would crash the process."""
     try:
         content = library.read_bytes()
     except OSError:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.horizon import Horizon
-from iptm_controller.motion import Motion
+from iptm_controller.forecast import LeaderMotion
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.stage import quadrature, sample_count
+from iptm_controller.ocp.grid import ProblemGrid
+from iptm_controller.ocp.layout import SampleIndex, StepIndex
 from iptm_controller.strategy import Strategy
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
@@ -33,27 +33,13 @@ class ProblemData:
 
 
 class ProblemDataBuilder:
-    """Fills the parameter vector of a horizon; the index arithmetic is done once."""
+    """Works out the numbers of one problem after the other."""
 
-    def __init__(self, horizon: Horizon, strategy: Strategy) -> None:
+    def __init__(self, grid: ProblemGrid, strategy: Strategy) -> None:
+        self._grid = grid
         self._strategy = strategy
-        starts = horizon.node_times_s[:-1]
-        lengths = horizon.step_lengths_s
-        counts = [sample_count(float(length)) for length in lengths]
-        sample_times, targets, step_offsets = [], [], []
-        offset = layout.GLOBALS
-        for start, length, count in zip(starts, lengths, counts, strict=True):
-            nodes, _ = quadrature(count)
-            sample_times.append(start + nodes * length)
-            first = offset + layout.STEP_PARAMETERS
-            targets.append(first + layout.SAMPLE_PARAMETERS * np.arange(count))
-            step_offsets.append(offset)
-            offset += layout.step_parameter_count(count)
-        self._size = offset
-        self._node_times_s = horizon.node_times_s
-        self.sample_times_s: FloatArray = np.concatenate(sample_times)
-        self._sample_slots = np.concatenate(targets)
-        self._step_slots = np.array(step_offsets)
+        lengths = grid.horizon.step_lengths_s
+        self._node_times_s = grid.horizon.node_times_s
         # A change of input between two steps happens over the time between their middles, but braking
         # that begins halfway into a long step comes too late: there it has to happen sooner.
         previous = np.concatenate([lengths[:1], lengths[:-1]])
@@ -64,7 +50,7 @@ class ProblemDataBuilder:
     def build(
         self,
         state: VehicleState,
-        leader: Motion,
+        leader: LeaderMotion,
         slope: SlopePreview,
         expected_positions_m: FloatArray,
         known_s: float = math.inf,
@@ -80,21 +66,17 @@ class ProblemDataBuilder:
             known_s: how far ahead the leader's motion is known and not a guess. The braking reserve
                 is asked for at the last node up to there, at the first one if there is none.
         """
-        now_s, origin_m = state.time_s, state.position_m
-        vector = np.empty(self._size)
-        vector[: layout.GLOBALS] = self._globals(state)
-        node_position, node_speed = leader.at(now_s + self._node_times_s[1:])
-        slots = self._step_slots
-        vector[slots + layout.StepIndex.LEADER_POSITION] = node_position - origin_m
-        vector[slots + layout.StepIndex.LEADER_SPEED] = node_speed
-        vector[slots + layout.StepIndex.RATE_INTERVAL] = self._rate_intervals_s
-        vector[slots + layout.StepIndex.END_OF_PREVIEW] = 0.0
+        grid, origin_m = self._grid, state.position_m
+        steps = np.empty((grid.steps, layout.STEP_PARAMETERS))
+        node_position, node_speed = leader.at(state.time_s + self._node_times_s[1:])
+        steps[:, StepIndex.LEADER_POSITION] = node_position - origin_m
+        steps[:, StepIndex.LEADER_SPEED] = node_speed
+        steps[:, StepIndex.RATE_INTERVAL] = self._rate_intervals_s
+        steps[:, StepIndex.END_OF_PREVIEW] = 0.0
         known_nodes = int(np.searchsorted(self._node_times_s[1:], known_s + 1e-6, side="right"))
-        vector[slots[max(known_nodes, 1) - 1] + layout.StepIndex.END_OF_PREVIEW] = 1.0
-        times = now_s + self.sample_times_s
+        steps[max(known_nodes, 1) - 1, StepIndex.END_OF_PREVIEW] = 1.0
+        times = state.time_s + grid.sample_times_s
         recent, speeds = leader.at(np.concatenate([times, times - REFERENCE_WINDOW_S]))
-        reference = (recent[: times.size] - recent[times.size :]) / REFERENCE_WINDOW_S
-        samples = self._sample_slots
         around = np.concatenate(
             [
                 expected_positions_m,
@@ -103,18 +85,22 @@ class ProblemDataBuilder:
             ]
         )
         slopes = np.interp(around, slope.positions_m, slope.slopes_rad).reshape(3, -1)
-        vector[samples + layout.SampleIndex.SLOPE] = slopes[0]
-        vector[samples + layout.SampleIndex.SLOPE_GRADIENT] = (slopes[2] - slopes[1]) / (
+        samples = np.empty((times.size, layout.SAMPLE_PARAMETERS))
+        samples[:, SampleIndex.SLOPE] = slopes[0]
+        samples[:, SampleIndex.SLOPE_GRADIENT] = (slopes[2] - slopes[1]) / (
             2.0 * SLOPE_DIFFERENCE_M
         )
-        vector[samples + layout.SampleIndex.SLOPE_CURVATURE] = (
+        samples[:, SampleIndex.SLOPE_CURVATURE] = (
             slopes[1] - 2.0 * slopes[0] + slopes[2]
         ) / SLOPE_DIFFERENCE_M**2
-        vector[samples + layout.SampleIndex.POSITION] = expected_positions_m - origin_m
-        vector[samples + layout.SampleIndex.SPEED_REFERENCE] = reference
-        vector[samples + layout.SampleIndex.LEADER_POSITION] = recent[: times.size] - origin_m
-        vector[samples + layout.SampleIndex.LEADER_SPEED] = speeds[: times.size]
-        return ProblemData(self._scaled_state(state), vector)
+        samples[:, SampleIndex.POSITION] = expected_positions_m - origin_m
+        samples[:, SampleIndex.SPEED_REFERENCE] = (
+            recent[: times.size] - recent[times.size :]
+        ) / REFERENCE_WINDOW_S
+        samples[:, SampleIndex.LEADER_POSITION] = recent[: times.size] - origin_m
+        samples[:, SampleIndex.LEADER_SPEED] = speeds[: times.size]
+        parameters = grid.parameters(self._globals(state), steps, samples)
+        return ProblemData(self._scaled_state(state), parameters)
 
     def _globals(self, state: VehicleState) -> list[float]:
         strategy = self._strategy

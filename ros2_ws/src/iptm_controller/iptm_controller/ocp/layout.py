@@ -96,6 +96,10 @@ GLOBALS = len(GlobalIndex)
 STEP_PARAMETERS = len(StepIndex)
 SAMPLE_PARAMETERS = len(SampleIndex)
 SLACKS = INPUTS - InputIndex.GAP_SHORT
+BLOCK = STATES + INPUTS
+"""Variables of one stage."""
+ROWS = STATES + LIMITS
+"""Constraint rows of one stage."""
 
 STATE_SCALE = np.array([10.0, 1.0, 1.0, 1.0, 1.0, 1000.0])
 STATE_OFFSET = np.array([0.0, 0.0, 303.15, 303.15, 0.0, 0.0])
@@ -103,5 +107,5 @@ INPUT_SCALE = np.array([1.0, 1000.0, 1.0, 1.0, 1.0, 1.0])
 
 
 def step_parameter_count(samples: int) -> int:
-    """Number of parameters of a step with so many samples."""
+    """Return the number of parameters of a step with so many samples."""
     return STEP_PARAMETERS + samples * SAMPLE_PARAMETERS

@@ -19,7 +19,7 @@ _DUAL_OUTPUTS = ("grad_gamma_x", "grad_gamma_p", "hess_gamma_x_x", "triu_hess_ga
 
 
 def oracle_expressions(transcription: Transcription) -> dict[str, ca.MX]:
-    """The problem as symbolic expressions, for solvers that differentiate by themselves."""
+    """Return the problem as symbolic expressions, for solvers that differentiate by themselves."""
     return {
         "x": transcription.variables,
         "p": transcription.parameters,
@@ -39,7 +39,7 @@ def oracle_functions(transcription: Transcription, signature: OracleSignature) -
         Functions of ``(x, p)``, or of ``(x, p, lam_f, lam_g)`` where an output needs multipliers.
     """
     w, p = transcription.variables, transcription.parameters
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", transcription.row_count)
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", transcription.grid.row_count)
     gradient, jacobian = transcription.gradient, transcription.jacobian
     hessian = transcription.hessian(lam_f, lam_g)
     outputs = {
@@ -48,7 +48,7 @@ def oracle_functions(transcription: Transcription, signature: OracleSignature) -
         "grad_f_x": gradient,
         "jac_g_x": jacobian,
         "grad_gamma_x": lam_f * gradient + ca.mtimes(jacobian.T, lam_g),
-        # Nobody asks for the sensitivity to parameters; the slot only has to exist.
+        # Sensitivity to parameters is not used; the slot only has to exist.
         "grad_gamma_p": ca.MX.zeros(p.numel()),
         "hess_gamma_x_x": hessian,
         "triu_hess_gamma_x_x": ca.triu(hessian),

@@ -9,13 +9,12 @@ samples, too: a leader can stop and be off again inside of them.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 
 from iptm_controller.ocp import layout
+from iptm_controller.ocp.grid import quadrature
 from iptm_controller.ocp.layout import (
     GlobalIndex,
     InputIndex,
@@ -35,13 +34,10 @@ from iptm_core.physics.power_thermal import (
     Smoothing,
     power_thermal_rates,
 )
-from iptm_core.state import FloatArray
 
 DEFAULT_SMOOTHING = Smoothing(
     force_n=150.0, power_w=500.0, current_a=0.05, speed_m_s=0.3, deliverable_power=True
 )
-MIDPOINT_UP_TO_S = 1.0
-SECONDS_PER_SAMPLE = 2.5
 LONGEST_UNWATCHED_S = 5.0
 GAP_SMOOTHING_M = 0.3
 NOT_ASKED_FOR_M = 1.0
@@ -63,34 +59,6 @@ class PenaltyWeights:
 
 
 DEFAULT_PENALTIES = PenaltyWeights()
-
-
-@dataclass(frozen=True)
-class StageSpec:
-    """What a stage function depends on besides the model parameters."""
-
-    step_s: float
-    samples: int
-    smoothing: Smoothing = DEFAULT_SMOOTHING
-    penalties: PenaltyWeights = DEFAULT_PENALTIES
-
-    @property
-    def parameter_count(self) -> int:
-        """Length of the step's parameter vector."""
-        return layout.step_parameter_count(self.samples)
-
-
-def sample_count(step_s: float) -> int:
-    """Samples that a step of this length needs: the midpoint up to 1 s, then one per 2.5 s."""
-    if step_s <= MIDPOINT_UP_TO_S:
-        return 1
-    return max(2, math.ceil(step_s / SECONDS_PER_SAMPLE))
-
-
-def quadrature(samples: int) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Legendre nodes and weights on [0, 1], shapes (samples,)."""
-    nodes, weights = np.polynomial.legendre.leggauss(samples)
-    return 0.5 * (nodes + 1.0), 0.5 * weights
 
 
 @dataclass(frozen=True)
@@ -116,46 +84,60 @@ class StageExpressions:
     limits: ca.SX
 
 
-def build_stage(spec: StageSpec, parameters: ModelParameters) -> StageExpressions:
-    """Write down one step of the optimal control problem (paper eqs. 16 to 19)."""
+def build_stage(
+    step_s: float,
+    samples: int,
+    parameters: ModelParameters,
+    smoothing: Smoothing = DEFAULT_SMOOTHING,
+    penalties: PenaltyWeights = DEFAULT_PENALTIES,
+) -> StageExpressions:
+    """Write down one step of the optimal control problem (paper eqs. 16 to 19).
+
+    Args:
+        step_s: step length.
+        samples: quadrature samples.
+        parameters: vehicle, pack and limits.
+        smoothing: widths of the smoothed kinks of the model.
+        penalties: prices of the soft limits.
+    """
     x = ca.SX.sym("x", layout.STATES)
     u = ca.SX.sym("u", layout.INPUTS)
-    p = ca.SX.sym("p", spec.parameter_count)
+    p = ca.SX.sym("p", layout.step_parameter_count(samples))
     g = ca.SX.sym("g", layout.GLOBALS)
     state = x * layout.STATE_SCALE + layout.STATE_OFFSET
     inputs = u * layout.INPUT_SCALE
 
-    motion = _integrate(spec, parameters, state, inputs, p, g)
+    step = _integrate(step_s, samples, smoothing, parameters, state, inputs, p, g)
     acceleration = inputs[InputIndex.ACCELERATION]
     power = inputs[InputIndex.COMPRESSOR_POWER]
     next_state = ca.vertcat(
-        advance_position_m(state[0], state[1], acceleration, spec.step_s),
-        advance_speed_m_s(state[1], acceleration, spec.step_s),
-        motion.cell_1_k,
-        motion.cell_n_k,
+        advance_position_m(state[0], state[1], acceleration, step_s),
+        advance_speed_m_s(state[1], acceleration, step_s),
+        step.cell_1_k,
+        step.cell_n_k,
         acceleration,
         power,
     )
-    slack_cost = spec.step_s * (
-        spec.penalties.gap_short_1_m * inputs[InputIndex.GAP_SHORT]
-        + spec.penalties.gap_long_1_m * inputs[InputIndex.GAP_LONG]
-        + spec.penalties.speed_1_m_s * inputs[InputIndex.SPEED_EXCESS]
-        + spec.penalties.temperature_1_k * inputs[InputIndex.TEMPERATURE_EXCESS]
+    slack_cost = step_s * (
+        penalties.gap_short_1_m * inputs[InputIndex.GAP_SHORT]
+        + penalties.gap_long_1_m * inputs[InputIndex.GAP_LONG]
+        + penalties.speed_1_m_s * inputs[InputIndex.SPEED_EXCESS]
+        + penalties.temperature_1_k * inputs[InputIndex.TEMPERATURE_EXCESS]
     )
-    limits = _limits(parameters, state, inputs, next_state, motion, p)
+    limits = _limits(parameters, state, inputs, next_state, step, p)
     return StageExpressions(
         state=x,
         inputs=u,
         step_parameters=p,
         global_parameters=g,
         next_state=(next_state - layout.STATE_OFFSET) / layout.STATE_SCALE,
-        cost=motion.cost + slack_cost,
+        cost=step.cost + slack_cost,
         limits=limits,
     )
 
 
 @dataclass(frozen=True)
-class _StepMotion:
+class _StepIntegrals:
     """Integrals over a step: cell temperatures at its end, outlet temperature, cost of J1 to J4.
 
     ``gaps_m`` are gap and s_min at the samples inside a step that is too long to look at its end only.
@@ -169,10 +151,17 @@ class _StepMotion:
 
 
 def _integrate(
-    spec: StageSpec, parameters: ModelParameters, state: ca.SX, inputs: ca.SX, p: ca.SX, g: ca.SX
-) -> _StepMotion:
+    step_s: float,
+    samples: int,
+    smoothing: Smoothing,
+    parameters: ModelParameters,
+    state: ca.SX,
+    inputs: ca.SX,
+    p: ca.SX,
+    g: ca.SX,
+) -> _StepIntegrals:
     channel = reduce_channel(parameters.cooling, parameters.pack)
-    nodes, weights = quadrature(spec.samples)
+    nodes, weights = quadrature(samples)
     position, speed = state[StateIndex.POSITION], state[StateIndex.SPEED]
     start_1 = state[StateIndex.CELL_1_TEMPERATURE]
     start_n = state[StateIndex.CELL_N_TEMPERATURE]
@@ -182,7 +171,7 @@ def _integrate(
     gaps_m: list[tuple[ca.SX, ca.SX]] = []
     rates: PowerThermalRates | None = None
     for index, (node, weight) in enumerate(zip(nodes, weights, strict=True)):
-        elapsed_s, share_s = float(node) * spec.step_s, float(weight) * spec.step_s
+        elapsed_s, share_s = float(node) * step_s, float(weight) * step_s
         if rates is not None:
             sample_1 = start_1 + elapsed_s * rates.cell_1_temperature_rate_k_s
             sample_n = start_n + elapsed_s * rates.cell_n_temperature_rate_k_s
@@ -203,25 +192,25 @@ def _integrate(
             cells,
             parameters,
             channel,
-            spec.smoothing,
+            smoothing,
         )
         speed_error = sample_speed - sample[SampleIndex.SPEED_REFERENCE]
         cost += share_s * _cost_rate(rates, speed_error, sample_1, sample_n, g)
         end_1 += share_s * rates.cell_1_temperature_rate_k_s
         end_n += share_s * rates.cell_n_temperature_rate_k_s
-        if spec.step_s > LONGEST_UNWATCHED_S:
+        if step_s > LONGEST_UNWATCHED_S:
             leader_speed = sample[SampleIndex.LEADER_SPEED]
             shortest = minimum_gap_m(sample_speed, leader_speed, parameters.gap, parameters.limits)
             gaps_m.append((sample[SampleIndex.LEADER_POSITION] - sample_position, shortest))
     if rates is None:
         raise AssertionError("a step has at least one sample")
-    return _StepMotion(end_1, end_n, rates.coolant.outlet_k, cost, gaps_m)
+    return _StepIntegrals(end_1, end_n, rates.coolant.outlet_k, cost, gaps_m)
 
 
 def _cost_rate(
     rates: PowerThermalRates, speed_error: ca.SX, cell_1_k: ca.SX, cell_n_k: ca.SX, g: ca.SX
 ) -> ca.SX:
-    """J1 + J2 + J3 + J4 per second (paper eq. 17)."""
+    """Return J1 + J2 + J3 + J4 per second (paper eq. 17)."""
     reference_k = g[GlobalIndex.REFERENCE_TEMPERATURE]
     error_1, error_n = cell_1_k - reference_k, cell_n_k - reference_k
     aging = rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s
@@ -239,10 +228,10 @@ def _limits(
     state: ca.SX,
     inputs: ca.SX,
     next_state: ca.SX,
-    motion: _StepMotion,
+    step: _StepIntegrals,
     p: ca.SX,
 ) -> ca.SX:
-    """Inequality rows at the end of the step: paper eqs. 16b to 16i, and the braking reserve."""
+    """Return the inequality rows at the end of the step: paper eqs. 16b to 16i, and the braking reserve."""
     bounds, gap_policy = parameters.limits, parameters.gap
     rate_s = p[StepIndex.RATE_INTERVAL]
     speed = next_state[StateIndex.SPEED]
@@ -253,7 +242,7 @@ def _limits(
         gap, speed, next_state[StateIndex.LAST_ACCELERATION], leader_speed, gap_policy, bounds
     )
     margin, floor = gap - shortest, gap - gap_policy.standstill_gap_m
-    for gap_inside, shortest_inside in motion.gaps_m:
+    for gap_inside, shortest_inside in step.gaps_m:
         margin = -maximum(-margin, shortest_inside - gap_inside, GAP_SMOOTHING_M)
         floor = -maximum(-floor, gap_policy.standstill_gap_m - gap_inside, GAP_SMOOTHING_M)
     at_end = p[StepIndex.END_OF_PREVIEW]
@@ -276,7 +265,7 @@ def _limits(
     temperatures = (
         next_state[StateIndex.CELL_1_TEMPERATURE],
         next_state[StateIndex.CELL_N_TEMPERATURE],
-        motion.outlet_k,
+        step.outlet_k,
     )
     for temperature_k in temperatures:
         rows.append(temperature_k - bounds.min_temperature_k + temperature_slack)

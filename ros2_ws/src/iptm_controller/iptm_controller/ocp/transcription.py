@@ -1,7 +1,6 @@
 """The horizon as one nonlinear program with the stage structure kept visible.
 
-Variables are ordered ``x_0, u_0, x_1, u_1, ..., x_N`` and constraint rows ``dynamics_0, limits_0,
-dynamics_1, ...``, the order that structure-exploiting solvers read. Every derivative is taken once per
+The order of variables, rows and parameters is that of ``ProblemGrid``. Every derivative is taken once per
 stage kind and mapped over the steps of a phase, so that code size does not grow with the horizon and
 evaluation cost grows linearly.
 """
@@ -15,24 +14,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.layout import InputIndex, LimitIndex
-from iptm_controller.ocp.stage import (
-    DEFAULT_PENALTIES,
-    DEFAULT_SMOOTHING,
-    PenaltyWeights,
-    StageSpec,
-    build_stage,
-    sample_count,
-)
-from iptm_core.parameters.model import LimitParameters, ModelParameters
-from iptm_core.physics.power_thermal import Smoothing
-from iptm_core.state import FloatArray
+from iptm_controller.ocp.grid import ProblemGrid
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.stage import StageExpressions
 
-ROWS = layout.STATES + layout.LIMITS
-BLOCK = layout.STATES + layout.INPUTS
-UNBOUNDED = np.inf
+Entries = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 
 @dataclass(frozen=True)
@@ -40,7 +27,6 @@ class StageFunctions:
     """Functions of one stage kind; sparse results come as vectors of nonzeros.
 
     Attributes:
-        spec: step length and samples.
         value: ``(x, u, p, g) -> (rows (20,), cost)``, rows being minus the next state, then limits.
         gradient: ``(x, u, p, g) -> (cost gradient (12,))``.
         jacobian: ``(x, u, p, g) -> nonzeros of d rows / d (x, u)``.
@@ -49,7 +35,6 @@ class StageFunctions:
         hessian_sparsity: (12, 12), symmetric.
     """
 
-    spec: StageSpec
     value: ca.Function
     gradient: ca.Function
     jacobian: ca.Function
@@ -58,28 +43,24 @@ class StageFunctions:
     hessian_sparsity: ca.Sparsity
 
 
-def build_stage_functions(
-    spec: StageSpec, parameters: ModelParameters, name: str
-) -> StageFunctions:
-    """Differentiate one stage kind symbolically."""
-    stage = build_stage(spec, parameters)
+def differentiate_stage(stage: StageExpressions, name: str) -> StageFunctions:
+    """Return the functions of one stage kind and their derivatives."""
     variables = ca.vertcat(stage.state, stage.inputs)
     # The sign of the dynamics rows is the one that structure-exploiting solvers expect: x+ - F(x, u).
     rows = ca.vertcat(-stage.next_state, stage.limits)
     arguments = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
-    lam_f, lam_rows = ca.SX.sym("lam_f"), ca.SX.sym("lam_rows", ROWS)
+    lam_f, lam_rows = ca.SX.sym("lam_f"), ca.SX.sym("lam_rows", layout.ROWS)
     gradient = ca.gradient(stage.cost, variables)
     jacobian = ca.jacobian(rows, variables)
     lagrangian = lam_f * stage.cost + ca.dot(lam_rows, rows)
     hessian = ca.hessian(lagrangian, variables)[0]
     options = {"cse": True}
     return StageFunctions(
-        spec=spec,
         value=ca.Function(f"{name}_value", arguments, [rows, stage.cost], options),
         gradient=ca.Function(f"{name}_gradient", arguments, [ca.densify(gradient)], options),
-        jacobian=ca.Function(f"{name}_jacobian", arguments, [_nonzeros(jacobian)], options),
+        jacobian=ca.Function(f"{name}_jacobian", arguments, [jacobian.nz[:]], options),
         hessian=ca.Function(
-            f"{name}_hessian", [*arguments, lam_f, lam_rows], [_nonzeros(hessian)], options
+            f"{name}_hessian", [*arguments, lam_f, lam_rows], [hessian.nz[:]], options
         ),
         jacobian_sparsity=jacobian.sparsity(),
         hessian_sparsity=hessian.sparsity(),
@@ -88,18 +69,20 @@ def build_stage_functions(
 
 @dataclass(frozen=True)
 class Transcription:
-    """The nonlinear program of one horizon.
+    """The nonlinear program of one horizon as expressions of ``variables`` and ``parameters``.
 
     Attributes:
-        horizon: the grid.
-        stages: one stage kind per phase.
+        grid: order of variables, rows and parameters.
+        stages: one entry per stage kind of the grid.
         variables: symbol w, shape (12 N + 6,).
-        parameters: symbol, globals then the parameters of every step.
-        objective: ``(w, parameters) -> cost``, and so on for the others.
-        step_offsets: start of each step's parameters in the parameter vector, shape (N,).
+        parameters: symbol p.
+        cost: scalar.
+        rows: shape (20 N,).
+        gradient: of the cost.
+        jacobian: of the rows.
     """
 
-    horizon: Horizon
+    grid: ProblemGrid
     stages: tuple[StageFunctions, ...]
     variables: ca.MX
     parameters: ca.MX
@@ -107,206 +90,88 @@ class Transcription:
     rows: ca.MX
     gradient: ca.MX
     jacobian: ca.MX
-    step_offsets: NDArray[np.int64]
-
-    @property
-    def variable_count(self) -> int:
-        """Number of decision variables."""
-        return BLOCK * self.horizon.steps + layout.STATES
-
-    @property
-    def row_count(self) -> int:
-        """Number of constraint rows."""
-        return ROWS * self.horizon.steps
 
     def hessian(self, lam_f: ca.MX, lam_rows: ca.MX) -> ca.MX:
-        """Hessian of ``lam_f cost + lam_rows . rows``, symmetric and block diagonal."""
-        count = self.horizon.steps
-        multipliers = ca.reshape(lam_rows, ROWS, count)
+        """Return the Hessian of ``lam_f cost + lam_rows . rows``, symmetric and block diagonal."""
+        grid = self.grid
+        arguments = grid.stage_arguments(self.variables, self.parameters)
         blocks = []
-        start = 0
-        for stage, phase, arguments in zip(
-            self.stages, self.horizon.phases, self._arguments(), strict=True
-        ):
-            span = slice(start, start + phase.steps)
-            repeated = [ca.repmat(lam_f, 1, phase.steps), multipliers[:, span]]
-            blocks.append(ca.vec(stage.hessian.map(phase.steps)(*arguments, *repeated)))
-            start += phase.steps
-        values = ca.vertcat(*blocks)
-        sparsity, order = _scatter(
-            (self.variable_count, self.variable_count), self._hessian_entries()
+        for kind, stage, given in zip(grid.stages, self.stages, arguments, strict=True):
+            multipliers = ca.reshape(lam_rows[kind.rows], layout.ROWS, kind.count)
+            repeated = [ca.repmat(lam_f, 1, kind.count), multipliers]
+            blocks.append(ca.vec(stage.hessian.map(kind.count)(*given, *repeated)))
+        entries = _stage_entries(
+            grid, [stage.hessian_sparsity for stage in self.stages], layout.BLOCK
         )
-        return ca.MX(sparsity, values[order])
-
-    def _arguments(self) -> list[list[ca.MX]]:
-        counts = [stage.spec.parameter_count for stage in self.stages]
-        return phase_arguments(self.horizon, counts, self.variables, self.parameters)
-
-    def _hessian_entries(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        rows, columns = [], []
-        start = 0
-        for stage, phase in zip(self.stages, self.horizon.phases, strict=True):
-            row, column = (np.array(part) for part in stage.hessian_sparsity.get_triplet())
-            for step in range(start, start + phase.steps):
-                rows.append(row + BLOCK * step)
-                columns.append(column + BLOCK * step)
-            start += phase.steps
-        return np.concatenate(rows), np.concatenate(columns)
+        shape = (grid.variable_count, grid.variable_count)
+        return _assemble(shape, entries, ca.vertcat(*blocks))
 
 
-def transcribe(
-    horizon: Horizon,
-    model: ModelParameters,
-    smoothing: Smoothing = DEFAULT_SMOOTHING,
-    penalties: PenaltyWeights = DEFAULT_PENALTIES,
-) -> Transcription:
-    """Build the nonlinear program of a horizon for a vehicle."""
+def transcribe(problem: OptimalControlProblem) -> Transcription:
+    """Return the nonlinear program of a problem."""
+    grid = problem.grid
     stages = tuple(
-        build_stage_functions(
-            StageSpec(phase.step_s, sample_count(phase.step_s), smoothing, penalties),
-            model,
-            f"stage_{index}",
-        )
-        for index, phase in enumerate(horizon.phases)
+        differentiate_stage(stage, f"stage_{index}")
+        for index, stage in enumerate(problem.stage_expressions())
     )
-    sizes = np.concatenate(
-        [
-            np.full(phase.steps, stage.spec.parameter_count)
-            for phase, stage in zip(horizon.phases, stages, strict=True)
-        ]
-    )
-    offsets = layout.GLOBALS + np.concatenate([[0], np.cumsum(sizes)])
-    w = ca.MX.sym("x", BLOCK * horizon.steps + layout.STATES)
-    p = ca.MX.sym("p", int(offsets[-1]))
-    counts = [stage.spec.parameter_count for stage in stages]
-    arguments = phase_arguments(horizon, counts, w, p)
+    w = ca.MX.sym("x", grid.variable_count)
+    p = ca.MX.sym("p", grid.parameter_count)
     rows, costs, gradients, jacobians = [], [], [], []
-    for stage, phase, argument in zip(stages, horizon.phases, arguments, strict=True):
-        row, cost = stage.value.map(phase.steps)(*argument)
+    arguments = grid.stage_arguments(w, p)
+    for kind, stage, given in zip(grid.stages, stages, arguments, strict=True):
+        row, cost = stage.value.map(kind.count)(*given)
         rows.append(row)
         costs.append(ca.sum2(cost))
-        gradients.append(ca.vec(stage.gradient.map(phase.steps)(*argument)))
-        jacobians.append(ca.vec(stage.jacobian.map(phase.steps)(*argument)))
-    successors = ca.reshape(w[layout.STATES + layout.INPUTS :], -1, 1)
-    nodes = ca.reshape(ca.vertcat(successors, ca.MX.zeros(layout.INPUTS, 1)), BLOCK, horizon.steps)[
-        : layout.STATES, :
-    ]
+        gradients.append(ca.vec(stage.gradient.map(kind.count)(*given)))
+        jacobians.append(ca.vec(stage.jacobian.map(kind.count)(*given)))
     row_table = ca.horzcat(*rows)
-    row_table = ca.vertcat(row_table[: layout.STATES, :] + nodes, row_table[layout.STATES :, :])
-    sparsity, order = _scatter(
-        (ROWS * horizon.steps, BLOCK * horizon.steps + layout.STATES),
-        _jacobian_entries(horizon, stages),
+    row_table = ca.vertcat(
+        row_table[: layout.STATES, :] + grid.next_states(w), row_table[layout.STATES :, :]
     )
-    values = ca.vertcat(*jacobians, ca.MX.ones(layout.STATES * horizon.steps, 1))
+    entries = _stage_entries(grid, [stage.jacobian_sparsity for stage in stages], layout.ROWS)
+    shape = (grid.row_count, grid.variable_count)
+    next_state_slopes = ca.MX.ones(layout.STATES * grid.steps, 1)
     return Transcription(
-        horizon=horizon,
+        grid=grid,
         stages=stages,
         variables=w,
         parameters=p,
         cost=sum(costs[1:], costs[0]),
         rows=ca.vec(row_table),
         gradient=ca.vertcat(*gradients, ca.MX.zeros(layout.STATES, 1)),
-        jacobian=ca.MX(sparsity, values[order]),
-        step_offsets=offsets[:-1].astype(np.int64),
+        jacobian=_assemble(
+            shape,
+            [*entries, *_next_state_entries(grid)],
+            ca.vertcat(*jacobians, next_state_slopes),
+        ),
     )
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """Bounds of variables and rows, in scaled units, in the order of the transcription."""
-
-    variables_low: FloatArray
-    variables_high: FloatArray
-    rows_low: FloatArray
-    rows_high: FloatArray
-
-
-def problem_bounds(steps: int, limits: LimitParameters) -> Bounds:
-    """Constant bounds: physical input limits hard, everything else through rows with slacks.
-
-    The entries of x_0 are free here; the present state is put into them for every problem.
-    """
-    free = np.full(layout.STATES, UNBOUNDED)
-    input_low = np.zeros(layout.INPUTS)
-    input_high = np.full(layout.INPUTS, UNBOUNDED)
-    input_low[InputIndex.ACCELERATION] = limits.min_acceleration_m_s2
-    input_high[InputIndex.ACCELERATION] = limits.max_acceleration_m_s2
-    input_low[InputIndex.COMPRESSOR_POWER] = limits.min_compressor_power_w
-    input_high[InputIndex.COMPRESSOR_POWER] = limits.max_compressor_power_w
-    input_low = input_low / layout.INPUT_SCALE
-    input_high = input_high / layout.INPUT_SCALE
-    row_low = np.zeros(ROWS)
-    row_high = np.full(ROWS, UNBOUNDED)
-    row_high[: layout.STATES] = 0.0
-    for rate in (LimitIndex.ACCELERATION_RATE, LimitIndex.COMPRESSOR_RATE):
-        row_low[layout.STATES + rate] = -1.0
-        row_high[layout.STATES + rate] = 1.0
-    return Bounds(
-        variables_low=np.concatenate([np.tile(np.concatenate([-free, input_low]), steps), -free]),
-        variables_high=np.concatenate([np.tile(np.concatenate([free, input_high]), steps), free]),
-        rows_low=np.tile(row_low, steps),
-        rows_high=np.tile(row_high, steps),
-    )
+def _stage_entries(
+    grid: ProblemGrid, sparsities: Sequence[ca.Sparsity], height: int
+) -> list[Entries]:
+    """Return rows and columns of the stage blocks along the diagonal, step by step."""
+    entries: list[Entries] = []
+    for kind, sparsity in zip(grid.stages, sparsities, strict=True):
+        row, column = (np.array(part) for part in sparsity.get_triplet())
+        entries += [
+            (row + height * step, column + layout.BLOCK * step)
+            for step in range(kind.steps.start, kind.steps.stop)
+        ]
+    return entries
 
 
-def phase_arguments(
-    horizon: Horizon, parameter_counts: Sequence[int], w: ca.MX, p: ca.MX
-) -> list[list[ca.MX]]:
-    """Stage arguments of every phase: states, inputs, step parameters and globals, one column each.
-
-    Args:
-        horizon: the grid.
-        parameter_counts: parameters of one step, for each phase.
-        w: all variables.
-        p: all parameters.
-    """
-    table = ca.reshape(w[: BLOCK * horizon.steps], BLOCK, horizon.steps)
-    shared = p[: layout.GLOBALS]
-    arguments = []
-    step, offset = 0, layout.GLOBALS
-    for phase, count in zip(horizon.phases, parameter_counts, strict=True):
-        columns = slice(step, step + phase.steps)
-        length = count * phase.steps
-        arguments.append(
-            [
-                table[: layout.STATES, columns],
-                table[layout.STATES :, columns],
-                ca.reshape(p[offset : offset + length], count, phase.steps),
-                ca.repmat(shared, 1, phase.steps),
-            ]
-        )
-        step += phase.steps
-        offset += length
-    return arguments
+def _next_state_entries(grid: ProblemGrid) -> list[Entries]:
+    index = np.arange(layout.STATES)
+    return [
+        (index + layout.ROWS * step, index + layout.BLOCK * (step + 1))
+        for step in range(grid.steps)
+    ]
 
 
-def _jacobian_entries(
-    horizon: Horizon, stages: tuple[StageFunctions, ...]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    rows, columns = [], []
-    start = 0
-    for stage, phase in zip(stages, horizon.phases, strict=True):
-        row, column = (np.array(part) for part in stage.jacobian_sparsity.get_triplet())
-        for step in range(start, start + phase.steps):
-            rows.append(row + ROWS * step)
-            columns.append(column + BLOCK * step)
-        start += phase.steps
-    for step in range(horizon.steps):
-        index = np.arange(layout.STATES)
-        rows.append(index + ROWS * step)
-        columns.append(index + BLOCK * (step + 1))
-    return np.concatenate(rows), np.concatenate(columns)
-
-
-def _scatter(
-    shape: tuple[int, int], entries: tuple[NDArray[np.int64], NDArray[np.int64]]
-) -> tuple[ca.Sparsity, list[int]]:
-    """Sparsity of unique (row, column) entries and, per nonzero, where its value stands in the list."""
-    rows, columns = entries
+def _assemble(shape: tuple[int, int], entries: Sequence[Entries], values: ca.MX) -> ca.MX:
+    """Return the sparse matrix with the values at unique (row, column) entries."""
+    rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
     order = np.lexsort((rows, columns))
     sparsity = ca.Sparsity.triplet(*shape, rows[order].tolist(), columns[order].tolist())
-    return sparsity, order.tolist()
-
-
-def _nonzeros(matrix: ca.SX) -> ca.SX:
-    return matrix.nz[:]
+    return ca.MX(sparsity, values[order.tolist()])

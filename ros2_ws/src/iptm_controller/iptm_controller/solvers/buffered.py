@@ -57,9 +57,30 @@ class BufferedFunction:
         self._run()
 
     def stats(self) -> dict[str, Any]:
-        """CasADi's statistics of the last call."""
+        """Return CasADi's statistics of the last call."""
         stats: dict[str, Any] = self._buffer.stats()
         return stats
+
+
+def named_function(
+    name: str, arguments: Mapping[str, Any], results: Mapping[str, Any], *, cse: bool = False
+) -> ca.Function:
+    """Return a function whose arguments and results go by the names given.
+
+    Args:
+        name: name of the function.
+        arguments: symbols.
+        results: expressions.
+        cse: compute common subexpressions once.
+    """
+    return ca.Function(
+        name,
+        list(arguments.values()),
+        list(results.values()),
+        list(arguments),
+        list(results),
+        {"cse": True} if cse else {},
+    )
 
 
 def _array(given: Mapping[str, FloatArray], name: str, size: int) -> FloatArray:

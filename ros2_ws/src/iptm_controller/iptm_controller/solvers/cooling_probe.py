@@ -1,8 +1,8 @@
-"""A second start for the one place where the problem has two valleys: compressor off or on.
+"""A second start for the one place where the problem has two local minima: compressor off or on.
 
 A compressor that is off cools nothing, and the chiller map is flat there: "off" is a stationary point
 even when cooling would pay, for example when a temperature limit is about to break. A solver started
-from an off plan stays in that valley. Whenever the plan leaves the compressor off, this back end also
+from an off plan stays at that minimum. Whenever the plan leaves the compressor off, this back end also
 tries a plan that starts it, if a temperature limit is violated, if the first solve failed, and at the first
 and every few further ticks in any case; the better plan wins.
 """
@@ -16,9 +16,9 @@ import numpy as np
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
-from iptm_controller.solvers.backend import SolverBackend
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.solvers.interface import SolverBackend, SolveResult
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 
@@ -34,7 +34,7 @@ class CoolingProbe:
 
     def __init__(self, inner: SolverBackend, horizon: Horizon, parameters: ModelParameters) -> None:
         self._inner = inner
-        self._steps = horizon.steps
+        self._grid = ProblemGrid(horizon)
         rate = parameters.limits.max_compressor_rate_w_s
         self._ramp_w = rate * horizon.node_times_s[1:]
         self._start_w = min(START_POWER_W, parameters.limits.max_compressor_power_w)
@@ -69,7 +69,7 @@ class CoolingProbe:
     def _due(self, result: SolveResult) -> bool:
         if not result.status.usable:
             return True
-        inputs = self._inputs(result.variables)
+        _, inputs = self._grid.split(result.variables)
         power_w = inputs[:, InputIndex.COMPRESSOR_POWER] * _POWER_SCALE_W
         if power_w.max() > OFF_BELOW_W:
             return False
@@ -77,17 +77,12 @@ class CoolingProbe:
         return bool(violated) or self._since_probe >= PROBE_EVERY
 
     def _with_compressor_on(self, variables: FloatArray, data: ProblemData) -> FloatArray:
-        started = variables.copy()
+        states, inputs = self._grid.split(variables)
         now_w = data.initial_state[StateIndex.LAST_COMPRESSOR_POWER] * _POWER_SCALE_W
         power = np.minimum(now_w + self._ramp_w, max(self._start_w, now_w)) / _POWER_SCALE_W
-        table = started[: -layout.STATES].reshape(self._steps, -1)
-        table[:, layout.STATES + InputIndex.COMPRESSOR_POWER] = power
-        table[1:, StateIndex.LAST_COMPRESSOR_POWER] = power[:-1]
-        started[-layout.STATES + StateIndex.LAST_COMPRESSOR_POWER] = power[-1]
-        return started
-
-    def _inputs(self, variables: FloatArray) -> FloatArray:
-        return variables[: -layout.STATES].reshape(self._steps, -1)[:, layout.STATES :]
+        inputs[:, InputIndex.COMPRESSOR_POWER] = power
+        states[1:, StateIndex.LAST_COMPRESSOR_POWER] = power
+        return self._grid.join(states, inputs)
 
 
 _POWER_SCALE_W = float(layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER])

@@ -6,15 +6,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 from iptm_core.errors import ParameterError
-from iptm_core.parameters.flat import FieldSpec, check_known, checked_number, field_specs, shown
+from iptm_core.parameters.flat import FieldSpec, checked_number, field_specs
 from iptm_core.parameters.sources import Source, SourceTag
+from iptm_core.strict_mapping import StrictMapping, check_known, shown
 
 AMBIENT_KEY = "environment.ambient_temperature_k"
 COEFFICIENT_KEYS = tuple(key for key in field_specs() if key.startswith("chiller.xi_"))
-_ENTRIES = ("source", "note", "columns", "units", "rows")
+TABLE_ENTRIES = ("source", "note", "columns", "units", "rows")
 _EDGE_K = 1e-9  # round-off of a conversion may not push an edge of the table outside of it
 
 
@@ -51,8 +51,8 @@ class ChillerTable:
         first, last = self.ambient_k[0], self.ambient_k[-1]
         if not first - _EDGE_K <= ambient_k <= last + _EDGE_K:
             raise ParameterError(
-                f"{self.origin}: {AMBIENT_KEY} = {ambient_k!r}: outside of the chiller table; "
-                f"permitted: {first:g} to {last:g} K"
+                f"{self.origin}: {AMBIENT_KEY} is {ambient_k!r}, outside of the chiller table; "
+                f"allowed: {first:g} to {last:g} K"
             )
         for row, node_k in enumerate(self.ambient_k):
             if math.isclose(node_k, ambient_k, rel_tol=0.0, abs_tol=_EDGE_K):
@@ -76,11 +76,13 @@ class ChillerTable:
         return Source(value=value, unit=field_specs()[key].unit, tag=self.tag, note=note)
 
 
-def parse_chiller_table(entry: Any, tag: SourceTag, note: str, origin: str) -> ChillerTable:
+def parse_chiller_table(
+    written: StrictMapping, tag: SourceTag, note: str, origin: str
+) -> ChillerTable:
     """Read the table of ``chiller.by_ambient_temperature``.
 
     Args:
-        entry: mapping with ``source``, ``note``, ``columns``, ``units`` and ``rows``.
+        written: mapping with the keys ``TABLE_ENTRIES``.
         tag: its source, already checked.
         note: its note, already checked.
         origin: file name for the messages.
@@ -92,27 +94,27 @@ def parse_chiller_table(entry: Any, tag: SourceTag, note: str, origin: str) -> C
         ParameterError: for missing or unknown columns, rows of another length, values out of range, or
             ambient temperatures that do not increase.
     """
-    where = f"{origin}: chiller.by_ambient_temperature"
-    for key in entry:
-        check_known(key, _ENTRIES, where, "entry")
-    specs = _column_specs(entry.get("columns"), where)
-    units = entry.get("units")
-    if not isinstance(units, list) or len(units) != len(specs):
-        raise ParameterError(f"{where}.units = {shown(units)}: one unit for each column is needed")
-    rows = entry.get("rows")
-    if not isinstance(rows, list) or len(rows) < 2:
-        raise ParameterError(f"{where}.rows: a list of at least two rows is needed")
+    where = written.where
+    specs = _column_specs(written)
+    units = written.entries("units")
+    if len(units) != len(specs):
+        written.refuse("units", f"a list of {len(specs)} units, one for each column")
+    rows = written.entries("rows")
+    if len(rows) < 2:
+        written.refuse("rows", "a list of at least two rows")
     columns: dict[str, list[float]] = {spec.key: [] for spec in specs}
     for number, row in enumerate(rows, start=1):
         if not isinstance(row, list) or len(row) != len(specs):
             raise ParameterError(
-                f"{where}.rows, row {number} = {shown(row)}: a list of {len(specs)} numbers is needed"
+                f"{where}: rows, row {number} is {shown(row)}; allowed: a list of {len(specs)} numbers"
             )
         for spec, unit, value in zip(specs, units, row, strict=True):
             columns[spec.key].append(checked_number(value, spec, f"{where}, row {number}", unit))
     ambient_k = tuple(columns.pop(AMBIENT_KEY))
     if any(low >= high for low, high in pairwise(ambient_k)):
-        raise ParameterError(f"{where}: the ambient temperatures must increase from row to row")
+        raise ParameterError(
+            f"{where}: ambient temperatures are {shown(ambient_k)} K; allowed: increasing ones"
+        )
     return ChillerTable(
         origin=origin,
         ambient_k=ambient_k,
@@ -122,14 +124,11 @@ def parse_chiller_table(entry: Any, tag: SourceTag, note: str, origin: str) -> C
     )
 
 
-def _column_specs(columns: Any, where: str) -> list[FieldSpec]:
+def _column_specs(written: StrictMapping) -> list[FieldSpec]:
     by_name = {key.split(".")[1]: key for key in (AMBIENT_KEY, *COEFFICIENT_KEYS)}
-    if not isinstance(columns, list):
-        raise ParameterError(f"{where}.columns: a list of the names {', '.join(by_name)} is needed")
+    columns = written.entries("columns")
     for name in columns:
-        check_known(name, by_name, where, "column")
+        check_known(name, by_name, written.where, "column")
     if sorted(columns) != sorted(by_name):
-        raise ParameterError(
-            f"{where}.columns = {shown(columns)}: each of {', '.join(by_name)} is needed once"
-        )
+        written.refuse("columns", f"each of {', '.join(by_name)} once")
     return [field_specs()[by_name[name]] for name in columns]

@@ -43,7 +43,7 @@ def _check_gap(values: ModelParameters, origin: str) -> None:
         )
     if not gap.standstill_gap_m <= gap.initial_gap_m <= gap.max_gap_m:
         raise ParameterError(
-            f"{origin}: gap.initial_gap_m = {gap.initial_gap_m!r}; permitted: from "
+            f"{origin}: gap.initial_gap_m = {gap.initial_gap_m!r}; allowed: from "
             f"gap.standstill_gap_m to gap.max_gap_m, {gap.standstill_gap_m!r} to {gap.max_gap_m!r} m"
         )
 
@@ -60,7 +60,7 @@ def _check_channel(values: ModelParameters, origin: str) -> None:
             f"{origin}: cooling.convective_coefficient_w_k = "
             f"{cooling.convective_coefficient_w_k!r} is not below the heat-capacity rate of one "
             f"coolant channel, {flow_w_k:.6g} W/K (cooling.coolant_specific_heat_j_kg_k "
-            f"cooling.coolant_mass_flow_kg_s / pack.modules): h/C_f = {ratio:.6g}, permitted: below 1, "
+            f"cooling.coolant_mass_flow_kg_s / pack.modules): h/C_f = {ratio:.6g}, allowed: below 1, "
             "or the coolant would overshoot the cell it passes"
         )
     chiller = values.chiller
@@ -68,7 +68,7 @@ def _check_channel(values: ModelParameters, origin: str) -> None:
     if slope_w_k < 0.0:
         raise ParameterError(
             f"{origin}: chiller.xi_3_w_k + chiller.xi_5_j_kg_k cooling.coolant_mass_flow_kg_s = "
-            f"{slope_w_k:.6g} W/K; permitted: 0 or more, or the chiller would cool less the warmer the "
+            f"{slope_w_k:.6g} W/K; allowed: 0 or more, or the chiller would cool less the warmer the "
             "coolant is (the coefficients belong to the coolant flow that they were fitted at)"
         )
 
@@ -86,12 +86,12 @@ def _check_cell(values: ModelParameters, origin: str) -> None:
         if factor <= 0.0:
             raise ParameterError(
                 f"{origin}: cell.resistance_temperature_coefficient_1_k = {kappa!r} makes the cell "
-                f"resistance vanish at {key} = {temperature_k!r}: factor {factor:.6g}, permitted: above 0"
+                f"resistance vanish at {key} = {temperature_k!r}: factor {factor:.6g}, allowed: above 0"
             )
         entropic_v = values.pack.cells_in_series * temperature_k * cell.entropic_coefficient_v_k
         if entropic_v >= values.pack.open_circuit_voltage_v:
             raise ParameterError(
                 f"{origin}: cell.entropic_coefficient_v_k = {cell.entropic_coefficient_v_k!r} gives an "
-                f"entropic voltage of {entropic_v:.6g} V at {key} = {temperature_k!r}; permitted: below "
+                f"entropic voltage of {entropic_v:.6g} V at {key} = {temperature_k!r}; allowed: below "
                 f"pack.open_circuit_voltage_v = {values.pack.open_circuit_voltage_v!r}"
             )

@@ -7,9 +7,8 @@ through YAML or JSON gives the parameters back bit by bit.
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from numbers import Real
@@ -19,6 +18,7 @@ from iptm_core.errors import ParameterError
 from iptm_core.parameters.consistency import check_consistency
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import accepted_units, to_model_unit
+from iptm_core.strict_mapping import StrictMapping, shown
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ class FieldSpec:
     integral: bool
 
     @property
-    def permitted(self) -> str:
+    def allowed(self) -> str:
         """The permitted range in words, in the unit of the model."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         whole = "whole numbers from " if self.integral else ""
-        return f"permitted: {whole}{self.minimum:g} to {self.maximum:g}{unit}"
+        return f"{whole}{self.minimum:g} to {self.maximum:g}{unit}"
 
 
 @lru_cache(maxsize=1)
@@ -90,52 +90,24 @@ def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None
         ParameterError: for a bool, text or other non-number, a value that is not finite, a fraction
             where a whole number is due, an unknown unit, or a value outside the range.
     """
-    where = f"{origin}: {spec.key} = {shown(value)}"
+    where = f"{origin}: {spec.key} is {shown(value)}"
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ParameterError(f"{where}: a number is needed; {spec.permitted}")
+        raise ParameterError(f"{where}, no number; allowed: {spec.allowed}")
     written_unit = spec.unit if unit is None else unit
     if written_unit not in accepted_units(spec.unit):
         allowed = " or ".join(repr(known) for known in accepted_units(spec.unit))
-        raise ParameterError(f"{where}: unit {shown(written_unit)}; permitted: {allowed}")
+        raise ParameterError(f"{where} with unit {shown(written_unit)}; allowed: {allowed}")
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
-    if not math.isfinite(number):
-        raise ParameterError(f"{where}: must be finite; {spec.permitted}")
     number = to_model_unit(number, written_unit, spec.unit)
     if written_unit != spec.unit:
         where = f"{where} {written_unit} = {number!r} {spec.unit}"
-    if spec.integral and not number.is_integer():
-        raise ParameterError(f"{where}: must be a whole number; {spec.permitted}")
-    if not spec.minimum <= number <= spec.maximum:
-        raise ParameterError(f"{where}: out of range; {spec.permitted}")
+    # NaN fails the comparison as well.
+    if not spec.minimum <= number <= spec.maximum or (spec.integral and not number.is_integer()):
+        raise ParameterError(f"{where}; allowed: {spec.allowed}")
     return int(number) if spec.integral else number
-
-
-def shown(value: object) -> str:
-    """A value as an error message shows it: its repr, cut to a readable length."""
-    try:
-        text = repr(value)
-    except ValueError:  # an int with more digits than Python prints
-        text = f"<{type(value).__name__} too long to print>"
-    return text if len(text) <= 80 else f"{text[:77]}..."
-
-
-def check_known(key: object, known: Iterable[str], origin: str, kind: str = "parameter") -> None:
-    """Refuse a key that is not in ``known``, with the nearest known one as a suggestion.
-
-    Raises:
-        ParameterError: if the key is unknown.
-    """
-    names = list(known)
-    if key in names:
-        return
-    near = difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names[:12])}"
-    if not near and len(names) > 12:
-        hint += ", ..."
-    raise ParameterError(f"{origin}: unknown {kind} {shown(key)}; {hint}")
 
 
 def to_flat_dict(values: ModelParameters) -> dict[str, float]:
@@ -170,11 +142,8 @@ def flat_to_parameters(
         ParameterError: for an unknown or missing key, a value that is no number in its range, or
             parameters that contradict each other.
     """
-    if not isinstance(mapping, Mapping):
-        raise ParameterError(f"{origin}: a mapping of dotted keys is needed, got {shown(mapping)}")
     specs = field_specs()
-    for key in mapping:
-        check_known(key, specs, origin)
+    mapping = StrictMapping(mapping, origin, specs, kind="parameter", error=ParameterError).content
     missing = [key for key in specs if key not in mapping]
     if missing:
         more = f" and {len(missing) - 5} more" if len(missing) > 5 else ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
@@ -10,16 +9,11 @@ from pathlib import Path
 
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.chiller_table import AMBIENT_KEY, ChillerTable
-from iptm_core.parameters.flat import (
-    check_known,
-    checked_number,
-    field_specs,
-    flat_to_parameters,
-    shown,
-)
+from iptm_core.parameters.flat import checked_number, field_specs, flat_to_parameters
 from iptm_core.parameters.layers import Layer, read_layer
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.sources import Source, SourceTag
+from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 
 DEFAULT_SET = "paper_calibrated"
 _SUFFIXES = (".yaml", ".yml")
@@ -154,19 +148,17 @@ def _find(name_or_path: str | Path, base_of: Path | None = None) -> Path:
     names = available_parameter_sets()
     if not isinstance(name_or_path, str | Path) or not str(name_or_path):
         raise ParameterError(
-            f"{asked} {shown(name_or_path)}: a name or a path is needed; "
-            f"shipped sets: {', '.join(names)}"
+            f"{asked} is {shown(name_or_path)}; allowed: a path, or a shipped set: "
+            f"{', '.join(names)}"
         )
     if str(name_or_path) in names:
         return _sets_folder() / f"{name_or_path}.yaml"
     path = Path(name_or_path) if base_of is None else base_of.parent / name_or_path
     if path.suffix in _SUFFIXES or _exists(path):
         return path
-    near = difflib.get_close_matches(str(name_or_path), names, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}? " if near else ""
     raise ParameterError(
-        f"{asked} {shown(str(name_or_path))}: no shipped set and no file; {hint}"
-        f"shipped sets: {', '.join(names)}"
+        f"{asked} is {shown(str(name_or_path))}, no shipped set and no file; "
+        f"{suggestion(name_or_path, names)}, or the path of a .yaml file"
     )
 
 
@@ -186,8 +178,8 @@ def _read_layers(path: Path) -> list[Layer]:
         base_path = _find(base, path)
         if base_path.resolve() in seen or len(seen) >= _MAX_LAYERS:
             raise ParameterError(
-                f"{path}: base = {base!r}: sets that build on each other in a circle, or more than "
-                f"{_MAX_LAYERS} deep"
+                f"{path}: base is {base!r}, and sets build on each other in a circle or more than "
+                f"{_MAX_LAYERS} deep; allowed: at most {_MAX_LAYERS} different sets"
             )
         seen.append(base_path.resolve())
         path = base_path
@@ -199,17 +191,18 @@ def _read_layers(path: Path) -> list[Layer]:
 def _override_sources(overrides: Mapping[str, float] | None) -> dict[str, Source]:
     if overrides is None:
         return {}
-    if not isinstance(overrides, Mapping):
-        raise ParameterError(
-            f"overrides: dotted keys with values are needed, got {shown(overrides)}"
+    specs = field_specs()
+    written = StrictMapping(
+        overrides, "overrides", specs, kind="parameter", error=ParameterError
+    ).content
+    return {
+        key: Source(
+            value=checked_number(value, specs[key], "overrides"),
+            unit=specs[key].unit,
+            tag=SourceTag.OVERRIDE,
         )
-    sources: dict[str, Source] = {}
-    for key, value in overrides.items():
-        check_known(key, field_specs(), "overrides")
-        spec = field_specs()[key]
-        number = checked_number(value, spec, "overrides")
-        sources[key] = Source(value=number, unit=spec.unit, tag=SourceTag.OVERRIDE)
-    return sources
+        for key, value in written.items()
+    }
 
 
 def _interpolated(

@@ -41,7 +41,7 @@ class CsvTable:
         value = self.columns[column][row]
         return RouteError(
             f"{self.source}, line {self.lines[row]}, column {column}: "
-            f"value {value:.12g}; allowed is {allowed}"
+            f"value {value:.12g}; allowed: {allowed}"
         )
 
 
@@ -97,7 +97,7 @@ def parse_csv_table(text: str, source: str, known: Sequence[str]) -> CsvTable:
     for line, cells in rows:
         if len(cells) != len(names):
             raise RouteError(
-                f"{source}, line {line}: {len(cells)} values; allowed is one per column, "
+                f"{source}, line {line}: {len(cells)} values; allowed: one per column, "
                 f"{len(names)} ({', '.join(names)})"
             )
         values.append(
@@ -138,12 +138,12 @@ def _check_header(names: list[str], source: str, line: int, known: Sequence[str]
     for name in names:
         if name not in known:
             raise RouteError(
-                f"{source}, line {line}: unknown column {name!r}; allowed are {', '.join(known)}"
+                f"{source}, line {line}: unknown column {name!r}; allowed: {', '.join(known)}"
             )
         if names.count(name) > 1:
             raise RouteError(
                 f"{source}, line {line}: column {name!r} appears {names.count(name)} times; "
-                "allowed is once"
+                "allowed: once"
             )
 
 
@@ -154,7 +154,7 @@ def _number(cell: str, source: str, line: int, column: str) -> float:
         # Python would read 1_000 as a number, no other tool does.
         value = float(text.replace("_", "?"))
     except ValueError:
-        raise RouteError(f"{where}: {text!r} is not a number; allowed is a plain decimal") from None
+        raise RouteError(f"{where}: {text!r} is not a number; allowed: a plain decimal") from None
     if not np.isfinite(value):
-        raise RouteError(f"{where}: {text!r} is not finite; allowed is a plain decimal")
+        raise RouteError(f"{where}: {text!r} is not finite; allowed: a plain decimal")
     return value

@@ -58,7 +58,7 @@ class DrivingCycle:
         if np.any(speeds < 0.0):
             bad = int(np.flatnonzero(speeds < 0.0)[0])
             raise RouteError(
-                f"cycle {self.name}: speed {speeds[bad]} m/s at {times[bad]} s; allowed is >= 0"
+                f"cycle {self.name}: speed {speeds[bad]} m/s at {times[bad]} s; allowed: >= 0"
             )
         object.__setattr__(self, "times_s", times)
         object.__setattr__(self, "speeds_m_s", speeds)
@@ -97,7 +97,7 @@ def load_cycle(name: str) -> DrivingCycle:
         RouteError: the name is unknown.
     """
     if name not in _SOURCES:
-        raise RouteError(f"unknown driving cycle {name!r}; allowed are {', '.join(CYCLE_NAMES)}")
+        raise RouteError(f"unknown driving cycle {name!r}; allowed: {', '.join(CYCLE_NAMES)}")
     file = resources.files("iptm_core.routes") / "data" / f"{name}.csv"
     table = parse_csv_table(
         file.read_text(encoding="utf-8"), f"{name}.csv", ("time_s", *SPEED_COLUMNS_M_S)

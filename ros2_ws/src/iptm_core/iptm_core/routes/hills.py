@@ -57,12 +57,12 @@ class Hills:
         ):
             raise RouteError(
                 f"hills from {self.start_m} m over {self.length_m} m; "
-                f"allowed are finite positions and at least {_MIN_LENGTH_M:g} m"
+                f"allowed: finite positions and at least {_MIN_LENGTH_M:g} m"
             )
         if not 0.0 <= self.peak_grade <= 0.3:
-            raise RouteError(f"hills of grade {self.peak_grade}; allowed is 0 to 0.3")
+            raise RouteError(f"hills of grade {self.peak_grade}; allowed: 0 to 0.3")
         if self.variant < 0:
-            raise RouteError(f"hills of variant {self.variant}; allowed is an integer >= 0")
+            raise RouteError(f"hills of variant {self.variant}; allowed: an integer >= 0")
         count = 8 * _NODES_PER_SHORTEST_WAVE * self.wave_numbers[-1]
         dense = np.linspace(0.0, 1.0, count, dtype=np.float64)
         highest = float(np.max(np.abs(self._shape(dense))))

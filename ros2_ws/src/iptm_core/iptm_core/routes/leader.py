@@ -46,10 +46,10 @@ class LeaderMotion:
         if np.any(speeds < 0.0):
             bad = int(np.flatnonzero(speeds < 0.0)[0])
             raise RouteError(
-                f"motion of the leader: speed {speeds[bad]} m/s at {times[bad]} s; allowed is >= 0"
+                f"motion of the leader: speed {speeds[bad]} m/s at {times[bad]} s; allowed: >= 0"
             )
         if speeds[-1] != 0.0:
-            raise RouteError(f"motion of the leader: it ends at {speeds[-1]} m/s; allowed is 0")
+            raise RouteError(f"motion of the leader: it ends at {speeds[-1]} m/s; allowed: 0")
         if not np.isfinite(self.start_position_m):
             raise RouteError(
                 f"motion of the leader: start at {self.start_position_m} m; must be finite"

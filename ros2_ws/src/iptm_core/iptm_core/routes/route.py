@@ -74,11 +74,11 @@ def build_route(
             that is not as it should be.
     """
     if slope not in SLOPE_CHOICES:
-        raise RouteError(f"unknown slope {slope!r}; allowed are {', '.join(SLOPE_CHOICES)}")
+        raise RouteError(f"slope is {slope!r}; allowed: {', '.join(SLOPE_CHOICES)}")
     if not (np.isfinite(initial_gap_m) and initial_gap_m > 0.0):
-        raise RouteError(f"initial gap of {initial_gap_m} m; allowed is a positive distance")
+        raise RouteError(f"initial gap is {initial_gap_m} m; allowed: a positive distance")
     if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0.0):
-        raise RouteError(f"trip of {duration_s} s; allowed is a positive duration")
+        raise RouteError(f"trip is {duration_s} s; allowed: a positive duration")
     trace, segments, profile = _designed(cycle)
     if slope != "as_designed":
         segments = tuple(replace(segment, slope_kind=slope) for segment in segments)
@@ -108,7 +108,7 @@ def _designed(cycle: str | Path) -> tuple[DrivingCycle, tuple[RouteSegment, ...]
         trace = load_cycle(cycle)
     else:
         raise RouteError(
-            f"unknown driving cycle {cycle!r}; allowed are {', '.join(ROUTE_CYCLES)}, "
+            f"unknown driving cycle {cycle!r}; allowed: {', '.join(ROUTE_CYCLES)}, "
             "or the path of a .csv file"
         )
     return trace, _single_segment(trace, "flat"), SlopeProfile.flat()

@@ -43,7 +43,7 @@ class SlopeProfile:
         if abs(slopes[worst]) > np.arctan(MAX_GRADE) + 1e-12:
             raise RouteError(
                 f"slope profile: {100.0 * np.tan(slopes[worst]):.1f} % at {positions[worst]:.1f} m; "
-                f"allowed is -{100.0 * MAX_GRADE:g} % to {100.0 * MAX_GRADE:g} %"
+                f"allowed: -{100.0 * MAX_GRADE:g} % to {100.0 * MAX_GRADE:g} %"
             )
         sines = np.sin(slopes)
         object.__setattr__(self, "positions_m", positions)
@@ -97,7 +97,7 @@ class SlopeProfile:
             return cls.flat()
         if kind not in PEAK_GRADES:
             raise RouteError(
-                f"unknown slope kind {kind!r}; allowed are flat, {', '.join(PEAK_GRADES)}"
+                f"unknown slope kind {kind!r}; allowed: flat, {', '.join(PEAK_GRADES)}"
             )
         return cls.from_hills([Hills(0.0, length_m, PEAK_GRADES[kind], variant)])
 

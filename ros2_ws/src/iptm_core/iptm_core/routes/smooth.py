@@ -33,7 +33,7 @@ def smooth_cycle(duration_s: int) -> DrivingCycle:
     """
     if int(duration_s) != duration_s or duration_s < _MIN_DURATION_S:
         raise RouteError(
-            f"smooth cycle of {duration_s} s; allowed are whole seconds, at least {_MIN_DURATION_S}"
+            f"smooth cycle of {duration_s} s; allowed: whole seconds, at least {_MIN_DURATION_S}"
         )
     times = np.arange(int(duration_s) + 1, dtype=np.float64)
     cruise = duration_s - 2.0 * RAMP_TIME_S

@@ -127,7 +127,7 @@ def _resample(source: str, times: FloatArray, speeds: FloatArray) -> tuple[Float
     if abs(sampled_distance - distance) > _MAX_DISTANCE_CORRECTION * distance:
         raise RouteError(
             f"{source}: read at 1 Hz the trip covers {sampled_distance:.1f} m instead of "
-            f"{distance:.1f} m; allowed is a difference of {100 * _MAX_DISTANCE_CORRECTION:g} %, "
+            f"{distance:.1f} m; allowed: a difference of {100 * _MAX_DISTANCE_CORRECTION:g} %, "
             "speed must not change faster than from one second to the next"
         )
     return seconds, sampled * (distance / sampled_distance if distance > 0.0 else 1.0)

@@ -18,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from iptm_core.errors import MessageError
 from iptm_core.state import LeaderPreview
+from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs.preview import (
     PREVIEW_NAMES,
     build_leader_preview,
@@ -25,7 +26,7 @@ from iptm_interfaces.codecs.preview import (
     encode_leader_preview,
     offsets_ns,
 )
-from iptm_interfaces.codecs.time import NS_PER_S, time_from_ns
+from iptm_interfaces.codecs.time import time_from_ns
 from iptm_interfaces.topics import ROAD_FRAME, Topic
 
 _LITTLE_ENDIAN_CDR = b"\x00\x01\x00\x00"

@@ -12,8 +12,8 @@ import math
 from builtin_interfaces.msg import Duration, Time
 
 from iptm_core.errors import MessageError
+from iptm_core.trip_time import NS_PER_S
 
-NS_PER_S = 1_000_000_000
 _MAX_STAMP_NS = 2**31 * NS_PER_S - 1
 
 

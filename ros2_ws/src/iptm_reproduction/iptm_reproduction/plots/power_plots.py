@@ -118,7 +118,7 @@ def power_statistics(results: Results) -> Figure:
     needs=(PROPOSED,),
 )
 def power_profiles(results: Results) -> Figure:
-    """Draw traction and compressor power of the proposed strategy: the whole trip, and where it cools most."""
+    """Draw traction and compressor power of the proposed strategy, over the trip and where it cools most."""
     run = results[PROPOSED].trajectory
     length_s = min(_ZOOM_S, 0.5 * float(run.time_s[-1]))
     window = busiest_window(run, length_s, run.compressor_power_w)

@@ -1,9 +1,8 @@
-"""The iteration: a primal-dual interior-point method with filter line search.
+"""The iteration: a primal-dual interior-point method with a filter line search.
 
-Newton steps come from the Riccati recursion; the barrier parameter follows Mehrotra's rule (how far
-the step without barrier gets decides how much centring is left). Where the line search fails, the Hessian
-is regularised, as in a Levenberg-Marquardt method, until a step is accepted. The first start trusts the
-guess and takes a small barrier; where the guess was far off, a second start takes a large one.
+Newton steps come from the Riccati recursion, the barrier parameter from Mehrotra's rule. Where the line
+search fails, the Hessian is regularised until a step is accepted. The warm start trusts the guess and takes
+a small barrier parameter; where the guess was far off, a cold start takes a large one.
 """
 
 from __future__ import annotations
@@ -15,24 +14,24 @@ from enum import Enum
 
 import numpy as np
 
-from iptm_controller.solvers.budget import FEASIBILITY_TOLERANCE
 from iptm_controller.solvers.buffered import BufferedFunction
+from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolverOptions
+from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter
 from iptm_controller.solvers.riccati.program import ITERATE
-from iptm_controller.solvers.riccati.report import Report
-from iptm_controller.solvers.riccati.search_filter import SearchFilter, Values
+from iptm_controller.solvers.riccati.step_summary import StepSummary
 from iptm_core.state import FloatArray
 
-SECOND_BARRIER = 10.0
-CAUTION = 0.03
-SHRINK = 0.3
-TRIALS = 3
-ATTEMPTS = 12
+COLD_START_BARRIER = 10.0
+COLD_START_SAFEGUARD = 0.03
+BACKTRACKING = 0.3
+MAX_TRIALS = 3
+MAX_REGULARISATIONS = 12
 FIRST_REGULARISATION = 1e-3
 REGULARISATION_FACTOR = 8.0
 LEAST_REGULARISATION = 1e-5
 
 
-class Ending(Enum):
+class Termination(Enum):
     """Why the iteration stopped."""
 
     CONVERGED = "converged"
@@ -43,11 +42,11 @@ class Ending(Enum):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class MethodResult:
     """Where the iteration ended.
 
     Attributes:
-        ending: why.
+        termination: why.
         variables: the optimum; if there is none, the cheapest iterate met that keeps dynamics and
             limits; if there is none either, the last one.
         objective: cost there.
@@ -55,7 +54,7 @@ class Outcome:
         iterations: steps taken.
     """
 
-    ending: Ending
+    termination: Termination
     variables: FloatArray
     objective: float
     infeasibility: float
@@ -63,31 +62,21 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class MethodSettings:
-    """Settings of the iteration.
+class StartSettings:
+    """How to begin, and when to stop.
 
     Attributes:
         tolerance: optimality error to reach.
-        initial_barrier: first barrier parameter.
-        patience: iterations after which the first start is given up for the second; 0 omits it.
-        max_iterations: bound on the iterations of both.
-        deadline_s: bound on the wall time, 0 for none.
+        barrier: first barrier parameter.
+        relax: make the slacks of soft limits large enough for the guess.
+        safeguard: lower bound on later barrier parameters, see ``StepSummary.barrier_parameter``.
+        max_iterations: bound on the iterations from this start.
     """
 
     tolerance: float
-    initial_barrier: float
-    patience: int
-    max_iterations: int
-    deadline_s: float
-
-
-@dataclass(frozen=True)
-class _Start:
-    """How to begin: the slacks eased, so that no soft limit is out of reach, or as guessed."""
-
     barrier: float
-    eased: bool
-    caution: float
+    relax: bool
+    safeguard: float
     max_iterations: int
 
 
@@ -96,166 +85,186 @@ class RiccatiMethod:
 
     def __init__(
         self,
-        start: BufferedFunction,
-        direction: BufferedFunction,
-        advance: BufferedFunction,
-        settings: MethodSettings,
+        starting_point: BufferedFunction,
+        search_direction: BufferedFunction,
+        trial_point: BufferedFunction,
     ) -> None:
         """Keep the functions.
 
         Args:
-            start: its results w, s and z are the iterate.
-            direction: its results are the parts of the step.
-            advance: works on iterate and parts.
-            settings: tolerance and bounds.
+            starting_point: its results w, s and z are the iterate.
+            search_direction: its results are the parts of the step.
+            trial_point: works on iterate and parts.
         """
-        self._start, self._direction, self._advance = start, direction, advance
-        self._settings = settings
-        self._iterate = {name: advance.arguments[name] for name in ITERATE}
-        self._next = {name: advance.results[f"next_{name}"] for name in ITERATE}
-        self._sides = advance.arguments["s"].size
-        self._costates = advance.arguments["lam"].size
-        self._best: tuple[FloatArray, Values] | None = None
+        self._starting_point = starting_point
+        self._search_direction = search_direction
+        self._trial_point = trial_point
+        self._iterate = {name: trial_point.arguments[name] for name in ITERATE}
+        self._next = {name: trial_point.results[f"next_{name}"] for name in ITERATE}
+        self._inequality_count = trial_point.arguments["s"].size
+        self._dynamics_count = trial_point.arguments["lam"].size
+        self._best: tuple[FloatArray, FilterPoint] | None = None
 
-    def run(self, guess: FloatArray, parameters: FloatArray) -> Outcome:
-        """Iterate from a guess; if that leads nowhere, once more from a large barrier.
+    def run(
+        self, guess: FloatArray, parameters: FloatArray, options: SolverOptions
+    ) -> MethodResult:
+        """Iterate from a warm start; if it does not converge, once more from a cold one.
 
         Args:
             guess: variables, the present state in front.
             parameters: numbers of the problem.
+            options: tolerance, barrier parameter and bounds.
         """
-        settings = self._settings
-        until_s = time.perf_counter() + (settings.deadline_s or math.inf)
+        until_s = time.perf_counter() + (options.deadline_s or math.inf)
         self._best = None
-        few = min(settings.patience, settings.max_iterations)
-        trusting = _Start(settings.initial_barrier, eased=False, caution=0.0, max_iterations=few)
-        first = self._run_from(trusting, guess, parameters, until_s)
-        left = settings.max_iterations - first.iterations
-        if first.ending not in {Ending.ITERATIONS, Ending.STALLED} or left <= 0:
+        few = min(options.warm_start_iterations, options.max_iterations)
+        warm = StartSettings(
+            options.tolerance,
+            options.initial_barrier,
+            relax=False,
+            safeguard=0.0,
+            max_iterations=few,
+        )
+        first = self._run_from(warm, guess, parameters, until_s)
+        left = options.max_iterations - first.iterations
+        if first.termination not in {Termination.ITERATIONS, Termination.STALLED} or left <= 0:
             return self._with_best(first)
-        wary = _Start(SECOND_BARRIER, eased=True, caution=CAUTION, max_iterations=left)
-        second = self._run_from(wary, guess, parameters, until_s)
+        cold = StartSettings(
+            options.tolerance,
+            COLD_START_BARRIER,
+            relax=True,
+            safeguard=COLD_START_SAFEGUARD,
+            max_iterations=left,
+        )
+        second = self._run_from(cold, guess, parameters, until_s)
         total = first.iterations + second.iterations
         return self._with_best(replace(second, iterations=total))
 
-    def _with_best(self, outcome: Outcome) -> Outcome:
-        """An outcome that did not converge, with the best usable iterate met on the way."""
+    def _with_best(self, result: MethodResult) -> MethodResult:
+        """Return a result that did not converge with the best usable iterate met on the way."""
         best = self._best
-        if outcome.ending is Ending.CONVERGED or best is None:
-            return outcome
-        variables, values = best
+        if result.termination is Termination.CONVERGED or best is None:
+            return result
+        variables, point = best
         return replace(
-            outcome,
+            result,
             variables=variables,
-            objective=values.cost,
-            infeasibility=values.largest_residual,
+            objective=point.cost,
+            infeasibility=point.largest_violation,
         )
 
     def _run_from(
-        self, start: _Start, guess: FloatArray, parameters: FloatArray, until_s: float
-    ) -> Outcome:
-        values = self._begin(start, guess, parameters)
-        if not _is_finite(guess, parameters, values):
-            return Outcome(Ending.NOT_FINITE, guess, math.nan, math.inf, 0)
-        accepted = SearchFilter(values)
+        self, start: StartSettings, guess: FloatArray, parameters: FloatArray, until_s: float
+    ) -> MethodResult:
+        point = self._begin(start, guess, parameters)
+        if not _is_finite(guess, parameters, point):
+            return MethodResult(Termination.NOT_FINITE, guess, math.nan, math.inf, 0)
+        search_filter = LineSearchFilter(point)
         delta = 0.0
         iteration = 0
         while True:
-            self._remember(values)
-            report = self._find_direction(delta)
-            error = report.error(self._sides, self._costates)
+            self._keep_best(point)
+            summary = self._newton_step(delta)
+            error = summary.kkt_error(self._inequality_count, self._dynamics_count)
             if not math.isfinite(error):
-                ending = Ending.NOT_FINITE
-            elif error <= self._settings.tolerance:
-                ending = Ending.CONVERGED
+                termination = Termination.NOT_FINITE
+            elif error <= start.tolerance:
+                termination = Termination.CONVERGED
             elif iteration >= start.max_iterations:
-                ending = Ending.ITERATIONS
+                termination = Termination.ITERATIONS
             elif time.perf_counter() > until_s:
-                ending = Ending.DEADLINE
+                termination = Termination.DEADLINE
             else:
-                step = self._step(values, report, delta, accepted, start.caution)
-                if step is not None:
-                    values, delta = step
+                moved = self._move(point, summary, delta, search_filter, start)
+                if moved is not None:
+                    point, delta = moved
                     iteration += 1
                     continue
-                ending = Ending.STALLED
-            return Outcome(
-                ending,
+                termination = Termination.STALLED
+            return MethodResult(
+                termination,
                 self._iterate["w"].copy(),
-                values.cost,
-                values.largest_residual,
+                point.cost,
+                point.largest_violation,
                 iteration,
             )
 
-    def _remember(self, values: Values) -> None:
+    def _keep_best(self, point: FilterPoint) -> None:
         """Keep the cheapest usable iterate."""
-        if values.largest_residual > FEASIBILITY_TOLERANCE:
+        if point.largest_violation > FEASIBILITY_TOLERANCE:
             return
-        if self._best is None or values.cost < self._best[1].cost:
-            self._best = (self._iterate["w"].copy(), values)
+        if self._best is None or point.cost < self._best[1].cost:
+            self._best = (self._iterate["w"].copy(), point)
 
-    def _begin(self, start: _Start, guess: FloatArray, parameters: FloatArray) -> Values:
-        given = self._start.arguments
+    def _begin(
+        self, start: StartSettings, guess: FloatArray, parameters: FloatArray
+    ) -> FilterPoint:
+        given = self._starting_point.arguments
         given["guess"][:] = guess
         given["p"][:] = parameters
         given["mu"][0] = start.barrier
-        given["ease"][0] = float(start.eased)
+        given["relax"][0] = float(start.relax)
         self._iterate["lam"][:] = 0.0
-        self._start()
-        return Values(*self._start.results["values"].tolist())
+        self._starting_point()
+        return FilterPoint(*self._starting_point.results["point"].tolist())
 
-    def _find_direction(self, delta: float) -> Report:
-        self._direction.arguments["delta"][0] = delta
-        self._direction()
-        return Report(*self._direction.results["report"].tolist())
+    def _newton_step(self, delta: float) -> StepSummary:
+        """Compute the step with a multiple ``delta`` of the identity added to the Hessian."""
+        self._search_direction.arguments["delta"][0] = delta
+        self._search_direction()
+        return StepSummary(*self._search_direction.results["summary"].tolist())
 
-    def _step(
+    def _move(
         self,
-        values: Values,
-        report: Report,
+        point: FilterPoint,
+        summary: StepSummary,
         delta: float,
-        accepted: SearchFilter,
-        caution: float,
-    ) -> tuple[Values, float] | None:
-        """Move to the next iterate; its values and regularisation, or None if no step is accepted."""
-        for attempt in range(ATTEMPTS):
+        search_filter: LineSearchFilter,
+        start: StartSettings,
+    ) -> tuple[FilterPoint, float] | None:
+        """Move to the next iterate, regularising the Hessian until a step is accepted.
+
+        Returns:
+            The iterate and the regularisation to begin with there; None if no step is accepted.
+        """
+        for attempt in range(MAX_REGULARISATIONS):
             if attempt > 0:
                 delta = max(REGULARISATION_FACTOR * delta, FIRST_REGULARISATION)
-                report = self._find_direction(delta)
-            if not report.leads_somewhere:
+                summary = self._newton_step(delta)
+            if not summary.is_usable:
                 continue
-            mu = report.barrier(self._sides, self._settings.tolerance, caution)
-            trials = self._search(values, report, mu, accepted)
+            mu = summary.barrier_parameter(self._inequality_count, start.tolerance, start.safeguard)
+            trials = self._line_search(point, summary, mu, search_filter)
             if trials is None:
                 continue
             if attempt == 0 and trials == 1:
                 delta = delta / REGULARISATION_FACTOR if delta > LEAST_REGULARISATION else 0.0
             for name, array in self._iterate.items():
                 np.copyto(array, self._next[name])
-            return Values(*self._advance.results["values"].tolist()), delta
+            return FilterPoint(*self._trial_point.results["point"].tolist()), delta
         return None
 
-    def _search(
-        self, values: Values, report: Report, mu: float, accepted: SearchFilter
+    def _line_search(
+        self, point: FilterPoint, summary: StepSummary, mu: float, search_filter: LineSearchFilter
     ) -> int | None:
-        """Try shorter and shorter steps; the number of trials, or None if none is accepted."""
-        self._advance.arguments["mu"][0] = mu
-        slope = report.slope_pull + mu * report.slope_centring
-        slope -= mu * (report.log_slope_pull + mu * report.log_slope_centring)
-        shrink = 1.0
-        for trial in range(1, TRIALS + 1):
-            self._advance.arguments["shrink"][0] = shrink
-            self._advance()
-            length = float(self._advance.results["length"][0])
-            there = Values(*self._advance.results["values"].tolist())
-            if accepted.accepts(there, values, mu, slope, length):
+        """Backtrack until a trial point is accepted; return the number of trials, None if none is."""
+        self._trial_point.arguments["mu"][0] = mu
+        slope = summary.cost_slope_affine + mu * summary.cost_slope_centring
+        slope -= mu * (summary.log_slope_affine + mu * summary.log_slope_centring)
+        backtracking = 1.0
+        for trial in range(1, MAX_TRIALS + 1):
+            self._trial_point.arguments["backtracking"][0] = backtracking
+            self._trial_point()
+            length = float(self._trial_point.results["length"][0])
+            there = FilterPoint(*self._trial_point.results["point"].tolist())
+            if search_filter.accepts(there, point, mu, slope, length):
                 return trial
-            shrink *= SHRINK
+            backtracking *= BACKTRACKING
         return None
 
 
-def _is_finite(guess: FloatArray, parameters: FloatArray, values: Values) -> bool:
+def _is_finite(guess: FloatArray, parameters: FloatArray, point: FilterPoint) -> bool:
     # A sum is finite only if every term is: one cheap look instead of arrays of flags.
     with np.errstate(invalid="ignore"):
         total = float(guess.sum()) + float(parameters.sum())
-    return math.isfinite(total + values.cost + values.residual)
+    return math.isfinite(total + point.cost + point.violation)

@@ -6,242 +6,298 @@ cost grows linearly with it; an iteration is two calls.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import astuple, dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.stage import (
-    DEFAULT_PENALTIES,
-    DEFAULT_SMOOTHING,
-    StageSpec,
-    build_stage,
-    sample_count,
-)
-from iptm_controller.ocp.transcription import BLOCK, phase_arguments
-from iptm_controller.solvers.riccati.recursion import LOWER, backward_step, forward_step
-from iptm_controller.solvers.riccati.stage_system import StageSystem, common_structure
-from iptm_core.parameters.model import ModelParameters
+from iptm_controller.ocp.layout import BLOCK
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.solvers.buffered import named_function
+from iptm_controller.solvers.riccati.line_search import FilterPoint
+from iptm_controller.solvers.riccati.recursion import LOWER, PARTS, backward_step, forward_step
+from iptm_controller.solvers.riccati.stage_system import StageSystem, common_sparsity
+from iptm_controller.solvers.riccati.step_summary import StepSummary
 
 ITERATE = ("w", "lam", "s", "z")
-PARTS = ("pull", "centring")
-STEP = tuple(f"d{what}_{part}" for what in ITERATE for part in PARTS)
+"""Variables of the problem, multipliers of the dynamics, slacks and multipliers of the inequalities."""
+STEP = tuple(f"d{name}_{part}" for name in ITERATE for part in PARTS)
 FRACTION_TO_BOUNDARY = 0.995
-LEAST_DISTANCE = 1e-3
+LEAST_SLACK = 1e-3
 
 
 @dataclass(frozen=True)
 class RiccatiProgram:
-    """Functions of one horizon.
-
-    The iterate is w (variables), lam (costates of x_1 ... x_N), s (distances to the limits) and z (their
-    multipliers). A step is ``pull + mu centring`` for the barrier parameter mu.
+    """Functions of one problem; the iterate is ``ITERATE``, a Newton step ``STEP``.
 
     Attributes:
-        start: ``(guess, p, mu, ease) -> (w, s, z, values)``; slacks are those of the guess, with an ease
-            of 1 at least as large as its violations.
-        direction: ``(w, p, lam, s, z, delta) -> (parts of the step, report)``; delta is added to the
-            diagonal of the Hessian, ``report`` is in the order of ``report.Report``.
-        advance: ``(w, p, lam, s, z, parts of the step, mu, shrink) -> (next iterate, values, length)``;
-            ``values`` is in the order of ``search_filter.Values``.
+        starting_point: ``(guess, p, mu, relax) -> (w, s, z, point)``; the slacks of soft limits are those
+            of the guess, with ``relax`` of 1 at least as large as its violations.
+        search_direction: ``(iterate, p, delta) -> (step, summary)``; delta is added to the diagonal of the
+            Hessian, ``summary`` holds the fields of ``StepSummary``.
+        trial_point: ``(iterate, p, step, mu, backtracking) -> (next iterate, point, length)``; ``point``
+            holds the fields of ``FilterPoint``, ``length`` is the primal step length.
     """
 
-    start: ca.Function
-    direction: ca.Function
-    advance: ca.Function
+    starting_point: ca.Function
+    search_direction: ca.Function
+    trial_point: ca.Function
 
     @property
     def functions(self) -> list[ca.Function]:
         """All of them, for the compiler."""
-        return [self.start, self.direction, self.advance]
+        return [self.starting_point, self.search_direction, self.trial_point]
 
 
-def build_program(horizon: Horizon, parameters: ModelParameters) -> RiccatiProgram:
-    """Write the functions of a horizon down for a vehicle."""
-    builder = _Builder(horizon, parameters)
-    return RiccatiProgram(builder.start(), builder.direction(), builder.advance())
+def build_program(problem: OptimalControlProblem) -> RiccatiProgram:
+    """Return the functions of a problem."""
+    builder = _Builder(problem)
+    return RiccatiProgram(
+        builder.starting_point(), builder.search_direction(), builder.trial_point()
+    )
 
 
 class _Builder:
-    def __init__(self, horizon: Horizon, parameters: ModelParameters) -> None:
-        self._horizon = horizon
-        self._steps = horizon.steps
-        specs = [
-            StageSpec(
-                phase.step_s, sample_count(phase.step_s), DEFAULT_SMOOTHING, DEFAULT_PENALTIES
-            )
-            for phase in horizon.phases
-        ]
-        self._parameter_counts = [spec.parameter_count for spec in specs]
+    def __init__(self, problem: OptimalControlProblem) -> None:
+        self._penalties = problem.penalties
+        self._grid = problem.grid
+        self._steps = self._grid.steps
         self._systems = [
-            StageSystem(build_stage(spec, parameters), parameters.limits) for spec in specs
+            StageSystem(stage, problem.model.limits) for stage in problem.stage_expressions()
         ]
-        self._structure = common_structure(self._systems)
-        self._sides = self._systems[0].sides
-        size = layout.GLOBALS + sum(
-            count * phase.steps
-            for count, phase in zip(self._parameter_counts, horizon.phases, strict=True)
-        )
-        self._w = ca.MX.sym("w", BLOCK * self._steps + layout.STATES)
-        self._p = ca.MX.sym("p", size)
-        self._lam = ca.MX.sym("lam", layout.STATES * self._steps)
-        self._s = ca.MX.sym("s", self._sides * self._steps)
-        self._z = ca.MX.sym("z", self._sides * self._steps)
+        self._sparsity = common_sparsity(self._systems)
+        inequalities = self._systems[0].inequality_count * self._steps
+        sizes = {
+            "w": self._grid.variable_count,
+            "lam": layout.STATES * self._steps,
+            "s": inequalities,
+            "z": inequalities,
+        }
+        self._iterate = {name: ca.MX.sym(name, size) for name, size in sizes.items()}
+        self._p = ca.MX.sym("p", self._grid.parameter_count)
 
-    def start(self) -> ca.Function:
-        """First iterate: multipliers from the barrier, slacks as the penalties would have them."""
-        mu, ease = ca.MX.sym("mu"), ca.MX.sym("ease")
-        prices = np.outer(astuple(DEFAULT_PENALTIES), self._horizon.step_lengths_s)
-        table = ca.reshape(self._w[: BLOCK * self._steps], BLOCK, self._steps)
+    def starting_point(self) -> ca.Function:
+        """Return the first iterate: z from the barrier, soft slacks as their penalties would have them."""
+        mu, relax, guess = ca.MX.sym("mu"), ca.MX.sym("relax"), self._iterate["w"]
+        prices = np.outer(astuple(self._penalties), self._grid.horizon.step_lengths_s)
+        table = ca.reshape(guess[: BLOCK * self._steps], BLOCK, self._steps)
         hard = BLOCK - layout.SLACKS
         least = self._map(
-            [system.least_slacks(f"slacks_{index}") for index, system in enumerate(self._systems)],
-            self._w,
-            [],
-        )[0]
-        # An idle slack is held off zero by its whole price: slack times price is the barrier.
+            [
+                system.least_soft_slacks(f"slacks_{index}")
+                for index, system in enumerate(self._systems)
+            ],
+            guess,
+        )["soft_slacks"]
+        # A soft slack that is not needed is held off zero by its whole price: slack times price is mu.
         idle = mu / ca.MX(ca.DM(prices))
-        slacks = ca.fmax(ca.fmax(table[hard:, :], ease * least), idle)
-        raised = ca.vertcat(
-            ca.vec(ca.vertcat(table[:hard, :], slacks)), self._w[BLOCK * self._steps :]
+        soft_slacks = ca.fmax(ca.fmax(table[hard:, :], relax * least), idle)
+        w = ca.vertcat(
+            ca.vec(ca.vertcat(table[:hard, :], soft_slacks)), guess[BLOCK * self._steps :]
         )
-        distances, defect, cost = self._values(raised)
-        s = ca.vertcat(ca.fmax(distances[: -layout.SLACKS, :], LEAST_DISTANCE), slacks)
-        return ca.Function(
-            "start",
-            [self._w, self._p, mu, ease],
-            [raised, ca.vec(s), ca.vec(mu / s), _summary(distances, defect, cost, s)],
-            ["guess", "p", "mu", "ease"],
-            ["w", "s", "z", "values"],
+        inequalities, residual, cost = self._evaluate(w)
+        s = ca.vertcat(ca.fmax(inequalities[: -layout.SLACKS, :], LEAST_SLACK), soft_slacks)
+        return named_function(
+            "starting_point",
+            {"guess": guess, "p": self._p, "mu": mu, "relax": relax},
+            {
+                "w": w,
+                "s": ca.vec(s),
+                "z": ca.vec(mu / s),
+                "point": _filter_point(inequalities, residual, cost, s),
+            },
         )
 
-    def direction(self) -> ca.Function:
-        """Newton step by one factorisation, in its two parts."""
+    def search_direction(self) -> ca.Function:
+        """Return the Newton step by one factorisation, in its two parts, with the norms at its start."""
         steps = self._steps
         delta = ca.MX.sym("delta")
-        lam, s, z = (ca.reshape(part, -1, steps) for part in (self._lam, self._s, self._z))
-        before = ca.horzcat(ca.MX.zeros(layout.STATES, 1), lam[:, :-1])
-        functions = [
-            system.linearise(self._structure, f"linearise_{index}")
-            for index, system in enumerate(self._systems)
-        ]
-        dynamics, block, pull, centring, defect, slopes, gap, gradient, errors = self._map(
-            functions, self._w, [before, lam, s, z]
+        lam, s, z = (ca.reshape(self._iterate[name], -1, steps) for name in ("lam", "s", "z"))
+        linear = self._map(
+            [
+                system.linearise(self._sparsity, f"linearise_{index}")
+                for index, system in enumerate(self._systems)
+            ],
+            self._iterate["w"],
+            lam=ca.horzcat(ca.MX.zeros(layout.STATES, 1), lam[:, :-1]),
+            lam_next=lam,
+            s=s,
+            z=z,
         )
         zero = ca.MX.zeros(layout.STATES, 1)
-        turned = [_reverse(matrix) for matrix in (dynamics, block, pull, centring, defect)]
-        backward = backward_step(self._structure).mapaccum("backward", steps, 4)
-        to_go, p_pull, p_centring, changed, feedback, k_pull, k_centring = (
-            _reverse(matrix)
-            for matrix in backward(
-                ca.MX.zeros(LOWER.nnz(), 1), zero, zero, 0.0, *turned, ca.repmat(delta, 1, steps)
-            )
+        cost_to_go = ("P", "p_affine", "p_centring", "corrected")
+        backward = backward_step(self._sparsity).mapaccum(
+            "backward", steps, [f"{name}_next" for name in cost_to_go], list(cost_to_go)
         )
-        after = [
-            ca.horzcat(matrix[:, 1:], ca.MX.zeros(matrix.shape[0], 1))
-            for matrix in (to_go, p_pull, p_centring)
-        ]
-        gains = (feedback, k_pull, k_centring)
-        linear = (dynamics, defect, slopes, gap, s, z, lam)
-        forward = forward_step(self._structure).mapaccum("forward", steps, 2)
-        results = forward(zero, zero, *after, *gains, *linear)
-        next_dx, du, dlam, ds, dz = (results[index : index + 2] for index in range(0, 10, 2))
-        dw = [_interleave(*pair) for pair in zip(next_dx, du, strict=True)]
+        stagewise = (
+            "dynamics_jacobian",
+            "hessian",
+            "gradient_affine",
+            "gradient_centring",
+            "dynamics_residual",
+        )
+        feedback = backward(
+            P_next=ca.MX.zeros(LOWER.nnz(), 1),
+            p_affine_next=zero,
+            p_centring_next=zero,
+            corrected_next=0.0,
+            delta=ca.repmat(delta, 1, steps),
+            **{name: _reverse(linear[name]) for name in stagewise},
+        )
+        feedback = {name: _reverse(matrix) for name, matrix in feedback.items()}
+        forward = forward_step(self._sparsity).mapaccum(
+            "forward",
+            steps,
+            [f"dx_{part}" for part in PARTS],
+            [f"dx_next_{part}" for part in PARTS],
+        )
+        moved = forward(
+            **{f"dx_{part}": zero for part in PARTS},
+            **{
+                f"{name}_next": ca.horzcat(
+                    feedback[name][:, 1:], ca.MX.zeros(feedback[name].shape[0], 1)
+                )
+                for name in ("P", "p_affine", "p_centring")
+            },
+            **{name: feedback[name] for name in ("K", "k_affine", "k_centring")},
+            **{
+                name: linear[name]
+                for name in (
+                    "dynamics_jacobian",
+                    "dynamics_residual",
+                    "inequality_jacobian",
+                    "inequality_residual",
+                )
+            },
+            s=s,
+            z=z,
+            lam=lam,
+        )
+        dw = {part: _interleave(moved[f"dx_next_{part}"], moved[f"du_{part}"]) for part in PARTS}
+        dlam, ds, dz = (
+            {part: moved[f"{name}_{part}"] for part in PARTS} for name in ("dlam", "ds", "dz")
+        )
         # x_0 is given: nothing is asked of the gradient there.
-        state_error = ca.horzcat(0.0, errors[0, 1:])
-        report = ca.vertcat(
-            ca.mmax(ca.horzcat(state_error, errors[1, :])),
-            ca.mmax(errors[2, :]),
-            ca.mmax(errors[3, :]),
-            ca.mmax(errors[4, :]),
-            ca.sum2(errors[5:8, :]),
-            changed[0, 0],
-            *(ca.dot(ca.vec(gradient), part[: BLOCK * steps]) for part in dw),
-            *(ca.sum1(ca.vec(part / s)) for part in ds),
-            1.0 / ca.fmax(1.0, ca.mmax(-ds[0] / s)),
-            1.0 / ca.fmax(1.0, ca.mmax(-dz[0] / z)),
-            ca.dot(s, dz[0]),
-            ca.dot(z, ds[0]),
-            ca.dot(ds[0], dz[0]),
-        )
-        outputs = [ca.vec(matrix) for pair in (dw, dlam, ds, dz) for matrix in pair]
-        return ca.Function(
-            "direction",
-            [self._w, self._p, self._lam, self._s, self._z, delta],
-            [*outputs, report],
-            ["w", "p", "lam", "s", "z", "delta"],
-            [*STEP, "report"],
+        stationarity_x = ca.horzcat(0.0, linear["stationarity_x"][0, 1:])
+        gradient = ca.vec(linear["cost_gradient"])
+        summary = {
+            "stationarity": ca.mmax(ca.horzcat(stationarity_x, linear["stationarity_u"])),
+            "dynamics": ca.mmax(linear["dynamics_norm"]),
+            "inequalities": ca.mmax(linear["inequality_norm"]),
+            "complementarity": ca.mmax(linear["complementarity_norm"]),
+            "complementarity_sum": ca.sum2(linear["complementarity_sum"]),
+            "z_sum": ca.sum2(linear["z_sum"]),
+            "lam_sum": ca.sum2(linear["lam_sum"]),
+            "corrected_pivots": feedback["corrected"][0, 0],
+            **{f"cost_slope_{part}": ca.dot(gradient, dw[part][: BLOCK * steps]) for part in PARTS},
+            **{f"log_slope_{part}": ca.sum1(ca.vec(ds[part] / s)) for part in PARTS},
+            "primal_step_affine": 1.0 / ca.fmax(1.0, ca.mmax(-ds["affine"] / s)),
+            "dual_step_affine": 1.0 / ca.fmax(1.0, ca.mmax(-dz["affine"] / z)),
+            "s_dz_affine": ca.dot(s, dz["affine"]),
+            "z_ds_affine": ca.dot(z, ds["affine"]),
+            "ds_dz_affine": ca.dot(ds["affine"], dz["affine"]),
+        }
+        step = {
+            f"d{name}_{part}": ca.vec(parts[part])
+            for name, parts in zip(ITERATE, (dw, dlam, ds, dz), strict=True)
+            for part in PARTS
+        }
+        return named_function(
+            "search_direction",
+            {**self._iterate_arguments(), "delta": delta},
+            {**step, "summary": _pack(StepSummary, summary)},
         )
 
-    def advance(self) -> ca.Function:
-        """Take a step, as long as distances and multipliers permit times ``shrink``, and look there."""
-        own = dict(zip(ITERATE, (self._w, self._lam, self._s, self._z), strict=True))
+    def trial_point(self) -> ca.Function:
+        """Take a step to the fraction to the boundary times ``backtracking``, and evaluate there."""
+        own = self._iterate
         parts = {
             f"d{name}_{part}": ca.MX.sym(f"d{name}_{part}", vector.numel())
             for name, vector in own.items()
             for part in PARTS
         }
-        mu, shrink = ca.MX.sym("mu"), ca.MX.sym("shrink")
-        step = {name: parts[f"d{name}_pull"] + mu * parts[f"d{name}_centring"] for name in own}
-        nearest = ca.mmax(-step["s"] / self._s), ca.mmax(-step["z"] / self._z)
-        primal, dual = (1.0 / ca.fmax(1.0, ratio / FRACTION_TO_BOUNDARY) for ratio in nearest)
-        length = shrink * primal
-        w = self._w + length * step["w"]
-        distances, defect, cost = self._values(w)
-        # A distance variable below the true distance costs merit for nothing.
-        s = ca.fmax(ca.reshape(self._s + length * step["s"], -1, self._steps), distances)
-        return ca.Function(
-            "advance",
-            [self._w, self._p, self._lam, self._s, self._z, *parts.values(), mu, shrink],
-            [
-                w,
-                self._lam + length * step["lam"],
-                ca.vec(s),
-                self._z + dual * step["z"],
-                _summary(distances, defect, cost, s),
-                length,
-            ],
-            ["w", "p", "lam", "s", "z", *parts, "mu", "shrink"],
-            [*(f"next_{name}" for name in ITERATE), "values", "length"],
+        mu, backtracking = ca.MX.sym("mu"), ca.MX.sym("backtracking")
+        step = {name: parts[f"d{name}_affine"] + mu * parts[f"d{name}_centring"] for name in own}
+        # Fraction-to-the-boundary rule (Nocedal and Wright, eq. 19.9).
+        primal, dual = (
+            1.0 / ca.fmax(1.0, ca.mmax(-step[name] / own[name]) / FRACTION_TO_BOUNDARY)
+            for name in ("s", "z")
+        )
+        length = backtracking * primal
+        w = own["w"] + length * step["w"]
+        inequalities, residual, cost = self._evaluate(w)
+        # Slack reset: a slack below its constraint costs barrier objective and violation for nothing.
+        s = ca.fmax(ca.reshape(own["s"] + length * step["s"], -1, self._steps), inequalities)
+        return named_function(
+            "trial_point",
+            {**self._iterate_arguments(), **parts, "mu": mu, "backtracking": backtracking},
+            {
+                "next_w": w,
+                "next_lam": own["lam"] + length * step["lam"],
+                "next_s": ca.vec(s),
+                "next_z": own["z"] + dual * step["z"],
+                "point": _filter_point(inequalities, residual, cost, s),
+                "length": length,
+            },
         )
 
-    def _map(self, functions: list[ca.Function], w: ca.MX, extra: list[ca.MX]) -> list[ca.MX]:
-        """Evaluate one function per phase over its steps; results side by side."""
-        arguments = phase_arguments(self._horizon, self._parameter_counts, w, self._p)
-        shifted = ca.vertcat(w[BLOCK:], ca.MX.zeros(layout.INPUTS))
-        successors = ca.reshape(shifted, BLOCK, self._steps)[: layout.STATES, :]
-        pieces = []
-        first = 0
-        for function, phase, (x, u, p, shared) in zip(
-            functions, self._horizon.phases, arguments, strict=True
-        ):
-            span = slice(first, first + phase.steps)
-            first += phase.steps
-            more = [matrix[:, span] for matrix in extra]
-            given = [x, u, successors[:, span], p, shared, *more]
-            pieces.append(function.map(phase.steps).call(given))
-        return [ca.horzcat(*parts) for parts in zip(*pieces, strict=True)]
+    def _iterate_arguments(self) -> dict[str, ca.MX]:
+        own = self._iterate
+        return {"w": own["w"], "p": self._p, "lam": own["lam"], "s": own["s"], "z": own["z"]}
 
-    def _values(self, w: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+    def _map(self, functions: list[ca.Function], w: ca.MX, **extra: ca.MX) -> dict[str, ca.MX]:
+        """Evaluate one function per stage kind over its steps; results side by side."""
+        arguments = self._grid.stage_arguments(w, self._p)
+        next_states = self._grid.next_states(w)
+        pieces = [
+            function.map(kind.count)(
+                x=x,
+                u=u,
+                x_next=next_states[:, kind.steps],
+                p=p,
+                g=shared,
+                **{name: matrix[:, kind.steps] for name, matrix in extra.items()},
+            )
+            for function, kind, (x, u, p, shared) in zip(
+                functions, self._grid.stages, arguments, strict=True
+            )
+        ]
+        return {name: ca.horzcat(*(piece[name] for piece in pieces)) for name in pieces[0]}
+
+    def _evaluate(self, w: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Return inequality constraints and residual of the dynamics, one column per step, and the cost."""
         functions = [
             system.evaluate(f"evaluate_{index}") for index, system in enumerate(self._systems)
         ]
-        distances, defect, cost = self._map(functions, w, [])
-        return distances, defect, ca.sum2(cost)
+        values = self._map(functions, w)
+        return values["inequalities"], values["dynamics_residual"], ca.sum2(values["cost"])
 
 
-def _summary(distances: ca.MX, defect: ca.MX, cost: ca.MX, s: ca.MX) -> ca.MX:
-    residual = ca.vertcat(ca.vec(defect), ca.vec(distances - s))
-    logarithms = ca.sum1(ca.log(ca.vec(s)))
-    return ca.vertcat(cost, logarithms, ca.norm_1(residual), ca.norm_inf(residual))
+def _filter_point(inequalities: ca.MX, residual: ca.MX, cost: ca.MX, s: ca.MX) -> ca.MX:
+    violation = ca.vertcat(ca.vec(residual), ca.vec(inequalities - s))
+    terms = {
+        "cost": cost,
+        "log_sum": ca.sum1(ca.log(ca.vec(s))),
+        "violation": ca.norm_1(violation),
+        "largest_violation": ca.norm_inf(violation),
+    }
+    return _pack(FilterPoint, terms)
 
 
-def _interleave(next_dx: ca.MX, du: ca.MX) -> ca.MX:
-    """Steps of states and inputs in the order of the variables; x_0 does not move."""
-    dx = ca.horzcat(ca.MX.zeros(layout.STATES, 1), next_dx[:, :-1])
-    return ca.vertcat(ca.vec(ca.vertcat(dx, du)), next_dx[:, -1])
+def _pack(fields: type[NamedTuple], values: Mapping[str, ca.MX]) -> ca.MX:
+    """Stack scalars in the order of the fields of the tuple that they are read into."""
+    if set(values) != set(fields._fields):
+        raise AssertionError(f"fields {sorted(values)} are not those of {fields.__name__}")
+    return ca.vertcat(*(values[name] for name in fields._fields))
+
+
+def _interleave(dx_next: ca.MX, du: ca.MX) -> ca.MX:
+    """Return steps of states and inputs in the order of the variables; x_0 does not move."""
+    dx = ca.horzcat(ca.MX.zeros(layout.STATES, 1), dx_next[:, :-1])
+    return ca.vertcat(ca.vec(ca.vertcat(dx, du)), dx_next[:, -1])
 
 
 def _reverse(matrix: ca.MX) -> ca.MX:

@@ -1,8 +1,11 @@
-"""The Riccati recursion: backward over the stages for the feedback, forward for the step.
+"""The Riccati recursion: backward over the stages for the feedback, forward for the Newton step.
 
-The cost to go of a stage is ``1/2 dx' P dx + (p_pull + mu p_centring)' dx``. Pivots of the input block
-that are not safely positive are replaced by their absolute value or a small positive number: the step
-then belongs to a convex problem and descends, without factorising again.
+The recursion solves the Newton system of an optimal control problem at a cost linear in the horizon (Rao,
+Wright and Rawlings, 1998; Frison and Diehl, 2020). The cost to go of a stage is ``1/2 dx' P dx + p' dx`` with
+``p = p_affine + mu p_centring``, the feedback ``du = K dx + k`` with k split alike. Inertia is corrected
+on the way: pivots of the input block that are not safely positive are replaced by their absolute value or
+a small positive number (modified Cholesky factorisation, Nocedal and Wright, section 3.4), so that the step
+belongs to a convex problem and descends, without factorising again.
 """
 
 from __future__ import annotations
@@ -10,35 +13,38 @@ from __future__ import annotations
 import casadi as ca
 
 from iptm_controller.ocp import layout
-from iptm_controller.solvers.riccati.stage_system import WIDTH, StageStructure
+from iptm_controller.solvers.buffered import named_function
+from iptm_controller.solvers.riccati.stage_system import StageSparsity
 
 SMALLEST_PIVOT = 1e-6
 LOWER = ca.Sparsity.lower(layout.STATES)
+PARTS = ("affine", "centring")
+"""Parts of a Newton step: ``affine + mu centring``. The first is the predictor of Mehrotra's method."""
 
 
 def symmetric(lower: ca.SX) -> ca.SX:
-    """Full matrix from its lower triangle."""
+    """Return the full matrix from its lower triangle."""
     return lower + ca.tril(lower, False).T  # noqa: FBT003 - CasADi takes it by position
 
 
-def modified_factor(matrix: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Square-root-free Cholesky factors ``L D L'`` of a symmetric matrix made positive.
+def modified_cholesky(matrix: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return square-root-free Cholesky factors ``L D L'`` of a symmetric matrix made positive.
 
     Args:
         matrix: symmetric, shape (n, n).
 
     Returns:
-        Unit lower triangle L, pivots D after the change, and the number of changed pivots.
+        Unit lower triangle L, pivots D after the correction, and the number of corrected pivots.
     """
     size = matrix.shape[0]
     factor = ca.SX.eye(size)
     pivots: list[ca.SX] = []
-    changed = ca.SX(0.0)
+    corrected = ca.SX(0.0)
     for column in range(size):
         pivot = matrix[column, column]
         for k in range(column):
             pivot -= factor[column, k] ** 2 * pivots[k]
-        changed += pivot < SMALLEST_PIVOT
+        corrected += pivot < SMALLEST_PIVOT
         pivot = ca.fmax(ca.fabs(pivot), SMALLEST_PIVOT)
         pivots.append(pivot)
         for row in range(column + 1, size):
@@ -46,11 +52,11 @@ def modified_factor(matrix: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
             for k in range(column):
                 entry -= factor[row, k] * factor[column, k] * pivots[k]
             factor[row, column] = entry / pivot
-    return factor, ca.vertcat(*pivots), changed
+    return factor, ca.vertcat(*pivots), corrected
 
 
-def substitute(factor: ca.SX, pivots: ca.SX, right: ca.SX) -> ca.SX:
-    """Solve ``L D L' X = right`` for factors of ``modified_factor``."""
+def cholesky_solve(factor: ca.SX, pivots: ca.SX, right: ca.SX) -> ca.SX:
+    """Solve ``L D L' X = right`` for factors of ``modified_cholesky``."""
     size = factor.shape[0]
     rows = [right[row, :] for row in range(size)]
     for row in range(size):
@@ -63,127 +69,132 @@ def substitute(factor: ca.SX, pivots: ca.SX, right: ca.SX) -> ca.SX:
     return ca.vertcat(*rows)
 
 
-def backward_step(structure: StageStructure) -> ca.Function:
-    """One stage backwards.
+def backward_step(sparsity: StageSparsity) -> ca.Function:
+    """Return one stage of the backward recursion.
+
+    ``delta`` is the multiple of the identity that regularises the Hessian (Waechter and Biegler, 2006,
+    eq. 13). P is stored as the nonzeros of its lower triangle, K as a vector; ``corrected`` counts the
+    corrected pivots of this and all later stages.
 
     Returns:
-        ``(P, p_pull, p_centring, changed, dynamics, block, pull, centring, defect, delta) -> (P, p_pull,
-        p_centring, changed, feedback, k_pull, k_centring)``; P as its lower triangle's nonzeros,
-        feedback as a vector, ``changed`` counts changed pivots.
+        Function of the cost to go of the next stage (P_next, p_..._next, corrected_next) and the results of
+        ``linearise``, to the cost to go of this stage and its feedback.
     """
-    lower = ca.SX.sym("P", LOWER)
-    slope_pull = ca.SX.sym("p_pull", layout.STATES)
-    slope_centring = ca.SX.sym("p_centring", layout.STATES)
-    before = ca.SX.sym("changed")
-    dynamics = ca.SX.sym("dynamics", structure.dynamics)
-    block = ca.SX.sym("block", structure.block)
-    pull, centring = ca.SX.sym("pull", WIDTH), ca.SX.sym("centring", WIDTH)
-    defect = ca.SX.sym("defect", layout.STATES)
+    lower = ca.SX.sym("P_next", LOWER)
+    p_affine = ca.SX.sym("p_affine_next", layout.STATES)
+    p_centring = ca.SX.sym("p_centring_next", layout.STATES)
+    corrected_next = ca.SX.sym("corrected_next")
+    dynamics = ca.SX.sym("dynamics_jacobian", sparsity.dynamics)
+    hessian = ca.SX.sym("hessian", sparsity.hessian)
+    gradient_affine = ca.SX.sym("gradient_affine", layout.BLOCK)
+    gradient_centring = ca.SX.sym("gradient_centring", layout.BLOCK)
+    residual = ca.SX.sym("dynamics_residual", layout.STATES)
     delta = ca.SX.sym("delta")
 
-    to_go = symmetric(lower)
-    carried = ca.mtimes(to_go, dynamics)
+    cost_to_go = symmetric(lower)
+    carried = ca.mtimes(cost_to_go, dynamics)
     # Only the lower triangle is ever used; the rest of the product never enters the code.
     total = (
-        symmetric(block)
-        + delta * ca.SX.eye(WIDTH)
+        symmetric(hessian)
+        + delta * ca.SX.eye(layout.BLOCK)
         + symmetric(ca.tril(ca.mtimes(dynamics.T, carried)))
     )
-    head_pull = pull + ca.mtimes(dynamics.T, slope_pull + ca.mtimes(to_go, defect))
-    head_centring = centring + ca.mtimes(dynamics.T, slope_centring)
-    x, u = slice(0, layout.STATES), slice(layout.STATES, WIDTH)
-    factor, pivots, changed = modified_factor(ca.densify(total[u, u]))
-    cross = total[u, x]
-    right = ca.horzcat(cross, head_pull[u], head_centring[u])
-    gains = -substitute(factor, pivots, ca.densify(right))
-    feedback = gains[:, : layout.STATES]
-    k_pull, k_centring = gains[:, layout.STATES], gains[:, layout.STATES + 1]
-    next_lower = ca.tril(total[x, x] + ca.mtimes(cross.T, feedback))
-    return ca.Function(
-        "riccati_backward",
-        [
-            lower.nz[:],
-            slope_pull,
-            slope_centring,
-            before,
-            dynamics.nz[:],
-            block.nz[:],
-            pull,
-            centring,
-            defect,
-            delta,
-        ],
-        [
-            ca.project(next_lower, LOWER).nz[:],
-            ca.densify(head_pull[x] + ca.mtimes(cross.T, k_pull)),
-            ca.densify(head_centring[x] + ca.mtimes(cross.T, k_centring)),
-            before + changed,
-            ca.vec(ca.densify(feedback)),
-            k_pull,
-            k_centring,
-        ],
-        {"cse": True},
+    total_affine = gradient_affine + ca.mtimes(
+        dynamics.T, p_affine + ca.mtimes(cost_to_go, residual)
     )
+    total_centring = gradient_centring + ca.mtimes(dynamics.T, p_centring)
+    x, u = slice(0, layout.STATES), slice(layout.STATES, layout.BLOCK)
+    factor, pivots, corrected = modified_cholesky(ca.densify(total[u, u]))
+    cross = total[u, x]
+    right = ca.horzcat(cross, total_affine[u], total_centring[u])
+    gains = -cholesky_solve(factor, pivots, ca.densify(right))
+    feedback = gains[:, : layout.STATES]
+    k_affine, k_centring = gains[:, layout.STATES], gains[:, layout.STATES + 1]
+    own = ca.tril(total[x, x] + ca.mtimes(cross.T, feedback))
+    arguments = {
+        "P_next": lower.nz[:],
+        "p_affine_next": p_affine,
+        "p_centring_next": p_centring,
+        "corrected_next": corrected_next,
+        "dynamics_jacobian": dynamics.nz[:],
+        "hessian": hessian.nz[:],
+        "gradient_affine": gradient_affine,
+        "gradient_centring": gradient_centring,
+        "dynamics_residual": residual,
+        "delta": delta,
+    }
+    results = {
+        "P": ca.project(own, LOWER).nz[:],
+        "p_affine": ca.densify(total_affine[x] + ca.mtimes(cross.T, k_affine)),
+        "p_centring": ca.densify(total_centring[x] + ca.mtimes(cross.T, k_centring)),
+        "corrected": corrected_next + corrected,
+        "K": ca.vec(ca.densify(feedback)),
+        "k_affine": k_affine,
+        "k_centring": k_centring,
+    }
+    return named_function("riccati_backward", arguments, results, cse=True)
 
 
-def forward_step(structure: StageStructure) -> ca.Function:
-    """One stage forwards, for both parts of the step.
+def forward_step(sparsity: StageSparsity) -> ca.Function:
+    """Return one stage of the forward recursion, for both parts of the step.
+
+    Slacks and multipliers follow from the states and inputs: ``ds = J dw + (c - s)`` and
+    ``dz = -Sigma ds - z + mu / s``.
 
     Returns:
-        ``(dx_pull, dx_centring, P, p_pull, p_centring, feedback, k_pull, k_centring, dynamics, defect,
-        slopes, gap, s, z, lam) -> (next dx_pull, next dx_centring, du_pull, du_centring, dlam_pull,
-        dlam_centring, ds_pull, ds_centring, dz_pull, dz_centring)``. P and p belong to the cost to go
-        after the stage, lam to the next state.
+        Function of dx_affine and dx_centring, the cost to go of the next stage, the feedback, the results of
+        ``linearise`` and the iterate (lam is that of the next state), to the parts of the step.
     """
-    count = structure.distances.shape[0]
-    starts = [ca.SX.sym(name, layout.STATES) for name in ("dx_pull", "dx_centring")]
-    lower = ca.SX.sym("P", LOWER)
-    slopes_to_go = [ca.SX.sym(name, layout.STATES) for name in ("p_pull", "p_centring")]
-    feedback = ca.SX.sym("feedback", layout.INPUTS, layout.STATES)
-    offsets = [ca.SX.sym(name, layout.INPUTS) for name in ("k_pull", "k_centring")]
-    dynamics = ca.SX.sym("dynamics", structure.dynamics)
-    defect = ca.SX.sym("defect", layout.STATES)
-    slopes = ca.SX.sym("slopes", structure.distances)
-    gap, distance, multiplier = (ca.SX.sym(name, count) for name in ("gap", "s", "z"))
-    costate = ca.SX.sym("lam", layout.STATES)
-
-    to_go = symmetric(lower)
-    weight = multiplier / distance
-    shifts = (defect, ca.SX.zeros(layout.STATES))
-    gaps = (gap, ca.SX.zeros(count))
-    results: list[list[ca.SX]] = [[], [], [], [], []]
-    for part, start in enumerate(starts):
-        inputs = ca.mtimes(feedback, start) + offsets[part]
-        both = ca.vertcat(start, inputs)
-        after = ca.mtimes(dynamics, both) + shifts[part]
-        new_costate = ca.mtimes(to_go, after) + slopes_to_go[part]
-        to_distance = ca.mtimes(slopes, both) + gaps[part]
-        to_multiplier = -weight * to_distance
-        if part == 0:
-            new_costate -= costate
-            to_multiplier -= multiplier
-        else:
-            to_multiplier += 1.0 / distance
-        for result, value in zip(
-            results, (after, inputs, new_costate, to_distance, to_multiplier), strict=True
-        ):
-            result.append(ca.densify(value))
-    return ca.Function(
-        "riccati_forward",
-        [
-            *starts,
-            lower.nz[:],
-            *slopes_to_go,
-            ca.vec(feedback),
-            *offsets,
-            dynamics.nz[:],
-            defect,
-            slopes.nz[:],
-            gap,
-            distance,
-            multiplier,
-            costate,
-        ],
-        [value for result in results for value in result],
-        {"cse": True},
+    count = sparsity.inequalities.shape[0]
+    dx = {part: ca.SX.sym(f"dx_{part}", layout.STATES) for part in PARTS}
+    lower = ca.SX.sym("P_next", LOWER)
+    p_next = {part: ca.SX.sym(f"p_{part}_next", layout.STATES) for part in PARTS}
+    feedback = ca.SX.sym("K", layout.INPUTS, layout.STATES)
+    k = {part: ca.SX.sym(f"k_{part}", layout.INPUTS) for part in PARTS}
+    dynamics = ca.SX.sym("dynamics_jacobian", sparsity.dynamics)
+    dynamics_residual = ca.SX.sym("dynamics_residual", layout.STATES)
+    jacobian = ca.SX.sym("inequality_jacobian", sparsity.inequalities)
+    inequality_residual, s, z = (
+        ca.SX.sym(name, count) for name in ("inequality_residual", "s", "z")
     )
+    lam = ca.SX.sym("lam", layout.STATES)
+
+    cost_to_go = symmetric(lower)
+    sigma = z / s
+    dynamics_shift = {"affine": dynamics_residual, "centring": ca.SX.zeros(layout.STATES)}
+    inequality_shift = {"affine": inequality_residual, "centring": ca.SX.zeros(count)}
+    steps: dict[str, dict[str, ca.SX]] = {
+        name: {} for name in ("dx_next", "du", "dlam", "ds", "dz")
+    }
+    for part in PARTS:
+        du = ca.mtimes(feedback, dx[part]) + k[part]
+        both = ca.vertcat(dx[part], du)
+        dx_next = ca.mtimes(dynamics, both) + dynamics_shift[part]
+        dlam = ca.mtimes(cost_to_go, dx_next) + p_next[part]
+        ds = ca.mtimes(jacobian, both) + inequality_shift[part]
+        dz = -sigma * ds
+        if part == "affine":
+            dlam -= lam
+            dz -= z
+        else:
+            dz += 1.0 / s
+        for name, value in zip(steps, (dx_next, du, dlam, ds, dz), strict=True):
+            steps[name][part] = ca.densify(value)
+    arguments = {
+        **{f"dx_{part}": dx[part] for part in PARTS},
+        "P_next": lower.nz[:],
+        **{f"p_{part}_next": p_next[part] for part in PARTS},
+        "K": ca.vec(feedback),
+        **{f"k_{part}": k[part] for part in PARTS},
+        "dynamics_jacobian": dynamics.nz[:],
+        "dynamics_residual": dynamics_residual,
+        "inequality_jacobian": jacobian.nz[:],
+        "inequality_residual": inequality_residual,
+        "s": s,
+        "z": z,
+        "lam": lam,
+    }
+    results = {
+        f"{name}_{part}": value for name, parts in steps.items() for part, value in parts.items()
+    }
+    return named_function("riccati_forward", arguments, results, cse=True)

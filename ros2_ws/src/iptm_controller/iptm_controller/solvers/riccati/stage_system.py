@@ -1,8 +1,9 @@
-"""One stage of the Newton system of the interior-point method, condensed to states and inputs.
+"""One stage of the primal-dual Newton system, condensed to its states and inputs.
 
-Every limit is written as ``c(x, u) >= 0`` with a distance variable ``s`` and a multiplier ``z``, and both
-are eliminated: what is left of a stage is a dense block over states and inputs. The right-hand side is
-affine in the barrier parameter, so its two parts are kept apart and any barrier can be chosen later.
+Slacks s and multipliers z of the inequality constraints ``c(x, u) - s = 0, s >= 0`` are eliminated from the
+Newton system of the barrier problem (Nocedal and Wright, eq. 19.6): with ``Sigma = diag(z / s)`` a stage is
+left with the Hessian ``H + J' Sigma J`` over states and inputs, as in HPIPM (Frison and Diehl, 2020). The
+gradient is affine in the barrier parameter mu, so its two parts are kept apart and mu can be chosen later.
 """
 
 from __future__ import annotations
@@ -14,15 +15,14 @@ import casadi as ca
 import numpy as np
 
 from iptm_controller.ocp import layout
+from iptm_controller.ocp.problem import stage_bounds
 from iptm_controller.ocp.stage import StageExpressions
-from iptm_controller.ocp.transcription import problem_bounds
+from iptm_controller.solvers.buffered import named_function
 from iptm_core.parameters.model import LimitParameters
-
-WIDTH = layout.STATES + layout.INPUTS
 
 
 @dataclass(frozen=True)
-class Side:
+class Inequality:
     """One finite bound: ``sign (value - bound) >= 0`` for an entry of the rows and inputs of a stage."""
 
     index: int
@@ -30,40 +30,42 @@ class Side:
     bound: float
 
 
-def limit_sides(limits: LimitParameters) -> tuple[Side, ...]:
-    """Finite bounds of a stage; the values are its limit rows followed by its inputs."""
-    bounds = problem_bounds(1, limits)
-    inputs = slice(layout.STATES, layout.STATES + layout.INPUTS)
-    low = np.concatenate([bounds.rows_low[layout.STATES :], bounds.variables_low[inputs]])
-    high = np.concatenate([bounds.rows_high[layout.STATES :], bounds.variables_high[inputs]])
-    sides = []
+def inequality_constraints(limits: LimitParameters) -> tuple[Inequality, ...]:
+    """Return the finite bounds of a stage; the values are its limit rows followed by its inputs."""
+    bounds = stage_bounds(limits)
+    own = slice(layout.STATES, None)
+    low = np.concatenate([bounds.rows_low[own], bounds.variables_low[own]])
+    high = np.concatenate([bounds.rows_high[own], bounds.variables_high[own]])
+    constraints = []
     for index, (least, most) in enumerate(zip(low, high, strict=True)):
         if np.isfinite(least):
-            sides.append(Side(index, 1.0, float(least)))
+            constraints.append(Inequality(index, 1.0, float(least)))
         if np.isfinite(most):
-            sides.append(Side(index, -1.0, float(most)))
-    return tuple(sides)
-
-
-def distances(stage: StageExpressions, sides: Sequence[Side]) -> ca.SX:
-    """Distances c to the bounds, one entry per side."""
-    values = ca.vertcat(stage.limits, stage.inputs)
-    return ca.vertcat(*(side.sign * (values[side.index] - side.bound) for side in sides))
+            constraints.append(Inequality(index, -1.0, float(most)))
+    return tuple(constraints)
 
 
 @dataclass(frozen=True)
-class StageStructure:
+class StageSparsity:
     """Sparsity common to all stage kinds of a horizon, so that one recursion serves them all.
 
     Attributes:
-        dynamics: of the next state by states and inputs, (6, 12).
-        distances: of the distances, (sides, 12).
-        block: lower triangle of the condensed block, (12, 12).
+        dynamics: Jacobian of the next state, (6, 12).
+        inequalities: Jacobian of the inequality constraints, (inequalities, 12).
+        hessian: lower triangle of the condensed Hessian, (12, 12).
     """
 
     dynamics: ca.Sparsity
-    distances: ca.Sparsity
-    block: ca.Sparsity
+    inequalities: ca.Sparsity
+    hessian: ca.Sparsity
+
+    def union(self, other: StageSparsity) -> StageSparsity:
+        """Return the sparsity that holds both."""
+        return StageSparsity(
+            self.dynamics + other.dynamics,
+            self.inequalities + other.inequalities,
+            self.hessian + other.hessian,
+        )
 
 
 class StageSystem:
@@ -72,151 +74,139 @@ class StageSystem:
     def __init__(self, stage: StageExpressions, limits: LimitParameters) -> None:
         self._stage = stage
         variables = ca.vertcat(stage.state, stage.inputs)
-        self._distances = distances(stage, limit_sides(limits))
-        count = self._distances.numel()
-        self._next_multiplier = ca.SX.sym("lam_next", layout.STATES)
-        self._distance = ca.SX.sym("s", count)
-        self._multiplier = ca.SX.sym("z", count)
+        values = ca.vertcat(stage.limits, stage.inputs)
+        self._inequalities = ca.vertcat(
+            *(one.sign * (values[one.index] - one.bound) for one in inequality_constraints(limits))
+        )
+        count = self._inequalities.numel()
+        self._lam_next = ca.SX.sym("lam_next", layout.STATES)
+        self._s = ca.SX.sym("s", count)
+        self._z = ca.SX.sym("z", count)
         lagrangian = (
             stage.cost
-            + ca.dot(self._next_multiplier, stage.next_state)
-            - ca.dot(self._multiplier, self._distances)
+            + ca.dot(self._lam_next, stage.next_state)
+            - ca.dot(self._z, self._inequalities)
         )
         self._gradient = ca.densify(ca.gradient(stage.cost, variables))
-        self._dynamics = ca.jacobian(stage.next_state, variables)
-        self._slopes = ca.jacobian(self._distances, variables)
-        weight = self._multiplier / self._distance
-        block = ca.hessian(lagrangian, variables)[0] + ca.mtimes(
-            self._slopes.T, ca.mtimes(ca.diag(weight), self._slopes)
+        self._dynamics_jacobian = ca.jacobian(stage.next_state, variables)
+        self._inequality_jacobian = ca.jacobian(self._inequalities, variables)
+        self._sigma = self._z / self._s
+        condensed = ca.hessian(lagrangian, variables)[0] + ca.mtimes(
+            self._inequality_jacobian.T,
+            ca.mtimes(ca.diag(self._sigma), self._inequality_jacobian),
         )
-        self._block = ca.tril(block)
-        self._weight = weight
+        self._hessian = ca.tril(condensed)
 
     @property
-    def sides(self) -> int:
-        """Number of limits."""
-        return int(self._distances.numel())
+    def inequality_count(self) -> int:
+        """Number of inequality constraints."""
+        return int(self._inequalities.numel())
 
     @property
-    def structure(self) -> StageStructure:
+    def sparsity(self) -> StageSparsity:
         """Sparsity of this stage kind alone."""
-        return StageStructure(
-            self._dynamics.sparsity(), self._slopes.sparsity(), self._block.sparsity()
+        return StageSparsity(
+            self._dynamics_jacobian.sparsity(),
+            self._inequality_jacobian.sparsity(),
+            self._hessian.sparsity(),
         )
 
-    def linearise(self, structure: StageStructure, name: str) -> ca.Function:
-        """Condensed Newton system of the stage at an iterate.
+    def linearise(self, sparsity: StageSparsity, name: str) -> ca.Function:
+        """Return the condensed Newton system of the stage at an iterate.
 
         Args:
-            structure: common sparsity; sparse results come as vectors of its nonzeros.
+            sparsity: common sparsity; sparse results come as vectors of its nonzeros.
             name: name of the function.
 
         Returns:
-            ``(x, u, next x, p, g, lam, lam_next, s, z) -> (dynamics, block, pull, centring, defect,
-            slopes, gap, gradient, errors)``. ``pull + mu centring`` is the condensed gradient for the
-            barrier parameter mu, ``defect`` is F - next x, ``gap`` is c - s, ``errors`` are the largest
-            entries of stationarity, defect, gap and s z, and the sums of s z, z and abs(lam).
+            Function of ``x, u, x_next, p, g``, lam (of x), lam_next (of x_next), s and z. The condensed
+            gradient is ``gradient_affine + mu gradient_centring``; residuals are ``F - x_next`` and
+            ``c - s``; norms are infinity norms where they are not said to be sums.
         """
         stage = self._stage
-        successor = ca.SX.sym("x_next", layout.STATES)
-        multiplier = ca.SX.sym("lam", layout.STATES)
-        gap = self._distances - self._distance
-        defect = stage.next_state - successor
-        pull = self._gradient + ca.mtimes(self._slopes.T, self._weight * gap)
-        centring = -ca.mtimes(self._slopes.T, 1.0 / self._distance)
+        x_next = ca.SX.sym("x_next", layout.STATES)
+        lam = ca.SX.sym("lam", layout.STATES)
+        inequality_residual = self._inequalities - self._s
+        dynamics_residual = stage.next_state - x_next
+        jacobian_t = self._inequality_jacobian.T
+        gradient_affine = self._gradient + ca.mtimes(jacobian_t, self._sigma * inequality_residual)
+        gradient_centring = -ca.mtimes(jacobian_t, 1.0 / self._s)
         stationarity = (
             self._gradient
-            + ca.mtimes(self._dynamics.T, self._next_multiplier)
-            - ca.mtimes(self._slopes.T, self._multiplier)
+            + ca.mtimes(self._dynamics_jacobian.T, self._lam_next)
+            - ca.mtimes(jacobian_t, self._z)
         )
-        stationarity[: layout.STATES] -= multiplier
-        products = self._distance * self._multiplier
-        errors = ca.vertcat(
-            ca.norm_inf(stationarity[: layout.STATES]),
-            ca.norm_inf(stationarity[layout.STATES :]),
-            ca.norm_inf(defect),
-            ca.norm_inf(gap),
-            ca.mmax(products),
-            ca.sum1(products),
-            ca.sum1(self._multiplier),
-            ca.norm_1(multiplier),
-        )
-        return ca.Function(
-            name,
-            [
-                stage.state,
-                stage.inputs,
-                successor,
-                stage.step_parameters,
-                stage.global_parameters,
-                multiplier,
-                self._next_multiplier,
-                self._distance,
-                self._multiplier,
+        stationarity[: layout.STATES] -= lam
+        complementarity = self._s * self._z
+        results = {
+            "dynamics_jacobian": ca.project(self._dynamics_jacobian, sparsity.dynamics).nz[:],
+            "hessian": ca.project(self._hessian, sparsity.hessian).nz[:],
+            "gradient_affine": ca.densify(gradient_affine),
+            "gradient_centring": ca.densify(gradient_centring),
+            "dynamics_residual": dynamics_residual,
+            "inequality_jacobian": ca.project(self._inequality_jacobian, sparsity.inequalities).nz[
+                :
             ],
-            [
-                ca.project(self._dynamics, structure.dynamics).nz[:],
-                ca.project(self._block, structure.block).nz[:],
-                ca.densify(pull),
-                ca.densify(centring),
-                defect,
-                ca.project(self._slopes, structure.distances).nz[:],
-                gap,
-                self._gradient,
-                errors,
-            ],
-            {"cse": True},
-        )
+            "inequality_residual": inequality_residual,
+            "cost_gradient": self._gradient,
+            "stationarity_x": ca.norm_inf(stationarity[: layout.STATES]),
+            "stationarity_u": ca.norm_inf(stationarity[layout.STATES :]),
+            "dynamics_norm": ca.norm_inf(dynamics_residual),
+            "inequality_norm": ca.norm_inf(inequality_residual),
+            "complementarity_norm": ca.mmax(complementarity),
+            "complementarity_sum": ca.sum1(complementarity),
+            "z_sum": ca.sum1(self._z),
+            "lam_sum": ca.norm_1(lam),
+        }
+        arguments = {
+            **self._point(x_next),
+            "lam": lam,
+            "lam_next": self._lam_next,
+            "s": self._s,
+            "z": self._z,
+        }
+        return named_function(name, arguments, results, cse=True)
 
-    def least_slacks(self, name: str) -> ca.Function:
-        """Smallest slacks that put no soft limit out of reach: ``(x, u, next x, p, g) -> slacks``.
+    def least_soft_slacks(self, name: str) -> ca.Function:
+        """Return a function of ``x, u, x_next, p, g``: smallest slacks of u that keep the soft limits.
 
-        The slacks of u and the next state are ignored.
+        The slacks of u itself and the next state are ignored.
         """
-        stage = self._stage
-        slacks = stage.inputs[layout.INPUTS - layout.SLACKS :]
-        own_bounds = self.sides - layout.SLACKS
-        softened = self._distances[:own_bounds]
-        tight = ca.substitute(softened, slacks, ca.SX.zeros(layout.SLACKS))
-        eased_by = ca.jacobian(softened, slacks).sparsity()
+        soft_slacks = self._stage.inputs[layout.INPUTS - layout.SLACKS :]
+        softened = self._inequalities[: self.inequality_count - layout.SLACKS]
+        unsoftened = ca.substitute(softened, soft_slacks, ca.SX.zeros(layout.SLACKS))
+        softens = ca.jacobian(softened, soft_slacks).sparsity()
         least = []
         for column in range(layout.SLACKS):
-            rows = eased_by.row()[eased_by.colind()[column] : eased_by.colind()[column + 1]]
-            least.append(ca.fmax(0.0, ca.mmax(-tight[rows])))
-        arguments = [
-            stage.state,
-            stage.inputs,
-            ca.SX.sym("x_next", layout.STATES),
-            stage.step_parameters,
-            stage.global_parameters,
-        ]
-        return ca.Function(name, arguments, [ca.vertcat(*least)], {"cse": True})
+            rows = softens.row()[softens.colind()[column] : softens.colind()[column + 1]]
+            least.append(ca.fmax(0.0, ca.mmax(-unsoftened[rows])))
+        point = self._point(ca.SX.sym("x_next", layout.STATES))
+        return named_function(name, point, {"soft_slacks": ca.vertcat(*least)}, cse=True)
 
     def evaluate(self, name: str) -> ca.Function:
-        """Values only: ``(x, u, next x, p, g) -> (distances, defect, cost)``."""
+        """Return a function of ``x, u, x_next, p, g``: constraints c, residual of the dynamics, cost."""
+        x_next = ca.SX.sym("x_next", layout.STATES)
+        results = {
+            "inequalities": self._inequalities,
+            "dynamics_residual": self._stage.next_state - x_next,
+            "cost": self._stage.cost,
+        }
+        return named_function(name, self._point(x_next), results, cse=True)
+
+    def _point(self, x_next: ca.SX) -> dict[str, ca.SX]:
         stage = self._stage
-        successor = ca.SX.sym("x_next", layout.STATES)
-        arguments = [
-            stage.state,
-            stage.inputs,
-            successor,
-            stage.step_parameters,
-            stage.global_parameters,
-        ]
-        return ca.Function(
-            name,
-            arguments,
-            [self._distances, stage.next_state - successor, stage.cost],
-            {"cse": True},
-        )
+        return {
+            "x": stage.state,
+            "u": stage.inputs,
+            "x_next": x_next,
+            "p": stage.step_parameters,
+            "g": stage.global_parameters,
+        }
 
 
-def common_structure(systems: Sequence[StageSystem]) -> StageStructure:
-    """Union of the sparsity of several stage kinds."""
-    first, *others = (system.structure for system in systems)
-    dynamics, slopes, block = first.dynamics, first.distances, first.block
-    for other in others:
-        dynamics = dynamics + other.dynamics
-        slopes = slopes + other.distances
-        block = block + other.block
-    return StageStructure(dynamics, slopes, block)
+def common_sparsity(systems: Sequence[StageSystem]) -> StageSparsity:
+    """Return the union of the sparsity of several stage kinds."""
+    common = systems[0].sparsity
+    for system in systems[1:]:
+        common = common.union(system.sparsity)
+    return common

@@ -15,9 +15,9 @@ import numpy as np
 
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.transcription import Transcription, problem_bounds
+from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
+from iptm_controller.ocp.transcription import transcribe
 from iptm_core.errors import SolverSetupError
-from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray
 
 LP_OPTIONS = {
@@ -64,20 +64,15 @@ class KktResidual:
 class KktChecker:
     """Judges solutions of one horizon."""
 
-    def __init__(self, transcription: Transcription, limits: LimitParameters) -> None:
-        """Prepare derivatives and the linear program.
-
-        Args:
-            transcription: the problem.
-            limits: bounds of the inputs.
-        """
-        t = transcription
-        self._bounds = problem_bounds(t.horizon.steps, limits)
+    def __init__(self, problem: OptimalControlProblem) -> None:
+        """Prepare derivatives and the linear program."""
+        t = transcribe(problem)
+        self._bounds = problem_bounds(problem.grid.steps, problem.model.limits)
         self._evaluate = ca.Function(
             "kkt_terms", [t.variables, t.parameters], [t.rows, t.gradient, t.jacobian]
         )
         # x_0 is given: nothing can be asked of the gradient there.
-        self._free = np.arange(layout.STATES, t.variable_count)
+        self._free = np.arange(layout.STATES, problem.grid.variable_count)
         self._low = np.concatenate([self._bounds.rows_low, self._bounds.variables_low[self._free]])
         self._high = np.concatenate(
             [self._bounds.rows_high, self._bounds.variables_high[self._free]]

@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from iptm_core.errors import BagError
 from iptm_interfaces.topics import TOPICS
-from iptm_recording.definitions import message_definition, nested_types
+from iptm_recording.message_types import message_definition
 
 PREFIXES = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
 SHARES = [Path(prefix) / "share" for prefix in (*PREFIXES, sys.prefix)]
@@ -65,7 +65,7 @@ def test_without_installed_packages_the_type_store_steps_in(
     "name", ["Odometry", "nav_msgs/srv/GetMap", "a/b/c/d", "", "nav msgs/msg/X"]
 )
 def test_malformed_name(name: str) -> None:
-    with pytest.raises(BagError, match="package/msg/Type"):
+    with pytest.raises(BagError, match="allowed: package/msg/Type"):
         message_definition(name)
 
 
@@ -74,19 +74,19 @@ def test_unknown_type() -> None:
         message_definition("own_msgs/msg/Thing")
 
 
-def test_nested_types_of_a_definition() -> None:
-    text = """
-    # Header comment with std_msgs/Fake in it
-    int32 X=3
-    string<=10 short
-    float64[36] covariance
-    std_msgs/Header header
-    geometry_msgs/msg/Pose[] poses  # with a comment
-    Point32[<=4] corners
-    wstring text "default"
-    """
-    assert list(nested_types(text, "own")) == [
-        "std_msgs/msg/Header",
-        "geometry_msgs/msg/Pose",
-        "own/msg/Point32",
-    ]
+def test_type_of_a_package_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "share" / "own_msgs" / "msg"
+    folder.mkdir(parents=True)
+    (folder / "Fluid.msg").write_text("float64 density  # kg/m^3\n")
+    (folder / "Tank.msg").write_text(
+        "# Comment with std_msgs/Fake in it\nint32 X=3\nstring<=10 short\nfloat64[36] values\n"
+        "geometry_msgs/msg/Point[] corners  # with a comment\nFluid[<=4] fluids\n"
+    )
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path}:{os.environ.get('AMENT_PREFIX_PATH', '')}")
+    definition = message_definition("own_msgs/msg/Tank")
+    assert "MSG: own_msgs/Fluid\nfloat64 density  # kg/m^3" in definition.text
+    assert "MSG: geometry_msgs/Point\n" in definition.text
+    assert definition.type_hash == ""
+    (folder / "Fluid.msg").unlink()
+    with pytest.raises(BagError, match="unknown"):
+        message_definition("own_msgs/msg/Other")

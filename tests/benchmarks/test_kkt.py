@@ -2,70 +2,44 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
+from benchmarks.kkt import KktChecker
+from benchmarks.other_solvers import OTHER_SOLVER_NAMES, build_other_solver
+from benchmarks.record_problems import record_problems
 
-from iptm_controller.controller import Controller, ControllerOptions, Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex
-from iptm_controller.ocp.transcription import transcribe
-from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
-from iptm_controller.solvers.interior_point import InteriorPointOptions
-from iptm_controller.solvers.kkt import KktChecker
-from iptm_controller.solvers.result import SolveResult
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.solvers.factory import build_plain_solver
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_core.parameters import load_parameters
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_core.state import FloatArray
 
 HORIZON = Horizon.parse("2x1+2x5")
 PARAMETERS = load_parameters().values
-
-
-class _Catch:
-    """Keeps the problem that the controller poses."""
-
-    name = "catch"
-    compiled = False
-
-    def __init__(self) -> None:
-        self.inner = build_plain_solver(HORIZON, PARAMETERS, SolverOptions(compile_code=False))
-        self.posed: tuple[ProblemData, FloatArray] | None = None
-
-    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
-        self.posed = (data, guess)
-        return self.inner.solve(data, guess)
+PROBLEM = OptimalControlProblem(HORIZON, PARAMETERS)
 
 
 @pytest.fixture(scope="module")
 def problem() -> tuple[ProblemData, FloatArray]:
-    catch = _Catch()
-    controller = Controller(PARAMETERS, ControllerOptions(horizon=HORIZON), catch)
-    state = VehicleState(100.0, 1000.0, 20.0, 0.2, 500.0, 305.0, 306.0, 1e-6, 1e-6)
-    leader = LeaderState(100.0, 1060.0, 19.0)
-    times = np.arange(0.0, 60.0) + 100.0
-    preview = LeaderPreview(100.0, times, 1060.0 + 19.0 * (times - 100.0), np.full(60, 19.0))
-    road = SlopePreview(np.array([0.0, 5000.0]), np.array([0.0, 0.02]))
-    controller.decide(Measurements(state, leader, preview, road))
-    assert catch.posed is not None
-    return catch.posed
+    return record_problems("us06", "aging", "2x1+2x5", first_tick=60, count=3).problem(2)
 
 
 @pytest.fixture(scope="module")
 def checker() -> KktChecker:
-    return KktChecker(transcribe(HORIZON, PARAMETERS), PARAMETERS.limits)
+    return KktChecker(PROBLEM)
 
 
 def solution(name: str, tolerance: float, problem: tuple[ProblemData, FloatArray]) -> FloatArray:
-    options = SolverOptions(
-        name=name,
-        compile_code=False,
-        interior_point=InteriorPointOptions(tolerance=tolerance),
-    )
+    options = SolverOptions(name=name, compile_code=False, tolerance=tolerance)
+    if name in OTHER_SOLVER_NAMES:
+        return build_other_solver(PROBLEM, options).solve(*problem).variables
     return build_plain_solver(HORIZON, PARAMETERS, options).solve(*problem).variables
 
 
-@pytest.mark.parametrize("name", ["riccati", "fatrop", "ipopt", "sqp_piqp"])
+@pytest.mark.parametrize("name", ["riccati", "ipopt", "fatrop", "sqp_piqp"])
 def test_solutions_of_every_kind_of_solver_pass(
     name: str, problem: tuple[ProblemData, FloatArray], checker: KktChecker
 ) -> None:

@@ -1,0 +1,120 @@
+"""What the controller acts on, and how much of it is plausible before anything is computed from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
+
+MAX_TIME_APART_S = 60.0
+MIN_GAP_M = -1.0
+MAX_GAP_M = 1e4
+MAX_SPEED_M_S = 100.0
+STEEPEST_RAD = 1.5
+
+_RANGES: dict[str, tuple[float, float]] = {
+    "time_s": (0.0, 1e9),
+    "position_m": (-1e9, 1e9),
+    "speed_m_s": (0.0, MAX_SPEED_M_S),
+    "acceleration_m_s2": (-20.0, 20.0),
+    "compressor_power_w": (0.0, 1e5),
+    "cell_1_temperature_k": (223.15, 373.15),
+    "cell_n_temperature_k": (223.15, 373.15),
+    "cell_1_capacity_loss": (1e-9, 0.9),
+    "cell_n_capacity_loss": (1e-9, 0.9),
+}
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """What is measured at one tick, all of the same instant.
+
+    Attributes:
+        state: host and pack, None if not measured.
+        leader: the preceding vehicle by range sensor, None if not measured.
+        preview: newest received prediction, possibly empty.
+        slope: road slope over position.
+        fault: why something is not measured; empty if all is.
+    """
+
+    state: VehicleState | None
+    leader: LeaderState | None
+    preview: LeaderPreview
+    slope: SlopePreview
+    fault: str = ""
+
+
+@dataclass(frozen=True)
+class Trusted:
+    """What of the measurements may be used.
+
+    Attributes:
+        state: the host if it is plausible.
+        leader: the leader if host and leader are plausible.
+        fault: why no problem can be posed; empty if one can.
+    """
+
+    state: VehicleState | None
+    leader: LeaderState | None
+    fault: str
+
+
+def trusted_measurements(measured: Measurements) -> Trusted:
+    """Return what is plausible; what builds on a part that is not is left out."""
+    state, leader = measured.state, measured.leader
+    if state is None:
+        return Trusted(None, None, measured.fault or "no measurement of the state")
+    fault = state_fault(state)
+    if fault:
+        return Trusted(None, None, fault)
+    if leader is None:
+        return Trusted(state, None, measured.fault or "no measurement of the leader")
+    fault = leader_fault(leader, state)
+    if fault:
+        return Trusted(state, None, fault)
+    return Trusted(state, leader, slope_fault(measured.slope))
+
+
+def state_fault(state: VehicleState) -> str:
+    """Return why a state cannot be that of a vehicle, empty if it can."""
+    for name, (low, high) in _RANGES.items():
+        value = getattr(state, name)
+        if not (math.isfinite(value) and low <= value <= high):
+            return f"measured {name} is {value}; allowed: {low:g} to {high:g}"
+    return ""
+
+
+def leader_fault(leader: LeaderState, host: VehicleState) -> str:
+    """Return why a leader cannot be where it is measured, empty if it can."""
+    if not math.isfinite(leader.time_s):
+        return f"measured leader time is {leader.time_s} s; allowed: finite values"
+    speed_m_s = leader.speed_m_s
+    if not (math.isfinite(speed_m_s) and 0.0 <= speed_m_s <= MAX_SPEED_M_S):
+        return f"measured leader speed is {speed_m_s} m/s; allowed: 0 to {MAX_SPEED_M_S:g} m/s"
+    apart_s = abs(leader.time_s - host.time_s)
+    if not apart_s <= MAX_TIME_APART_S:
+        return (
+            f"leader was measured {apart_s} s apart from the host; allowed: {MAX_TIME_APART_S:g} s"
+        )
+    gap_m = leader.position_m - host.position_m
+    if not MIN_GAP_M <= gap_m <= MAX_GAP_M:
+        return f"measured gap is {gap_m} m; allowed: {MIN_GAP_M:g} to {MAX_GAP_M:g} m"
+    return ""
+
+
+def slope_fault(slope: SlopePreview) -> str:
+    """Return why a road cannot be driven on, empty if it can."""
+    sizes = (slope.positions_m.size, slope.slopes_rad.size)
+    if sizes[0] != sizes[1] or not sizes[0]:
+        return (
+            f"slope has {sizes[0]} positions and {sizes[1]} slopes; allowed: equal numbers from 1"
+        )
+    if not (np.isfinite(slope.positions_m).all() and np.isfinite(slope.slopes_rad).all()):
+        return "slope has positions or slopes that are not finite numbers"
+    steepest = float(np.abs(slope.slopes_rad).max())
+    if steepest > STEEPEST_RAD:
+        return f"slope is {steepest} rad; allowed: {STEEPEST_RAD:g} rad up or down"
+    return ""

@@ -1,0 +1,185 @@
+"""The flat vectors of one problem: which entry belongs to which step of the horizon.
+
+Variables are ordered ``x_0, u_0, x_1, u_1, ..., x_N``, constraint rows ``dynamics_0, limits_0, dynamics_1,
+...``, the order that structure-exploiting solvers read. Parameters are the globals, then those of every
+step: its own and one group per quadrature sample. Everything that packs or cuts one of these vectors asks
+the grid. The stages of a phase are alike; offsets are summed over the phases, so that a phase with stages
+of another size only has to say so in its ``StageKind``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout
+from iptm_core.state import FloatArray
+
+MIDPOINT_UP_TO_S = 1.0
+SECONDS_PER_SAMPLE = 2.5
+
+
+def sample_count(step_s: float) -> int:
+    """Return the samples that a step needs: the midpoint up to 1 s, then one per 2.5 s."""
+    if step_s <= MIDPOINT_UP_TO_S:
+        return 1
+    return max(2, math.ceil(step_s / SECONDS_PER_SAMPLE))
+
+
+def quadrature(samples: int) -> tuple[FloatArray, FloatArray]:
+    """Return Gauss-Legendre nodes and weights on [0, 1], shapes (samples,)."""
+    nodes, weights = np.polynomial.legendre.leggauss(samples)
+    return 0.5 * (nodes + 1.0), 0.5 * weights
+
+
+@dataclass(frozen=True)
+class StageKind:
+    """The equal stages of one phase and their place in the flat vectors.
+
+    Attributes:
+        step_s: step length.
+        samples: quadrature samples in a step.
+        steps: numbers of the steps.
+        variables: place of the blocks ``x_k, u_k``.
+        rows: place of the blocks ``dynamics_k, limits_k``.
+        parameters: place of the parameters of the steps.
+    """
+
+    step_s: float
+    samples: int
+    steps: slice
+    variables: slice
+    rows: slice
+    parameters: slice
+
+    @property
+    def count(self) -> int:
+        """Number of stages."""
+        return int(self.steps.stop - self.steps.start)
+
+    @property
+    def parameter_count(self) -> int:
+        """Number of parameters of one step."""
+        return layout.step_parameter_count(self.samples)
+
+
+class ProblemGrid:
+    """Sizes, offsets and packing of the flat vectors of a horizon.
+
+    Attributes:
+        horizon: the steps.
+        stages: one kind per phase.
+        sample_times_s: times of all quadrature samples from the first node on, in order.
+    """
+
+    def __init__(self, horizon: Horizon) -> None:
+        self.horizon = horizon
+        kinds: list[StageKind] = []
+        step, offset = 0, layout.GLOBALS
+        for phase in horizon.phases:
+            samples = sample_count(phase.step_s)
+            last = step + phase.steps
+            end = offset + phase.steps * layout.step_parameter_count(samples)
+            kinds.append(
+                StageKind(
+                    step_s=phase.step_s,
+                    samples=samples,
+                    steps=slice(step, last),
+                    variables=slice(layout.BLOCK * step, layout.BLOCK * last),
+                    rows=slice(layout.ROWS * step, layout.ROWS * last),
+                    parameters=slice(offset, end),
+                )
+            )
+            step, offset = last, end
+        self.stages = tuple(kinds)
+        self.steps = step
+        self.variable_count = kinds[-1].variables.stop + layout.STATES
+        self.row_count = kinds[-1].rows.stop
+        self.parameter_count = offset
+        self.step_parameters = [
+            slice(start, start + kind.parameter_count)
+            for kind in kinds
+            for start in range(kind.parameters.start, kind.parameters.stop, kind.parameter_count)
+        ]
+        self.sample_times_s: FloatArray = np.concatenate(
+            [
+                start + quadrature(kind.samples)[0] * kind.step_s
+                for kind in kinds
+                for start in horizon.node_times_s[kind.steps]
+            ]
+        )
+        own, sampled = np.arange(layout.STEP_PARAMETERS), np.arange(layout.SAMPLE_PARAMETERS)
+        starts = np.array([place.start for place in self.step_parameters])
+        self._step_slots = starts[:, None] + own
+        first_samples = [
+            np.arange(place.start + layout.STEP_PARAMETERS, place.stop, layout.SAMPLE_PARAMETERS)
+            for place in self.step_parameters
+        ]
+        self._sample_slots = np.concatenate(first_samples)[:, None] + sampled
+
+    def parameters(
+        self, shared: Sequence[float] | FloatArray, steps: FloatArray, samples: FloatArray
+    ) -> FloatArray:
+        """Pack the parameter vector.
+
+        Args:
+            shared: order of ``GlobalIndex``, shape (7,).
+            steps: order of ``StepIndex``, shape (N, 4).
+            samples: order of ``SampleIndex``, shape (``sample_times_s.size``, 7).
+        """
+        vector = np.empty(self.parameter_count)
+        vector[: layout.GLOBALS] = shared
+        vector[self._step_slots] = steps
+        vector[self._sample_slots] = samples
+        return vector
+
+    def split_parameters(self, vector: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Cut a parameter vector into its three tables, the inverse of ``parameters``."""
+        return (
+            vector[: layout.GLOBALS],
+            vector[self._step_slots],
+            vector[self._sample_slots],
+        )
+
+    def split(self, variables: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Cut the variables into states, shape (N + 1, 6), and inputs, shape (N, 6); both are copies."""
+        table = variables[: -layout.STATES].reshape(self.steps, layout.BLOCK)
+        states = np.vstack([table[:, : layout.STATES], variables[-layout.STATES :]])
+        return states, table[:, layout.STATES :].copy()
+
+    def join(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
+        """Pack states, shape (N + 1, 6), and inputs, shape (N, 6), into the variables."""
+        return np.concatenate([np.hstack([states[:-1], inputs]).ravel(), states[-1]])
+
+    def stage_arguments(self, w: ca.MX, p: ca.MX) -> list[list[ca.MX]]:
+        """Return the arguments of every stage kind, one column per step.
+
+        Args:
+            w: all variables.
+            p: all parameters.
+
+        Returns:
+            For every kind: states, inputs, step parameters and globals.
+        """
+        arguments = []
+        for kind in self.stages:
+            table = ca.reshape(w[kind.variables], layout.BLOCK, kind.count)
+            arguments.append(
+                [
+                    table[: layout.STATES, :],
+                    table[layout.STATES :, :],
+                    ca.reshape(p[kind.parameters], kind.parameter_count, kind.count),
+                    ca.repmat(p[: layout.GLOBALS], 1, kind.count),
+                ]
+            )
+        return arguments
+
+    def next_states(self, w: ca.MX) -> ca.MX:
+        """Return x_1 ... x_N of the variables as columns."""
+        shifted = ca.vertcat(w[layout.BLOCK :], ca.MX.zeros(layout.INPUTS))
+        return ca.reshape(shifted, layout.BLOCK, self.steps)[: layout.STATES, :]

@@ -1,0 +1,96 @@
+"""What is solved at every tick, as one description that every solver takes, and its bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.grid import ProblemGrid
+from iptm_controller.ocp.layout import InputIndex, LimitIndex
+from iptm_controller.ocp.stage import (
+    DEFAULT_SMOOTHING,
+    PenaltyWeights,
+    StageExpressions,
+    build_stage,
+)
+from iptm_core.parameters.model import LimitParameters, ModelParameters
+from iptm_core.physics.power_thermal import Smoothing
+from iptm_core.state import FloatArray
+
+
+@dataclass(frozen=True)
+class OptimalControlProblem:
+    """Horizon, vehicle and formulation; the numbers of a tick come as ``ProblemData``.
+
+    Attributes:
+        horizon: the steps.
+        model: vehicle, pack and limits.
+        smoothing: widths of the smoothed kinks of the model.
+        penalties: prices of the soft limits.
+    """
+
+    horizon: Horizon
+    model: ModelParameters
+    smoothing: Smoothing = DEFAULT_SMOOTHING
+    penalties: PenaltyWeights = field(default_factory=PenaltyWeights)
+
+    @cached_property
+    def grid(self) -> ProblemGrid:
+        """Order of the flat vectors."""
+        return ProblemGrid(self.horizon)
+
+    def stage_expressions(self) -> list[StageExpressions]:
+        """Return the symbolic stages, one per kind of the grid."""
+        return [
+            build_stage(kind.step_s, kind.samples, self.model, self.smoothing, self.penalties)
+            for kind in self.grid.stages
+        ]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds of variables and rows in scaled units; infinite where there is none."""
+
+    variables_low: FloatArray
+    variables_high: FloatArray
+    rows_low: FloatArray
+    rows_high: FloatArray
+
+
+def stage_bounds(limits: LimitParameters) -> Bounds:
+    """Return the bounds of one stage: of its states and inputs, and of its rows.
+
+    Physical limits of the inputs are hard; everything else goes through rows that a slack softens. States
+    are free: the present one is put into the bounds of x_0 for every problem.
+    """
+    variables_low = np.full(layout.BLOCK, -np.inf)
+    variables_high = np.full(layout.BLOCK, np.inf)
+    inputs_low, inputs_high = np.zeros(layout.INPUTS), np.full(layout.INPUTS, np.inf)
+    inputs_low[InputIndex.ACCELERATION] = limits.min_acceleration_m_s2
+    inputs_high[InputIndex.ACCELERATION] = limits.max_acceleration_m_s2
+    inputs_low[InputIndex.COMPRESSOR_POWER] = limits.min_compressor_power_w
+    inputs_high[InputIndex.COMPRESSOR_POWER] = limits.max_compressor_power_w
+    variables_low[layout.STATES :] = inputs_low / layout.INPUT_SCALE
+    variables_high[layout.STATES :] = inputs_high / layout.INPUT_SCALE
+    rows_low, rows_high = np.zeros(layout.ROWS), np.full(layout.ROWS, np.inf)
+    rows_high[: layout.STATES] = 0.0
+    for rate in (LimitIndex.ACCELERATION_RATE, LimitIndex.COMPRESSOR_RATE):
+        rows_low[layout.STATES + rate] = -1.0
+        rows_high[layout.STATES + rate] = 1.0
+    return Bounds(variables_low, variables_high, rows_low, rows_high)
+
+
+def problem_bounds(steps: int, limits: LimitParameters) -> Bounds:
+    """Return the bounds of all variables and rows of a horizon, in the order of the grid."""
+    stage = stage_bounds(limits)
+    last = slice(0, layout.STATES)
+    return Bounds(
+        np.concatenate([np.tile(stage.variables_low, steps), stage.variables_low[last]]),
+        np.concatenate([np.tile(stage.variables_high, steps), stage.variables_high[last]]),
+        np.tile(stage.rows_low, steps),
+        np.tile(stage.rows_high, steps),
+    )

@@ -1,0 +1,108 @@
+"""What every solver takes and answers: an outcome with a reason, never an exception."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from iptm_controller.ocp.data import ProblemData
+from iptm_core.decision_record import SolveStatus
+from iptm_core.state import FloatArray
+
+RICCATI = "riccati"
+FEASIBILITY_TOLERANCE = 1e-4
+"""Largest violation of a row or bound that a usable iterate may have, scaled units."""
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """Choice of a solver and its settings.
+
+    Attributes:
+        name: name of the back end.
+        compile_code: generate and compile C where a compiler is found.
+        max_iterations: bound on the iterations of one solve.
+        deadline_s: bound on its wall time, 0 for none. With a bound the iterations depend on the
+            machine's pace, so runs are no longer exactly repeatable.
+        tolerance: optimality tolerance on the scaled problem.
+        initial_barrier: first barrier parameter; small, because the guess is a shifted solution.
+        warm_start_iterations: iterations after which the Riccati method gives the warm start up and
+            starts again with a large barrier parameter, 0 to begin with it; other solvers ignore it.
+    """
+
+    name: str = RICCATI
+    compile_code: bool = True
+    max_iterations: int = 150
+    deadline_s: float = 0.0
+    tolerance: float = 1e-5
+    initial_barrier: float = 1e-4
+    warm_start_iterations: int = 20
+
+
+STATUS_TEXT: dict[SolveStatus, str] = {
+    SolveStatus.SOLVED: "converged",
+    SolveStatus.FEASIBLE: "stopped early with a feasible iterate",
+    SolveStatus.ITERATION_LIMIT: "iteration limit reached without a feasible iterate",
+    SolveStatus.DEADLINE: "time limit reached without a feasible iterate",
+    SolveStatus.NUMERICAL_ERROR: "the solver broke off",
+}
+
+
+@dataclass(frozen=True)
+class SolveResult:
+    """Result of one solve.
+
+    Attributes:
+        status: outcome.
+        reason: one readable sentence.
+        variables: last iterate in scaled units, order of the grid; may be unusable.
+        objective: cost at the iterate, slack penalties included.
+        iterations: iterations of the solver.
+        time_s: wall time of the solve.
+        infeasibility: largest violation of a row or bound at the iterate, scaled units.
+    """
+
+    status: SolveStatus
+    reason: str
+    variables: FloatArray
+    objective: float
+    iterations: int
+    time_s: float
+    infeasibility: float
+
+
+def broken(guess: FloatArray, time_s: float, message: str) -> SolveResult:
+    """Return the result of a solve that could not start or broke off: the guess, and why."""
+    return SolveResult(
+        status=SolveStatus.NUMERICAL_ERROR,
+        reason=f"{STATUS_TEXT[SolveStatus.NUMERICAL_ERROR]}: {message}",
+        variables=guess,
+        objective=math.nan,
+        iterations=0,
+        time_s=time_s,
+        infeasibility=math.inf,
+    )
+
+
+class SolverBackend(Protocol):
+    """Solves the problems of one horizon, one after the other."""
+
+    @property
+    def name(self) -> str:
+        """Name of the back end, as used in parameters and tables."""
+
+    @property
+    def compiled(self) -> bool:
+        """True if the problem runs as machine code, False on CasADi's virtual machine."""
+
+    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+        """Solve one problem.
+
+        Args:
+            data: numbers of the problem.
+            guess: initial iterate in scaled units, order of the grid.
+
+        Returns:
+            The outcome; failures are reported in it, nothing is raised.
+        """

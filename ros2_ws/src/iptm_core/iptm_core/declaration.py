@@ -1,0 +1,172 @@
+"""Parameters declared once: a frozen dataclass whose fields carry unit, range, choices and meaning.
+
+    @dataclass(frozen=True)
+    class LinkSettings(Settings):
+        latency_s: float = parameter(0.0, "age of a prediction on arrival", "s", 0.0, 60.0)
+
+An instance holds only permitted values, whoever builds it: a node, a scenario file, a study. Whoever
+needs the same parameter inherits from the group or refers to its declaration with `declared`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import MISSING, dataclass, field, fields, replace
+from enum import Enum
+from typing import Any
+
+from iptm_core.errors import ParameterError
+from iptm_core.strict_mapping import shown
+
+Scalar = bool | int | float | str
+"""A value as files and messages hold it."""
+
+Value = Scalar | Enum
+"""A value as the code holds it; an `Enum` of texts is written by the value of its members."""
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """The declaration of one parameter.
+
+    Attributes:
+        name: name of the field.
+        default: value that nobody needs to state; its type is the type of the parameter.
+        description: what it does, in a few words.
+        unit: unit of the value, empty for none.
+        minimum: smallest permitted number.
+        maximum: largest permitted number.
+        choices: permitted texts, empty for any.
+        optional: None is permitted as well.
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ""
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    choices: tuple[str, ...] = ()
+    optional: bool = False
+
+    @property
+    def kind(self) -> type[Scalar]:
+        """Type of the value as it is written."""
+        return type(plain(self.default))
+
+    @property
+    def allowed(self) -> str:
+        """What is permitted, in words."""
+        words = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+        kind = "one of " + ", ".join(self.choices) if self.choices else words[self.kind]
+        bounds = {
+            (True, True): f" from {self.minimum:g} to {self.maximum:g}",
+            (True, False): f", at least {self.minimum:g}",
+            (False, True): f", at most {self.maximum:g}",
+            (False, False): "",
+        }[math.isfinite(self.minimum), math.isfinite(self.maximum)]
+        return kind + bounds + (f" {self.unit}" if self.unit and bounds else "")
+
+
+def parameter(
+    default: Value,
+    description: str,
+    unit: str = "",
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Declare a dataclass field as a parameter; see `ParameterSpec`."""
+    if isinstance(default, Enum):
+        choices = tuple(member.value for member in type(default))
+    spec = ParameterSpec("", default, description, unit, minimum, maximum, choices)
+    return field(default=default, metadata={"spec": spec})
+
+
+def declared(owner: type[Any], name: str, default: Any = MISSING, **bounds: float) -> Any:
+    """Declare a dataclass field by the declaration of another class.
+
+    Args:
+        owner: the class that declares the parameter.
+        name: its name there.
+        default: another default; None makes the parameter optional.
+        bounds: another ``minimum`` or ``maximum``.
+    """
+    (entry,) = (entry for entry in fields(owner) if entry.name == name)
+    spec: ParameterSpec = replace(entry.metadata["spec"], optional=default is None, **bounds)
+    if default is MISSING:
+        default = entry.default
+    elif default is not None:
+        spec = replace(spec, default=default)
+    return field(default=default, metadata={"spec": spec})
+
+
+def parameter_specs(description: type[Any]) -> tuple[ParameterSpec, ...]:
+    """Return the parameters that a dataclass declares, those of its bases included.
+
+    Args:
+        description: the dataclass; fields that are no parameters are left out.
+    """
+    return tuple(
+        replace(entry.metadata["spec"], name=entry.name)
+        for entry in fields(description)
+        if "spec" in entry.metadata
+    )
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Base of dataclasses of parameters: every value is checked, and brought to its type.
+
+    Raises:
+        ParameterError: a value has the wrong type, is not finite or out of range.
+    """
+
+    def __post_init__(self) -> None:
+        for spec in parameter_specs(type(self)):
+            value = checked_value(spec, getattr(self, spec.name))
+            object.__setattr__(self, spec.name, value)
+
+
+def checked_value(spec: ParameterSpec, given: Any) -> Any:
+    """Return a given value in the type of the parameter; a whole number is welcome for a float.
+
+    Raises:
+        ParameterError: wrong type, not finite or out of range.
+    """
+    if given is None and spec.optional:
+        return None
+    value: Any = plain(given) if isinstance(given, Enum) else given
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if spec.kind is float:
+            value = _as_float(value)
+        if not _is_inside(spec, value):
+            raise _error(spec, given)
+    if type(value) is not spec.kind:
+        raise _error(spec, given)
+    if spec.choices and value not in spec.choices:
+        raise _error(spec, given)
+    return type(spec.default)(value) if isinstance(spec.default, Enum) else value
+
+
+def plain(value: Value) -> Scalar:
+    """Return a value as files and messages hold it: a text for an `Enum`."""
+    return str(value.value) if isinstance(value, Enum) else value
+
+
+def _is_inside(spec: ParameterSpec, number: float) -> bool:
+    # NaN fails the first comparison as well; infinity is refused even without a bound.
+    return spec.minimum <= number <= spec.maximum and abs(number) < math.inf
+
+
+def _as_float(number: float) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        return math.inf
+
+
+def _error(spec: ParameterSpec, given: object) -> ParameterError:
+    kinds = {bool: "bool", int: "integer", float: "float", str: "text"}
+    kind = kinds.get(type(given), type(given).__name__)
+    return ParameterError(f"{spec.name} is {shown(given)} ({kind}); allowed: {spec.allowed}")

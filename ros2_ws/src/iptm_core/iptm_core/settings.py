@@ -1,0 +1,167 @@
+"""Settings that several parts of the suite share; each is declared here and nowhere else.
+
+Scenarios, node parameters, run specifications, launch arguments and parameter files are composed of
+these groups, by inheritance, because users write the names flat.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from iptm_core.declaration import Settings, parameter
+from iptm_core.errors import ParameterError
+from iptm_core.parameters import DEFAULT_SET, ParameterSet, load_parameters
+from iptm_core.parameters.override_text import parse_overrides
+from iptm_core.routes import SLOPE_CHOICES, Route, build_route
+
+MAX_SEED = 2**63 - 1
+
+
+class LoopMode(str, Enum):
+    """What trip time follows."""
+
+    LOCK_STEP = "lock_step"
+    """The command of each tick: as fast as the machine can, and exactly repeatable."""
+    REAL_TIME = "real_time"
+    """The wall clock."""
+
+    def __str__(self) -> str:
+        """Return the bare word, as it is written in a file."""
+        return str(self.value)
+
+
+class PreviewMode(str, Enum):
+    """How much the host is told about the future of the leader."""
+
+    FULL = "full"
+    NONE = "none"
+
+    def __str__(self) -> str:
+        """Return the bare word, as it is written in a file."""
+        return str(self.value)
+
+
+@dataclass(frozen=True)
+class RoadSettings(Settings):
+    """Leader and road."""
+
+    cycle: str = parameter(
+        "wltc_class3b", "driving cycle of the leader: a name, or the path of a .csv file"
+    )
+    slope: str = parameter("as_designed", "slope of the road", choices=SLOPE_CHOICES)
+
+    def route(self, initial_gap_m: float, duration_s: float = 0.0) -> Route:
+        """Build the route.
+
+        Args:
+            initial_gap_m: distance from the host to the leader at t = 0.
+            duration_s: length of the trip, 0 for the whole cycle.
+
+        Raises:
+            RouteError: the cycle or its file is not usable.
+        """
+        return build_route(
+            self.cycle, self.slope, initial_gap_m=initial_gap_m, duration_s=duration_s or None
+        )
+
+
+@dataclass(frozen=True)
+class TripSettings(RoadSettings):
+    """Leader, road and length of the trip."""
+
+    duration_s: float = parameter(0.0, "length of the trip, 0 for the whole cycle", "s", 0.0, 1e6)
+
+    def trip_route(self, initial_gap_m: float) -> Route:
+        """Build the route of the trip; see `RoadSettings.route`."""
+        return self.route(initial_gap_m, self.duration_s)
+
+
+@dataclass(frozen=True)
+class ModelSettings(Settings):
+    """Parameters of vehicle, battery and cooling."""
+
+    parameter_set: str = parameter(
+        DEFAULT_SET, "parameters of the vehicle: name of a shipped set, or the path of a .yaml file"
+    )
+    parameter_overrides: str = parameter(
+        "", "single model parameters to change, e.g. 'body.mass_kg=1600, gap.max_gap_m=80'"
+    )
+
+    def model(self) -> ParameterSet:
+        """Load the parameters of the model.
+
+        Raises:
+            ParameterError: the set or an override is not usable.
+        """
+        return load_parameters(self.parameter_set, parse_overrides(self.parameter_overrides))
+
+
+@dataclass(frozen=True)
+class PreviewSettings(Settings):
+    """What the host is told about the leader's future, and how well that arrives.
+
+    Raises:
+        ParameterError: a value is out of range, or the step longer than the preview.
+    """
+
+    preview_mode: PreviewMode = parameter(
+        PreviewMode.FULL, "what the host is told about the future of the leader"
+    )
+    preview_length_s: float = parameter(
+        60.0, "how far a prediction of the leader reaches", "s", 1.0, 3600.0
+    )
+    preview_step_s: float = parameter(
+        1.0, "time between the nodes of a prediction", "s", 0.01, 3600.0
+    )
+    latency_s: float = parameter(
+        0.0, "delay from generation to reception of a prediction", "s", 0.0, 3600.0
+    )
+    dropout_probability: float = parameter(0.0, "share of the predictions lost", "", 0.0, 1.0)
+    dropout_burst: int = parameter(1, "predictions lost in a row by one disturbance", "", 1, 1000)
+    noise_std_m_s: float = parameter(
+        0.0, "standard deviation of the predicted speed, far ahead", "m/s", 0.0, 20.0
+    )
+    noise_correlation_s: float = parameter(
+        10.0, "correlation time of the speed error along a prediction", "s", 0.1, 3600.0
+    )
+    seed: int = parameter(0, "seed of loss and error of the predictions", "", 0, MAX_SEED)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.preview_step_s > self.preview_length_s:
+            raise ParameterError(
+                f"preview_step_s is {self.preview_step_s} s; allowed: up to preview_length_s, "
+                f"{self.preview_length_s:g} s"
+            )
+
+
+@dataclass(frozen=True)
+class PaceSettings(Settings):
+    """How fast trip time runs."""
+
+    mode: LoopMode = parameter(
+        LoopMode.LOCK_STEP,
+        "lock_step waits for the command of each tick, real_time follows the wall clock",
+    )
+    rate_factor: float = parameter(
+        1.0, "real_time: seconds of trip time per second of wall time", "", 0.01, 1000.0
+    )
+
+
+@dataclass(frozen=True)
+class SamplingSettings(Settings):
+    """Sampling time of the loop."""
+
+    period_s: float = parameter(
+        1.0, "sampling time of the loop, trip time between two states", "s", 0.01, 10.0
+    )
+
+
+@dataclass(frozen=True)
+class IntegrationSettings(Settings):
+    """Accuracy of the simulated vehicle."""
+
+    integration_step_s: float = parameter(
+        0.05, "longest integration step inside a period", "s", 1e-3, 1.0
+    )

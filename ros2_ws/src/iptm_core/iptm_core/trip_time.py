@@ -1,0 +1,4 @@
+"""Trip time: integer nanoseconds between the parts of the suite, seconds in the models."""
+
+NS_PER_S = 1_000_000_000
+"""Nanoseconds in a second."""

@@ -1,0 +1,100 @@
+"""The flat vectors of a problem: packed and cut without loss, every step in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.transcription import Transcription
+from iptm_core.parameters.model import ModelParameters
+
+GRIDS = ["15x1", "3x1+5x5", "1x0.5+2x2+4x10", "1x1"]
+
+
+@pytest.fixture(params=GRIDS)
+def grid(request: pytest.FixtureRequest) -> ProblemGrid:
+    return ProblemGrid(Horizon.parse(request.param))
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 4])
+def test_quadrature_is_exact_up_to_its_degree(samples: int) -> None:
+    nodes, weights = quadrature(samples)
+    assert weights.sum() == pytest.approx(1.0)
+    assert ((nodes > 0.0) & (nodes < 1.0)).all()
+    for degree in range(2 * samples):
+        assert weights @ nodes**degree == pytest.approx(1.0 / (degree + 1))
+    too_high = 2 * samples
+    assert weights @ nodes**too_high != pytest.approx(1.0 / (too_high + 1), abs=1e-9)
+
+
+def test_long_steps_take_more_samples() -> None:
+    lengths = [0.1, 1.0, 1.1, 2.5, 5.0, 5.1, 10.0, 60.0]
+    assert [sample_count(length) for length in lengths] == [1, 1, 2, 2, 2, 3, 4, 24]
+
+
+def test_variables_are_packed_step_by_step(grid: ProblemGrid) -> None:
+    flat = np.arange(float(grid.variable_count))
+    states, inputs = grid.split(flat)
+    assert states.shape == (grid.steps + 1, layout.STATES)
+    for step in range(grid.steps):
+        start = step * (layout.STATES + layout.INPUTS)
+        np.testing.assert_array_equal(states[step], start + np.arange(layout.STATES))
+        np.testing.assert_array_equal(inputs[step], start + 6 + np.arange(layout.INPUTS))
+    np.testing.assert_array_equal(states[-1], flat[-layout.STATES :])
+    np.testing.assert_array_equal(grid.join(states, inputs), flat)
+    states[:], inputs[:] = 0.0, 0.0
+    assert flat[1] == 1.0
+
+
+def test_parameters_are_packed_step_by_step(grid: ProblemGrid) -> None:
+    """Every slot is filled once: globals, then each step's own and its samples."""
+    rng = np.random.default_rng(1)
+    shared = rng.normal(size=layout.GLOBALS)
+    steps = rng.normal(size=(grid.steps, layout.STEP_PARAMETERS))
+    samples = rng.normal(size=(grid.sample_times_s.size, layout.SAMPLE_PARAMETERS))
+    expected, sample = [shared], 0
+    for step, length in zip(steps, grid.horizon.step_lengths_s, strict=True):
+        count = sample_count(float(length))
+        expected += [step, samples[sample : sample + count].ravel()]
+        sample += count
+    vector = grid.parameters(shared, steps, samples)
+    np.testing.assert_array_equal(vector, np.concatenate(expected))
+    for table, again in zip((shared, steps, samples), grid.split_parameters(vector), strict=True):
+        np.testing.assert_array_equal(table, again)
+
+
+def test_samples_lie_at_the_quadrature_nodes_of_their_steps(grid: ProblemGrid) -> None:
+    horizon = grid.horizon
+    expected = [
+        start + node * length
+        for start, length in zip(horizon.node_times_s[:-1], horizon.step_lengths_s, strict=True)
+        for node in quadrature(sample_count(float(length)))[0]
+    ]
+    np.testing.assert_allclose(grid.sample_times_s, expected)
+
+
+def test_the_nonlinear_program_has_the_sizes_of_the_grid(
+    transcription_of: Callable[[str], Transcription], grid: ProblemGrid
+) -> None:
+    t = transcription_of(str(grid.horizon))
+    steps = grid.horizon.steps
+    assert t.variables.numel() == grid.variable_count == 12 * steps + 6
+    assert t.rows.numel() == grid.row_count == 20 * steps
+    assert t.parameters.numel() == grid.parameter_count
+    assert t.jacobian.shape == (grid.row_count, grid.variable_count)
+
+
+def test_a_problem_describes_its_stages(parameters: ModelParameters) -> None:
+    problem = OptimalControlProblem(Horizon.parse("3x1+5x5"), parameters)
+    assert [(kind.count, kind.step_s, kind.samples) for kind in problem.grid.stages] == [
+        (3, 1.0, 1),
+        (5, 5.0, 2),
+    ]
+    sizes = [stage.step_parameters.numel() for stage in problem.stage_expressions()]
+    assert sizes == [kind.parameter_count for kind in problem.grid.stages]

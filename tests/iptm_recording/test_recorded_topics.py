@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import pytest
+import yaml
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosReliability, QosTime
+
+from iptm_core.errors import BagError
+from iptm_interfaces.qos import LATCHED_QOS, STREAM_QOS
+from iptm_recording.rclpy_types import from_profile, message_class, to_profile
+from iptm_recording.recorded_topics import (
+    DEFAULT_QOS,
+    TopicRecord,
+    TopicSelection,
+    dump_profiles,
+    offer_for,
+    parse_profiles,
+    request_for,
+)
+
+BEST_EFFORT = DEFAULT_QOS._replace(reliability=QosReliability.BEST_EFFORT)
+LATCHED = DEFAULT_QOS._replace(durability=QosDurability.TRANSIENT_LOCAL, depth=1)
+NAMES = ["/plant/odometry", "/plant/powers", "/car_1/plant/powers", "/clock"]
+
+
+@pytest.mark.parametrize(
+    ("include", "exclude", "expected"),
+    [
+        ((), (), NAMES),
+        (("/plant/*",), (), NAMES[:2]),
+        (("plant/powers",), (), NAMES[1:3]),
+        (("plant/*",), ("/plant/odometry",), NAMES[1:3]),
+        ((), ("*",), []),
+        (("clock",), (), ["/clock"]),
+        (("/Plant/*",), (), []),
+    ],
+)
+def test_patterns(include: tuple[str, ...], exclude: tuple[str, ...], expected: list[str]) -> None:
+    selection = TopicSelection(include, exclude)
+    assert [name for name in NAMES if selection.takes(name)] == expected
+
+
+def test_typing_errors_are_found() -> None:
+    assert TopicSelection(("/clok", "/clock"), ("plant/p*",)).unused(NAMES) == ["/clok"]
+
+
+def test_profiles_survive_the_text_of_a_channel() -> None:
+    profiles = (DEFAULT_QOS, LATCHED, BEST_EFFORT._replace(deadline=QosTime(1, 500_000_000)))
+    assert parse_profiles(dump_profiles(profiles)) == profiles
+    (entry, *_) = yaml.safe_load(dump_profiles(profiles))
+    assert (entry["history"], entry["durability"]) == ("keep_last", "volatile")
+    assert entry["lifespan"] == {"sec": 9223372036, "nsec": 854775807}
+
+
+def test_numbers_of_older_bags_are_understood() -> None:
+    (entry,) = yaml.safe_load(dump_profiles([DEFAULT_QOS]))
+    entry.update(history=3, reliability=2, durability=1)
+    (qos,) = parse_profiles(yaml.safe_dump([entry]))
+    assert qos.history is QosHistory.UNKNOWN
+    assert qos.reliability is QosReliability.BEST_EFFORT
+    assert qos.durability is QosDurability.TRANSIENT_LOCAL
+
+
+@pytest.mark.parametrize("text", ["", "[]"])
+def test_no_profiles(text: str) -> None:
+    assert parse_profiles(text) == ()
+
+
+@pytest.mark.parametrize("text", ["{", "text", "- history: keep_last", "- 3", "3"])
+def test_malformed_profiles(text: str) -> None:
+    with pytest.raises(BagError, match="offered_qos_profiles"):
+        parse_profiles(text)
+
+
+def test_request_is_satisfied_by_every_publisher() -> None:
+    assert request_for([], 5) == DEFAULT_QOS._replace(depth=5)
+    mixed = request_for([DEFAULT_QOS, BEST_EFFORT], 5)
+    assert mixed.reliability is QosReliability.BEST_EFFORT
+    assert request_for([LATCHED], 5).durability is QosDurability.TRANSIENT_LOCAL
+    assert request_for([LATCHED, DEFAULT_QOS], 5).durability is QosDurability.VOLATILE
+
+
+@pytest.mark.parametrize(
+    ("recorded", "offer"),
+    [
+        ((), DEFAULT_QOS),
+        ((DEFAULT_QOS, BEST_EFFORT), DEFAULT_QOS),
+        ((BEST_EFFORT,), BEST_EFFORT),
+        ((LATCHED,), LATCHED),
+        ((DEFAULT_QOS._replace(history=QosHistory.UNKNOWN, depth=0),), DEFAULT_QOS),
+    ],
+)
+def test_offer_satisfies_every_former_subscriber(recorded: tuple[Qos, ...], offer: Qos) -> None:
+    assert offer_for(TopicRecord("/a", "std_msgs/msg/Float64", "", recorded, 1)) == offer
+
+
+@pytest.mark.parametrize("profile", [STREAM_QOS, LATCHED_QOS])
+def test_suite_profiles_survive_the_way_to_a_bag_and_back(profile: QoSProfile) -> None:
+    (qos,) = parse_profiles(dump_profiles([from_profile(profile)]))
+    back = to_profile(qos)
+    assert back.depth == profile.depth
+    assert back.reliability == profile.reliability == ReliabilityPolicy.RELIABLE
+    assert back.durability == profile.durability
+    assert profile.durability in (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@pytest.mark.parametrize("name", ["Odometry", "nav_msgs/srv/GetMap", "no_msgs/msg/X", "a/msg/b/c"])
+def test_class_of_an_unknown_type(name: str) -> None:
+    with pytest.raises(BagError, match="message type"):
+        message_class(name)
