@@ -8,6 +8,7 @@ from iptm_controller.strategy import STRATEGIES as COST_TERMS
 from iptm_core.metrics.figures import Figure
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
+from iptm_reproduction import figures as fig
 from iptm_reproduction.check import Check, Claim, ClaimTopic, Finding, Verdict, check_topic, tally
 from iptm_reproduction.checks.numbers import (
     change,
@@ -26,17 +27,7 @@ from iptm_reproduction.checks.trends import (
     trend,
     trend_in_groups,
 )
-from iptm_reproduction.figures import (
-    CELL_1,
-    CELL_N_MAX,
-    COOLING,
-    MEAN_GAP,
-    SMALLEST_MARGIN,
-    TRACTION,
-    change_text,
-    relative_change,
-    share_of_saving,
-)
+from iptm_reproduction.figures import change_text, relative_change, share_of_saving
 from iptm_reproduction.runs import (
     PROPOSED,
     REFERENCE,
@@ -54,7 +45,7 @@ PARAMETERS = load_parameters().values
 ROUTE = build_route("us06", initial_gap_m=15.0, duration_s=60.0)
 
 
-def results(runs: Mapping[str, float], figure: Figure = MEAN_GAP) -> Results:
+def results(runs: Mapping[str, float], figure: Figure = fig.MEAN_GAP) -> Results:
     """Runs with one figure; no check of this file may look into their trajectories."""
 
     def load() -> None:
@@ -100,7 +91,7 @@ def test_change_is_compared_with_the_printed_one(
     change_found: float, printed: float, expected: Verdict
 ) -> None:
     runs = results({REFERENCE: 200.0, PROPOSED: 200.0 * (1.0 + change_found)})
-    finding = found(change(PROPOSED, REFERENCE, MEAN_GAP, printed), runs)
+    finding = found(change(PROPOSED, REFERENCE, fig.MEAN_GAP, printed), runs)
     assert finding.verdict is expected
     assert finding.in_print == change_text(printed)
 
@@ -115,7 +106,7 @@ def test_range_of_changes_is_compared_at_both_ends(
     runs = results(
         {PROPOSED: 100.0, "a/1": 100.0 * (1.0 + ends[0]), "a/2": 100.0 * (1.0 + ends[1])}
     )
-    check = changes_in_range(("a/1", "a/2"), PROPOSED, MEAN_GAP, -0.0276, -0.0158)
+    check = changes_in_range(("a/1", "a/2"), PROPOSED, fig.MEAN_GAP, -0.0276, -0.0158)
     assert verdict(check, runs) is expected
 
 
@@ -123,8 +114,8 @@ def test_range_of_changes_is_compared_at_both_ends(
     ("number", "expected"), [(85.0, REPRODUCED), (95.0, SIGN_ONLY), (101.0, NOT)]
 )
 def test_bound_on_a_reduction(number: float, expected: Verdict) -> None:
-    check = reduction_at_least(PROPOSED, REFERENCE, (CELL_1,), 0.12)
-    finding = found(check, results({REFERENCE: 100.0, PROPOSED: number}, CELL_1))
+    check = reduction_at_least(PROPOSED, REFERENCE, (fig.CELL_1,), 0.12)
+    finding = found(check, results({REFERENCE: 100.0, PROPOSED: number}, fig.CELL_1))
     assert finding.verdict is expected
     assert finding.in_print == "degradation of cell 1 -12.77 %"
 
@@ -133,35 +124,35 @@ def test_bound_on_a_reduction(number: float, expected: Verdict) -> None:
     ("number", "expected"), [(5.0, REPRODUCED), (2.0, SIGN_ONLY), (-0.1, NOT), (0.0, NOT)]
 )
 def test_printed_value(number: float, expected: Verdict) -> None:
-    check = value(PROPOSED, SMALLEST_MARGIN, 5.904, share=0.25, floor=1.0)
-    assert verdict(check, results({PROPOSED: number}, SMALLEST_MARGIN)) is expected
+    check = value(PROPOSED, fig.SMALLEST_MARGIN, 5.904, share=0.25, floor=1.0)
+    assert verdict(check, results({PROPOSED: number}, fig.SMALLEST_MARGIN)) is expected
 
 
 @pytest.mark.parametrize(
     ("number", "expected"), [(39.0, REPRODUCED), (40.0, REPRODUCED), (40.1, NOT), (38.9, NOT)]
 )
 def test_bounds_on_a_value(number: float, expected: Verdict) -> None:
-    check = value_between(PROPOSED, CELL_N_MAX, lowest=39.0, highest=40.0)
-    assert verdict(check, results({PROPOSED: number}, CELL_N_MAX)) is expected
-    open_end = value_between(PROPOSED, CELL_N_MAX, lowest=39.0)
-    assert verdict(open_end, results({PROPOSED: 99.0}, CELL_N_MAX)) is REPRODUCED
+    check = value_between(PROPOSED, fig.CELL_N_MAX, lowest=39.0, highest=40.0)
+    assert verdict(check, results({PROPOSED: number}, fig.CELL_N_MAX)) is expected
+    open_end = value_between(PROPOSED, fig.CELL_N_MAX, lowest=39.0)
+    assert verdict(open_end, results({PROPOSED: 99.0}, fig.CELL_N_MAX)) is REPRODUCED
 
 
 def test_all_lower_counts_comparisons_here_and_in_print() -> None:
-    check = all_lower((PROPOSED,), (REFERENCE, VICE), (TRACTION,))
-    better = found(check, results({PROPOSED: 90.0, REFERENCE: 100.0, VICE: 95.0}, TRACTION))
+    check = all_lower((PROPOSED,), (REFERENCE, VICE), (fig.TRACTION,))
+    better = found(check, results({PROPOSED: 90.0, REFERENCE: 100.0, VICE: 95.0}, fig.TRACTION))
     assert (better.verdict, better.found) == (REPRODUCED, "2 of 2 comparisons hold")
     assert better.in_print == "2 of 2 comparisons hold"
-    equal = results({PROPOSED: 95.0, REFERENCE: 100.0, VICE: 95.0}, TRACTION)
+    equal = results({PROPOSED: 95.0, REFERENCE: 100.0, VICE: 95.0}, fig.TRACTION)
     assert verdict(check, equal) is NOT
     assert "1 of 2" in found(check, equal).found
     assert "Energy + Aging 95.00 kJ" in found(check, equal).found
-    half = all_lower((PROPOSED,), (REFERENCE, VICE), (TRACTION,), needed_share=0.5)
+    half = all_lower((PROPOSED,), (REFERENCE, VICE), (fig.TRACTION,), needed_share=0.5)
     assert verdict(half, equal) is REPRODUCED
 
 
 def test_many_failures_are_cut_short() -> None:
-    check = all_lower(horizons(0), horizons(*range(1, 8)), (MEAN_GAP,))
+    check = all_lower(horizons(0), horizons(*range(1, 8)), (fig.MEAN_GAP,))
     text = found(check, series(*[1.0] * 8)).found
     assert text.startswith("0 of 7")
     assert text.endswith("and 3 more")
@@ -172,27 +163,27 @@ def test_many_failures_are_cut_short() -> None:
     [((100.0, 90.0), REPRODUCED), ((90.0, 95.0), REPRODUCED), ((94.0, 90.0), NOT)],
 )
 def test_between_takes_the_ends_in_any_order(ends: tuple[float, float], expected: Verdict) -> None:
-    check = between(VICE, (REFERENCE, PROPOSED), (TRACTION,))
-    runs = results({REFERENCE: ends[0], PROPOSED: ends[1], VICE: 95.0}, TRACTION)
+    check = between(VICE, (REFERENCE, PROPOSED), (fig.TRACTION,))
+    runs = results({REFERENCE: ends[0], PROPOSED: ends[1], VICE: 95.0}, fig.TRACTION)
     assert verdict(check, runs) is expected
 
 
 @pytest.mark.parametrize(("proposed", "expected"), [(90.0, REPRODUCED), (99.0, NOT)])
 def test_rank_counts_lower_values(proposed: float, expected: Verdict) -> None:
-    check = rank(VICE, (PROPOSED, VICE, REFERENCE), (COOLING,), place=2)
-    runs = results({PROPOSED: proposed, REFERENCE: 100.0, VICE: 95.0}, COOLING)
+    check = rank(VICE, (PROPOSED, VICE, REFERENCE), (fig.COOLING,), place=2)
+    runs = results({PROPOSED: proposed, REFERENCE: 100.0, VICE: 95.0}, fig.COOLING)
     assert verdict(check, runs) is expected
     assert found(check, runs).in_print == "cooling energy: rank 1"
 
 
 def test_best_choice_ranks_the_means() -> None:
     candidates = {"2 s": horizons(0, 1), "5 s": horizons(2, 3)}
-    check = best_choice(candidates, ("5 s",), MEAN_GAP)
+    check = best_choice(candidates, ("5 s",), fig.MEAN_GAP)
     won = found(check, series(1.0, 5.0, 2.0, 3.0))
     assert won.verdict is REPRODUCED
     assert "best in 1 of 2 groups" in won.found
     assert verdict(check, series(1.0, 3.0, 2.0, 3.0)) is NOT
-    whole = best_choice(candidates, ("5 s", "2 s"), MEAN_GAP)
+    whole = best_choice(candidates, ("5 s", "2 s"), fig.MEAN_GAP)
     assert verdict(whole, series(1.0, 5.0, 2.0, 3.0)) is REPRODUCED
 
 
@@ -208,11 +199,13 @@ def test_best_choice_ranks_the_means() -> None:
     ],
 )
 def test_trend_needs_every_step_and_the_size(values: tuple[float, ...], expected: Verdict) -> None:
-    assert verdict(trend(horizons(0, 1, 2), {MEAN_GAP: FALLS}, 0.01), series(*values)) is expected
+    assert (
+        verdict(trend(horizons(0, 1, 2), {fig.MEAN_GAP: FALLS}, 0.01), series(*values)) is expected
+    )
 
 
 def test_trend_between_the_ends_only() -> None:
-    check = trend(horizons(0, 1, 2), {MEAN_GAP: FALLS}, every_step=False)
+    check = trend(horizons(0, 1, 2), {fig.MEAN_GAP: FALLS}, every_step=False)
     assert verdict(check, series(10.0, 11.0, 8.0)) is REPRODUCED
 
 
@@ -220,7 +213,9 @@ def test_trend_between_the_ends_only() -> None:
     ("values", "expected"), [((3.0, 2.0, 1.0), NOT), ((3.0, 3.1, 1.0), REPRODUCED)]
 )
 def test_not_always(values: tuple[float, ...], expected: Verdict) -> None:
-    assert verdict(not_always(horizons(0, 1, 2), (MEAN_GAP,), FALLS), series(*values)) is expected
+    assert (
+        verdict(not_always(horizons(0, 1, 2), (fig.MEAN_GAP,), FALLS), series(*values)) is expected
+    )
 
 
 @pytest.mark.parametrize(
@@ -234,7 +229,7 @@ def test_not_always(values: tuple[float, ...], expected: Verdict) -> None:
 )
 def test_trend_in_groups(values: tuple[float, ...], share: float, expected: Verdict) -> None:
     groups = {"a": horizons(0, 1, 2), "b": horizons(3, 4, 5)}
-    assert verdict(trend_in_groups(groups, MEAN_GAP, RISES, share), series(*values)) is expected
+    assert verdict(trend_in_groups(groups, fig.MEAN_GAP, RISES, share), series(*values)) is expected
 
 
 @pytest.mark.parametrize(
@@ -248,34 +243,34 @@ def test_trend_in_groups(values: tuple[float, ...], share: float, expected: Verd
     ],
 )
 def test_levelling_off_counts_per_unit(values: tuple[float, ...], expected: Verdict) -> None:
-    check = levels_off({"a": horizons(0, 1, 2)}, (0.0, 1.0, 3.0), (MEAN_GAP,))
+    check = levels_off({"a": horizons(0, 1, 2)}, (0.0, 1.0, 3.0), (fig.MEAN_GAP,))
     assert verdict(check, series(*values)) is expected
 
 
 @pytest.mark.parametrize(("largest", "wide"), [(1.1, True), (1.01, False)])
 def test_spread_has_a_lower_or_an_upper_bound(largest: float, wide: bool) -> None:
-    large = spread({"a": horizons(0, 1)}, (MEAN_GAP,), at_least=0.05)
-    small = spread({"a": horizons(0, 1)}, (MEAN_GAP,), at_most=0.05)
+    large = spread({"a": horizons(0, 1)}, (fig.MEAN_GAP,), at_least=0.05)
+    small = spread({"a": horizons(0, 1)}, (fig.MEAN_GAP,), at_most=0.05)
     assert verdict(large, series(1.0, largest)) is (REPRODUCED if wide else NOT)
     assert verdict(small, series(1.0, largest)) is (NOT if wide else REPRODUCED)
 
 
 def test_missing_runs_and_figures_leave_a_claim_untested() -> None:
-    check = all_lower(horizons(0), horizons(1), (MEAN_GAP,))
+    check = all_lower(horizons(0), horizons(1), (fig.MEAN_GAP,))
     gone = Results(series(1.0), [MissingRun("prediction_horizon/1", "failed: no solution")])
     finding = check.apply(gone)
     assert finding.verdict is UNTESTED
     assert "Prediction horizon: prediction_horizon/1 (failed: no solution)" in finding.found
     without = check.apply(
-        results({"prediction_horizon/0": 1.0, "prediction_horizon/1": 1.0}, CELL_1)
+        results({"prediction_horizon/0": 1.0, "prediction_horizon/1": 1.0}, fig.CELL_1)
     )
     assert (without.verdict, without.found) == (UNTESTED, "the stored runs lack mean gap")
-    from_nothing = change(PROPOSED, REFERENCE, MEAN_GAP, -0.1)
+    from_nothing = change(PROPOSED, REFERENCE, fig.MEAN_GAP, -0.1)
     assert verdict(from_nothing, results({PROPOSED: 1.0, REFERENCE: 0.0})) is UNTESTED
 
 
 def test_a_cause_is_shown_unless_the_claim_is_reproduced() -> None:
-    check = value_between(*horizons(0), MEAN_GAP, lowest=1.0)
+    check = value_between(*horizons(0), fig.MEAN_GAP, lowest=1.0)
     topic = ClaimTopic("A topic", (Claim("the-claim", "Section I", "Something is so.", check),))
     causes = {"the-claim": "shown"}
     (good,) = check_topic(topic, series(2.0), causes)

@@ -10,21 +10,19 @@ from iptm_controller.strategy import STRATEGIES
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_reproduction.aging import cooling_payback
 from iptm_reproduction.check import Check, Finding, Verdict
 from iptm_reproduction.checks.aging_model import aging_exponential, aging_falls
-from iptm_reproduction.checks.powers import (
-    cools_off_peak,
-    lower_peaks,
-    power_regions,
-    traction_dominates,
-)
-from iptm_reproduction.checks.temperatures import (
+from iptm_reproduction.checks.trips import (
     cooled_before_demand,
+    cools_off_peak,
     heats_in_demand,
     last_cell_falls_slower,
+    lower_peaks,
+    power_regions,
     settles_near,
+    traction_dominates,
 )
-from iptm_reproduction.payback import cooling_payback
 from iptm_reproduction.quantities import (
     PowerRegions,
     busiest_window,

@@ -5,19 +5,11 @@ import re
 import pytest
 
 from iptm_core.metrics.figures import Figure
+from iptm_reproduction import figures as fig
 from iptm_reproduction.causes import causes, remarks
 from iptm_reproduction.chapters import CHAPTERS
 from iptm_reproduction.check import Verdict
 from iptm_reproduction.claims import CLAIMS
-from iptm_reproduction.figures import (
-    CELL_1,
-    CELL_N,
-    COOLING,
-    INCONSISTENCY,
-    TABLE_FIGURES,
-    TOTAL,
-    TRACTION,
-)
 from iptm_reproduction.printed import (
     FIGURE_CAPTIONS,
     HEADLINE_CHANGES,
@@ -41,7 +33,7 @@ from iptm_reproduction.tables.paper_tables import formulation_table, parameter_t
 from iptm_studies.study_loading import available_studies, load_study
 
 # The one value of the printed table that contradicts its neighbours, see the note on it, as it should read.
-SWAPPED = {(VICE, CELL_1): 1.2190}
+SWAPPED = {(VICE, fig.CELL_1): 1.2190}
 
 
 def printed(run: str, figure: Figure) -> float:
@@ -50,7 +42,7 @@ def printed(run: str, figure: Figure) -> float:
     return value
 
 
-@pytest.mark.parametrize("figure", TABLE_FIGURES, ids=lambda figure: figure.key)
+@pytest.mark.parametrize("figure", fig.TABLE_FIGURES, ids=lambda figure: figure.key)
 def test_printed_changes_follow_from_printed_values(figure: Figure) -> None:
     """A number typed wrongly would show here: the paper prints both."""
     assert len(STRATEGY_VALUES[figure]) == len(STRATEGY_CHANGES[figure]) + 1 == len(STRATEGIES)
@@ -62,15 +54,15 @@ def test_printed_changes_follow_from_printed_values(figure: Figure) -> None:
 @pytest.mark.parametrize("run", STRATEGIES)
 def test_printed_sums_and_differences(run: str) -> None:
     """The total is traction plus cooling, the inconsistency the difference of the cells."""
-    total = printed(run, COOLING) + printed(run, TRACTION)
-    assert total == pytest.approx(printed(run, TOTAL), abs=0.011)
-    between = 100.0 * (printed(run, CELL_N) - printed(run, CELL_1))
-    assert between == pytest.approx(printed(run, INCONSISTENCY), abs=0.02)
+    total = printed(run, fig.COOLING) + printed(run, fig.TRACTION)
+    assert total == pytest.approx(printed(run, fig.TOTAL), abs=0.011)
+    between = 100.0 * (printed(run, fig.CELL_N) - printed(run, fig.CELL_1))
+    assert between == pytest.approx(printed(run, fig.INCONSISTENCY), abs=0.02)
 
 
 @pytest.mark.parametrize(
     ("figure", "end"),
-    [(COOLING, 0), (TRACTION, 1), (CELL_1, 1), (CELL_N, 1), (INCONSISTENCY, 0)],
+    [(fig.COOLING, 0), (fig.TRACTION, 1), (fig.CELL_1, 1), (fig.CELL_N, 1), (fig.INCONSISTENCY, 0)],
     ids=lambda value: getattr(value, "key", None),
 )
 def test_printed_ranges_follow_from_headline_and_table(figure: Figure, end: int) -> None:

@@ -19,8 +19,13 @@ from iptm_reproduction.document import ClaimList, Document, Missing, Table
 from iptm_reproduction.gathering import gather
 from iptm_reproduction.plots.style import MOST_BYTES
 from iptm_reproduction.printed import FIGURE_CAPTIONS
-from iptm_reproduction.rendering import render_html, render_markdown, spaced
-from iptm_reproduction.report import build_report, write_report
+from iptm_reproduction.report import (
+    build_report,
+    render_html,
+    render_markdown,
+    spaced,
+    write_report,
+)
 from iptm_studies.campaign import Campaign, plan_campaign
 from iptm_studies.execution import survey
 from iptm_studies.run import Run, RunRecord

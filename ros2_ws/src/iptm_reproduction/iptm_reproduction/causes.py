@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iptm_core.metrics.figures import Figure
+from iptm_reproduction.aging import cooling_payback
 from iptm_reproduction.figures import (
     CELL_1,
     CELL_N,
@@ -22,7 +23,6 @@ from iptm_reproduction.figures import (
     TRACTION,
     change_text,
 )
-from iptm_reproduction.payback import cooling_payback
 from iptm_reproduction.printed import printed_value
 from iptm_reproduction.quantities import share_while_braking
 from iptm_reproduction.runs import (

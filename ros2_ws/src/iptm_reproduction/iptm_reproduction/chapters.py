@@ -8,22 +8,25 @@ from functools import partial
 from iptm_reproduction.causes import causes, remarks
 from iptm_reproduction.check import check_topic
 from iptm_reproduction.claims import TOPICS
-from iptm_reproduction.claims.headline import AGING_MODEL, HEADLINE
-from iptm_reproduction.claims.multi_horizon import LENGTH, SAMPLING_TIME
-from iptm_reproduction.claims.sensitivity import HORIZON, WEIGHTS
-from iptm_reproduction.claims.strategies import STRATEGY_TABLE
-from iptm_reproduction.claims.trip import POWER, TRIP
+from iptm_reproduction.claims.sensitivity import HORIZON, LENGTH, SAMPLING_TIME, WEIGHTS
+from iptm_reproduction.claims.strategies import AGING_MODEL, HEADLINE, POWER, STRATEGY_TABLE, TRIP
 from iptm_reproduction.document import Document, Table
 from iptm_reproduction.gathering import Gathered
-from iptm_reproduction.overview import (
+from iptm_reproduction.parts import (
     RULES_TEXT,
+    Chapter,
+    Material,
+    Part,
+    claims,
     incomplete,
     origin_table,
     other_trip,
+    picture,
     runs_used,
+    table,
+    text,
     verdicts,
 )
-from iptm_reproduction.parts import Chapter, Material, Part, claims, picture, table, text
 from iptm_reproduction.plots import (
     comparison_plots,
     model_plots,
@@ -48,11 +51,12 @@ from iptm_reproduction.runs import (
     sampled,
     weighted,
 )
-from iptm_reproduction.tables.diagnosis_tables import cooling_table, payback_table
-from iptm_reproduction.tables.limit_tables import (
+from iptm_reproduction.tables.analysis_tables import (
+    cooling_table,
     discretisation_table,
     optimum_solve_table,
     optimum_table,
+    payback_table,
 )
 from iptm_reproduction.tables.paper_tables import (
     formulation_table,

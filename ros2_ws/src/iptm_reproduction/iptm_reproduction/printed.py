@@ -9,15 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iptm_core.metrics.figures import Figure
-from iptm_reproduction.figures import (
-    CELL_1,
-    CELL_N,
-    COMPUTING_TIME,
-    COOLING,
-    INCONSISTENCY,
-    TOTAL,
-    TRACTION,
-)
+from iptm_reproduction import figures as fig
 from iptm_reproduction.runs import STRATEGIES
 
 PAPER = (
@@ -99,22 +91,22 @@ FORMULATIONS: dict[str, tuple[str, tuple[int, ...]]] = {
 """Table III: name of each strategy and the numbers of its cost terms J1 to J4."""
 
 STRATEGY_VALUES: dict[Figure, tuple[float, ...]] = {
-    COOLING: (8049.01, 6925.07, 7903.57, 7549.34, 6165.48, 6492.42),
-    TRACTION: (179033.67, 172377.17, 178511.69, 175992.75, 169563.81, 166888.65),
-    TOTAL: (187082.68, 179302.24, 186415.26, 183542.09, 175729.29, 173381.07),
-    CELL_1: (1.2789, 1.2352, 1.2568, 1.2312, 1.2109, 1.1156),
-    CELL_N: (1.3718, 1.3164, 1.3469, 1.3171, 1.3035, 1.1803),
-    INCONSISTENCY: (9.29, 8.12, 9.01, 8.59, 8.45, 6.47),
+    fig.COOLING: (8049.01, 6925.07, 7903.57, 7549.34, 6165.48, 6492.42),
+    fig.TRACTION: (179033.67, 172377.17, 178511.69, 175992.75, 169563.81, 166888.65),
+    fig.TOTAL: (187082.68, 179302.24, 186415.26, 183542.09, 175729.29, 173381.07),
+    fig.CELL_1: (1.2789, 1.2352, 1.2568, 1.2312, 1.2109, 1.1156),
+    fig.CELL_N: (1.3718, 1.3164, 1.3469, 1.3171, 1.3035, 1.1803),
+    fig.INCONSISTENCY: (9.29, 8.12, 9.01, 8.59, 8.45, 6.47),
 }
 """Table IV: six strategies on a single horizon of 15 x 1 s, in the order of `STRATEGIES`."""
 
 STRATEGY_CHANGES: dict[Figure, tuple[float, ...]] = {
-    COOLING: (-0.1396, -0.0181, -0.0621, -0.234, -0.1934),
-    TRACTION: (-0.0372, -0.0029, -0.017, -0.0529, -0.0678),
-    TOTAL: (-0.0416, -0.0036, -0.0189, -0.0607, -0.0732),
-    CELL_1: (-0.0342, -0.0173, -0.0373, -0.0468, -0.1277),
-    CELL_N: (-0.0404, -0.0182, -0.0399, -0.0498, -0.1396),
-    INCONSISTENCY: (-0.1259, -0.0301, -0.0753, -0.0904, -0.3036),
+    fig.COOLING: (-0.1396, -0.0181, -0.0621, -0.234, -0.1934),
+    fig.TRACTION: (-0.0372, -0.0029, -0.017, -0.0529, -0.0678),
+    fig.TOTAL: (-0.0416, -0.0036, -0.0189, -0.0607, -0.0732),
+    fig.CELL_1: (-0.0342, -0.0173, -0.0373, -0.0468, -0.1277),
+    fig.CELL_N: (-0.0404, -0.0182, -0.0399, -0.0498, -0.1396),
+    fig.INCONSISTENCY: (-0.1259, -0.0301, -0.0753, -0.0904, -0.3036),
 }
 """Table IV: changes against the reference, from the second strategy on, as printed with the values."""
 
@@ -126,22 +118,22 @@ STRATEGY_NOTE = (
 
 HEADLINE_WHERE = "Abstract, Section IV-D.2, Conclusion"
 HEADLINE_CHANGES: dict[Figure, float] = {
-    COMPUTING_TIME: -0.0718,
-    COOLING: -0.1422,
-    TRACTION: -0.0826,
-    TOTAL: -0.0852,
-    CELL_1: -0.2247,
-    CELL_N: -0.2342,
-    INCONSISTENCY: -0.3657,
+    fig.COMPUTING_TIME: -0.0718,
+    fig.COOLING: -0.1422,
+    fig.TRACTION: -0.0826,
+    fig.TOTAL: -0.0852,
+    fig.CELL_1: -0.2247,
+    fig.CELL_N: -0.2342,
+    fig.INCONSISTENCY: -0.3657,
 }
 """Section IV-D.2, last paragraph: aging on 3 x 1 s + 5 x 5 s against the reference on 15 x 1 s."""
 
 LENGTH_RANGES: dict[Figure, tuple[float, float]] = {
-    COOLING: (0.0635, 0.0826),
-    TRACTION: (-0.0276, -0.0158),
-    CELL_1: (-0.1313, -0.1112),
-    CELL_N: (-0.1284, -0.11),
-    INCONSISTENCY: (-0.0892, -0.0657),
+    fig.COOLING: (0.0635, 0.0826),
+    fig.TRACTION: (-0.0276, -0.0158),
+    fig.CELL_1: (-0.1313, -0.1112),
+    fig.CELL_N: (-0.1284, -0.11),
+    fig.INCONSISTENCY: (-0.0892, -0.0657),
 }
 """Section IV-D.2: smallest and largest change of the multi-horizon runs against the single horizon."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from iptm_core.parameters import load_parameters
-from iptm_reproduction.aging_map import aging_map
+from iptm_reproduction.aging import aging_map
 from iptm_reproduction.check import Check, Finding, graded
 from iptm_reproduction.runs import Results
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from iptm_reproduction.claims.headline import AGING_MODEL, HEADLINE
-from iptm_reproduction.claims.multi_horizon import LENGTH, SAMPLING_TIME
-from iptm_reproduction.claims.sensitivity import HORIZON, WEIGHTS
-from iptm_reproduction.claims.strategies import STRATEGY_TABLE
-from iptm_reproduction.claims.trip import POWER, TRIP
+from iptm_reproduction.claims.sensitivity import HORIZON, LENGTH, SAMPLING_TIME, WEIGHTS
+from iptm_reproduction.claims.strategies import AGING_MODEL, HEADLINE, POWER, STRATEGY_TABLE, TRIP
 
 TOPICS = (
     HEADLINE,

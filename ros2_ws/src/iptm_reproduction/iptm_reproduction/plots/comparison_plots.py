@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from iptm_reproduction.figures import (
-    COMPUTING_TIME,
-    COOLING,
-    DEGRADATION,
-    INCONSISTENCY,
-    TABLE_FIGURES,
-    TOTAL,
-    share_of_saving,
-)
+from iptm_reproduction import figures as fig
+from iptm_reproduction.figures import share_of_saving
 from iptm_reproduction.plots.style import (
     PAPER_COLOUR,
     SERIES_COLOURS,
     STRATEGY_COLOURS,
+    change_panel,
     labelled,
     legend_below,
     new_figure,
@@ -52,8 +45,9 @@ def strategy_changes(results: Results) -> Figure:
     """Draw the changes of the strategy table, found beside printed."""
     figure, panels = new_figure(4.6, 2, 3)
     others = dict(zip(list(STRATEGY_NAMES)[1:], STRATEGIES[1:], strict=True))
+    terms = [name.replace("reference", "ref").replace("_", "\n") for name in others]
     last = len(others) - 1
-    for panel, shown in zip(panels, TABLE_FIGURES, strict=True):
+    for panel, shown in zip(panels, fig.TABLE_FIGURES, strict=True):
         for place, (name, run) in enumerate(others.items()):
             change = results.change(run, REFERENCE, shown)
             if change is not None:
@@ -67,11 +61,7 @@ def strategy_changes(results: Results) -> Figure:
                 label="printed" if place == 0 else None,
                 **_PRINTED,  # type: ignore[arg-type]
             )
-        panel.axhline(0.0, color="black", linewidth=0.7)
-        terms = [name.replace("reference", "ref").replace("_", "\n") for name in others]
-        panel.set_xticks(range(len(others)), terms)
-        panel.tick_params(axis="x", labelsize=6.5)
-        labelled(panel, "", "change [%]", shown.label)
+        change_panel(panel, terms, shown.label, size=6.5)
     legend_below(figure, panels[0], 2)
     return figure
 
@@ -100,12 +90,8 @@ def headline(results: Results) -> Figure:
                 **look,  # type: ignore[arg-type]
             )
             panel.bar_label(bar, fmt="%.1f", fontsize=7)
-    panel.axhline(0.0, color="black", linewidth=0.7)
-    names = [shown.label.replace(" ", "\n", 1) for shown in HEADLINE_CHANGES]
-    panel.set_xticks(range(len(names)), names)
-    panel.tick_params(axis="x", labelsize=7)
+    change_panel(panel, [shown.label.replace(" ", "\n", 1) for shown in HEADLINE_CHANGES], size=7)
     panel.margins(y=0.12)
-    labelled(panel, "", "change [%]")
     legend_below(figure, panel, 2)
     return figure
 
@@ -120,10 +106,10 @@ def headline(results: Results) -> Figure:
 def saving_shares(results: Results) -> Figure:
     """Draw which part of the possible saving of degradation each controller reaches."""
     runs = dict(zip(STRATEGY_NAMES, STRATEGIES, strict=True)) | {_MULTI: MULTI_HORIZON}
-    reference, optimum = (results.value(run, DEGRADATION) for run in (REFERENCE, OPTIMUM))
+    reference, optimum = (results.value(run, fig.DEGRADATION) for run in (REFERENCE, OPTIMUM))
     figure, (panel,) = new_figure(2.8)
     for place, (controller, run) in enumerate(runs.items()):
-        value = results.find(run, DEGRADATION)
+        value = results.find(run, fig.DEGRADATION)
         share = None if value is None else share_of_saving(value, reference, optimum)
         if share is None:
             continue
@@ -151,7 +137,7 @@ def imperfect_previews(results: Results) -> Figure:
     controllers = [name for name in CONTROLLER_COLOURS if name in present]
     figure, panels = new_figure(3.4, 1, 2)
     width = 0.8 / max(1, len(controllers))
-    for panel, shown in zip(panels, (DEGRADATION, TOTAL), strict=True):
+    for panel, shown in zip(panels, (fig.DEGRADATION, fig.TOTAL), strict=True):
         for index, controller in enumerate(controllers):
             changes = [
                 results.change(
@@ -168,9 +154,7 @@ def imperfect_previews(results: Results) -> Figure:
                 color=CONTROLLER_COLOURS[controller],
                 label=controller_name(controller),
             )
-        panel.axhline(0.0, color="black", linewidth=0.7)
-        panel.set_xticks(range(len(previews)), [words(preview) for preview in previews])
-        labelled(panel, "", "change [%]", shown.label)
+        change_panel(panel, [words(preview) for preview in previews], shown.label)
     legend_below(figure, panels[0], 4)
     return figure
 
@@ -185,7 +169,9 @@ def omitted_parameters(results: Results) -> Figure:
     runs = results.study("omitted_parameters")
     variations = list(dict.fromkeys(run.address.split("/")[1] for run in runs))
     figure, panels = new_figure(0.9 + 0.24 * len(variations), 1, 4, sharey=True)
-    for panel, shown in zip(panels, (DEGRADATION, TOTAL, COOLING, INCONSISTENCY), strict=True):
+    for panel, shown in zip(
+        panels, (fig.DEGRADATION, fig.TOTAL, fig.COOLING, fig.INCONSISTENCY), strict=True
+    ):
         for controller, marker in (("aging", "o"), (_MULTI, "s")):
             for place, variation in enumerate(variations):
                 study = f"omitted_parameters/{variation}"
@@ -223,20 +209,13 @@ def discretisation(results: Results) -> Figure:
     long_steps = {length: grid for _, length, grid in runs if grid != "fine"}
     names = [f"{length} s\nMH {long_steps.get(length, '')}" for length in lengths]
     figure, panels = new_figure(2.9, 1, 3)
-    for panel, shown in zip(panels, (DEGRADATION, TOTAL, COMPUTING_TIME), strict=True):
+    for panel, shown in zip(panels, (fig.DEGRADATION, fig.TOTAL, fig.COMPUTING_TIME), strict=True):
         for place, length in enumerate(lengths):
             study = f"discretisation/{length}"
             change = results.change(f"{study}/{long_steps.get(length)}", f"{study}/fine", shown)
             if change is not None:
-                _bar(panel, place, 100.0 * change)
-        panel.axhline(0.0, color="black", linewidth=0.7)
-        panel.set_xticks(range(len(lengths)), names)
-        panel.tick_params(axis="x", labelsize=7)
+                bar = panel.bar(place, 100.0 * change, 0.6, color=SERIES_COLOURS[1])
+                panel.bar_label(bar, fmt="%.2f", fontsize=7.5)
+        change_panel(panel, names, shown.label, "change from 1 s steps [%]", 7)
         panel.margins(y=0.15)
-        labelled(panel, "", "change from 1 s steps [%]", shown.label)
     return figure
-
-
-def _bar(panel: Axes, place: int, value: float) -> None:
-    bar = panel.bar(place, value, 0.6, color=SERIES_COLOURS[1])
-    panel.bar_label(bar, fmt="%.2f", fontsize=7.5)

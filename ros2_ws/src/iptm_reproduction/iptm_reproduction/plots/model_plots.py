@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from iptm_core.parameters import load_parameters
 from iptm_core.routes.route import Route
 from iptm_core.state import FloatArray
-from iptm_reproduction import aging_map as model
+from iptm_reproduction import aging as model
 from iptm_reproduction.plots.style import labelled, new_figure, plot, tidy
 from iptm_reproduction.runs import REFERENCE, Results
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -40,6 +41,10 @@ from iptm_reproduction.runs import (
     weighted,
 )
 
+_REFERENCE = {REFERENCE: STRATEGY_NAMES["reference"]}
+_SINGLE_HORIZON = {PROPOSED: "SH, 15 steps of 1 s"}
+_BAND: dict[str, Any] = {"color": PAPER_COLOUR, "alpha": 0.18, "linewidth": 0.0}
+
 
 @plot(
     "Sensitivity to the weights",
@@ -60,7 +65,9 @@ def weighting(results: Results) -> Figure:
                 seen.append(value)
                 colour = _shade(STRATEGY_COLOURS[strategy], number)
                 panel.bar(place + 0.2 * (number - 2.5), value, 0.18, color=colour)
-        seen += _level_lines(panel, results, shown, (REFERENCE, PROPOSED))
+        seen += _level_lines(
+            panel, results, shown, {**_REFERENCE, PROPOSED: STRATEGY_NAMES["aging"]}
+        )
         panel.set_xticks(range(len(present)), [wrapped(STRATEGY_NAMES[name]) for name in present])
         panel.tick_params(axis="x", labelsize=7)
         room_for(panel, seen)
@@ -78,12 +85,14 @@ def weighting(results: Results) -> Figure:
 )
 def prediction_horizon(results: Results) -> Figure:
     """Draw figures of the proposed strategy over the length of a single horizon."""
+    runs = dict(zip(HORIZONS_S, horizons(*HORIZONS_S), strict=True))
     figure, panels = new_figure(4.2, 2, 3)
     for panel, shown in zip(panels, (*FOUR, INCONSISTENCY, COMPUTING_TIME), strict=True):
-        series = _series(results, HORIZONS_S, horizons(*HORIZONS_S), shown)
-        seen = _line(panel, series, STRATEGY_COLOURS["aging"], "Aging (proposed)")
+        seen = _line(
+            panel, results, shown, runs, STRATEGY_COLOURS["aging"], STRATEGY_NAMES["aging"]
+        )
         if shown is not COMPUTING_TIME:
-            seen += _level_lines(panel, results, shown, (REFERENCE,))
+            seen += _level_lines(panel, results, shown, _REFERENCE)
             room_for(panel, seen)
         else:
             panel.set_ylim(bottom=0.0)
@@ -105,9 +114,9 @@ def sampling_time(results: Results) -> Figure:
     for panel, shown in zip(panels, FOUR, strict=True):
         seen = []
         for split, colour in zip(SPLITS, SERIES_COLOURS, strict=True):
-            series = _series(results, LONG_STEPS_S, sampled(split), shown)
-            seen += _line(panel, series, colour, f"{split} steps")
-        seen += _single_horizon_line(panel, results, shown)
+            runs = dict(zip(LONG_STEPS_S, sampled(split), strict=True))
+            seen += _line(panel, results, shown, runs, colour, f"{split} steps")
+        seen += _level_lines(panel, results, shown, _SINGLE_HORIZON, 1.5)
         panel.set_xticks(LONG_STEPS_S)
         room_for(panel, seen, 0.1)
         labelled(panel, "", "", shown.short_title)
@@ -130,20 +139,13 @@ def long_horizon(results: Results) -> Figure:
     for panel, shown in zip(panels, (COMPUTING_TIME, *FOUR, INCONSISTENCY), strict=True):
         seen = []
         for first, colour in zip(SHORT_STEP_COUNTS, ("#2171b5", "#e08214"), strict=True):
-            series = _series(results, LONG_STEP_COUNTS, lengthened(first), shown)
-            seen += _line(panel, series, colour, f"N_p1 = {first}")
-        for single in _single_horizon_line(panel, results, shown):
+            runs = dict(zip(LONG_STEP_COUNTS, lengthened(first), strict=True))
+            seen += _line(panel, results, shown, runs, colour, f"N_p1 = {first}")
+        for single in _level_lines(panel, results, shown, _SINGLE_HORIZON, 1.5):
             seen.append(single)
             if shown in LENGTH_RANGES:
                 low, high = ((1.0 + change) * single for change in LENGTH_RANGES[shown])
-                panel.axhspan(
-                    low,
-                    high,
-                    color=PAPER_COLOUR,
-                    alpha=0.18,
-                    linewidth=0.0,
-                    label="paper: change from SH",
-                )
+                panel.axhspan(low, high, label="paper: change from SH", **_BAND)
                 seen += [low, high]
         if shown is COMPUTING_TIME:
             panel.set_ylim(bottom=0.0)
@@ -155,51 +157,29 @@ def long_horizon(results: Results) -> Figure:
     return figure
 
 
-def _series(
-    results: Results, places: tuple[int, ...], runs: tuple[str, ...], shown: RunFigure
-) -> dict[int, float]:
-    """Return a figure by place, of the runs that are there."""
-    found = {place: results.find(run, shown) for place, run in zip(places, runs, strict=True)}
-    return {place: value for place, value in found.items() if value is not None}
-
-
-def _line(panel: Axes, series: Mapping[int, float], colour: str, name: str) -> list[float]:
-    """Draw what there is of a series; returns the values."""
-    values = list(series.values())
+def _line(
+    panel: Axes, results: Results, shown: RunFigure, runs: Mapping[int, str], colour: str, name: str
+) -> list[float]:
+    """Draw a figure of the runs that are there, by place; returns the values."""
+    known = {place: run for place, run in runs.items() if results.find(run, shown) is not None}
+    values = [results.value(run, shown) for run in known.values()]
     if values:
-        look = {"color": colour, "markersize": 3.5, "linewidth": 1.2}
-        panel.plot(list(series), values, "o-", label=name, **look)  # type: ignore[arg-type]
+        look: dict[str, Any] = {"color": colour, "markersize": 3.5, "linewidth": 1.2}
+        panel.plot(list(known), values, "o-", label=name, **look)
     return values
 
 
 def _level_lines(
-    panel: Axes, results: Results, shown: RunFigure, runs: tuple[str, ...]
+    panel: Axes, results: Results, shown: RunFigure, runs: Mapping[str, str], width: float = 1.2
 ) -> list[float]:
-    """Draw strategies as lines to compare with; returns their values."""
-    seen = []
-    for run in runs:
-        value = results.find(run, shown)
-        if value is not None:
-            strategy = run.partition("/")[2]
-            panel.axhline(
-                value,
-                color=STRATEGY_COLOURS[strategy],
-                linestyle="--",
-                linewidth=1.2,
-                label=STRATEGY_NAMES[strategy],
-            )
-            seen.append(value)
-    return seen
-
-
-def _single_horizon_line(panel: Axes, results: Results, shown: RunFigure) -> list[float]:
-    """Draw the proposed strategy on a single horizon as a line; returns its value if it is there."""
-    single = results.find(PROPOSED, shown)
-    if single is None:
-        return []
-    colour = STRATEGY_COLOURS["aging"]
-    panel.axhline(single, color=colour, linestyle="--", label="SH, 15 steps of 1 s")
-    return [single]
+    """Draw strategies, given with their names, as lines to compare with; returns their values."""
+    known = [run for run in runs if results.find(run, shown) is not None]
+    for run in known:
+        look: dict[str, Any] = {"linestyle": "--", "linewidth": width, "label": runs[run]}
+        panel.axhline(
+            results.value(run, shown), color=STRATEGY_COLOURS[run.partition("/")[2]], **look
+        )
+    return [results.value(run, shown) for run in known]
 
 
 def _shade(colour: str, number: int) -> tuple[float, float, float]:

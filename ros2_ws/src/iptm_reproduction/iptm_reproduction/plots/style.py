@@ -112,6 +112,16 @@ def labelled(panel: Axes, x: str = "", y: str = "", title: str = "") -> None:
         panel.set_title(title, fontsize=9, loc="left")
 
 
+def change_panel(
+    panel: Axes, names: Sequence[str], title: str = "", y: str = "change [%]", size: float = 8.0
+) -> None:
+    """Label a panel of changes around zero, one place per name."""
+    panel.axhline(0.0, color="black", linewidth=0.7)
+    panel.set_xticks(range(len(names)), names)
+    panel.tick_params(axis="x", labelsize=size)
+    labelled(panel, "", y, title)
+
+
 def legend_below(figure: Figure, panel: Axes, columns: int) -> None:
     """Put one legend for all panels, under them."""
     handles, labels = panel.get_legend_handles_labels()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 from iptm_core.metrics.gap import gap_margins_m
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
 from iptm_reproduction.plots.style import (
     LIMIT_COLOUR,
     LINE,
@@ -38,6 +40,7 @@ from iptm_reproduction.runs import (
 )
 
 _MOST_POINTS = 600
+_DASHED: dict[str, Any] = {"linestyle": "--", "linewidth": 1.0}
 
 
 @plot(
@@ -78,10 +81,9 @@ def _temperature_figure(lines: Mapping[str, tuple[ReportRun, str]], columns: int
             (left, run.trajectory.cell_1_temperature_k),
             (right, run.trajectory.cell_n_temperature_k),
         ):
-            times, means = thinned(run.trajectory, celsius(values), _MOST_POINTS)
             # The benchmark is drawn broad, for its line often lies under others.
             width = 3.0 * LINE if run.address == REFERENCE else LINE
-            panel.plot(times, means, color=colour, linewidth=width, label=name)
+            _mean_line(panel, run.trajectory, celsius(values), colour, name, width)
     limits = next(iter(lines.values()))[0].parameters.limits
     for panel in (left, right):
         for bound in (limits.min_temperature_k, limits.max_temperature_k):
@@ -90,6 +92,14 @@ def _temperature_figure(lines: Mapping[str, tuple[ReportRun, str]], columns: int
     labelled(right, "time [s]", "", "cell N")
     legend_below(figure, left, columns)
     return figure
+
+
+def _mean_line(
+    panel: Axes, run: Trajectory, values: FloatArray, colour: str, name: str, width: float = LINE
+) -> None:
+    """Draw a quantity over time with few enough points: the mean of each block."""
+    times, means = thinned(run, values, _MOST_POINTS)
+    panel.plot(times, means, color=colour, linewidth=width, label=name)
 
 
 @plot(
@@ -113,14 +123,8 @@ def degradation_comparison(results: Results) -> Figure:
             loss = 1e5 * (getattr(run, cell) - getattr(run, cell)[0])
             difference = loss - 1e5 * reference if loss.size == reference.size else np.nan * loss
             for panel, values in ((panels[column], loss), (panels[2 + column], difference)):
-                times, means = thinned(run, values, _MOST_POINTS)
-                panel.plot(
-                    times,
-                    means,
-                    color=STRATEGY_COLOURS[strategy],
-                    linewidth=LINE,
-                    label=STRATEGY_NAMES[strategy],
-                )
+                colour, name = STRATEGY_COLOURS[strategy], STRATEGY_NAMES[strategy]
+                _mean_line(panel, run, values, colour, name)
     labelled(panels[0], "", "capacity loss [10⁻⁵]", "cell 1")
     labelled(panels[1], "", "", "cell N")
     labelled(panels[2], "time [s]", "minus reference [10⁻⁵]")
@@ -141,27 +145,16 @@ def spacing(results: Results) -> Figure:
     trip, parameters = run.trajectory, run.parameters
     margins = gap_margins_m(trip, parameters)
     figure, (top, bottom) = new_figure(4.0, 2, 1, sharex=True)
-    _line(top, run, trip.gap_m, STRATEGY_COLOURS["aging"], "gap")
-    _line(top, run, trip.gap_m - margins, LIMIT_COLOUR, "s_min (safety)")
-    top.axhline(
-        parameters.gap.max_gap_m,
-        color="#777777",
-        linestyle="--",
-        linewidth=1.0,
-        label="s_max (traffic efficiency)",
-    )
+    _lowest_line(top, run, trip.gap_m, STRATEGY_COLOURS["aging"], "gap")
+    _lowest_line(top, run, trip.gap_m - margins, LIMIT_COLOUR, "s_min (safety)")
+    most_m = parameters.gap.max_gap_m
+    top.axhline(most_m, color="#777777", label="s_max (traffic efficiency)", **_DASHED)
     labelled(top, "", "gap [m]")
     top.legend(fontsize=8, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    _line(bottom, run, margins, STRATEGY_COLOURS["aging"], "gap − s_min")
+    _lowest_line(bottom, run, margins, STRATEGY_COLOURS["aging"], "gap − s_min")
     lowest = int(np.argmin(margins))
     bottom.plot(trip.time_s[lowest], margins[lowest], "v", color="black", markersize=5)
-    bottom.axhline(
-        SMALLEST_MARGIN_M,
-        color=PAPER_COLOUR,
-        linestyle="--",
-        linewidth=1.0,
-        label="paper, smallest",
-    )
+    bottom.axhline(SMALLEST_MARGIN_M, color=PAPER_COLOUR, label="paper, smallest", **_DASHED)
     bottom.axhline(0.0, color=LIMIT_COLOUR, linewidth=0.8)
     smallest = f"smallest margin {margins[lowest]:.3f} m at {trip.time_s[lowest]:.0f} s"
     labelled(bottom, "time [s]", "margin [m]", smallest)
@@ -170,7 +163,7 @@ def spacing(results: Results) -> Figure:
     return figure
 
 
-def _line(panel: Axes, run: ReportRun, values: FloatArray, colour: str, name: str) -> None:
+def _lowest_line(panel: Axes, run: ReportRun, values: FloatArray, colour: str, name: str) -> None:
     """Draw a line with few enough points: the smallest value of each block, so that no dip is lost."""
     block = max(1, values.size // _MOST_POINTS)
     whole = values.size // block * block
@@ -201,8 +194,7 @@ def optimum(results: Results) -> Figure:
         mean = celsius(0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k))
         loss = run.cell_1_capacity_loss + run.cell_n_capacity_loss
         for panel, values in zip(panels, (mean, run.gap_m, 1e5 * (loss - loss[0])), strict=True):
-            times, means = thinned(run, values, _MOST_POINTS)
-            panel.plot(times, means, color=colour, linewidth=LINE, label=name)
+            _mean_line(panel, run, values, colour, name)
     labelled(panels[0], "", "mean of cells [°C]")
     labelled(panels[1], "", "gap [m]")
     labelled(panels[2], "time [s]", "loss, both [10⁻⁵]")

@@ -6,29 +6,10 @@ from iptm_controller.strategy import STRATEGIES as COST_TERMS
 from iptm_core.metrics.figures import Figure
 from iptm_core.parameters import describe_parameters, load_parameters
 from iptm_core.parameters.units import to_model_unit
+from iptm_reproduction import figures as fig
 from iptm_reproduction.check import compared, graded
 from iptm_reproduction.document import Cell, Row, Table, cells
-from iptm_reproduction.figures import (
-    BATTERY_ENERGY,
-    CELL_1_MEAN,
-    CELL_N_MAX,
-    CELL_N_MEAN,
-    COMPUTING_TIME,
-    COOLING,
-    DASH,
-    DEGRADATION,
-    FAILED_SOLVES,
-    FALLBACKS,
-    GAP_VIOLATIONS,
-    HARD_VIOLATIONS,
-    INCONSISTENCY,
-    MEAN_GAP,
-    SMALLEST_MARGIN,
-    SOFT_VIOLATIONS,
-    TABLE_FIGURES,
-    TOTAL,
-    change_text,
-)
+from iptm_reproduction.figures import change_text
 from iptm_reproduction.printed import (
     FORMULATIONS,
     HEADLINE_CHANGES,
@@ -44,19 +25,19 @@ from iptm_reproduction.tables.cells import SAVING, figure_cell, share_cell
 
 _SAME = 1e-9
 _FURTHER_ROWS = (
-    BATTERY_ENERGY,
-    DEGRADATION,
-    CELL_1_MEAN,
-    CELL_N_MEAN,
-    CELL_N_MAX,
-    SMALLEST_MARGIN,
-    MEAN_GAP,
-    COMPUTING_TIME,
-    GAP_VIOLATIONS,
-    HARD_VIOLATIONS,
-    SOFT_VIOLATIONS,
-    FALLBACKS,
-    FAILED_SOLVES,
+    fig.BATTERY_ENERGY,
+    fig.DEGRADATION,
+    fig.CELL_1_MEAN,
+    fig.CELL_N_MEAN,
+    fig.CELL_N_MAX,
+    fig.SMALLEST_MARGIN,
+    fig.MEAN_GAP,
+    fig.COMPUTING_TIME,
+    fig.GAP_VIOLATIONS,
+    fig.HARD_VIOLATIONS,
+    fig.SOFT_VIOLATIONS,
+    fig.FALLBACKS,
+    fig.FAILED_SOLVES,
 )
 
 
@@ -93,7 +74,11 @@ def omitted_parameter_table() -> Table:
         ("symbol", "parameter", "used", "source", "remark"),
         tuple(
             cells(
-                row.symbol, row.key, _with_unit(row.value, row.unit), row.source, row.note or DASH
+                row.symbol,
+                row.key,
+                _with_unit(row.value, row.unit),
+                row.source,
+                row.note or fig.DASH,
             )
             for row in describe_parameters(load_parameters())
             if row.key not in stated
@@ -143,7 +128,7 @@ def strategy_table(results: Results) -> Table:
     rows: list[Row] = [
         cells("weights λ_P, λ_Q", "used", *(_weights_text(results, run) for run in STRATEGIES))
     ]
-    for figure in TABLE_FIGURES:
+    for figure in fig.TABLE_FIGURES:
         found = (_found_cell(results, run, figure) for run in STRATEGIES)
         rows.append((Cell(figure.title, strong=True), Cell("found"), *found))
         rows.append(cells("", "printed", *(_printed_text(run, figure) for run in STRATEGIES)))
@@ -181,9 +166,9 @@ def _printed_text(run: str, figure: Figure) -> str:
 def _weights_text(results: Results, address: str) -> str:
     run = results.get(address)
     if run is None:
-        return DASH
+        return fig.DASH
     parts = (run.strategy.energy_weight_1_j, run.strategy.aging_weight)
-    return ", ".join(f"{weight:g}" if weight > 0.0 else DASH for weight in parts)
+    return ", ".join(f"{weight:g}" if weight > 0.0 else fig.DASH for weight in parts)
 
 
 def headline_table(results: Results) -> Table:
@@ -200,7 +185,9 @@ def headline_table(results: Results) -> Table:
                 Cell(change_text(printed)),
             )
         )
-    rows.append((Cell(SAVING), *(share_cell(results, run) for run in both), *cells(DASH, DASH)))
+    rows.append(
+        (Cell(SAVING), *(share_cell(results, run) for run in both), *cells(fig.DASH, fig.DASH))
+    )
     return Table(
         "headline",
         "Headline comparison: aging on 3 × 1 s + 5 × 5 s against the reference on 15 × 1 s",
@@ -214,7 +201,7 @@ def ranking_text(results: Results) -> str:
     """Return the strategies in the order of a few figures, best first, in words."""
     sentences = []
     names = dict(zip(STRATEGIES, STRATEGY_NAMES.values(), strict=True))
-    for figure in (DEGRADATION, TOTAL, COOLING, INCONSISTENCY):
+    for figure in (fig.DEGRADATION, fig.TOTAL, fig.COOLING, fig.INCONSISTENCY):
         known = {run: value for run in names if (value := results.find(run, figure)) is not None}
         order = ", ".join(
             f"{names[run]} ({figure.text(known[run])})"

@@ -5,26 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iptm_core.metrics.figures import Figure
+from iptm_reproduction import figures as fig
 from iptm_reproduction.check import graded
 from iptm_reproduction.document import Cell, Table
-from iptm_reproduction.figures import (
-    CELLS,
-    COOLING,
-    DASH,
-    DEGRADATION,
-    FALLBACKS,
-    GAP_VIOLATIONS,
-    INCONSISTENCY,
-    SMALLEST_MARGIN,
-    SOFT_VIOLATIONS,
-    TABLE_FIGURES,
-    TOTAL,
-    TRACTION,
-)
 from iptm_reproduction.runs import WEIGHTED, Results, controller_name, words
 from iptm_reproduction.tables.cells import change_cells, figure_cells
 
-_MARKS = (SMALLEST_MARGIN, GAP_VIOLATIONS, SOFT_VIOLATIONS, FALLBACKS)
+_MARKS = (fig.SMALLEST_MARGIN, fig.GAP_VIOLATIONS, fig.SOFT_VIOLATIONS, fig.FALLBACKS)
 
 
 @dataclass(frozen=True)
@@ -60,18 +47,18 @@ _COMMON = (
     *(
         Conclusion(f"Aging (proposed) {text} than Reference", "aging", "reference", figures)
         for text, figures in (
-            ("takes less cooling energy", (COOLING,)),
-            ("takes less traction energy", (TRACTION,)),
-            ("takes less total energy", (TOTAL,)),
-            ("degrades both cells less", CELLS),
-            ("degrades them more evenly", (INCONSISTENCY,)),
+            ("takes less cooling energy", (fig.COOLING,)),
+            ("takes less traction energy", (fig.TRACTION,)),
+            ("takes less total energy", (fig.TOTAL,)),
+            ("degrades both cells less", fig.CELLS),
+            ("degrades them more evenly", (fig.INCONSISTENCY,)),
         )
     ),
     Conclusion(
         "Aging, MH 3+5 degrades the cells less than Aging on SH 15",
         "multi_horizon",
         "aging",
-        (DEGRADATION,),
+        (fig.DEGRADATION,),
     ),
 )
 CONCLUSIONS = {
@@ -82,7 +69,7 @@ CONCLUSIONS = {
                 f"Aging (proposed) degrades the cells less than {controller_name(other)}",
                 "aging",
                 other,
-                (DEGRADATION,),
+                (fig.DEGRADATION,),
             )
             for other in WEIGHTED
         ),
@@ -132,7 +119,7 @@ def conclusion_table(results: Results, study: str, title: str) -> Table:
 
 
 def _mark_cell(holds: bool | None) -> Cell:  # noqa: FBT001
-    return Cell(DASH) if holds is None else Cell("yes" if holds else "no", graded(holds))
+    return Cell(fig.DASH) if holds is None else Cell("yes" if holds else "no", graded(holds))
 
 
 def summary_text(results: Results, study: str) -> str:
@@ -161,7 +148,7 @@ def variation_table(results: Results, study: str, title: str, base: str | None =
         title: heading.
         base: address of one reference for all; None for the reference of the same variation.
     """
-    shown = (*TABLE_FIGURES, DEGRADATION)
+    shown = (*fig.TABLE_FIGURES, fig.DEGRADATION)
     rows = []
     for run in results.study(study):
         _, variation, controller = run.address.split("/")

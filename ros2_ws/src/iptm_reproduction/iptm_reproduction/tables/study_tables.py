@@ -5,34 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from iptm_core.metrics.figures import Figure
+from iptm_reproduction import figures as fig
 from iptm_reproduction.document import Cell, Table, cells
-from iptm_reproduction.figures import (
-    CELL_N_MAX,
-    COMPUTING_TIME,
-    DASH,
-    FAILED_SOLVES,
-    FALLBACKS,
-    GAP_VIOLATIONS,
-    HARD_VIOLATIONS,
-    LIMITER_TICKS,
-    LONGEST_SOLVE,
-    SOFT_VIOLATIONS,
-    SOLVES_FEASIBLE,
-    TABLE_FIGURES,
-)
 from iptm_reproduction.runs import REFERENCE, STUDIES, ReportRun, Results, name_of
 from iptm_reproduction.tables.cells import change_cells, figure_cell, figure_cells, share_cell
 
 _RELIABILITY = (
-    GAP_VIOLATIONS,
-    HARD_VIOLATIONS,
-    SOFT_VIOLATIONS,
-    FALLBACKS,
-    FAILED_SOLVES,
-    SOLVES_FEASIBLE,
-    LIMITER_TICKS,
+    fig.GAP_VIOLATIONS,
+    fig.HARD_VIOLATIONS,
+    fig.SOFT_VIOLATIONS,
+    fig.FALLBACKS,
+    fig.FAILED_SOLVES,
+    fig.SOLVES_FEASIBLE,
+    fig.LIMITER_TICKS,
 )
-_MARKS = (GAP_VIOLATIONS, FALLBACKS)
+_MARKS = (fig.GAP_VIOLATIONS, fig.FALLBACKS)
 _SAVING = "part of the possible saving"
 
 
@@ -45,7 +32,7 @@ def run_table(results: Results, study: str, base: str, paper: str) -> Table:
         base: run that the changes refer to; it comes first with its figures.
         paper: where its figure stands in the paper.
     """
-    shown = (*TABLE_FIGURES, COMPUTING_TIME)
+    shown = (*fig.TABLE_FIGURES, fig.COMPUTING_TIME)
     others = [run.address for run in results.study(study) if run.address != base]
     rows = [
         (
@@ -77,12 +64,12 @@ def weight_table(results: Results) -> Table:
             (
                 Cell(name_of(strategy), strong=best),
                 *(
-                    Cell(f"{weight:g}" if weight > 0.0 else DASH, strong=best)
+                    Cell(f"{weight:g}" if weight > 0.0 else fig.DASH, strong=best)
                     for weight in _weights(run)
                 ),
-                *change_cells(results, run.address, REFERENCE, TABLE_FIGURES),
+                *change_cells(results, run.address, REFERENCE, fig.TABLE_FIGURES),
                 share_cell(results, run.address),
-                figure_cell(results, run.address, CELL_N_MAX),
+                figure_cell(results, run.address, fig.CELL_N_MAX),
                 *figure_cells(results, run.address, _MARKS),
             )
         )
@@ -93,7 +80,7 @@ def weight_table(results: Results) -> Table:
             "strategy",
             "λ_P [1/J]",
             "λ_Q",
-            *(figure.label for figure in TABLE_FIGURES),
+            *(figure.label for figure in fig.TABLE_FIGURES),
             _SAVING,
             "highest temperature [°C]",
             *(figure.label for figure in _MARKS),
@@ -119,14 +106,14 @@ def reliability_table(results: Results) -> Table:
         missing = sum(run.study == study for run in results.missing)
         if not runs and not missing:
             continue
-        longest = max(_values(runs, LONGEST_SOLVE).values(), default=None)
+        longest = max(_values(runs, fig.LONGEST_SOLVE).values(), default=None)
         rows.append(
             cells(
                 title,
                 str(len(runs)),
                 str(missing),
                 *(_sum_and_worst(runs, figure) for figure in _RELIABILITY),
-                LONGEST_SOLVE.text(longest),
+                fig.LONGEST_SOLVE.text(longest),
             )
         )
     return Table(
@@ -151,7 +138,7 @@ def _values(runs: Sequence[ReportRun], figure: Figure) -> dict[str, float]:
 def _sum_and_worst(runs: Sequence[ReportRun], figure: Figure) -> str:
     known = _values(runs, figure)
     if not known:
-        return DASH
+        return fig.DASH
     total = sum(known.values())
     if total == 0.0:
         return "0"

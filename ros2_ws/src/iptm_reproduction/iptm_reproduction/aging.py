@@ -1,9 +1,4 @@
-"""How long cooling takes to pay: the time after which a cooler pack has saved what the cooling cost.
-
-The compressor adds to the current now, and ages the cells at once; the lower temperature slows their aging
-from then on. A controller whose horizon ends earlier has no reason to cool, unless power is to be had for
-nothing while braking. This says which horizon the thermal side of a strategy needs.
-"""
+"""What the aging model says: its map over current and temperature, and how long cooling takes to pay."""
 
 from __future__ import annotations
 
@@ -12,13 +7,69 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.aging import capacity_loss_rate_1_s
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.physics.aging import SECONDS_PER_HOUR, capacity_loss_rate_1_s
 from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_resistance_ohm
 from iptm_core.physics.resistance import cell_resistance_ohm
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_reproduction.figures import MEAN_COP
 from iptm_reproduction.runs import ReportRun
+
+CURRENT_STEPS = 41
+TEMPERATURE_STEPS = 31
+LARGEST_RATE_1_H = 2.0
+"""The figure reaches 10 A = 2C."""
+
+
+@dataclass(frozen=True, eq=False)
+class AgingMap:
+    """Capacity loss per hour at the initial loss of the parameters.
+
+    Attributes:
+        currents_a: cell currents, shape (n,), from 0 to 2C.
+        temperatures_c: cell temperatures, shape (m,), over the permitted range.
+        loss_per_hour: capacity loss in one hour as a fraction of nominal, shape (m, n).
+        nominal_capacity_ah: what 1C is.
+    """
+
+    currents_a: FloatArray
+    temperatures_c: FloatArray
+    loss_per_hour: FloatArray
+    nominal_capacity_ah: float
+
+
+def aging_map(parameters: ModelParameters) -> AgingMap:
+    """Evaluate the aging model over current and temperature.
+
+    Args:
+        parameters: the aging model, the cell and the permitted temperatures.
+
+    Returns:
+        The map.
+    """
+    capacity_ah = parameters.cell.nominal_capacity_ah
+    currents = np.linspace(0.0, LARGEST_RATE_1_H * capacity_ah, CURRENT_STEPS, dtype=np.float64)
+    temperatures = np.linspace(
+        parameters.limits.min_temperature_k,
+        parameters.limits.max_temperature_k,
+        TEMPERATURE_STEPS,
+        dtype=np.float64,
+    )
+    rates = capacity_loss_rate_1_s(
+        currents[np.newaxis, :],
+        temperatures[:, np.newaxis],
+        parameters.aging.initial_capacity_loss,
+        parameters.aging,
+        parameters.cell,
+    )
+    return AgingMap(
+        currents_a=currents,
+        temperatures_c=temperatures - CELSIUS_ZERO_K,
+        loss_per_hour=np.asarray(rates) * SECONDS_PER_HOUR,
+        nominal_capacity_ah=capacity_ah,
+    )
+
 
 _POWER_STEP_W = 10.0
 _TEMPERATURE_STEP_K = 0.1
