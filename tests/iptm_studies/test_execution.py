@@ -15,12 +15,11 @@ from distributed import LocalCluster
 from iptm_core.errors import ScenarioError, StateError
 from iptm_studies import cluster as cluster_module
 from iptm_studies.campaign import Campaign, plan_campaign
-from iptm_studies.cluster import ClusterOptions
+from iptm_studies.cluster import ClusterOptions, progress_watched, work
 from iptm_studies.execution import execute, survey
 from iptm_studies.run import Run, perform_run
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.store import ResultStore
-from iptm_studies.worker import progress_watched, work
 
 WriteFile = Callable[..., Path]
 

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from iptm_studies.expected_time import ExpectedTimes, clock_text, modelled_s
+from iptm_studies.campaign import ExpectedTimes, modelled_s
+from iptm_studies.progress import clock_text
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunKind, RunSpec
 

@@ -2,19 +2,58 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from iptm_controller.horizon import Horizon
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.metrics import RunMetrics, figure_values
-from iptm_studies.expected_time import ExpectedTimes
 from iptm_studies.run import Run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
-from iptm_studies.run_spec import RunSpec
+from iptm_studies.run_spec import RunKind, RunSpec
 from iptm_studies.study import Case, Selection, ShortTrip, Study
 from iptm_studies.study_loading import load_study
 
 NOT_COMPUTED = "not computed"
+# Rough figures of one core; what earlier runs took corrects them.
+_PER_TICK_S = 0.6e-3
+_PER_TICK_AND_STEP_S = 0.17e-3
+_PER_TICK_AND_SECOND_AHEAD_S = 0.006e-3
+_WHOLE_TRIP_PER_TICK_S = 20e-3
+_SETUP_S = 1.0
+
+
+class ExpectedTimes:
+    """A rough model of wall times that learns a factor per kind of run."""
+
+    def __init__(self) -> None:
+        self._taken: defaultdict[RunKind, float] = defaultdict(float)
+        self._modelled: defaultdict[RunKind, float] = defaultdict(float)
+
+    def learn(self, spec: RunSpec, ticks: int, taken_s: float) -> None:
+        """Take into account what a run of so many ticks took."""
+        self._taken[spec.kind] += taken_s
+        self._modelled[spec.kind] += modelled_s(spec, ticks)
+
+    def of(self, inputs: RunInputs) -> float:
+        """Return the expected wall time of a run in seconds."""
+        kind = inputs.spec.kind
+        factor = self._taken[kind] / self._modelled[kind] if self._modelled[kind] > 0.0 else 1.0
+        return factor * modelled_s(inputs.spec, inputs.ticks)
+
+
+def modelled_s(spec: RunSpec, ticks: int) -> float:
+    """Return the wall time of a run by its size alone, in seconds."""
+    horizon = Horizon.parse(spec.horizon)
+    per_tick = (
+        _PER_TICK_S
+        + _PER_TICK_AND_STEP_S * horizon.steps
+        + _PER_TICK_AND_SECOND_AHEAD_S * horizon.duration_s
+    )
+    if spec.kind is RunKind.WHOLE_TRIP:
+        per_tick += _WHOLE_TRIP_PER_TICK_S
+    return _SETUP_S + ticks * per_tick
 
 
 @dataclass

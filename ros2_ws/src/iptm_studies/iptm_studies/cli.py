@@ -18,8 +18,7 @@ from iptm_core.errors import IptmError
 from iptm_studies.campaign import NOT_COMPUTED, Campaign, plan_campaign
 from iptm_studies.cluster import ClusterOptions
 from iptm_studies.execution import execute, survey
-from iptm_studies.expected_time import clock_text
-from iptm_studies.progress import progress_display
+from iptm_studies.progress import clock_text, progress_display
 from iptm_studies.store import ResultStore, default_store_folder
 from iptm_studies.study import SMALL
 from iptm_studies.study_loading import available_studies, load_study

@@ -11,11 +11,10 @@ from distributed import Client, Future, KilledWorker
 
 from iptm_core.errors import IptmError
 from iptm_studies.campaign import Campaign
-from iptm_studies.cluster import ClusterOptions, connected, worker_threads
+from iptm_studies.cluster import HANG_TOPIC, ClusterOptions, connected, work, worker_threads
 from iptm_studies.run import Run
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.store import ResultStore
-from iptm_studies.worker import HANG_TOPIC, work
 
 REFRESH_S = 5.0
 

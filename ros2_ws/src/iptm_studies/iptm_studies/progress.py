@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from iptm_studies.expected_time import clock_text
 from iptm_studies.run import Run
 from iptm_studies.run_inputs import RunInputs
 
@@ -81,3 +80,15 @@ class ProgressDisplay:
             completed=self._done_s,
             runs=f"{self._done}/{len(self._expected_s)}",
         )
+
+
+def clock_text(seconds: float) -> str:
+    """Return seconds as ``45 s``, ``3:20 min`` or ``1:05 h``."""
+    whole = round(seconds)
+    if whole < 90:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 90:
+        return f"{minutes}:{rest:02d} min"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d} h"

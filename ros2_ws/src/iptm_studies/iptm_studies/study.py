@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 
 from iptm_core.errors import ScenarioError
 from iptm_studies.run_spec import RunSpec
@@ -19,8 +19,8 @@ class Selection:
     Attributes:
         study: name of the other study.
         labels: only its cases with these labels count; empty for all.
-        lowest: key of the figure that decides (see ``RunSummary.rows``), smaller is better. Runs that
-            break a hard limit come last, whatever their figure.
+        lowest: key of the figure that decides (see ``iptm_core.metrics.FIGURES``), smaller is better.
+            Runs that break a hard limit come last, whatever their figure.
     """
 
     study: str
@@ -89,21 +89,8 @@ class ShortTrip:
 
     def shorten(self, study: Study) -> Study:
         """The same cases on the short trip."""
-        return replace(
-            study,
-            cases=tuple(
-                replace(
-                    case,
-                    spec=replace(
-                        case.spec,
-                        cycle=self.cycle,
-                        slope=self.slope,
-                        duration_s=self.duration_s,
-                    ),
-                )
-                for case in study.cases
-            ),
-        )
+        cases = (replace(case, spec=replace(case.spec, **asdict(self))) for case in study.cases)
+        return replace(study, cases=tuple(cases))
 
 
 SMALL = ShortTrip()

@@ -10,19 +10,30 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
-from iptm_studies.run_settings import SETTINGS, build_spec, merge_settings, read_selection
-from iptm_studies.study import Case, Label, Study
+from iptm_studies.run_spec import PreviewSpec, RunSpec, SolverSpec
+from iptm_studies.study import DEFAULT_CRITERION, Case, Label, Selection, Study
 
 MAX_CASES = 10_000
+PAPER_ORDER = (
+    "strategies",
+    "weighting",
+    "prediction_horizon",
+    "sampling_time",
+    "long_horizon",
+    "whole_trip",
+)
+_Point = tuple[Mapping[str, Label], Mapping[str, Any]]
+"""Labels and settings of one value of an axis."""
 _SUFFIXES = (".yaml", ".yml")
 _STUDY_KEYS = ("title", "about", "defaults", "cases")
 _CASE_KEYS = ("name", "labels", "run", "for_each")
@@ -34,18 +45,8 @@ _NAME = re.compile(r"[\w.+-]+")
 def available_studies() -> tuple[str, ...]:
     """Names of the shipped studies, in the order of the paper."""
     names = {path.stem for path in _folder().iterdir() if path.suffix in _SUFFIXES}
-    ordered = [name for name in PAPER_ORDER if name in names]
-    return (*ordered, *sorted(names - set(ordered)))
-
-
-PAPER_ORDER = (
-    "strategies",
-    "weighting",
-    "prediction_horizon",
-    "sampling_time",
-    "long_horizon",
-    "whole_trip",
-)
+    place = {name: number for number, name in enumerate(PAPER_ORDER)}
+    return tuple(sorted(names, key=lambda name: (place.get(name, len(place)), name)))
 
 
 def load_study(name_or_path: str | Path) -> Study:
@@ -73,8 +74,8 @@ def read_study(path: Path) -> Study:
     defaults = content.section("defaults", SETTINGS).content
     cases: list[Case] = []
     for number, entry in enumerate(content.entries("cases"), start=1):
-        draft = _Draft.read(StrictMapping(entry, f"{path}: case {number}", _CASE_KEYS))
-        cases += draft.expand(defaults, path.parent)
+        written = StrictMapping(entry, f"{path}: case {number}", _CASE_KEYS)
+        cases += _read_cases(written, defaults, path.parent)
         if len(cases) > MAX_CASES:
             raise ScenarioError(f"{path}: more than {MAX_CASES} cases")
     return Study(
@@ -85,78 +86,50 @@ def read_study(path: Path) -> Study:
     )
 
 
-@dataclass(frozen=True)
-class _Draft:
-    """A case as written, before its axes are multiplied out."""
-
-    where: str
-    name: str
-    labels: Mapping[str, Label]
-    run: Mapping[str, Any]
-    axes: tuple[tuple[_Point, ...], ...]
-
-    @classmethod
-    def read(cls, content: StrictMapping) -> _Draft:
-        name = content.text("name")
-        axes = []
-        for number, axis in enumerate(content.entries("for_each", may_be_empty=True), start=1):
-            at = f"{content.where}: for_each {number}"
-            if not isinstance(axis, list) or not axis:
-                raise ScenarioError(
-                    f"{at} is {shown(axis)}; allowed: a list with at least one entry"
-                )
-            points = (
-                StrictMapping(point, f"{at}, point {count}", _POINT_KEYS)
+def _read_cases(content: StrictMapping, defaults: Mapping[str, Any], folder: Path) -> list[Case]:
+    """Return all cases that an entry stands for: its axes are multiplied out."""
+    name = content.text("name")
+    axes = [[_read_point(content)]]
+    for number, axis in enumerate(content.entries("for_each", may_be_empty=True), start=1):
+        at = f"{content.where}: for_each {number}"
+        if not isinstance(axis, list) or not axis:
+            raise ScenarioError(f"{at} is {shown(axis)}; allowed: a list with at least one entry")
+        axes.append(
+            [
+                _read_point(StrictMapping(point, f"{at}, point {count}", _POINT_KEYS))
                 for count, point in enumerate(axis, start=1)
-            )
-            axes.append(tuple(_Point.read(point) for point in points))
-        return cls(
-            where=f"{content.where} ({name})",
-            name=name,
-            labels=_labels(content),
-            run=content.section("run", SETTINGS).content,
-            axes=tuple(axes),
+            ]
         )
-
-    def expand(self, defaults: Mapping[str, Any], folder: Path) -> list[Case]:
-        """All cases that the draft stands for."""
-        return [
-            self._case(defaults, combination, folder)
-            for combination in itertools.product(*self.axes)
-        ]
-
-    def _case(self, defaults: Mapping[str, Any], points: Sequence[_Point], folder: Path) -> Case:
-        labels = dict(self.labels)
-        settings = merge_settings(defaults, self.run)
-        for point in points:
-            again = sorted(set(labels) & set(point.labels))
-            if again:
-                raise ScenarioError(f"{self.where}: the label {again[0]!r} is given twice")
-            labels |= point.labels
-            settings = merge_settings(settings, point.run)
-        settings = _filled(settings, labels, self.where)
-        where = f"{self.where} {labels}" if labels else self.where
-        try:
-            return Case(
-                name=_filled(self.name, labels, self.where),
-                labels=labels,
-                spec=build_spec(settings, folder),
-                best_of=read_selection(settings.get("strategy")),
-            )
-        except IptmError as error:
-            raise ScenarioError(f"{where}: {error}") from error
+    where = f"{content.where} ({name})"
+    return [_case(name, where, defaults, points, folder) for points in itertools.product(*axes)]
 
 
-@dataclass(frozen=True)
-class _Point:
-    """One value of an axis."""
+def _read_point(content: StrictMapping) -> _Point:
+    labels = content.section("labels", kind="label")
+    for name, label in labels.content.items():
+        if isinstance(label, bool) or not isinstance(label, str | int | float):
+            labels.refuse(name, "a text or a number")
+    return dict(labels.content), content.section("run", SETTINGS).content
 
-    labels: Mapping[str, Label] = field(default_factory=dict)
-    run: Mapping[str, Any] = field(default_factory=dict)
 
-    @classmethod
-    def read(cls, content: StrictMapping) -> _Point:
-        return cls(labels=_labels(content), run=content.section("run", SETTINGS).content)
+def _case(
+    name: str, where: str, defaults: Mapping[str, Any], points: Iterable[_Point], folder: Path
+) -> Case:
+    labels: dict[str, Label] = {}
+    settings: Mapping[str, Any] = defaults
+    for its_labels, run in points:
+        again = sorted(set(labels) & set(its_labels))
+        if again:
+            raise ScenarioError(f"{where}: the label {again[0]!r} is given twice")
+        labels |= its_labels
+        settings = merge_settings(settings, run)
+    settings = _filled(settings, labels, where)
+    name = _filled(name, labels, where)
+    try:
+        best_of = read_selection(settings.get("strategy"))
+        return Case(name, labels, build_spec(settings, folder), best_of)
+    except IptmError as error:
+        raise ScenarioError(f"{where}{f' {labels}' if labels else ''}: {error}") from error
 
 
 def _filled(value: Any, labels: Mapping[str, Label], where: str) -> Any:
@@ -178,14 +151,6 @@ def _filled(value: Any, labels: Mapping[str, Label], where: str) -> Any:
     return _PLACE.sub(label_text, value)
 
 
-def _labels(content: StrictMapping) -> dict[str, Label]:
-    labels = content.section("labels", kind="label")
-    for name, label in labels.content.items():
-        if isinstance(label, bool) or not isinstance(label, str | int | float):
-            labels.refuse(name, "a text or a number")
-    return dict(labels.content)
-
-
 def _folder() -> Path:
     # The packages are installed as plain folders, so this is a real path.
     return Path(str(resources.files("iptm_studies").joinpath("studies")))
@@ -201,3 +166,103 @@ def _find(name_or_path: str | Path) -> Path:
     raise ScenarioError(
         f"no study {str(name_or_path)!r}; {suggestion(name_or_path, names)}, or the path of a .yaml file"
     )
+
+
+SETTINGS = tuple(entry.name for entry in fields(RunSpec))
+"""Keys of ``run`` and ``defaults``."""
+
+_FILES = {"cycle": ".csv", "parameter_set": ".yaml"}
+_BASE = "base"
+_BEST_OF = "best_of"
+_WEIGHTS = tuple(entry.name for entry in fields(Strategy) if entry.name != "name")
+_SOLVER_FIELDS = tuple(entry.name for entry in fields(SolverSpec))
+_PREVIEW_FIELDS = {entry.name.removeprefix("preview_"): entry.name for entry in fields(PreviewSpec)}
+"""Key in the section ``preview`` -> name of the setting; the section says already what it is about."""
+
+
+def merge_settings(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Lay settings over others: sections key by key, all else (a strategy, too) as a whole."""
+    merged = dict(base)
+    for key, value in over.items():
+        below = merged.get(key)
+        if key != "strategy" and isinstance(value, dict) and isinstance(below, dict):
+            merged[key] = {**below, **value}
+        else:
+            merged[key] = value
+    return merged
+
+
+def build_spec(settings: Mapping[str, Any], folder: Path) -> RunSpec:
+    """Build the specification of a run.
+
+    Args:
+        settings: by key, see ``SETTINGS``.
+        folder: files named in it are looked up here.
+
+    Raises:
+        IptmError: a key or value is not as it should be.
+    """
+    written = StrictMapping(settings, "run", SETTINGS)
+    arguments = {
+        key: _READERS[key](written) if key in _READERS else value
+        for key, value in written.content.items()
+    }
+    for key, suffix in _FILES.items():
+        if str(arguments.get(key, "")).lower().endswith(suffix):
+            arguments[key] = str(folder / arguments[key])
+    return RunSpec(**arguments)
+
+
+def read_selection(strategy: Any) -> Selection | None:
+    """Read ``{best_of: {study: ..., labels: ..., lowest: ...}}``; None for a stated strategy.
+
+    Raises:
+        ScenarioError: it is not of this form.
+    """
+    if not isinstance(strategy, dict) or _BEST_OF not in strategy:
+        return None
+    written = StrictMapping(strategy, "strategy", (_BEST_OF,))
+    best_of = written.section(_BEST_OF, ("study", "labels", "lowest"))
+    return Selection(
+        study=best_of.text("study"),
+        labels=best_of.section("labels").content,
+        lowest=best_of.text("lowest", DEFAULT_CRITERION),
+    )
+
+
+def _strategy(run: StrictMapping) -> Strategy:
+    if isinstance(run.content["strategy"], str):
+        return strategy_by_name(run.text("strategy"))
+    written = run.section("strategy")
+    if _BEST_OF in written:
+        return strategy_by_name("aging")  # stands in until the best run is known
+    written = run.section("strategy", (_BASE, *_WEIGHTS))
+    if _BASE not in written:
+        raise ScenarioError(
+            f"{written.where}: 'base' is missing: the name of the strategy that the weights belong to"
+        )
+    weights: dict[str, Any] = {key: written.number(key) for key in written if key != _BASE}
+    return replace(strategy_by_name(written.text(_BASE)), **weights)
+
+
+def _overrides(run: StrictMapping) -> tuple[tuple[str, float], ...]:
+    written = run.section("overrides")
+    return tuple((key, written.number(key)) for key in written)
+
+
+def _solver(run: StrictMapping) -> SolverSpec:
+    return SolverSpec(**run.section("solver", _SOLVER_FIELDS).content)
+
+
+def _preview(run: StrictMapping) -> PreviewSpec:
+    written = run.section("preview", _PREVIEW_FIELDS)
+    return PreviewSpec(**{_PREVIEW_FIELDS[key]: value for key, value in written.content.items()})
+
+
+_READERS: Mapping[str, Callable[[StrictMapping], Any]] = {
+    "overrides": _overrides,
+    "strategy": _strategy,
+    "solver": _solver,
+    "preview": _preview,
+}
+"""Settings that are more than one value; the specification checks all others itself."""

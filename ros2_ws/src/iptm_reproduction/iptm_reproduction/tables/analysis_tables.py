@@ -21,7 +21,7 @@ from iptm_reproduction.runs import (
     Results,
     name_of,
 )
-from iptm_reproduction.tables.cells import (
+from iptm_reproduction.tables import (
     SAVING,
     change_cell,
     change_cells,

@@ -21,7 +21,7 @@ from iptm_reproduction.printed import (
     printed_value,
 )
 from iptm_reproduction.runs import MULTI_HORIZON, REFERENCE, STRATEGIES, STRATEGY_NAMES, Results
-from iptm_reproduction.tables.cells import SAVING, figure_cell, share_cell
+from iptm_reproduction.tables import SAVING, figure_cell, share_cell
 
 _SAME = 1e-9
 _FURTHER_ROWS = (

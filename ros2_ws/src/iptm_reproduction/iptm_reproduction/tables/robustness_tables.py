@@ -9,7 +9,7 @@ from iptm_reproduction import figures as fig
 from iptm_reproduction.check import graded
 from iptm_reproduction.document import Cell, Table
 from iptm_reproduction.runs import WEIGHTED, Results, controller_name, words
-from iptm_reproduction.tables.cells import change_cells, figure_cells
+from iptm_reproduction.tables import change_cells, figure_cells
 
 _MARKS = (fig.SMALLEST_MARGIN, fig.GAP_VIOLATIONS, fig.SOFT_VIOLATIONS, fig.FALLBACKS)
 

@@ -8,7 +8,7 @@ from iptm_core.metrics.figures import Figure
 from iptm_reproduction import figures as fig
 from iptm_reproduction.document import Cell, Table, cells
 from iptm_reproduction.runs import REFERENCE, STUDIES, ReportRun, Results, name_of
-from iptm_reproduction.tables.cells import change_cells, figure_cell, figure_cells, share_cell
+from iptm_reproduction.tables import change_cells, figure_cell, figure_cells, share_cell
 
 _RELIABILITY = (
     fig.GAP_VIOLATIONS,
