@@ -4,7 +4,6 @@ import pytest
 
 from iptm_controller.horizon import Horizon
 from iptm_studies.campaign import plan_campaign
-from iptm_studies.run_spec import RunKind
 from iptm_studies.study_loading import available_studies, load_study
 
 CONVENTIONAL = ("reference_energy", "reference_aging", "reference_energy_aging")
@@ -12,17 +11,6 @@ CONVENTIONAL = ("reference_energy", "reference_aging", "reference_energy_aging")
 
 def horizons(study: str) -> set[str]:
     return {case.spec.horizon for case in load_study(study).cases}
-
-
-def test_names_and_order() -> None:
-    assert available_studies()[:6] == (
-        "strategies",
-        "weighting",
-        "prediction_horizon",
-        "sampling_time",
-        "long_horizon",
-        "whole_trip",
-    )
 
 
 @pytest.mark.parametrize("name", available_studies())
@@ -114,11 +102,6 @@ def test_previews_reach_to_the_end_of_every_horizon() -> None:
         for case in load_study(name).cases:
             reach_s = case.spec.bridge_settings().preview_length_s
             assert reach_s >= Horizon.parse(case.spec.horizon).duration_s
-
-
-def test_the_limit_is_the_whole_trip() -> None:
-    (case,) = load_study("whole_trip").cases
-    assert case.spec.kind is RunKind.WHOLE_TRIP
 
 
 def test_all_of_it_can_be_planned_and_shares_its_runs() -> None:

@@ -64,20 +64,9 @@ class PowerRegions:
         return low, 1.0 - low - high, high
 
 
-@dataclass(frozen=True)
-class Window:
-    """A stretch of time.
-
-    Attributes:
-        start_row: first row.
-        end_row: last row.
-    """
-
-    start_row: int
-    end_row: int
-
-
-def busiest_window(run: Trajectory, length_s: float, power_w: FloatArray | None = None) -> Window:
+def busiest_window(
+    run: Trajectory, length_s: float, power_w: FloatArray | None = None
+) -> tuple[int, int]:
     """Find the stretch of a trip with the most energy drawn.
 
     Args:
@@ -95,10 +84,10 @@ def busiest_window(run: Trajectory, length_s: float, power_w: FloatArray | None 
     ends = np.searchsorted(run.time_s, run.time_s + length_s - 1e-9)
     inside = ends < len(run)
     if not np.any(inside):
-        return Window(0, len(run) - 1)
+        return 0, len(run) - 1
     gains = energy[ends[inside]] - energy[starts[inside]]
     start = int(np.argmax(gains))
-    return Window(start, int(ends[inside][start]))
+    return start, int(ends[inside][start])
 
 
 def share_while_braking(run: Trajectory) -> float | None:

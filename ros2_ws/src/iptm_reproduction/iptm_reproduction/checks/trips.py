@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -191,59 +192,63 @@ class _Demand:
 
     @classmethod
     def of(cls, run: ReportRun, length_s: float) -> _Demand:
-        window = busiest_window(run.trajectory, length_s)
+        start, end = busiest_window(run.trajectory, length_s)
         mean = mean_cell_temperature_c(run.trajectory)
         return cls(
-            start_s=float(run.trajectory.time_s[window.start_row]),
+            start_s=float(run.trajectory.time_s[start]),
             initial_c=float(mean[0]),
-            before_c=float(mean[window.start_row]),
-            highest_c=float(np.max(mean[window.start_row : window.end_row + 1])),
+            before_c=float(mean[start]),
+            highest_c=float(np.max(mean[start : end + 1])),
         )
 
 
 def heats_in_demand(runs: tuple[str, ...], length_s: float, least_rise_k: float) -> Check:
     """Check that the pack warms up during the stretch of highest traction demand."""
-
-    def judge(results: Results) -> Finding:
-        found = {run: _Demand.of(results[run], length_s) for run in runs}
-        rises = {run: demand.highest_c - demand.before_c for run, demand in found.items()}
-        least = min(rises.values())
-        return Finding(
-            graded(least >= least_rise_k, least > 0.0),
-            "; ".join(
-                f"{name_of(run)}: {rises[run]:+.2f} K from {demand.start_s:.0f} s on"
-                for run, demand in found.items()
-            ),
-        )
-
-    return Check(
+    return _around_demand(
         f"In the {length_s:g} s of each run that draw most traction energy (the composition of the printed "
         "cycle is not given, so the stretch is found, not fixed), the mean of both cells rises above its "
         f"value at the start of the stretch: reproduced from {least_rise_k:g} K on in every run, in sign "
         "only if it rises at all.",
         runs,
-        judge,
+        length_s,
+        least_rise_k,
+        lambda demand: demand.highest_c - demand.before_c,
+        lambda demand: (
+            f"{demand.highest_c - demand.before_c:+.2f} K from {demand.start_s:.0f} s on"
+        ),
     )
 
 
 def cooled_before_demand(runs: tuple[str, ...], length_s: float, least_drop_k: float) -> Check:
     """Check that the pack is clearly cooler at the start of the stretch of highest demand than at first."""
-
-    def judge(results: Results) -> Finding:
-        found = {run: _Demand.of(results[run], length_s) for run in runs}
-        least = min(demand.initial_c - demand.before_c for demand in found.values())
-        return Finding(
-            graded(least >= least_drop_k, least > 0.0),
-            "; ".join(
-                f"{name_of(run)}: {demand.before_c:.2f} °C at {demand.start_s:.0f} s"
-                for run, demand in found.items()
-            ),
-        )
-
-    return Check(
+    return _around_demand(
         f"At the start of the {length_s:g} s that draw most traction energy, the mean of both cells is below "
         f"its initial value: reproduced from {least_drop_k:g} K on in every run, in sign only if it is lower "
         "at all.",
         runs,
-        judge,
+        length_s,
+        least_drop_k,
+        lambda demand: demand.initial_c - demand.before_c,
+        lambda demand: f"{demand.before_c:.2f} °C at {demand.start_s:.0f} s",
     )
+
+
+def _around_demand(
+    rule: str,
+    runs: tuple[str, ...],
+    length_s: float,
+    least_k: float,
+    change_k: Callable[[_Demand], float],
+    text: Callable[[_Demand], str],
+) -> Check:
+    """Check that a temperature changes enough in or before the stretch of highest demand of every run."""
+
+    def judge(results: Results) -> Finding:
+        found = {run: _Demand.of(results[run], length_s) for run in runs}
+        least = min(map(change_k, found.values()))
+        return Finding(
+            graded(least >= least_k, least > 0.0),
+            "; ".join(f"{name_of(run)}: {text(demand)}" for run, demand in found.items()),
+        )
+
+    return Check(rule, runs, judge)

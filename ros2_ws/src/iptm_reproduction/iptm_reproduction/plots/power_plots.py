@@ -121,13 +121,12 @@ def power_profiles(results: Results) -> Figure:
     """Draw traction and compressor power of the proposed strategy, over the trip and where it cools most."""
     run = results[PROPOSED].trajectory
     length_s = min(_ZOOM_S, 0.5 * float(run.time_s[-1]))
-    window = busiest_window(run, length_s, run.compressor_power_w)
+    rows = slice(*busiest_window(run, length_s, run.compressor_power_w))
     figure, panels = new_figure(4.2, 2, 2, sharex="col", width_ratios=[1.4, 1])
     times = run.time_s[1:]
     compressor = run.compressor_power_w[1:]
     _band(panels[0], times, traction_power_kw(run), "#c0504d")
     _band(panels[2], times, compressor, "#1f77b4")
-    rows = slice(window.start_row, window.end_row)
     panels[1].plot(times[rows], traction_power_kw(run)[rows], color="#c0504d", linewidth=LINE)
     panels[3].plot(times[rows], compressor[rows], color="#1f77b4", linewidth=LINE)
     for panel in (panels[0], panels[2]):
