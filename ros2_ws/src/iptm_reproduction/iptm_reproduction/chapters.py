@@ -80,7 +80,7 @@ def compose(gathered: Gathered) -> Document:
     """Check every statement and put the report together; what cannot be built says why."""
     reasons, notes = causes(gathered.results), remarks(gathered.results)
     checked = {topic.title: check_topic(topic, gathered.results, reasons) for topic in TOPICS}
-    material = Material(gathered, checked)
+    material = Material(gathered.results, gathered.provenance, gathered.command, checked)
     sections = (chapter.section(material, notes.get(chapter.key, "")) for chapter in CHAPTERS)
     return Document(TITLE, PAPER, tuple(sections))
 

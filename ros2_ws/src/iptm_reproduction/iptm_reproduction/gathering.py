@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
 
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import RunMetrics, figure_values
-from iptm_core.trajectory import Trajectory
 from iptm_reproduction.runs import MissingRun, ReportRun, Results
 from iptm_studies.campaign import Campaign
 from iptm_studies.run import RunRecord
@@ -140,13 +138,9 @@ def _run(store: ResultStore, case: _Finished) -> ReportRun:
         parameters=inputs.parameters,
         route=inputs.route,
         strategy=case.spec.strategy,
-        load=partial(_trajectory, store, case.key),
+        load=lambda: store.load(case.key).trajectory,
         whole_trip=store.load(case.key).whole_trip if whole else None,
     )
-
-
-def _trajectory(store: ResultStore, key: str) -> Trajectory:
-    return store.load(key).trajectory
 
 
 def _provenance(finished: Iterable[_Finished], records: list[RunRecord]) -> Provenance:

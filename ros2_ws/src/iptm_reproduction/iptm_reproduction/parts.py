@@ -17,33 +17,17 @@ from iptm_reproduction.document import (
     Table,
     cells,
 )
-from iptm_reproduction.gathering import Gathered, Provenance
+from iptm_reproduction.gathering import Gathered
 from iptm_reproduction.plots.style import Plot, png_bytes
 from iptm_reproduction.printed import FIGURE_CAPTIONS
 from iptm_reproduction.runs import Results, studies_of
 
 
 @dataclass(frozen=True)
-class Material:
-    """What parts take their content from.
+class Material(Gathered):
+    """What parts take their content from: what was gathered, and the checked statements by topic."""
 
-    Attributes:
-        gathered: the runs, and where they come from.
-        checked: the checked statements by topic.
-    """
-
-    gathered: Gathered
     checked: Mapping[str, tuple[CheckedClaim, ...]]
-
-    @property
-    def results(self) -> Results:
-        """The runs."""
-        return self.gathered.results
-
-    @property
-    def provenance(self) -> Provenance:
-        """Where they come from."""
-        return self.gathered.provenance
 
 
 Part = Callable[[Material], Block | None]
@@ -130,7 +114,7 @@ def _missing(material: Material, key: str, title: str, lacking: tuple[str, ...])
         key=key,
         title=title,
         reason=material.results.missing_text(lacking),
-        command=f"{material.gathered.command} {' '.join(studies_of(lacking))}",
+        command=f"{material.command} {' '.join(studies_of(lacking))}",
     )
 
 
@@ -171,7 +155,7 @@ def incomplete(material: Material) -> Block | None:
     return Paragraph(
         f"This report is incomplete: {len(missing)} cases are missing, of the studies "
         f"{', '.join(names)}. What is not shown for this reason says so in its place. To "
-        f"compute them: {material.gathered.command} {' '.join(names)}"
+        f"compute them: {material.command} {' '.join(names)}"
     )
 
 

@@ -216,6 +216,11 @@ class Results:
         """Return the runs of a study in the order in which they were given."""
         return [run for run in self if run.address.partition("/")[0] == name]
 
+    def strategies(self) -> dict[str, ReportRun]:
+        """Return the runs of the strategy table that are there, by strategy."""
+        pairs = zip(STRATEGY_NAMES, STRATEGIES, strict=True)
+        return {name: self[run] for name, run in pairs if run in self}
+
     def lacking(self, addresses: Iterable[str]) -> tuple[str, ...]:
         """Return those of the addresses that have no run, each once, in order."""
         return tuple(dict.fromkeys(name for name in addresses if name not in self._runs))

@@ -106,7 +106,8 @@ class Campaign:
         self._new: list[str] = []
         self._metrics: dict[str, RunMetrics] = {}
         self._failures: dict[str, str] = {}
-        self._left_out: dict[str, str] = {}
+        self.left_out: dict[str, str] = {}
+        """Cases that can no longer be planned, by address, and why."""
         known = {study.name: study for study in (*others, *self.studies)}
         self.cases = tuple(CaseState(study, case) for study in self.studies for case in study.cases)
         """Every case of the studies that were asked for, in order."""
@@ -148,11 +149,6 @@ class Campaign:
         return {self._runs[key].address: cause for key, cause in self._failures.items()}
 
     @property
-    def left_out(self) -> Mapping[str, str]:
-        """Cases that can no longer be planned, by address, and why."""
-        return self._left_out
-
-    @property
     def keys(self) -> frozenset[str]:
         """Keys of all runs planned so far."""
         return frozenset(self._runs)
@@ -175,7 +171,7 @@ class Campaign:
         return [
             state
             for state in self.cases
-            if state.key is None and state.address not in self._left_out
+            if state.key is None and state.address not in self.left_out
         ]
 
     def _assign(self, state: CaseState, spec: RunSpec) -> None:
@@ -226,7 +222,7 @@ class Campaign:
             best = self._best(state.candidates, state.case.best_of.lowest)
             if best is None:
                 state.reason = "every run that its strategy could come from failed"
-                self._left_out[state.address] = state.reason
+                self.left_out[state.address] = state.reason
             else:
                 self._assign(state, state.case.spec.with_strategy(state.candidates[best].strategy))
 

@@ -41,9 +41,9 @@ _ZOOM_S = 300.0
 def power_distribution(results: Results) -> Figure:
     """Draw distribution of the battery power of each strategy, with mean and extremes."""
     figure, (panel,) = new_figure(3.6)
-    present = [name for name in STRATEGY_NAMES if f"strategies/{name}" in results]
-    for index, strategy in enumerate(present):
-        power = battery_power_kw(results[f"strategies/{strategy}"].trajectory)
+    present = results.strategies()
+    for index, (strategy, run) in enumerate(present.items()):
+        power = battery_power_kw(run.trajectory)
         # Without any spread there is no density to draw.
         if np.ptp(power) > 0.0:
             shape = panel.violinplot(
@@ -82,15 +82,15 @@ def power_distribution(results: Results) -> Figure:
 )
 def power_statistics(results: Results) -> Figure:
     """Draw share of time by battery power, and by low, medium and high power."""
-    present = [name for name in COMPARED if f"strategies/{name}" in results]
-    powers = {name: battery_power_kw(results[f"strategies/{name}"].trajectory) for name in present}
+    trips = {name: run.trajectory for name, run in results.strategies().items() if name in COMPARED}
+    powers = {name: battery_power_kw(trip) for name, trip in trips.items()}
     regions = PowerRegions.of_reference(results[REFERENCE].trajectory)
     low = min(float(np.min(power)) for power in powers.values())
     high = max(float(np.max(power)) for power in powers.values())
     edges = np.arange(np.floor(low / _BIN_KW), np.ceil(high / _BIN_KW) + 1.5) * _BIN_KW
     figure, (left, right) = new_figure(3.3, 1, 2, width_ratios=[2, 1])
-    for name in present:
-        share = 100.0 * np.histogram(powers[name], edges)[0] / powers[name].size
+    for name, power in powers.items():
+        share = 100.0 * np.histogram(power, edges)[0] / power.size
         left.stairs(
             share, edges, color=STRATEGY_COLOURS[name], linewidth=1.4, label=STRATEGY_NAMES[name]
         )
@@ -98,17 +98,17 @@ def power_statistics(results: Results) -> Figure:
     for bound in (regions.low_kw, regions.high_kw):
         left.axvline(bound, color="#999999", linestyle=":", linewidth=1.0)
     labelled(left, "battery power [kW]", f"share of time per {_BIN_KW:g} kW [%]")
-    width = 0.8 / len(present)
-    for index, name in enumerate(present):
-        shares = regions.shares(results[f"strategies/{name}"].trajectory)
-        places = np.arange(3) + (index - 0.5 * (len(present) - 1)) * width
+    width = 0.8 / len(trips)
+    for index, (name, trip) in enumerate(trips.items()):
+        shares = regions.shares(trip)
+        places = np.arange(3) + (index - 0.5 * (len(trips) - 1)) * width
         bars = right.bar(
             places, [100.0 * share for share in shares], width, color=STRATEGY_COLOURS[name]
         )
         right.bar_label(bars, fmt="%.1f", fontsize=6.5)
     right.set_xticks(range(3), ["low", "medium", "high"])
     labelled(right, "region of power", "share of time [%]")
-    legend_below(figure, left, len(present))
+    legend_below(figure, left, len(trips))
     return figure
 
 

@@ -53,9 +53,8 @@ _DASHED: dict[str, Any] = {"linestyle": "--", "linewidth": 1.0}
 def temperature_comparison(results: Results) -> Figure:
     """Draw temperature of both cells under each strategy."""
     lines = {
-        STRATEGY_NAMES[name]: (results[run], STRATEGY_COLOURS[name])
-        for name, run in zip(STRATEGY_NAMES, STRATEGIES, strict=True)
-        if run in results
+        STRATEGY_NAMES[name]: (run, STRATEGY_COLOURS[name])
+        for name, run in results.strategies().items()
     }
     return _temperature_figure(lines, 3)
 
@@ -111,11 +110,7 @@ def _mean_line(
 def degradation_comparison(results: Results) -> Figure:
     """Draw capacity loss of both cells under each strategy, and its difference to the reference."""
     figure, panels = new_figure(4.6, 2, 2, sharex=True, sharey="row")
-    runs = {
-        name: results[run].trajectory
-        for name, run in zip(STRATEGY_NAMES, STRATEGIES, strict=True)
-        if run in results
-    }
+    runs = {name: run.trajectory for name, run in results.strategies().items()}
     base = results[REFERENCE].trajectory
     for column, cell in enumerate(("cell_1_capacity_loss", "cell_n_capacity_loss")):
         reference = getattr(base, cell) - getattr(base, cell)[0]
