@@ -110,6 +110,20 @@ def made_run(make_run: Callable[..., Run], short_inputs: RunInputs) -> Run:
     return make_run(short_inputs)
 
 
+@pytest.fixture(scope="session")
+def assert_same() -> Callable[..., None]:
+    """Give the function that compares two runs bit for bit, but for the times that solves took."""
+
+    def compare(one: Run, other: Run) -> None:
+        for name, values in one.trajectory.to_arrays().items():
+            np.testing.assert_array_equal(values, getattr(other.trajectory, name), name)
+        for name in set(vars(one.decisions)) - {"solve_time_s"}:
+            values = getattr(one.decisions, name)
+            np.testing.assert_array_equal(values, getattr(other.decisions, name), name)
+
+    return compare
+
+
 @pytest.fixture
 def store(tmp_path: Path) -> ResultStore:
     return ResultStore(tmp_path / "results")

@@ -1,29 +1,21 @@
 """One run in one process: repeatable, whatever the process did before."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from iptm_core.errors import ScenarioError
-from iptm_core.trajectory import TRAJECTORY_COLUMNS
 from iptm_studies.run import Run, controller_options, perform_run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
 
-
-def assert_same(one: Run, other: Run) -> None:
-    for name in TRAJECTORY_COLUMNS:
-        np.testing.assert_array_equal(
-            getattr(one.trajectory, name), getattr(other.trajectory, name), err_msg=name
-        )
-    assert one.decisions is not None
-    assert other.decisions is not None
-    np.testing.assert_array_equal(one.decisions.iterations, other.decisions.iterations)
-    np.testing.assert_array_equal(one.decisions.status, other.decisions.status)
+AssertSame = Callable[[Run, Run], None]
 
 
-def test_earlier_runs_leave_no_trace(short_inputs: RunInputs, short_run: Run) -> None:
+def test_earlier_runs_leave_no_trace(
+    short_inputs: RunInputs, short_run: Run, assert_same: AssertSame
+) -> None:
     other = resolve_inputs(replace(short_inputs.spec, cycle="nycc", slope="large"))
     perform_run(other)
     signs: list[None] = []
@@ -31,7 +23,7 @@ def test_earlier_runs_leave_no_trace(short_inputs: RunInputs, short_run: Run) ->
     assert len(signs) == short_inputs.ticks
 
 
-def test_solvers_that_carry_multipliers_start_anew() -> None:
+def test_solvers_that_carry_multipliers_start_anew(assert_same: AssertSame) -> None:
     spec = RunSpec(
         cycle="us06",
         duration_s=8.0,
