@@ -202,7 +202,7 @@ CHAPTERS = (
                 "weights",
                 "Weights of the weighted strategies",
                 weight_table,
-                any_of=tuple(run for strategy in WEIGHTED for run in weighted(strategy)),
+                any_of=weighted(*WEIGHTED),
             ),
             picture(sensitivity_plots.weighting),
             claims(WEIGHTS),
@@ -223,12 +223,7 @@ CHAPTERS = (
         "sampling-time",
         "Multi-horizon: sampling time of the long horizon",
         (
-            _study(
-                "sampling_time",
-                PROPOSED,
-                "Fig. 12",
-                tuple(run for split in SPLITS for run in sampled(split)),
-            ),
+            _study("sampling_time", PROPOSED, "Fig. 12", sampled(*SPLITS)),
             picture(sensitivity_plots.sampling_time),
             claims(SAMPLING_TIME),
         ),
@@ -237,12 +232,7 @@ CHAPTERS = (
         "long-horizon",
         "Multi-horizon: length of the long horizon",
         (
-            _study(
-                "long_horizon",
-                PROPOSED,
-                "Fig. 13",
-                tuple(run for count in SHORT_STEP_COUNTS for run in lengthened(count)),
-            ),
+            _study("long_horizon", PROPOSED, "Fig. 13", lengthened(*SHORT_STEP_COUNTS)),
             picture(sensitivity_plots.long_horizon),
             claims(LENGTH),
             table(

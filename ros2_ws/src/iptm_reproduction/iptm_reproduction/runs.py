@@ -64,9 +64,9 @@ LONG_STEP_COUNTS = (5, 10, 12, 15, 20)
 _MOST_NAMES = 6
 
 
-def weighted(strategy: str) -> tuple[str, ...]:
-    """Return the runs of a strategy with its weights, in the order in which the paper prints them."""
-    return tuple(f"weighting/{strategy}/{number}" for number in WEIGHT_NUMBERS)
+def weighted(*strategies: str) -> tuple[str, ...]:
+    """Return the runs of strategies with their weights, in the order in which the paper prints them."""
+    return tuple(f"weighting/{name}/{number}" for name in strategies for number in WEIGHT_NUMBERS)
 
 
 def horizons(*lengths_s: int) -> tuple[str, ...]:
@@ -74,14 +74,16 @@ def horizons(*lengths_s: int) -> tuple[str, ...]:
     return tuple(f"prediction_horizon/{length}" for length in lengths_s)
 
 
-def sampled(split: str) -> tuple[str, ...]:
-    """Return the runs of a split of 15 steps by the sampling time of the long ones."""
-    return tuple(f"sampling_time/{split}/{step}" for step in LONG_STEPS_S)
+def sampled(*splits: str) -> tuple[str, ...]:
+    """Return the runs of splits of 15 steps by the sampling time of the long ones."""
+    return tuple(f"sampling_time/{split}/{step}" for split in splits for step in LONG_STEPS_S)
 
 
-def lengthened(short_steps: int) -> tuple[str, ...]:
-    """Return the runs on some short steps by the number of long ones."""
-    return tuple(f"long_horizon/{short_steps}+{count}" for count in LONG_STEP_COUNTS)
+def lengthened(*short_steps: int) -> tuple[str, ...]:
+    """Return the runs on numbers of short steps by the number of long ones."""
+    return tuple(
+        f"long_horizon/{short}+{long}" for short in short_steps for long in LONG_STEP_COUNTS
+    )
 
 
 def name_of(address: str) -> str:

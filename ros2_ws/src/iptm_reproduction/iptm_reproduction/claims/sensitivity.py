@@ -108,7 +108,7 @@ WEIGHTS = ClaimTopic(
             "Whatever the weights, the gains stay modest compared with the proposed strategy.",
             all_lower(
                 (PROPOSED,),
-                tuple(run for strategy in WEIGHTED for run in weighted(strategy)),
+                weighted(*WEIGHTED),
                 fig.CELLS,
             ),
         ),
@@ -210,7 +210,7 @@ def _in_printed_range(
 ) -> Claim:
     low, high = sorted(100.0 * abs(change) for change in LENGTH_RANGES[figure])
     statement = f"MH-MPC {verb} SH-MPC by {low:.4g} to {high:.4g} % in {what}."
-    runs = tuple(run for series in BY_SHORT_STEPS.values() for run in series)
+    runs = lengthened(*SHORT_STEP_COUNTS)
     check = changes_in_range(runs, PROPOSED, figure, *LENGTH_RANGES[figure])
     return Claim(name, "Section IV-D.2", statement, check, note)
 
@@ -246,9 +246,7 @@ SAMPLING_TIME = ClaimTopic(
             "step-mh-beats-sh",
             "Section IV-D.1, Fig. 12",
             "MH-MPC gives lower degradation than SH-MPC in every combination of horizons and sampling times.",
-            all_lower(
-                tuple(run for split in SPLITS for run in sampled(split)), (PROPOSED,), fig.CELLS
-            ),
+            all_lower(sampled(*SPLITS), (PROPOSED,), fig.CELLS),
         ),
         Claim(
             "step-3-best-split",

@@ -51,7 +51,7 @@ _BAND: dict[str, Any] = {"color": PAPER_COLOUR, "alpha": 0.18, "linewidth": 0.0}
     "Four weights per strategy, from small (light) to large (dark), in the order that the paper prints. "
     "The axes do not start at zero.",
     needs=weighted("reference_energy"),
-    wanted=tuple(run for name in WEIGHTED[1:] for run in weighted(name)),
+    wanted=weighted(*WEIGHTED[1:]),
 )
 def weighting(results: Results) -> Figure:
     """Draw four figures of each weighted strategy for its four weights, shades from small to large."""
@@ -105,7 +105,7 @@ def prediction_horizon(results: Results) -> Figure:
 @plot(
     "Sampling time of the long horizon",
     "The proposed strategy on 15 steps, split into short and long ones. The axes do not start at zero.",
-    needs=tuple(run for split in SPLITS for run in sampled(split)),
+    needs=sampled(*SPLITS),
     wanted=(PROPOSED,),
 )
 def sampling_time(results: Results) -> Figure:
@@ -130,7 +130,7 @@ def sampling_time(results: Results) -> Figure:
     "Length of the long horizon",
     "The proposed strategy with long steps of 5 s. The band is where the paper's changes against its "
     "single horizon would lie. The axes do not start at zero, but that of the computing time does.",
-    needs=tuple(run for count in SHORT_STEP_COUNTS for run in lengthened(count)),
+    needs=lengthened(*SHORT_STEP_COUNTS),
     wanted=(PROPOSED,),
 )
 def long_horizon(results: Results) -> Figure:
