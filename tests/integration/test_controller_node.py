@@ -24,7 +24,6 @@ from iptm_interfaces.codecs import (
     decode_leader_preview,
     decode_plan,
     decode_vehicle_state,
-    empty_leader_preview,
     encode_acceleration,
     encode_capacity_loss,
     encode_host_odometry,
@@ -259,7 +258,7 @@ def test_what_does_not_arrive_is_named_and_done_without(launcher: Any, world: Wo
         measured = replace(as_measured(messages), **left_out)
         assert world.wait_for_answer(time_s) == pure.decide(measured).command
 
-    nothing = empty_leader_preview()
+    nothing = LeaderPreview.empty()
     no_leader = "no measurement of the leader received"
     tick(0.0, *STATE_TOPICS, leader=None, preview=nothing, fault=no_leader)
     record = world.wait_for_record(0.0)

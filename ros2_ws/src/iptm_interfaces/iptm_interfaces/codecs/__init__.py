@@ -18,7 +18,6 @@ from iptm_interfaces.codecs.plan import PlanTrajectory, decode_plan, encode_plan
 from iptm_interfaces.codecs.preview import (
     decode_leader_preview,
     decode_slope,
-    empty_leader_preview,
     encode_leader_preview,
     encode_slope,
 )
@@ -67,7 +66,6 @@ __all__ = [
     "decode_temperature",
     "decode_vehicle_state",
     "duration_from_ns",
-    "empty_leader_preview",
     "encode_acceleration",
     "encode_battery",
     "encode_capacity_loss",
