@@ -34,7 +34,7 @@ from iptm_interfaces.codecs import (
     encode_temperature,
     ns_from_time,
 )
-from iptm_interfaces.diagnostics import Level, find_status, level_of, status_values
+from iptm_interfaces.diagnostics import Level, find_status, status_values
 from iptm_interfaces.topics import STATE_TOPICS, Topic
 
 MODULE = "iptm_controller.node"
@@ -151,7 +151,7 @@ class World:
 
     def situations(self) -> list[tuple[Level, str]]:
         found = [find_status(message, "/controller") for message in self.heard[Topic.DIAGNOSTICS]]
-        return [(level_of(status), status.message) for status in found if status is not None]
+        return [(Level(status.level), status.message) for status in found if status is not None]
 
     def details(self) -> dict[str, str]:
         """Key values of the newest diagnostics."""

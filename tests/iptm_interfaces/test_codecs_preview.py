@@ -17,12 +17,12 @@ from iptm_interfaces.codecs import (
     decode_leader_preview,
     decode_leader_preview_bytes,
     decode_slope,
-    duration_from_ns,
     encode_leader_preview,
     encode_leader_preview_bytes,
     encode_slope,
     preview_wire,
 )
+from iptm_interfaces.codecs.time import duration_from_ns
 
 
 def make_preview(generated_at_s: float, count: int, step_s: float = 1.0) -> LeaderPreview:

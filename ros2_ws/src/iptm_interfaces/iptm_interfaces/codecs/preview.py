@@ -24,8 +24,8 @@ from iptm_interfaces.codecs.time import (
 )
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
 
-PREVIEW_NAMES = list(TOPICS[Topic.LEADER_PREVIEW].field_names)
-_SLOPE_LABEL = ", ".join(TOPICS[Topic.SLOPE].field_names)
+PREVIEW_NAMES = list(TOPICS[Topic.LEADER_PREVIEW].fields)
+_SLOPE_LABEL = ", ".join(TOPICS[Topic.SLOPE].fields)
 _TOPIC = Topic.LEADER_PREVIEW
 
 
