@@ -44,7 +44,7 @@ from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_plant_sim.plant import Plant
 from iptm_v2x_bridge.bridge import V2xBridge
-from iptm_v2x_bridge.cycle_source import CycleSource
+from iptm_v2x_bridge.source import CycleSource
 
 POLL_S = 0.005
 TIMEOUT_S = 120.0

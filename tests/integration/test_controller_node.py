@@ -24,7 +24,6 @@ from iptm_interfaces.codecs import (
     decode_leader_preview,
     decode_plan,
     decode_vehicle_state,
-    empty_leader_preview,
     encode_acceleration,
     encode_capacity_loss,
     encode_host_odometry,
@@ -35,7 +34,7 @@ from iptm_interfaces.codecs import (
     encode_temperature,
     ns_from_time,
 )
-from iptm_interfaces.diagnostics import Level, find_status, level_of, status_values
+from iptm_interfaces.diagnostics import Level, find_status, status_values
 from iptm_interfaces.topics import STATE_TOPICS, Topic
 
 MODULE = "iptm_controller.node"
@@ -152,7 +151,7 @@ class World:
 
     def situations(self) -> list[tuple[Level, str]]:
         found = [find_status(message, "/controller") for message in self.heard[Topic.DIAGNOSTICS]]
-        return [(level_of(status), status.message) for status in found if status is not None]
+        return [(Level(status.level), status.message) for status in found if status is not None]
 
     def details(self) -> dict[str, str]:
         """Key values of the newest diagnostics."""
@@ -259,7 +258,7 @@ def test_what_does_not_arrive_is_named_and_done_without(launcher: Any, world: Wo
         measured = replace(as_measured(messages), **left_out)
         assert world.wait_for_answer(time_s) == pure.decide(measured).command
 
-    nothing = empty_leader_preview()
+    nothing = LeaderPreview.empty()
     no_leader = "no measurement of the leader received"
     tick(0.0, *STATE_TOPICS, leader=None, preview=nothing, fault=no_leader)
     record = world.wait_for_record(0.0)

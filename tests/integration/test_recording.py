@@ -117,10 +117,10 @@ def message_of(topic: Topic, tick: int) -> Any:
     spec = TOPICS[topic]
     message = spec.message_type()
     if isinstance(message, JointState):
-        message.name = list(spec.field_names)
+        message.name = list(spec.fields)
         message.position = [tick + 0.1 * k for k in range(len(message.name))]
     elif isinstance(message, JointTrajectory):
-        message.joint_names = list(spec.field_names)
+        message.joint_names = list(spec.fields)
         numbers = [float(tick)] * len(message.joint_names)
         message.points = [JointTrajectoryPoint(positions=numbers, velocities=numbers)] * 16
     elif isinstance(message, Temperature):

@@ -20,11 +20,7 @@ from iptm_core.metrics import (
     RunMetrics,
     check_constraints,
     compute_metrics,
-    degradation_metrics,
-    energy_metrics,
     figure_values,
-    gap_metrics,
-    temperature_metrics,
 )
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
@@ -57,6 +53,10 @@ def make_run(rows: int = 4, /, **columns: object) -> Trajectory:
     return Trajectory.from_arrays({**calm, **columns})  # type: ignore[dict-item]
 
 
+def _metrics(run: Trajectory) -> RunMetrics:
+    return compute_metrics(run, PARAMETERS)
+
+
 def _check(run: Trajectory, key: str) -> ConstraintCheck:
     return next(check for check in check_constraints(run, PARAMETERS) if check.key == key)
 
@@ -70,7 +70,7 @@ def test_energies_sum_interval_means_and_ignore_row_0() -> None:
         battery_power_w=[999.0, 6000.0, -500.0, 3000.0],
         chiller_heat_w=[999.0, 250.0, 500.0, 600.0],
     )
-    energy = energy_metrics(run)
+    energy = _metrics(run).energy
     assert energy.cooling_j == 100.0 + 200.0 + 2 * 300.0 + 4 * 200.0
     assert energy.traction_j == 5000.0 - 1000.0 + 2 * 2000.0
     assert energy.total_printed_j == energy.cooling_j + energy.traction_j
@@ -79,7 +79,7 @@ def test_energies_sum_interval_means_and_ignore_row_0() -> None:
 
 
 def test_compressor_that_never_ran_has_no_cop() -> None:
-    assert energy_metrics(make_run()).mean_cop is None
+    assert _metrics(make_run()).energy.mean_cop is None
 
 
 @given(
@@ -95,7 +95,7 @@ def test_energy_of_a_run_is_the_sum_of_its_parts(
     def part(rows: slice) -> float:
         count = len(times[rows])
         run = make_run(count, time_s=times[rows], traction_power_w=power[rows])
-        return energy_metrics(run).traction_j
+        return _metrics(run).energy.traction_j
 
     whole = part(slice(0, 6))
     assert part(slice(0, cut + 1)) + part(slice(cut, 6)) == pytest.approx(whole, abs=1e-6)
@@ -106,7 +106,7 @@ def test_degradation_is_the_increment_of_each_cell() -> None:
         cell_1_capacity_loss=[1e-3, 1.001e-3, 1.002e-3, 1.0121e-3],
         cell_n_capacity_loss=[2e-3, 2.001e-3, 2.002e-3, 2.0131e-3],
     )
-    loss = degradation_metrics(run)
+    loss = _metrics(run).degradation
     assert loss.cell_1 == pytest.approx(1.21e-5, rel=1e-9)
     assert loss.cell_n == pytest.approx(1.31e-5, rel=1e-9)
     assert loss.inconsistency == pytest.approx(1e-6, rel=1e-6)
@@ -121,7 +121,7 @@ def test_gap_margin_follows_the_intelligent_driver_model() -> None:
         leader_speed_m_s=[0.0, 15.0, 16.0],
     )
     # s_min = 5 + 1.5 v + v (v - v_PV) / (2 sqrt(2 * 2)): 5, 5 + 15 - 12.5, 5 + 30 + 20.
-    gap = gap_metrics(run, PARAMETERS)
+    gap = _metrics(run).gap
     assert gap.smallest_m == 15.0
     assert gap.largest_m == 60.0
     assert gap.mean_m == pytest.approx(0.5 * ((15 + 30) / 2 + (30 + 60) / 2))
@@ -136,7 +136,7 @@ def test_temperatures_are_averaged_over_time() -> None:
         cell_1_temperature_k=[300.0, 302.0, 304.0],
         cell_n_temperature_k=[301.0, 305.0, 305.0],
     )
-    heat = temperature_metrics(run)
+    heat = _metrics(run).temperature
     assert (heat.cell_1_k.minimum, heat.cell_1_k.maximum) == (300.0, 304.0)
     assert heat.cell_1_k.mean == pytest.approx((301.0 * 1 + 303.0 * 3) / 4)
     assert (heat.spread_k.minimum, heat.spread_k.maximum) == (1.0, 3.0)
@@ -235,19 +235,14 @@ def test_run_metrics_gather_everything() -> None:
         leader_position_m=[30.0, 30.0, 30.0, 8.0],
         acceleration_m_s2=[0.0, 0.0, 3.0, 3.0],
     )
-    metrics = compute_metrics(run, PARAMETERS)
+    metrics = _metrics(run)
     assert (metrics.duration_s, metrics.distance_m) == (3.0, 4.0)
-    assert metrics.energy == energy_metrics(run)
-    assert metrics.degradation == degradation_metrics(run)
-    assert metrics.gap == gap_metrics(run, PARAMETERS)
-    assert metrics.temperature == temperature_metrics(run)
-    assert metrics.constraints == check_constraints(run, PARAMETERS)
     assert metrics.hard_violations == 2 + 1 + 1, "acceleration, its step, collision"
     assert metrics.soft_violations == 1, "gap below s_min"
 
 
 def test_single_row_has_no_metrics() -> None:
-    with pytest.raises(StateError, match="run of 1 row; at least 2"):
+    with pytest.raises(StateError, match="run of 1 row; allowed: at least 2"):
         compute_metrics(make_run(1), PARAMETERS)
 
 

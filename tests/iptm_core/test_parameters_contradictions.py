@@ -19,25 +19,25 @@ from iptm_core.parameters import load_parameters
                 "limits.max_speed_m_s": 5.0,
                 "limits.min_speed_m_s": 5.0,
             },
-            "limits.min_speed_m_s = 5.0 must be below limits.max_speed_m_s = 5.0",
+            "limits.min_speed_m_s is 5.0; allowed: below limits.max_speed_m_s = 5.0",
         ),
         (
             {"limits.min_compressor_power_w": 4500.0},
-            "limits.min_compressor_power_w = 4500.0 must be below limits.max_compressor_power_w = 4500.0",
+            "limits.min_compressor_power_w is 4500.0; allowed: below limits.max_compressor_power_w = 4500.0",
         ),
         (
             {"limits.min_temperature_k": 314.0},
-            "limits.min_temperature_k = 314.0 must be below limits.max_temperature_k = 313.15",
+            "limits.min_temperature_k is 314.0; allowed: below limits.max_temperature_k = 313.15",
         ),
         (
             {"gap.max_gap_m": 20.0, "gap.standstill_gap_m": 30.0},
-            "gap.standstill_gap_m = 30.0 must be below gap.max_gap_m = 20.0",
+            "gap.standstill_gap_m is 30.0; allowed: below gap.max_gap_m = 20.0",
         ),
         (
             {"gap.initial_gap_m": 4.0},
-            "gap.initial_gap_m = 4.0; allowed: from gap.standstill_gap_m to gap.max_gap_m, 5.0 to 120.0 m",
+            "gap.initial_gap_m is 4.0; allowed: from gap.standstill_gap_m to gap.max_gap_m, 5.0 to 120.0 m",
         ),
-        ({"gap.initial_gap_m": 130.0}, "gap.initial_gap_m = 130.0; allowed: "),
+        ({"gap.initial_gap_m": 130.0}, "gap.initial_gap_m is 130.0; allowed: "),
         (
             {"cooling.convective_coefficient_w_k": 30.0},
             "is not below the heat-capacity rate of one coolant channel, 29.97 W/K",

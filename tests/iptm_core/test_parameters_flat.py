@@ -24,7 +24,7 @@ from iptm_core.parameters import (
     load_parameters,
     to_flat_dict,
 )
-from iptm_core.parameters.override_text import parse_overrides
+from iptm_core.parameters.loading import parse_overrides
 from iptm_core.parameters.strict_yaml import parse_yaml
 
 SPECS = list(field_specs().values())

@@ -13,11 +13,7 @@ from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.aging import (
-    capacity_loss_closed_form,
-    capacity_loss_rate_1_s,
-    throughput_for_loss_ah,
-)
+from iptm_core.physics.aging import capacity_loss_rate_1_s
 
 Agree = Callable[..., None]
 VALUES = load_parameters().values
@@ -32,6 +28,17 @@ def rate(current: float, temperature: float, loss: float, width: float = 0.0) ->
         current, temperature, loss, AGING, CELL, current_smoothing_a=width
     )
     return value
+
+
+def closed_form_loss(throughput_ah: float, temperature: float, c_rate: float) -> float:
+    """Eq. (11) with the printed numbers."""
+    exponent = (-15162.0 + 1516.0 * c_rate) / (GAS * temperature)
+    return float(0.0032 * math.exp(exponent) * throughput_ah**0.824)
+
+
+def throughput_ah(loss: float, temperature: float, c_rate: float) -> float:
+    """The throughput at which eq. (11) reaches a loss."""
+    return float((loss / closed_form_loss(1.0, temperature, c_rate)) ** (1.0 / 0.824))
 
 
 def test_the_rate_by_hand() -> None:
@@ -49,30 +56,13 @@ def test_the_rate_by_hand() -> None:
     assert rate(0.0, 300.0, 0.001) == 0.0
 
 
-def test_the_closed_form_by_hand() -> None:
-    # 100 Ah at 2C and 310 K
-    expected = 0.0032 * math.exp((-15162.0 + 1516.0 * 2.0) / (GAS * 310.0)) * 100.0**0.824
-    assert capacity_loss_closed_form(100.0, 310.0, 2.0, AGING) == pytest.approx(expected, rel=1e-12)
-    assert capacity_loss_closed_form(0.0, 310.0, 2.0, AGING) == 0.0
-
-
-@given(throughput=st.floats(0.1, 1e5), temperature=TEMPERATURES, c_rate=st.floats(0.0, 3.0))
-def test_the_inverse_of_the_closed_form(
-    throughput: float, temperature: float, c_rate: float
-) -> None:
-    loss = capacity_loss_closed_form(throughput, temperature, c_rate, AGING)
-    assert throughput_for_loss_ah(loss, temperature, c_rate, AGING) == pytest.approx(
-        throughput, rel=1e-10
-    )
-
-
 @given(current=CURRENTS, temperature=TEMPERATURES, loss=st.floats(1e-4, 0.2))
 def test_the_rate_is_the_slope_of_the_closed_form(
     current: float, temperature: float, loss: float
 ) -> None:
     """d Q / d A_h = z Q / A_h at the throughput that led to this loss."""
     c_rate = current / 5.019
-    throughput = throughput_for_loss_ah(loss, temperature, c_rate, AGING)
+    throughput = throughput_ah(loss, temperature, c_rate)
     slope_1_ah = 0.824 * loss / throughput
     assert rate(current, temperature, loss) == pytest.approx(
         slope_1_ah * current / 3600.0, rel=1e-10
@@ -87,9 +77,9 @@ def test_the_increments_add_up_to_the_closed_form(
 ) -> None:
     """Constant current and temperature, from the initial loss on, by fourth-order steps."""
     c_rate, steps = abs(current) / 5.019, 400
-    start_ah = throughput_for_loss_ah(0.001, temperature, c_rate, AGING)
+    start_ah = throughput_ah(0.001, temperature, c_rate)
     moved_ah = abs(current) * hours
-    expected = capacity_loss_closed_form(start_ah + moved_ah, temperature, c_rate, AGING)
+    expected = closed_form_loss(start_ah + moved_ah, temperature, c_rate)
     loss, step_s = 0.001, 3600.0 * hours / steps
     for _ in range(steps):
         k_1 = rate(current, temperature, loss)
@@ -105,7 +95,7 @@ def test_the_increments_add_up_to_the_closed_form(
 def test_one_second_needs_no_finer_step(current: float, temperature: float) -> None:
     """One explicit step of 1 s is the closed form to 1e-5 of the increment."""
     c_rate = current / 5.019
-    start_ah = throughput_for_loss_ah(0.001, temperature, c_rate, AGING)
+    start_ah = throughput_ah(0.001, temperature, c_rate)
     # d ln(rate) / dt is (z - 1) / A_h * |I| / 3600: half of it is the error of one explicit step
     error = 0.5 * 0.176 * current / 3600.0 / start_ah
     exact_increment = 0.001 * math.expm1(0.824 * math.log1p(current / 3600.0 / start_ah))
@@ -176,13 +166,3 @@ def test_all_backends_agree(parameters: ModelParameters, agree_in_all_backends: 
             temperature,
             loss,
         )
-    throughput, c_rate = random.uniform(1.0, 1e4, 41), random.uniform(0.0, 3.0, 41)
-    agree_in_all_backends(
-        lambda ah, t, c: capacity_loss_closed_form(ah, t, c, parameters.aging),
-        throughput,
-        temperature,
-        c_rate,
-    )
-    agree_in_all_backends(
-        lambda q, t, c: throughput_for_loss_ah(q, t, c, parameters.aging), loss, temperature, c_rate
-    )

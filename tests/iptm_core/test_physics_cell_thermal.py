@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell_thermal import cell_heat_w, cell_temperature_rate_k_s
-from iptm_core.physics.electrical import pack_power_w, pack_resistance_ohm
+from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm
 
 Agree = Callable[..., None]
 VALUES = load_parameters().values
@@ -57,10 +57,9 @@ def test_the_heat_of_all_cells_is_what_the_pack_loses(
     """96 x 38 cell heats close the pack's balance E I = P_b + heat."""
     heat = 96 * 38 * cell_heat_w(current, resistance, temperature, CELL)
     pack_current = 38 * current
-    terminal = pack_power_w(
-        pack_current, pack_resistance_ohm(resistance, PACK), temperature, CELL, PACK
-    )
-    assert terminal + heat == pytest.approx(380.0 * pack_current, rel=1e-12, abs=1e-8)
+    terminal = 380.0 * pack_current - heat
+    found = pack_current_a(terminal, pack_resistance_ohm(resistance, PACK), temperature, CELL, PACK)
+    assert found == pytest.approx(pack_current, rel=1e-12, abs=1e-10)
 
 
 def test_all_backends_agree(each_set: ModelParameters, agree_in_all_backends: Agree) -> None:

@@ -16,11 +16,8 @@ from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.electrical import (
     cell_current_a,
-    cell_voltage_v,
     effective_source_voltage_v,
     pack_current_a,
-    pack_entropic_coefficient_v_k,
-    pack_power_w,
     pack_resistance_ohm,
 )
 
@@ -37,17 +34,13 @@ def test_layout_by_hand() -> None:
     # 96 cells in series, 38 strings: 0.0608 ohm * 96 / 38 = 0.1536 ohm; 96 * 4e-4 = 0.0384 V/K
     assert PACK.cells_in_series == 96
     assert pack_resistance_ohm(0.0608, PACK) == pytest.approx(0.1536, rel=1e-12)
-    assert pack_entropic_coefficient_v_k(CELL, PACK) == pytest.approx(0.0384, rel=1e-12)
     # 380 V - 300 K * 0.0384 V/K = 368.48 V
     assert effective_source_voltage_v(300.0, CELL, PACK) == pytest.approx(368.48, rel=1e-12)
     assert cell_current_a(76.0, PACK) == 2.0
-    # 380 / 96 - 2 * 0.05 = 3.858333 V
-    assert cell_voltage_v(2.0, 0.05, PACK) == pytest.approx(380.0 / 96.0 - 0.1, rel=1e-12)
 
 
 def test_power_and_current_by_hand() -> None:
     # 380 V * 100 A - 0.2 ohm * 100^2 A^2 = 36 kW, and back; -100 A charge with -40 kW
-    assert pack_power_w(100.0, 0.2, 300.0, ISOTHERMAL_OCV, PACK) == pytest.approx(36e3, rel=1e-12)
     assert pack_current_a(36e3, 0.2, 300.0, ISOTHERMAL_OCV, PACK) == pytest.approx(100.0, rel=1e-12)
     assert pack_current_a(-40e3, 0.2, 300.0, ISOTHERMAL_OCV, PACK) == pytest.approx(
         -100.0, rel=1e-12
@@ -66,14 +59,6 @@ def test_chemical_power_is_terminal_power_plus_heat(
     chemical = 380.0 * current
     assert power + ohmic + entropic == pytest.approx(chemical, rel=1e-13, abs=1e-9)
     assert math.copysign(1.0, current) == math.copysign(1.0, power) or current == 0.0
-
-
-@given(power=POWERS, temperature=TEMPERATURES, resistance=RESISTANCES)
-def test_power_undoes_current(power: float, temperature: float, resistance: float) -> None:
-    current = pack_current_a(power, resistance, temperature, CELL, PACK)
-    assert pack_power_w(current, resistance, temperature, CELL, PACK) == pytest.approx(
-        power, rel=1e-13, abs=1e-9
-    )
 
 
 @given(power=POWERS, temperature=TEMPERATURES, resistance=RESISTANCES)
@@ -121,10 +106,6 @@ def test_all_backends_agree(each_set: ModelParameters, agree_in_all_backends: Ag
     agree_in_all_backends(
         lambda p, r, t: pack_current_a(p, r, t, cell, pack), power, resistance, temperature
     )
-    agree_in_all_backends(
-        lambda i, r, t: pack_power_w(i, r, t, cell, pack), current, resistance, temperature
-    )
     agree_in_all_backends(lambda r: pack_resistance_ohm(r, pack), resistance)
     agree_in_all_backends(lambda t: effective_source_voltage_v(t, cell, pack), temperature)
     agree_in_all_backends(lambda i: cell_current_a(i, pack), current)
-    agree_in_all_backends(lambda i, r: cell_voltage_v(i, r, pack), current, resistance)

@@ -14,7 +14,6 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import ChillerLine, chiller_line
 from iptm_core.physics.coolant import (
     ChannelWeights,
-    coolant_profile_k,
     exchange_ratio,
     reduce_channel,
 )
@@ -24,6 +23,14 @@ Agree = Callable[..., None]
 SETS = {name: load_parameters(name).values for name in ("paper_calibrated", "published_chiller")}
 FLOW_W_K = 0.144 * 3330.0
 TEMPERATURES = st.floats(293.15, 318.15)
+
+
+def coolant_profile_k(inlet_k: float, cells_k: np.ndarray, ratio: float) -> np.ndarray:
+    """Eq. (9) cell by cell: what each cell meets, and the outlet, shape (n + 1,)."""
+    profile = [inlet_k]
+    for cell_k in cells_k.tolist():
+        profile.append(profile[-1] + ratio * (cell_k - profile[-1]))
+    return np.array(profile)
 
 
 def solve(

@@ -17,13 +17,12 @@ from iptm_interfaces.codecs import (
     decode_leader_preview,
     decode_leader_preview_bytes,
     decode_slope,
-    duration_from_ns,
-    empty_leader_preview,
     encode_leader_preview,
     encode_leader_preview_bytes,
     encode_slope,
     preview_wire,
 )
+from iptm_interfaces.codecs.time import duration_from_ns
 
 
 def make_preview(generated_at_s: float, count: int, step_s: float = 1.0) -> LeaderPreview:
@@ -74,8 +73,8 @@ def test_generation_is_the_first_point_before_the_stamp() -> None:
 
 def test_empty_preview_means_nothing_received_yet() -> None:
     for data in (
-        encode_leader_preview_bytes(empty_leader_preview(), 4_000_000_000),
-        bytes(serialize_message(encode_leader_preview(empty_leader_preview(), 4_000_000_000))),
+        encode_leader_preview_bytes(LeaderPreview.empty(), 4_000_000_000),
+        bytes(serialize_message(encode_leader_preview(LeaderPreview.empty(), 4_000_000_000))),
     ):
         stamp_ns, preview = decode_leader_preview_bytes(data)
         assert stamp_ns == 4_000_000_000

@@ -3,17 +3,13 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 
-from iptm_core.errors import MessageError
 from iptm_interfaces.diagnostics import (
     DiagnosticsReporter,
     Level,
     build_status,
     find_status,
-    format_value,
-    level_of,
-    stamp_of,
     status_values,
 )
 
@@ -40,7 +36,7 @@ def test_first_status_goes_out_at_once() -> None:
     bench = Bench()
     assert bench.report(Level.OK, "running", gap_m=12.3456789, ticks=3, active=True)
     message = bench.sent[0]
-    assert stamp_of(message) == 5_000_000_000
+    assert message.header.stamp.sec == 5
     status = message.status[0]
     assert (status.name, status.message) == ("/car/node: part", "running")
     assert status_values(status) == {"gap_m": "12.3457", "ticks": "3", "active": "true"}
@@ -70,22 +66,13 @@ def test_change_of_reason_or_level_goes_out_at_once() -> None:
     ]
 
 
-@pytest.mark.parametrize("level", list(Level))
-def test_levels_survive_the_message(level: Level) -> None:
-    assert level_of(build_status("/n", level, "x", {})) is level
-
-
-def test_unknown_level_is_refused() -> None:
-    with pytest.raises(MessageError, match="level of /n is"):
-        level_of(DiagnosticStatus(name="/n", level=b"\x09"))
-
-
 @pytest.mark.parametrize(
     ("value", "text"),
     [(True, "true"), (False, "false"), (1.0, "1"), (float("inf"), "inf"), (7, "7"), ("x", "x")],
 )
-def test_values_as_text(value: object, text: str) -> None:
-    assert format_value(value) == text
+def test_status_carries_level_and_values_as_text(value: object, text: str) -> None:
+    status = build_status("/n", Level.STALE, "x", {"key": value})
+    assert (Level(status.level), status_values(status)) == (Level.STALE, {"key": text})
 
 
 def test_status_of_a_node_is_found_by_its_qualified_name() -> None:

@@ -18,8 +18,7 @@ from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.metrics.constraints import GAP_TOLERANCE_M
-from iptm_core.metrics.gap import gap_margins_m
+from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route, build_route

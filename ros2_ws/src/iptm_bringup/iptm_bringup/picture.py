@@ -18,7 +18,7 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from iptm_bringup.evaluation import EvaluatedRun
 from iptm_bringup.preparation import PreparedScenario
-from iptm_core.metrics.gap import gap_margins_m
+from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory

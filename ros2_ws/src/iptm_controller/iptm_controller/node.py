@@ -24,7 +24,6 @@ from iptm_interfaces.codecs import (
     decode_leader_preview_bytes,
     decode_slope,
     decode_vehicle_state,
-    empty_leader_preview,
     encode_command,
     encode_decision_record,
     encode_plan,
@@ -161,7 +160,7 @@ class ControllerNode(SuiteNode):
                 faults.append("no measurement of the leader received")
         except MessageError as error:
             faults.append(str(error))
-        preview: LeaderPreview = values.get(Topic.LEADER_PREVIEW) or empty_leader_preview()
+        preview: LeaderPreview = values.get(Topic.LEADER_PREVIEW) or LeaderPreview.empty()
         return Measurements(state, leader, preview, self._slope or FLAT_ROAD, "; ".join(faults))
 
     def _publish(self, stamp_ns: int, decision: Decision) -> None:

@@ -18,10 +18,6 @@ class RouteError(IptmError):
     """A driving cycle, slope profile or user route file is malformed or inconsistent."""
 
 
-class PreviewError(IptmError):
-    """A preview of the leader or of the road is malformed (length, order, finiteness)."""
-
-
 class StateError(IptmError):
     """A measured or initial state is not finite or outside its physical range."""
 

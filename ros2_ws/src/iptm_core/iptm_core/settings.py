@@ -12,7 +12,7 @@ from enum import Enum
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET, ParameterSet, load_parameters
-from iptm_core.parameters.override_text import parse_overrides
+from iptm_core.parameters.loading import parse_overrides
 from iptm_core.routes import SLOPE_CHOICES, Route, build_route
 
 MAX_SEED = 2**63 - 1

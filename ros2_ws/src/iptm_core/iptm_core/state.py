@@ -5,6 +5,7 @@ All values are SI: metres along the road, m/s, kelvin, watts, seconds since the 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,6 +112,15 @@ class LeaderPreview:
     times_s: FloatArray
     positions_m: FloatArray
     speeds_m_s: FloatArray
+
+    @classmethod
+    def empty(cls) -> LeaderPreview:
+        """Return the preview that means "no prediction received yet"; its age is infinite."""
+        return cls(-math.inf, np.empty(0), np.empty(0), np.empty(0))
+
+    def age_s(self, now_s: float) -> float:
+        """Return the time since the generation, infinite for an empty preview."""
+        return now_s - self.generated_at_s if self.times_s.size else math.inf
 
 
 @dataclass(frozen=True)

@@ -68,13 +68,13 @@ class Trajectory:
             values = np.array(getattr(self, name), dtype=np.float64)
             if values.ndim != 1 or values.size != rows or rows == 0:
                 raise StateError(
-                    f"trajectory: {name} has shape {values.shape}; allowed is one value per "
+                    f"trajectory: {name} has shape {values.shape}; allowed: one value per "
                     f"instant, ({rows},), and at least one"
                 )
             if not np.all(np.isfinite(values)):
                 row = int(np.flatnonzero(~np.isfinite(values))[0])
                 raise StateError(
-                    f"trajectory: {name} is {values[row]} in row {row}; allowed is a finite value"
+                    f"trajectory: {name} is {values[row]} in row {row}; allowed: a finite value"
                 )
             values.setflags(write=False)
             object.__setattr__(self, name, values)
@@ -83,7 +83,7 @@ class Trajectory:
             row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
             raise StateError(
                 f"trajectory: time_s is {self.time_s[row]} in row {row} after "
-                f"{self.time_s[row - 1]}; allowed are increasing times"
+                f"{self.time_s[row - 1]}; allowed: increasing times"
             )
 
     def __len__(self) -> int:

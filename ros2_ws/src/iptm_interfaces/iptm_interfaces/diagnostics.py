@@ -14,8 +14,7 @@ from enum import Enum
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from iptm_core.errors import MessageError
-from iptm_interfaces.codecs.time import ns_from_time, time_from_ns
+from iptm_interfaces.codecs.time import time_from_ns
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 
@@ -29,7 +28,7 @@ class Level(Enum):
     STALE = DiagnosticStatus.STALE
 
 
-def format_value(value: object) -> str:
+def _text(value: object) -> str:
     """Return a key value as text: floats with six digits, everything else as Python writes it."""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -52,7 +51,7 @@ def build_status(
         name=name,
         message=reason,
         hardware_id="iptm",
-        values=[KeyValue(key=key, value=format_value(value)) for key, value in values.items()],
+        values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
     )
 
 
@@ -67,21 +66,6 @@ def find_status(message: DiagnosticArray, name: str) -> DiagnosticStatus | None:
         if status.name == name or status.name.startswith(name + ": "):
             return status
     return None
-
-
-def level_of(status: DiagnosticStatus) -> Level:
-    """Return the severity of a status.
-
-    Raises:
-        MessageError: unknown level.
-    """
-    try:
-        return Level(status.level)
-    except ValueError as error:
-        raise MessageError(
-            f"{Topic.DIAGNOSTICS.value}: level of {status.name} is {status.level!r}; "
-            f"allowed: {', '.join(level.name for level in Level)}"
-        ) from error
 
 
 class DiagnosticsReporter:
@@ -157,8 +141,3 @@ class DiagnosticsReporter:
         self._last = (level, reason)
         self._last_time_s = now_s
         return True
-
-
-def stamp_of(message: DiagnosticArray) -> int:
-    """Return the stamp of a diagnostic message in nanoseconds."""
-    return ns_from_time(message.header.stamp)

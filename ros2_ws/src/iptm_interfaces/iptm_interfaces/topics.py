@@ -8,283 +8,221 @@ and `position[]` are used: a stamped vector of named float64 numbers.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
 from types import MappingProxyType
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped
 from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, JointState, Temperature
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from iptm_interfaces.qos import LATCHED_QOS, STREAM_QOS, describe_qos
-from iptm_interfaces.topic_spec import (
-    HOST_FRAME,
-    LEADER_FRAME,
-    PACK_FRAME,
-    ROAD_FRAME,
-    NamedField,
-    Topic,
-    TopicSpec,
+ROAD_FRAME = "road"
+"""Frame along the road: origin at the host's start, x in metres travelled."""
+HOST_FRAME = "host"
+"""Body frame of the host vehicle: x forward, accelerations positive forward."""
+LEADER_FRAME = "leader"
+"""Body frame of the preceding vehicle."""
+PACK_FRAME = "battery_pack"
+"""Frame named by the battery, coolant and degradation messages."""
+
+STREAM_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
 )
+"""State, previews and commands: reliable, keep last 10, volatile."""
 
-__all__ = [
-    "HOST_FRAME",
-    "LEADER_FRAME",
-    "OBSERVATION_TOPICS",
-    "PACK_FRAME",
-    "ROAD_FRAME",
-    "STATE_TOPICS",
-    "TICK_TOPICS",
-    "TOPICS",
-    "NamedField",
-    "Topic",
-    "TopicSpec",
-    "find_topic",
-    "topic_table_markdown",
-]
+LATCHED_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""Static data: reliable, keep last 1, transient-local (a late subscriber still gets it)."""
 
 
-def _fields(**units: str) -> tuple[NamedField, ...]:
-    return tuple(NamedField(name, unit) for name, unit in units.items())
+class Topic(Enum):
+    """Key of a topic; the value is its name."""
+
+    CLOCK = "/clock"
+    DIAGNOSTICS = "/diagnostics"
+    PLANT_ODOMETRY = "plant/odometry"
+    PLANT_ACCELERATION = "plant/acceleration"
+    PLANT_BATTERY = "plant/battery"
+    PLANT_CELL_1_TEMPERATURE = "plant/cell_1_temperature"
+    PLANT_CELL_N_TEMPERATURE = "plant/cell_n_temperature"
+    PLANT_COOLANT_INLET_TEMPERATURE = "plant/coolant_inlet_temperature"
+    PLANT_COOLANT_OUTLET_TEMPERATURE = "plant/coolant_outlet_temperature"
+    PLANT_POWERS = "plant/powers"
+    PLANT_CAPACITY_LOSS = "plant/capacity_loss"
+    LEADER = "v2x/leader"
+    LEADER_PREVIEW = "v2x/leader_preview"
+    SLOPE = "v2x/slope"
+    COMMAND = "controller/command"
+    ACCELERATION_COMMAND = "controller/acceleration_command"
+    COMPRESSOR_POWER_COMMAND = "controller/compressor_power_command"
+    PLAN = "controller/plan"
+    SOLVE = "controller/solve"
 
 
-_TICK = "every tick (1 s)"
+@dataclass(frozen=True)
+class TopicSpec:
+    """What a topic promises.
 
+    Attributes:
+        topic: key; `topic.value` is the name.
+        message_type: message class.
+        publisher: node that publishes it.
+        frame: header frame, or `-`.
+        unit: unit of the content, or `see fields` for named values.
+        meaning: content and sign convention.
+        fields: names and units of named values and trajectory columns, in published order.
+        latched: whether late subscribers still get the last message.
+        rate: when it is published.
+    """
+
+    topic: Topic
+    message_type: type[Any]
+    publisher: str
+    frame: str
+    unit: str
+    meaning: str
+    fields: Mapping[str, str] = field(default_factory=dict)
+    latched: bool = False
+    rate: str = "every tick (1 s)"
+
+    @property
+    def name(self) -> str:
+        """Topic name as given to the node (relative unless global)."""
+        return self.topic.value
+
+    @property
+    def qos(self) -> QoSProfile:
+        """Profile offered by the publisher and requested by subscribers."""
+        return LATCHED_QOS if self.latched else STREAM_QOS
+
+    @property
+    def type_name(self) -> str:
+        """Message type as ROS tools print it, e.g. `nav_msgs/msg/Odometry`."""
+        package = self.message_type.__module__.split(".", maxsplit=1)[0]
+        return f"{package}/msg/{self.message_type.__name__}"
+
+
+# fmt: off
 _SPECS = (
     TopicSpec(
-        Topic.CLOCK,
-        Clock,
-        STREAM_QOS,
-        "s",
-        "-",
+        Topic.CLOCK, Clock, "plant", "-", "s",
         "trip time of the state just published; last message of the plant in a tick",
-        _TICK,
-        "plant",
     ),
     TopicSpec(
-        Topic.PLANT_ODOMETRY,
-        Odometry,
-        STREAM_QOS,
-        "m, m/s",
-        f"{ROAD_FRAME} -> {HOST_FRAME}",
+        Topic.PLANT_ODOMETRY, Odometry, "plant", f"{ROAD_FRAME} -> {HOST_FRAME}", "m, m/s",
         "host: pose.position.x = distance along the road, twist.linear.x = speed (never negative)",
-        _TICK,
-        "plant",
     ),
     TopicSpec(
-        Topic.PLANT_ACCELERATION,
-        AccelStamped,
-        STREAM_QOS,
-        "m/s^2",
-        HOST_FRAME,
+        Topic.PLANT_ACCELERATION, AccelStamped, "plant", HOST_FRAME, "m/s^2",
         "accel.linear.x = acceleration actuated over the interval that ended at the stamp, "
         "positive forward",
-        _TICK,
-        "plant",
     ),
     TopicSpec(
-        Topic.PLANT_BATTERY,
-        BatteryState,
-        STREAM_QOS,
-        "V, A, degC",
-        PACK_FRAME,
+        Topic.PLANT_BATTERY, BatteryState, "plant", PACK_FRAME, "V, A, degC",
         "pack voltage and current (negative when discharging, as ROS defines it); "
         "cell_voltage[2], cell_temperature[2] are cell 1 and cell N of a coolant channel",
-        _TICK,
-        "plant",
     ),
     TopicSpec(
-        Topic.PLANT_CELL_1_TEMPERATURE,
-        Temperature,
-        STREAM_QOS,
-        "degC",
-        PACK_FRAME,
+        Topic.PLANT_CELL_1_TEMPERATURE, Temperature, "plant", PACK_FRAME, "degC",
         "first cell of a coolant channel (the coolest)",
-        _TICK,
-        "plant",
     ),
     TopicSpec(
-        Topic.PLANT_CELL_N_TEMPERATURE,
-        Temperature,
-        STREAM_QOS,
-        "degC",
-        PACK_FRAME,
+        Topic.PLANT_CELL_N_TEMPERATURE, Temperature, "plant", PACK_FRAME, "degC",
         "last cell of a coolant channel (the warmest)",
-        _TICK,
-        "plant",
     ),
     TopicSpec(
-        Topic.PLANT_COOLANT_INLET_TEMPERATURE,
-        Temperature,
-        STREAM_QOS,
-        "degC",
-        PACK_FRAME,
+        Topic.PLANT_COOLANT_INLET_TEMPERATURE, Temperature, "plant", PACK_FRAME, "degC",
         "coolant entering the pack",
-        _TICK,
-        "plant",
     ),
     TopicSpec(
-        Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
-        Temperature,
-        STREAM_QOS,
-        "degC",
-        PACK_FRAME,
+        Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, Temperature, "plant", PACK_FRAME, "degC",
         "coolant leaving the pack",
-        _TICK,
-        "plant",
     ),
     TopicSpec(
-        Topic.PLANT_POWERS,
-        JointState,
-        STREAM_QOS,
-        "see fields",
-        PACK_FRAME,
+        Topic.PLANT_POWERS, JointState, "plant", PACK_FRAME, "see fields",
         "means over the interval that ended at the stamp; traction and battery power positive "
         "when drawn from the pack, chiller heat positive when cooling",
-        _TICK,
-        "plant",
-        _fields(
-            traction_power_w="W",
-            compressor_power_w="W",
-            auxiliary_power_w="W",
-            battery_power_w="W",
-            chiller_heat_w="W",
-        ),
+        {
+            "traction_power_w": "W", "compressor_power_w": "W", "auxiliary_power_w": "W",
+            "battery_power_w": "W", "chiller_heat_w": "W",
+        },
     ),
     TopicSpec(
-        Topic.PLANT_CAPACITY_LOSS,
-        JointState,
-        STREAM_QOS,
-        "see fields",
-        PACK_FRAME,
+        Topic.PLANT_CAPACITY_LOSS, JointState, "plant", PACK_FRAME, "see fields",
         "capacity loss as a fraction of nominal capacity, growing with age",
-        _TICK,
-        "plant",
-        _fields(cell_1_capacity_loss="1", cell_n_capacity_loss="1"),
+        {"cell_1_capacity_loss": "1", "cell_n_capacity_loss": "1"},
     ),
     TopicSpec(
-        Topic.LEADER,
-        Odometry,
-        STREAM_QOS,
-        "m, m/s",
-        f"{ROAD_FRAME} -> {LEADER_FRAME}",
+        Topic.LEADER, Odometry, "v2x_bridge", f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",
         "preceding vehicle now (range sensor): pose.position.x = rear bumper along the road, "
         "twist.linear.x = speed",
-        _TICK,
-        "v2x_bridge",
     ),
     TopicSpec(
-        Topic.LEADER_PREVIEW,
-        JointTrajectory,
-        STREAM_QOS,
-        "m, m/s",
-        ROAD_FRAME,
+        Topic.LEADER_PREVIEW, JointTrajectory, "v2x_bridge", ROAD_FRAME, "m, m/s",
         "predicted motion of the preceding vehicle: positions [m], velocities [m/s] at "
         "header.stamp + time_from_start; the first point lies at the instant of generation "
         "(time_from_start <= 0); no points: nothing received yet",
-        _TICK,
-        "v2x_bridge",
-        _fields(leader="m, m/s"),
+        {"leader": "m, m/s"},
     ),
     TopicSpec(
-        Topic.SLOPE,
-        Float64MultiArray,
-        LATCHED_QOS,
-        "m, rad",
-        "-",
+        Topic.SLOPE, Float64MultiArray, "v2x_bridge", "-", "m, rad",
         "road slope over position, 2 x N: row 0 positions (increasing), row 1 slopes "
         "(positive uphill)",
-        "once at start",
-        "v2x_bridge",
-        _fields(position_m="m", slope_rad="rad"),
+        {"position_m": "m", "slope_rad": "rad"}, latched=True, rate="once at start",
     ),
     TopicSpec(
-        Topic.COMMAND,
-        JointState,
-        STREAM_QOS,
-        "see fields",
-        HOST_FRAME,
+        Topic.COMMAND, JointState, "controller", HOST_FRAME, "see fields",
         "the decision for the interval that starts at the stamp of the state it answers; last "
         "message of the controller in a tick",
-        _TICK,
-        "controller",
-        _fields(acceleration_m_s2="m/s^2", compressor_power_w="W"),
+        {"acceleration_m_s2": "m/s^2", "compressor_power_w": "W"},
     ),
     TopicSpec(
-        Topic.ACCELERATION_COMMAND,
-        Float64,
-        STREAM_QOS,
-        "m/s^2",
-        "-",
+        Topic.ACCELERATION_COMMAND, Float64, "controller", "-", "m/s^2",
         "acceleration of the decision, as a plain scalar for plots",
-        _TICK,
-        "controller",
     ),
     TopicSpec(
-        Topic.COMPRESSOR_POWER_COMMAND,
-        Float64,
-        STREAM_QOS,
-        "W",
-        "-",
+        Topic.COMPRESSOR_POWER_COMMAND, Float64, "controller", "-", "W",
         "compressor power of the decision, as a plain scalar for plots",
-        _TICK,
-        "controller",
     ),
     TopicSpec(
-        Topic.PLAN,
-        JointTrajectory,
-        STREAM_QOS,
-        "see fields",
-        ROAD_FRAME,
+        Topic.PLAN, JointTrajectory, "controller", ROAD_FRAME, "see fields",
         "predicted motion, temperatures and inputs of the host at header.stamp + time_from_start; "
         "the inputs of the last point repeat those of the last interval",
-        _TICK,
-        "controller",
-        _fields(
-            position_m="m",
-            speed_m_s="m/s",
-            cell_1_temperature_k="K",
-            cell_n_temperature_k="K",
-            acceleration_m_s2="m/s^2",
-            compressor_power_w="W",
-        ),
+        {
+            "position_m": "m", "speed_m_s": "m/s",
+            "cell_1_temperature_k": "K", "cell_n_temperature_k": "K",
+            "acceleration_m_s2": "m/s^2", "compressor_power_w": "W",
+        },
     ),
     TopicSpec(
-        Topic.SOLVE,
-        JointState,
-        STREAM_QOS,
-        "see fields",
-        HOST_FRAME,
+        Topic.SOLVE, JointState, "controller", HOST_FRAME, "see fields",
         "how the decision came about: solver status, time, iterations, slacks (0 when the limits "
         "hold), fallback rung (0 = solver), limiter (0 or 1), age of the preview",
-        _TICK,
-        "controller",
-        _fields(
-            status_code="1",
-            solve_time_s="s",
-            iterations="1",
-            gap_slack_m="m",
-            speed_slack_m_s="m/s",
-            temperature_slack_k="K",
-            objective="1",
-            fallback_rung="1",
-            limiter_active="1",
-            preview_age_s="s",
-        ),
+        {
+            "status_code": "1", "solve_time_s": "s", "iterations": "1",
+            "gap_slack_m": "m", "speed_slack_m_s": "m/s", "temperature_slack_k": "K",
+            "objective": "1", "fallback_rung": "1", "limiter_active": "1", "preview_age_s": "s",
+        },
     ),
     TopicSpec(
-        Topic.DIAGNOSTICS,
-        DiagnosticArray,
-        STREAM_QOS,
-        "-",
-        "-",
-        "one DiagnosticStatus per node: level, one reason, key values",
-        "on change, else 1 Hz",
-        "every node",
+        Topic.DIAGNOSTICS, DiagnosticArray, "every node", "-", "-",
+        "one DiagnosticStatus per node: level, one reason, key values", rate="on change, else 1 Hz",
     ),
 )
+# fmt: on
 
 TOPICS: Mapping[Topic, TopicSpec] = MappingProxyType({spec.topic: spec for spec in _SPECS})
 """The table: specification of every topic by its key."""
@@ -327,6 +265,14 @@ def find_topic(name: str, namespace: str = "/") -> TopicSpec | None:
     return None
 
 
+def describe_qos(profile: QoSProfile) -> str:
+    """Return a profile in words, for tables and error texts, e.g. `reliable, keep last 10`."""
+    reliability = profile.reliability.name.lower().replace("_", " ")
+    durability = profile.durability.name.lower().replace("_", "-")
+    text = f"{reliability}, keep last {profile.depth}"
+    return text if durability == "volatile" else f"{text}, {durability}"
+
+
 def topic_table_markdown() -> str:
     """Return the table of the README: one row per topic, one table of named fields below it."""
     lines = [
@@ -339,5 +285,7 @@ def topic_table_markdown() -> str:
         for s in _SPECS
     ]
     lines += ["", "| topic | field | unit |", "|---|---|---|"]
-    lines += [f"| `{s.name}` | `{f.name}` | {f.unit} |" for s in _SPECS for f in s.fields]
+    lines += [
+        f"| `{s.name}` | `{name}` | {unit} |" for s in _SPECS for name, unit in s.fields.items()
+    ]
     return "\n".join(lines) + "\n"

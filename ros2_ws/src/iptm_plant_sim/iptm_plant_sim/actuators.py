@@ -108,7 +108,7 @@ def _limit(
     resolution: float,
     clamps: list[Clamp],
 ) -> float:
-    """Clip to the bounds, then to the reachable range around the last value; note what bit."""
+    """Clip to the bounds, then to the reachable range around the last value; note which limit acted."""
     low, high = bounds
     last, step = last_and_step
     bounded = min(max(value, low), high)

@@ -24,7 +24,7 @@ from iptm_interfaces.watchdog import Watchdog
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.node_publishers import PlantPublishers
 from iptm_plant_sim.schedule import Schedule
-from iptm_plant_sim.trip import CommandHold, Phase
+from iptm_plant_sim.trip import CommandHold, TripPhase
 
 EXIT_CONTROLLER_LOST = 3
 
@@ -46,7 +46,7 @@ class PlantNode(SuiteNode):
         self._options = declare_parameters(self, PlantNodeParameters)
         self.reject_unknown_parameters()
         self._trip = self._options.build_trip()
-        self._phase = Phase.WAITING
+        self._phase = TripPhase.WAITING
         self._controller_lost = False
         self._ignored_commands = 0
         self._rejected_commands = 0
@@ -75,7 +75,7 @@ class PlantNode(SuiteNode):
             self._report()
             return
         self._start_timer.cancel()
-        self._phase = Phase.RUNNING
+        self._phase = TripPhase.RUNNING
         self._publish()
         if self._is_real_time:
             wall_period_s = self._options.period_s / self._options.rate_factor
@@ -94,9 +94,9 @@ class PlantNode(SuiteNode):
 
     def _on_command(self, message: JointState) -> None:
         stamp_ns, command = self._read(message)
-        if self._phase is Phase.WAITING or self._phase is Phase.FINISHED:
+        if self._phase is TripPhase.WAITING or self._phase is TripPhase.FINISHED:
             return
-        answers_now = stamp_ns == self._trip.stamp_ns and self._phase is Phase.RUNNING
+        answers_now = stamp_ns == self._trip.stamp_ns and self._phase is TripPhase.RUNNING
         usable = self._is_real_time or answers_now
         if not (usable and self._hold.offer(stamp_ns, command, self._trip.stamp_ns)):
             self._ignored_commands += 1
@@ -133,12 +133,12 @@ class PlantNode(SuiteNode):
         self._report()
 
     def _on_wall_tick(self) -> None:
-        if self._phase is Phase.FINISHED or self._schedule is None:
+        if self._phase is TripPhase.FINISHED or self._schedule is None:
             return
         self._schedule.keep()
         now_ns = self._trip.stamp_ns
         self._controller_lost = self._hold.is_lost(now_ns)
-        self._phase = Phase.STOPPING if self._controller_lost else Phase.RUNNING
+        self._phase = TripPhase.STOPPING if self._controller_lost else TripPhase.RUNNING
         self._advance(self._hold.command_at(now_ns) or self._trip.stop_command())
 
     def _on_silence(self, _: float) -> None:
@@ -147,7 +147,7 @@ class PlantNode(SuiteNode):
             self._report()
             return
         self._controller_lost = True
-        self._phase = Phase.STOPPING
+        self._phase = TripPhase.STOPPING
         self._watchdog.disarm()
         self._report()
         self._stop_timer = self.every(STOP_TICK_WALL_S, self._on_stop_tick)
@@ -157,7 +157,7 @@ class PlantNode(SuiteNode):
 
         A late answer does not resume the trip: its results could not be repeated any more.
         """
-        if self._phase is Phase.FINISHED:
+        if self._phase is TripPhase.FINISHED:
             return
         if self._trip.step.standstill:
             self._finish()
@@ -169,7 +169,7 @@ class PlantNode(SuiteNode):
 
     def _finish(self) -> None:
         """End the process a little later, so that the last messages arrive."""
-        self._phase = Phase.FINISHED
+        self._phase = TripPhase.FINISHED
         self._watchdog.disarm()
         code = EXIT_CONTROLLER_LOST if self._controller_lost else 0
         self.every(max(self._options.linger_s, 1e-3), lambda: self.finish(code))
@@ -198,14 +198,14 @@ class PlantNode(SuiteNode):
         self._reporter.report(trip.stamp_ns, level, reason, values)
 
     def _situation(self) -> tuple[Level, str]:
-        if self._phase is Phase.WAITING:
+        if self._phase is TripPhase.WAITING:
             names = ", ".join(self._awaited)
             return Level.OK, f"waiting for peers on {names}" if names else "waiting for peers"
-        if self._phase is Phase.FINISHED:
+        if self._phase is TripPhase.FINISHED:
             if self._controller_lost:
                 return Level.ERROR, "finished without a controller"
             return Level.OK, "finished"
-        if self._phase is Phase.STOPPING:
+        if self._phase is TripPhase.STOPPING:
             return Level.ERROR, "no commands arrive: controlled stop"
         if self._watchdog.is_silent:
             return Level.STALE, "no commands arrive: waiting"

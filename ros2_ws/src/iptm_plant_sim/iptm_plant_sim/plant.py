@@ -83,7 +83,7 @@ class Plant:
             StateError: the step is not a positive number.
         """
         if not (math.isfinite(step_s) and step_s > 0.0):
-            raise StateError(f"integration step is {step_s} s, allowed are positive numbers")
+            raise StateError(f"integration step is {step_s} s; allowed: positive numbers")
         self.parameters = parameters
         self._slope_at = slope_at
         self._step_s = step_s
@@ -138,7 +138,7 @@ class Plant:
         for item in fields(state):
             value = getattr(state, item.name)
             if not math.isfinite(value):
-                raise StateError(f"state: {item.name} is {value}, allowed are finite numbers")
+                raise StateError(f"state: {item.name} is {value}; allowed: finite numbers")
         top = self.parameters.limits.max_speed_m_s
         for name, low, high in (
             ("speed_m_s", 0.0, top),
@@ -149,7 +149,7 @@ class Plant:
         ):
             value = getattr(state, name)
             if not low <= value <= high:
-                raise StateError(f"state: {name} is {value}, allowed is {low} to {high}")
+                raise StateError(f"state: {name} is {value}; allowed: {low} to {high}")
 
     def advance(self, state: VehicleState, command: Command, duration_s: float = 1.0) -> PlantStep:
         """Carry out a command for one interval.

@@ -16,7 +16,7 @@ RECENT_TICKS = 10
 """A limited command stays worth mentioning for so many ticks."""
 
 
-class Phase(Enum):
+class TripPhase(Enum):
     """Where the trip stands; the value is what diagnostics show."""
 
     WAITING = "waiting"

@@ -17,7 +17,7 @@ from iptm_core.trajectory import Trajectory
 from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.plant import Plant
 from iptm_v2x_bridge.bridge import V2xBridge
-from iptm_v2x_bridge.cycle_source import CycleSource
+from iptm_v2x_bridge.source import CycleSource
 
 
 @dataclass(frozen=True)

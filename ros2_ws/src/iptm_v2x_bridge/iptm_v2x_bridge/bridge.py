@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import LeaderPreview, LeaderState
 from iptm_core.trip_time import NS_PER_S
-from iptm_v2x_bridge.imperfections import age_s, distort, is_lost, latency_ns
-from iptm_v2x_bridge.receiver import RadioLink, Receiver, empty_preview
+from iptm_v2x_bridge.imperfections import distort, is_lost, latency_ns
 from iptm_v2x_bridge.source import PreviewSource, preview_times_s
 
 
@@ -31,7 +30,45 @@ class BridgeAnswer:
     @property
     def preview_age_s(self) -> float:
         """Time since the generation of the preview, infinite if there is none."""
-        return age_s(self.preview, self.time_ns / NS_PER_S)
+        return self.preview.age_s(self.time_ns / NS_PER_S)
+
+
+class RadioLink:
+    """Predictions on their way, delivered a fixed time after they were sent."""
+
+    def __init__(self, latency_ns: int) -> None:
+        self._latency_ns = latency_ns
+        self._in_flight: list[tuple[int, LeaderPreview]] = []
+
+    def send(self, now_ns: int, preview: LeaderPreview) -> None:
+        """Put a prediction on its way."""
+        self._in_flight.append((now_ns + self._latency_ns, preview))
+
+    def deliver(self, now_ns: int) -> list[LeaderPreview]:
+        """Return what has arrived by now, in order of sending; each prediction once."""
+        arrived = [preview for due_ns, preview in self._in_flight if due_ns <= now_ns]
+        self._in_flight = [entry for entry in self._in_flight if entry[0] > now_ns]
+        return arrived
+
+
+class Receiver:
+    """Holds the latest prediction received, exactly as it was generated.
+
+    Nothing is shifted to the present: the age of a prediction must stay visible to its user.
+    """
+
+    def __init__(self) -> None:
+        self._latest = LeaderPreview.empty()
+
+    @property
+    def latest(self) -> LeaderPreview:
+        """The newest prediction by time of generation; empty before the first reception."""
+        return self._latest
+
+    def receive(self, preview: LeaderPreview) -> None:
+        """Take a prediction in; an older one than is held already is ignored."""
+        if preview.times_s.size and preview.generated_at_s >= self._latest.generated_at_s:
+            self._latest = preview
 
 
 class V2xBridge:
@@ -74,7 +111,7 @@ class V2xBridge:
             self._restart()
         leader = self._source.leader_at(time_ns)
         if self._settings.preview_mode is PreviewMode.NONE:
-            self._last = BridgeAnswer(time_ns, leader, empty_preview(), lost=False)
+            self._last = BridgeAnswer(time_ns, leader, LeaderPreview.empty(), lost=False)
             return self._last
         lost = self._transmit(time_ns)
         for preview in self._link.deliver(time_ns):

@@ -6,7 +6,6 @@ before: a run can be repeated, joined late or replayed from the middle with the 
 
 from __future__ import annotations
 
-import math
 from enum import IntEnum
 from itertools import accumulate
 
@@ -95,8 +94,3 @@ def _random(seed: int, purpose: _Purpose, number: int) -> np.random.Generator:
     # 64 bits of the counter are left to the draws themselves.
     key = seed + (int(purpose) << 64)
     return np.random.Generator(np.random.Philox(key=key, counter=number << 64))
-
-
-def age_s(preview: LeaderPreview, now_s: float) -> float:
-    """Return the time since the generation of a prediction, infinite if there is none."""
-    return now_s - preview.generated_at_s if preview.times_s.size else math.inf

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from iptm_core.declaration import parameter
 from iptm_core.settings import PreviewSettings, RoadSettings
-from iptm_v2x_bridge.cycle_source import CycleSource
+from iptm_v2x_bridge.source import CycleSource
 
 
 @dataclass(frozen=True)

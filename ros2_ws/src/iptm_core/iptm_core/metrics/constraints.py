@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.metrics.gap import gap_margins_m
-from iptm_core.parameters.model import LimitParameters, ModelParameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 
@@ -21,6 +21,9 @@ POWER_TOLERANCE_W = 1e-3
 SPEED_TOLERANCE_M_S = 1e-3
 GAP_TOLERANCE_M = 0.01
 TEMPERATURE_TOLERANCE_K = 0.01
+
+_Row = tuple[str, str, str, FloatArray, float]
+"""One limit: key, label, unit, excess at every instant (negative inside the limit), tolerance."""
 
 
 @dataclass(frozen=True)
@@ -62,122 +65,80 @@ def check_constraints(
     Returns:
         One check per limit, hard ones first.
     """
-    return (*_hard(trajectory, parameters.limits), *_soft(trajectory, parameters))
-
-
-def _hard(run: Trajectory, limits: LimitParameters) -> tuple[ConstraintCheck, ...]:
-    acceleration_steps = np.abs(np.diff(run.acceleration_m_s2, prepend=run.acceleration_m_s2[:1]))
-    power_steps = np.abs(np.diff(run.compressor_power_w, prepend=run.compressor_power_w[:1]))
+    limits, gap = parameters.limits, parameters.gap
+    run = trajectory
     intervals = np.diff(run.time_s, prepend=run.time_s[:1])
-    return (
-        _check(
-            run,
-            "acceleration",
-            "acceleration",
-            "m/s^2",
-            _outside(
-                run.acceleration_m_s2, limits.min_acceleration_m_s2, limits.max_acceleration_m_s2
-            ),
-            ACCELERATION_TOLERANCE_M_S2,
-            hard=True,
-        ),
-        _check(
-            run,
-            "acceleration_step",
-            "change of acceleration in one interval",
-            "m/s^2",
-            acceleration_steps - limits.max_jerk_m_s3 * intervals,
-            ACCELERATION_TOLERANCE_M_S2,
-            hard=True,
-        ),
-        _check(
-            run,
-            "compressor_power",
-            "compressor power",
-            "W",
-            _outside(
-                run.compressor_power_w, limits.min_compressor_power_w, limits.max_compressor_power_w
-            ),
-            POWER_TOLERANCE_W,
-            hard=True,
-        ),
-        _check(
-            run,
-            "compressor_power_step",
-            "change of compressor power in one interval",
-            "W",
-            power_steps - limits.max_compressor_rate_w_s * intervals,
-            POWER_TOLERANCE_W,
-            hard=True,
-        ),
-        _check(run, "collision", "collision", "m", -run.gap_m, 0.0, hard=True),
+    acceleration = _outside(
+        run.acceleration_m_s2, limits.min_acceleration_m_s2, limits.max_acceleration_m_s2
     )
-
-
-def _soft(run: Trajectory, parameters: ModelParameters) -> tuple[ConstraintCheck, ...]:
-    limits = parameters.limits
-    temperatures = {
-        "cell_1_temperature": ("temperature of cell 1", run.cell_1_temperature_k),
-        "cell_n_temperature": ("temperature of cell N", run.cell_n_temperature_k),
-        "coolant_outlet_temperature": (
-            "coolant outlet temperature",
+    jerk = _steps(run.acceleration_m_s2) - limits.max_jerk_m_s3 * intervals
+    compressor = _outside(
+        run.compressor_power_w, limits.min_compressor_power_w, limits.max_compressor_power_w
+    )
+    ramp = _steps(run.compressor_power_w) - limits.max_compressor_rate_w_s * intervals
+    speed = _outside(run.speed_m_s, limits.min_speed_m_s, limits.max_speed_m_s)
+    cell_1, cell_n, outlet = (
+        _outside(values, limits.min_temperature_k, limits.max_temperature_k)
+        for values in (
+            run.cell_1_temperature_k,
+            run.cell_n_temperature_k,
             run.coolant_outlet_temperature_k,
-        ),
-    }
-    return (
-        _check(
-            run,
-            "speed",
-            "speed",
-            "m/s",
-            _outside(run.speed_m_s, limits.min_speed_m_s, limits.max_speed_m_s),
-            SPEED_TOLERANCE_M_S,
-        ),
-        _check(
-            run,
-            "smallest_gap",
-            "gap below s_min",
-            "m",
-            -gap_margins_m(run, parameters),
-            GAP_TOLERANCE_M,
-        ),
-        _check(
-            run,
-            "largest_gap",
-            "gap above s_max",
-            "m",
-            run.gap_m - parameters.gap.max_gap_m,
-            GAP_TOLERANCE_M,
-        ),
-        *(
-            _check(
-                run,
-                key,
-                label,
-                "K",
-                _outside(values, limits.min_temperature_k, limits.max_temperature_k),
-                TEMPERATURE_TOLERANCE_K,
-            )
-            for key, (label, values) in temperatures.items()
-        ),
+        )
     )
+    m_s2, watt, kelvin = ACCELERATION_TOLERANCE_M_S2, POWER_TOLERANCE_W, TEMPERATURE_TOLERANCE_K
+    # fmt: off
+    hard: tuple[_Row, ...] = (
+        ("acceleration", "acceleration", "m/s^2", acceleration, m_s2),
+        ("acceleration_step", "change of acceleration in one interval", "m/s^2", jerk, m_s2),
+        ("compressor_power", "compressor power", "W", compressor, watt),
+        ("compressor_power_step", "change of compressor power in one interval", "W", ramp, watt),
+        ("collision", "collision", "m", -run.gap_m, 0.0),
+    )
+    soft: tuple[_Row, ...] = (
+        ("speed", "speed", "m/s", speed, SPEED_TOLERANCE_M_S),
+        ("smallest_gap", "gap below s_min", "m", -gap_margins_m(run, parameters), GAP_TOLERANCE_M),
+        ("largest_gap", "gap above s_max", "m", run.gap_m - gap.max_gap_m, GAP_TOLERANCE_M),
+        ("cell_1_temperature", "temperature of cell 1", "K", cell_1, kelvin),
+        ("cell_n_temperature", "temperature of cell N", "K", cell_n, kelvin),
+        ("coolant_outlet_temperature", "coolant outlet temperature", "K", outlet, kelvin),
+    )
+    # fmt: on
+    return (
+        *(_check(run, row, hard=True) for row in hard),
+        *(_check(run, row, hard=False) for row in soft),
+    )
+
+
+def gap_margins_m(trajectory: Trajectory, parameters: ModelParameters) -> FloatArray:
+    """Return the distance between the gap and its lower limit s_min at every instant.
+
+    Args:
+        trajectory: the run, n rows.
+        parameters: spacing policy and acceleration limits.
+
+    Returns:
+        Margins in m, shape (n,); negative where the limit is violated.
+    """
+    smallest = minimum_gap_m(
+        trajectory.speed_m_s, trajectory.leader_speed_m_s, parameters.gap, parameters.limits
+    )
+    margins: FloatArray = trajectory.gap_m - smallest
+    return margins
+
+
+def _steps(values: FloatArray) -> FloatArray:
+    """Return the magnitude of the change from the row before, shape (n,), 0 in row 0."""
+    steps: FloatArray = np.abs(np.diff(values, prepend=values[:1]))
+    return steps
 
 
 def _outside(values: FloatArray, lower: float, upper: float) -> FloatArray:
-    """Distance to the permitted interval, negative inside."""
+    """Return the distance to the permitted interval, negative inside."""
     return np.maximum(lower - values, values - upper)
 
 
-def _check(
-    run: Trajectory,
-    key: str,
-    label: str,
-    unit: str,
-    excess: FloatArray,
-    tolerance: float,
-    *,
-    hard: bool = False,
-) -> ConstraintCheck:
+def _check(run: Trajectory, row: _Row, *, hard: bool) -> ConstraintCheck:
+    key, label, unit, excess, tolerance = row
     worst = int(np.argmax(excess))
     exceeded = bool(excess[worst] > 0.0)
     return ConstraintCheck(

@@ -9,10 +9,10 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 
 from iptm_core.decision_record import DecisionStatistics, Rung, SolveStatus
-from iptm_core.metrics.summary import RunMetrics
-from iptm_core.metrics.temperature import ValueRange
+from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 
 NO_VALUE = "–"
@@ -78,25 +78,20 @@ def figure_values(metrics: RunMetrics) -> dict[str, float]:
 
 
 def _temperature_figures() -> Iterator[Figure]:
-    cells: tuple[tuple[str, str, Callable[[RunMetrics], ValueRange]], ...] = (
-        ("1", "T_bc,1", lambda run: run.temperature.cell_1_k),
-        ("N", "T_bc,Nc", lambda run: run.temperature.cell_n_k),
-    )
-    pick: tuple[tuple[str, str, Callable[[ValueRange], float]], ...] = (
-        ("min", "lowest", lambda span: span.minimum),
-        ("mean", "mean", lambda span: span.mean),
-        ("max", "highest", lambda span: span.maximum),
-    )
-    for cell, symbol, span_of in cells:
-        for suffix, word, value_of in pick:
+    for cell, symbol in (("1", "T_bc,1"), ("N", "T_bc,Nc")):
+        for suffix, word, field in (
+            ("min", "lowest", "minimum"),
+            ("mean", "mean", "mean"),
+            ("max", "highest", "maximum"),
+        ):
+            name = f"cell_{cell.lower()}"
+            value_k = attrgetter(f"temperature.{name}_k.{field}")
             yield Figure(
-                f"cell_{cell.lower()}_temperature_{suffix}",
+                f"{name}_temperature_{suffix}",
                 f"Cell {cell}, {word} temperature",
                 "°C",
                 2,
-                lambda run, span_of=span_of, value_of=value_of: (  # type: ignore[misc]
-                    value_of(span_of(run)) - CELSIUS_ZERO_K
-                ),
+                lambda run, value_k=value_k: value_k(run) - CELSIUS_ZERO_K,  # type: ignore[misc]
                 f"{suffix} {symbol}",
             )
 
@@ -104,66 +99,11 @@ def _temperature_figures() -> Iterator[Figure]:
 def _of_decisions(
     compute: Callable[[DecisionStatistics], float], metrics: RunMetrics
 ) -> float | None:
-    """Value of a figure of the decisions; None for a run without any, or where nothing is known."""
+    """Return a figure of the decisions; None for a run without any, or where nothing is known."""
     if metrics.decisions is None:
         return None
     value = float(compute(metrics.decisions))
     return value if math.isfinite(value) else None
-
-
-def _decision_figures() -> Iterator[Figure]:
-    rows: list[tuple[str, str, str, int, Callable[[DecisionStatistics], float]]] = [
-        ("solve_total", "Computing time", "s", 2, lambda d: d.solve_time_s.total),
-        ("solve_median", "Time of a solve, median", "ms", 3, lambda d: 1e3 * d.solve_time_s.median),
-        (
-            "solve_p99",
-            "Time of a solve, 99th percentile",
-            "ms",
-            3,
-            lambda d: 1e3 * d.solve_time_s.p99,
-        ),
-        ("solve_max", "Time of a solve, longest", "ms", 3, lambda d: 1e3 * d.solve_time_s.largest),
-        ("mean_iterations", "Solver iterations, mean", "", 2, lambda d: d.iterations.mean),
-        ("max_iterations", "Solver iterations, most", "", 0, lambda d: d.iterations.largest),
-        ("fallbacks", "Ticks on a fallback", "ticks", 0, lambda d: d.fallbacks),
-        (
-            "failed_solves",
-            "Solves without a usable iterate",
-            "ticks",
-            0,
-            lambda d: d.failed_solves,
-        ),
-        ("limiter_ticks", "Ticks changed by the last limiter", "ticks", 0, lambda d: d.limited),
-    ]
-    rows += [
-        (
-            f"solves_{status.name.lower()}",
-            _STATUS_LABELS[status],
-            "ticks",
-            0,
-            lambda d, status=status: d.by_status[status],  # type: ignore[misc]
-        )
-        for status in SolveStatus
-    ]
-    rows += [
-        (
-            f"commands_{rung.name.lower()}",
-            f"Commands: {rung.name.lower().replace('_', ' ')}",
-            "ticks",
-            0,
-            lambda d, rung=rung: d.by_rung[rung],  # type: ignore[misc]
-        )
-        for rung in Rung
-    ]
-    for key, label, unit, decimals, compute in rows:
-        yield Figure(
-            key,
-            label,
-            unit,
-            decimals,
-            partial(_of_decisions, compute),
-            compared=key == "solve_total",
-        )
 
 
 _STATUS_LABELS = {
@@ -175,136 +115,75 @@ _STATUS_LABELS = {
     SolveStatus.NUMERICAL_ERROR: "Solves that broke off",
 }
 
+
+def _decision_figures() -> Iterator[Figure]:
+    # fmt: off
+    rows: list[tuple[str, str, str, int, Callable[[DecisionStatistics], float]]] = [
+        ("solve_total", "Computing time", "s", 2, lambda d: d.solve_time_s.total),
+        ("solve_median", "Time of a solve, median", "ms", 3, lambda d: 1e3 * d.solve_time_s.median),
+        ("solve_p99", "Time of a solve, 99th percentile", "ms", 3, lambda d: 1e3 * d.solve_time_s.p99),
+        ("solve_max", "Time of a solve, longest", "ms", 3, lambda d: 1e3 * d.solve_time_s.largest),
+        ("mean_iterations", "Solver iterations, mean", "", 2, lambda d: d.iterations.mean),
+        ("max_iterations", "Solver iterations, most", "", 0, lambda d: d.iterations.largest),
+        ("fallbacks", "Ticks on a fallback", "ticks", 0, lambda d: d.fallbacks),
+        ("failed_solves", "Solves without a usable iterate", "ticks", 0, lambda d: d.failed_solves),
+        ("limiter_ticks", "Ticks changed by the last limiter", "ticks", 0, lambda d: d.limited),
+    ]
+    # fmt: on
+    for status, label in _STATUS_LABELS.items():
+        count = lambda d, status=status: d.by_status[status]  # noqa: E731
+        rows.append((f"solves_{status.name.lower()}", label, "ticks", 0, count))
+    for rung in Rung:
+        count = lambda d, rung=rung: d.by_rung[rung]  # noqa: E731
+        name = rung.name.lower()
+        rows.append((f"commands_{name}", f"Commands: {name.replace('_', ' ')}", "ticks", 0, count))
+    for key, label, unit, decimals, compute in rows:
+        value = partial(_of_decisions, compute)
+        yield Figure(key, label, unit, decimals, value, compared=key == "solve_total")
+
+
+# fmt: off
 _TRIP_FIGURES = (
-    Figure(
-        "cooling_energy",
-        "Cooling energy",
-        "kJ",
-        2,
-        lambda run: 1e-3 * run.energy.cooling_j,
-        "∫(P_cp + P_aux) dt",
-        compared=True,
-    ),
-    Figure(
-        "traction_energy",
-        "Traction energy",
-        "kJ",
-        2,
-        lambda run: 1e-3 * run.energy.traction_j,
-        "∫P_tra dt",
-        compared=True,
-    ),
-    Figure(
-        "total_energy_printed",
-        "Traction + cooling energy",
-        "kJ",
-        2,
-        lambda run: 1e-3 * run.energy.total_printed_j,
-        "∫(P_tra + P_cp + P_aux) dt",
-        compared=True,
-        short="Total energy",
-    ),
-    Figure(
-        "battery_energy",
-        "Battery energy ∫P_b dt",
-        "kJ",
-        2,
-        lambda run: 1e-3 * run.energy.battery_j,
-        "∫P_b dt",
-        compared=True,
-    ),
-    Figure(
-        "cell_1_degradation",
-        "Degradation of cell 1",
-        "10⁻⁵",
-        4,
-        lambda run: 1e5 * run.degradation.cell_1,
-        "Q_loss,1",
-        compared=True,
-    ),
-    Figure(
-        "cell_n_degradation",
-        "Degradation of cell N",
-        "10⁻⁵",
-        4,
-        lambda run: 1e5 * run.degradation.cell_n,
-        "Q_loss,Nc",
-        compared=True,
-    ),
-    Figure(
-        "inconsistency",
-        "Degradation inconsistency",
-        "10⁻⁷",
-        3,
-        lambda run: 1e7 * run.degradation.inconsistency,
-        "Q_loss,Nc - Q_loss,1",
-        compared=True,
-        short="Inconsistency",
-    ),
-    Figure(
-        "total_degradation",
-        "Degradation, both cells",
-        "10⁻⁵",
-        4,
-        lambda run: 1e5 * run.degradation.total,
-        "Q_loss,1 + Q_loss,Nc",
-        compared=True,
-        short="Degradation",
-    ),
-    Figure(
-        "mean_cop",
-        "Mean coefficient of performance",
-        "",
-        2,
-        lambda run: run.energy.mean_cop,
-        "∫Q_co dt / ∫P_cp dt",
-    ),
+    Figure("cooling_energy", "Cooling energy", "kJ", 2,
+           lambda run: 1e-3 * run.energy.cooling_j, "∫(P_cp + P_aux) dt", compared=True),
+    Figure("traction_energy", "Traction energy", "kJ", 2,
+           lambda run: 1e-3 * run.energy.traction_j, "∫P_tra dt", compared=True),
+    Figure("total_energy_printed", "Traction + cooling energy", "kJ", 2,
+           lambda run: 1e-3 * run.energy.total_printed_j, "∫(P_tra + P_cp + P_aux) dt",
+           compared=True, short="Total energy"),
+    Figure("battery_energy", "Battery energy ∫P_b dt", "kJ", 2,
+           lambda run: 1e-3 * run.energy.battery_j, "∫P_b dt", compared=True),
+    Figure("cell_1_degradation", "Degradation of cell 1", "10⁻⁵", 4,
+           lambda run: 1e5 * run.degradation.cell_1, "Q_loss,1", compared=True),
+    Figure("cell_n_degradation", "Degradation of cell N", "10⁻⁵", 4,
+           lambda run: 1e5 * run.degradation.cell_n, "Q_loss,Nc", compared=True),
+    Figure("inconsistency", "Degradation inconsistency", "10⁻⁷", 3,
+           lambda run: 1e7 * run.degradation.inconsistency, "Q_loss,Nc - Q_loss,1",
+           compared=True, short="Inconsistency"),
+    Figure("total_degradation", "Degradation, both cells", "10⁻⁵", 4,
+           lambda run: 1e5 * run.degradation.total, "Q_loss,1 + Q_loss,Nc",
+           compared=True, short="Degradation"),
+    Figure("mean_cop", "Mean coefficient of performance", "", 2,
+           lambda run: run.energy.mean_cop, "∫Q_co dt / ∫P_cp dt"),
     Figure("smallest_gap", "Smallest gap", "m", 2, lambda run: run.gap.smallest_m, "min s"),
     Figure("mean_gap", "Mean gap", "m", 1, lambda run: run.gap.mean_m),
     Figure("largest_gap", "Largest gap", "m", 1, lambda run: run.gap.largest_m, "max s"),
-    Figure(
-        "smallest_margin",
-        "Smallest margin to s_min",
-        "m",
-        3,
-        lambda run: run.gap.smallest_margin_m,
-        "min(s - s_min)",
-    ),
+    Figure("smallest_margin", "Smallest margin to s_min", "m", 3,
+           lambda run: run.gap.smallest_margin_m, "min(s - s_min)"),
     *_temperature_figures(),
-    Figure(
-        "mean_power",
-        "Mean battery power",
-        "kW",
-        3,
-        lambda run: 1e-3 * run.energy.mean_battery_power_w,
-        compared=True,
-    ),
-    Figure(
-        "peak_power",
-        "Peak battery power",
-        "kW",
-        2,
-        lambda run: 1e-3 * run.energy.peak_battery_power_w,
-        "max P_b",
-    ),
-    Figure(
-        "lowest_power",
-        "Lowest battery power",
-        "kW",
-        2,
-        lambda run: 1e-3 * run.energy.lowest_battery_power_w,
-        "min P_b",
-    ),
-    Figure(
-        "hard_violations", "Hard limits broken", "rows", 0, lambda run: float(run.hard_violations)
-    ),
-    Figure(
-        "soft_violations", "Soft limits broken", "rows", 0, lambda run: float(run.soft_violations)
-    ),
+    Figure("mean_power", "Mean battery power", "kW", 3,
+           lambda run: 1e-3 * run.energy.mean_battery_power_w, compared=True),
+    Figure("peak_power", "Peak battery power", "kW", 2,
+           lambda run: 1e-3 * run.energy.peak_battery_power_w, "max P_b"),
+    Figure("lowest_power", "Lowest battery power", "kW", 2,
+           lambda run: 1e-3 * run.energy.lowest_battery_power_w, "min P_b"),
+    Figure("hard_violations", "Hard limits broken", "rows", 0, lambda run: float(run.hard_violations)),
+    Figure("soft_violations", "Soft limits broken", "rows", 0, lambda run: float(run.soft_violations)),
     Figure("gap_violations", "Gap limit broken", "rows", 0, lambda run: float(run.gap_violations)),
     Figure("distance", "Distance", "km", 3, lambda run: 1e-3 * run.distance_m, "p"),
     Figure("duration", "Duration", "s", 0, lambda run: run.duration_s),
 )
+# fmt: on
 
 FIGURES: dict[str, Figure] = {
     figure.key: figure for figure in (*_TRIP_FIGURES, *_decision_figures())

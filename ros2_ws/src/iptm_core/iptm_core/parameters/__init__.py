@@ -1,7 +1,14 @@
 """Parameters of the model: declared ranges, shipped sets with sources, loading and overrides."""
 
 from iptm_core.parameters.consistency import check_consistency
-from iptm_core.parameters.flat import FieldSpec, field_specs, flat_to_parameters, to_flat_dict
+from iptm_core.parameters.flat import (
+    FieldSpec,
+    Source,
+    SourceTag,
+    field_specs,
+    flat_to_parameters,
+    to_flat_dict,
+)
 from iptm_core.parameters.loading import (
     DEFAULT_SET,
     ParameterRow,
@@ -11,7 +18,6 @@ from iptm_core.parameters.loading import (
     load_parameters,
 )
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.sources import Source, SourceTag
 
 __all__ = [
     "DEFAULT_SET",

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from iptm_core.errors import ParameterError
-from iptm_core.parameters.flat import FieldSpec, checked_number, field_specs
-from iptm_core.parameters.sources import Source, SourceTag
+from iptm_core.parameters.flat import FieldSpec, Source, SourceTag, checked_number, field_specs
 from iptm_core.strict_mapping import StrictMapping, check_known, shown
 
 AMBIENT_KEY = "environment.ambient_temperature_k"

@@ -17,33 +17,27 @@ def check_consistency(values: ModelParameters, origin: str = "parameters") -> No
         ParameterError: naming the dotted keys, their values and what is permitted.
     """
     _check_order(values, origin)
-    _check_gap(values, origin)
     _check_channel(values, origin)
     _check_cell(values, origin)
 
 
 def _check_order(values: ModelParameters, origin: str) -> None:
-    limits = values.limits
-    for quantity in ("acceleration_m_s2", "compressor_power_w", "speed_m_s", "temperature_k"):
-        low: float = getattr(limits, f"min_{quantity}")
-        high: float = getattr(limits, f"max_{quantity}")
+    pairs = [
+        ("limits", f"min_{quantity}", f"max_{quantity}")
+        for quantity in ("acceleration_m_s2", "compressor_power_w", "speed_m_s", "temperature_k")
+    ]
+    for group, low_name, high_name in (*pairs, ("gap", "standstill_gap_m", "max_gap_m")):
+        low: float = getattr(getattr(values, group), low_name)
+        high: float = getattr(getattr(values, group), high_name)
         if low >= high:
             raise ParameterError(
-                f"{origin}: limits.min_{quantity} = {low!r} must be below "
-                f"limits.max_{quantity} = {high!r}"
+                f"{origin}: {group}.{low_name} is {low!r}; "
+                f"allowed: below {group}.{high_name} = {high!r}"
             )
-
-
-def _check_gap(values: ModelParameters, origin: str) -> None:
     gap = values.gap
-    if gap.standstill_gap_m >= gap.max_gap_m:
-        raise ParameterError(
-            f"{origin}: gap.standstill_gap_m = {gap.standstill_gap_m!r} must be below "
-            f"gap.max_gap_m = {gap.max_gap_m!r}"
-        )
     if not gap.standstill_gap_m <= gap.initial_gap_m <= gap.max_gap_m:
         raise ParameterError(
-            f"{origin}: gap.initial_gap_m = {gap.initial_gap_m!r}; allowed: from "
+            f"{origin}: gap.initial_gap_m is {gap.initial_gap_m!r}; allowed: from "
             f"gap.standstill_gap_m to gap.max_gap_m, {gap.standstill_gap_m!r} to {gap.max_gap_m!r} m"
         )
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from enum import Enum
 from functools import lru_cache
 from numbers import Real
 from typing import Any, get_type_hints
@@ -47,6 +48,41 @@ class FieldSpec:
         unit = "" if self.unit == "1" else f" {self.unit}"
         whole = "whole numbers from " if self.integral else ""
         return f"{whole}{self.minimum:g} to {self.maximum:g}{unit}"
+
+
+class SourceTag(str, Enum):
+    """How much a value can be trusted, and by whom it was stated."""
+
+    PAPER = "paper"
+    DERIVED = "derived"
+    PUBLISHED = "published"
+    CHOSEN = "chosen"
+    OVERRIDE = "override"
+
+    def __str__(self) -> str:
+        """Return the bare word, as it is written in a file."""
+        return str(self.value)
+
+
+FILE_TAGS = tuple(tag for tag in SourceTag if tag is not SourceTag.OVERRIDE)
+"""Tags that a parameter file may use; an override is tagged by the loader."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One value as it was written.
+
+    Attributes:
+        value: the number as written, in ``unit`` (for a table: as interpolated, in the unit written).
+        unit: the unit it was written in, which may differ from the unit of the model (degC, km/h).
+        tag: where it comes from.
+        note: remark of the file, may be empty.
+    """
+
+    value: float
+    unit: str
+    tag: SourceTag
+    note: str = ""
 
 
 @lru_cache(maxsize=1)

@@ -13,8 +13,14 @@ from iptm_core.parameters.chiller_table import (
     ChillerTable,
     parse_chiller_table,
 )
-from iptm_core.parameters.flat import FieldSpec, checked_number, field_specs
-from iptm_core.parameters.sources import FILE_TAGS, Source, SourceTag
+from iptm_core.parameters.flat import (
+    FILE_TAGS,
+    FieldSpec,
+    Source,
+    SourceTag,
+    checked_number,
+    field_specs,
+)
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.strict_mapping import StrictMapping, check_known, shown
 

@@ -9,10 +9,17 @@ from pathlib import Path
 
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.chiller_table import AMBIENT_KEY, ChillerTable
-from iptm_core.parameters.flat import checked_number, field_specs, flat_to_parameters
+from iptm_core.parameters.flat import (
+    FieldSpec,
+    Source,
+    SourceTag,
+    checked_number,
+    field_specs,
+    flat_to_parameters,
+    to_flat_dict,
+)
 from iptm_core.parameters.layers import Layer, read_layer
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.sources import Source, SourceTag
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 
 DEFAULT_SET = "paper_calibrated"
@@ -38,17 +45,9 @@ class ParameterSet:
 
 
 @dataclass(frozen=True)
-class ParameterRow:
-    """One line of the parameter table: the declaration of a parameter, its value and its source.
+class ParameterRow(FieldSpec):
+    """One line of the parameter table: a declaration with the value, in its unit, and its source."""
 
-    ``minimum``, ``maximum`` and ``value`` are in ``unit``; ``source`` is a tag (``paper``, ...).
-    """
-
-    key: str
-    symbol: str
-    unit: str
-    minimum: float
-    maximum: float
     value: float
     source: str
     note: str
@@ -108,6 +107,31 @@ def load_parameters(
     )
 
 
+def parse_overrides(text: str) -> dict[str, float]:
+    """Read ``key=value`` pairs separated by commas, such as ``body.mass_kg=1600, gap.max_gap_m=80``.
+
+    Args:
+        text: the pairs; empty for none. Whether the keys exist is checked by ``load_parameters``.
+
+    Raises:
+        ParameterError: an entry is no such pair or a key appears twice.
+    """
+    overrides: dict[str, float] = {}
+    for entry in filter(None, (part.strip() for part in text.split(","))):
+        key, separator, value = (part.strip() for part in entry.partition("="))
+        try:
+            number = float(value)
+        except ValueError:
+            separator = ""
+        if not separator or not key or key in overrides:
+            raise ParameterError(
+                f"parameter overrides have the entry {entry!r}; allowed: "
+                "different entries key=number, separated by commas"
+            )
+        overrides[key] = number
+    return overrides
+
+
 def describe_parameters(parameter_set: ParameterSet | None = None) -> tuple[ParameterRow, ...]:
     """Describe every parameter, for generated documentation and tables.
 
@@ -118,23 +142,13 @@ def describe_parameters(parameter_set: ParameterSet | None = None) -> tuple[Para
         One row for each parameter, in the order of declaration.
     """
     shown_set = load_parameters() if parameter_set is None else parameter_set
-    rows = []
-    for key, spec in field_specs().items():
-        group, name = key.split(".")
-        source = shown_set.sources[key]
-        rows.append(
-            ParameterRow(
-                key=key,
-                symbol=spec.symbol,
-                unit=spec.unit,
-                minimum=spec.minimum,
-                maximum=spec.maximum,
-                value=getattr(getattr(shown_set.values, group), name),
-                source=source.tag.value,
-                note=source.note,
-            )
+    values, sources = to_flat_dict(shown_set.values), shown_set.sources
+    return tuple(
+        ParameterRow(
+            **vars(spec), value=values[key], source=sources[key].tag.value, note=sources[key].note
         )
-    return tuple(rows)
+        for key, spec in field_specs().items()
+    )
 
 
 def _sets_folder() -> Path:

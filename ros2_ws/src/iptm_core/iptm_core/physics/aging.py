@@ -1,4 +1,4 @@
-"""Capacity loss of a cell, paper eqs. (11) and (12).
+"""Capacity loss of a cell, paper eq. (12): the slope of the closed form (11) over the throughput.
 
 Temperatures are kelvin, the C-rate is ``|I| / Q_nom`` in 1/h and the loss a fraction of nominal; with
 these the printed constants reproduce the size of the paper's degradation rows.
@@ -10,30 +10,6 @@ from iptm_core.parameters.model import AgingParameters, CellParameters
 from iptm_core.physics.ops import Scalar, absolute, exp
 
 SECONDS_PER_HOUR = 3600.0
-
-
-def capacity_loss_closed_form(
-    throughput_ah: Scalar, temperature_k: Scalar, c_rate_1_h: Scalar, aging: AgingParameters
-) -> Scalar:
-    """Capacity loss after a throughput at constant rate and temperature (Q_loss, eq. 11).
-
-    Args:
-        throughput_ah: charge moved in either direction, A_h.
-        temperature_k: cell temperature.
-        c_rate_1_h: magnitude of the C-rate.
-        aging: coefficients.
-    """
-    exponent = _arrhenius_exponent(temperature_k, c_rate_1_h, aging)
-    return aging.pre_exponential_factor * exp(exponent) * throughput_ah**aging.throughput_exponent
-
-
-def throughput_for_loss_ah(
-    capacity_loss: Scalar, temperature_k: Scalar, c_rate_1_h: Scalar, aging: AgingParameters
-) -> Scalar:
-    """Throughput after which eq. (11) reaches a capacity loss (its inverse in A_h)."""
-    exponent = _arrhenius_exponent(temperature_k, c_rate_1_h, aging)
-    scale = aging.pre_exponential_factor * exp(exponent)
-    return (capacity_loss / scale) ** (1.0 / aging.throughput_exponent)
 
 
 def capacity_loss_rate_1_s(
@@ -60,14 +36,9 @@ def capacity_loss_rate_1_s(
     """
     magnitude = absolute(current_a, current_smoothing_a)
     z = aging.throughput_exponent
-    exponent = _arrhenius_exponent(temperature_k, magnitude / cell.nominal_capacity_ah, aging) / z
+    c_rate_1_h = magnitude / cell.nominal_capacity_ah
+    energy = aging.compensation_factor_j_mol * c_rate_1_h - aging.activation_energy_j_mol
+    exponent = energy / (aging.gas_constant_j_mol_k * temperature_k) / z
     memory = capacity_loss ** (1.0 - 1.0 / z)
     scale = z * aging.pre_exponential_factor ** (1.0 / z) / SECONDS_PER_HOUR
     return scale * magnitude * exp(exponent) * memory
-
-
-def _arrhenius_exponent(
-    temperature_k: Scalar, c_rate_1_h: Scalar, aging: AgingParameters
-) -> Scalar:
-    energy = aging.compensation_factor_j_mol * c_rate_1_h - aging.activation_energy_j_mol
-    return energy / (aging.gas_constant_j_mol_k * temperature_k)

@@ -12,7 +12,6 @@ import numpy as np
 
 from iptm_core.parameters.model import CoolingParameters, PackParameters
 from iptm_core.physics.ops import Scalar
-from iptm_core.state import FloatArray
 
 
 def exchange_ratio(cooling: CoolingParameters, pack: PackParameters) -> float:
@@ -21,24 +20,6 @@ def exchange_ratio(cooling: CoolingParameters, pack: PackParameters) -> float:
         cooling.coolant_specific_heat_j_kg_k * cooling.coolant_mass_flow_kg_s / pack.modules
     )
     return cooling.convective_coefficient_w_k / capacity_rate_w_k
-
-
-def coolant_profile_k(inlet_k: float, cell_temperatures_k: FloatArray, ratio: float) -> FloatArray:
-    """Coolant temperature in front of every cell and behind the last one (eq. 9).
-
-    Args:
-        inlet_k: coolant temperature at the channel inlet T_c,in.
-        cell_temperatures_k: temperatures of all cells of the channel in flow order, shape (n,).
-        ratio: exchange ratio r.
-
-    Returns:
-        Shape (n + 1,): entry i is what cell i + 1 meets, the last entry is the outlet T_c,out.
-    """
-    profile = np.empty(cell_temperatures_k.size + 1)
-    profile[0] = inlet_k
-    for index, cell_k in enumerate(cell_temperatures_k):
-        profile[index + 1] = profile[index] + ratio * (cell_k - profile[index])
-    return profile
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Equivalent circuit of the pack with the entropic term, paper eqs. (6) and (7).
 
-Current is positive when discharging. The entropic term keeps the paper's sign: with a positive
-``dV/dT`` it draws on the terminal power and heats the cell on discharge, and cools it on charge.
+P_b = (E_b - T_b dV_b/dT_b) I_b - R_b I_b^2. Current is positive when discharging. The entropic term
+keeps the paper's sign: with a positive ``dV/dT`` it draws on the terminal power and heats the cell on
+discharge, and cools it on charge.
 """
 
 from __future__ import annotations
@@ -16,29 +17,12 @@ def pack_resistance_ohm(cell_resistance_ohm: Scalar, pack: PackParameters) -> Sc
     return cell_resistance_ohm * (pack.cells_in_series / pack.parallel)
 
 
-def pack_entropic_coefficient_v_k(cell: CellParameters, pack: PackParameters) -> float:
-    """Entropic coefficient of the pack, dV_b/dT_b."""
-    return cell.entropic_coefficient_v_k * pack.cells_in_series
-
-
 def effective_source_voltage_v(
     temperature_k: Scalar, cell: CellParameters, pack: PackParameters
 ) -> Scalar:
     """Voltage E_b - T_b dV_b/dT_b that delivers the terminal power of eq. (7) before ohmic loss."""
-    entropic = pack_entropic_coefficient_v_k(cell, pack) * temperature_k
+    entropic = cell.entropic_coefficient_v_k * pack.cells_in_series * temperature_k
     return pack.open_circuit_voltage_v - entropic
-
-
-def pack_power_w(
-    current_a: Scalar,
-    resistance_ohm: Scalar,
-    temperature_k: Scalar,
-    cell: CellParameters,
-    pack: PackParameters,
-) -> Scalar:
-    """Terminal power for a pack current (P_b, eq. 7)."""
-    voltage = effective_source_voltage_v(temperature_k, cell, pack)
-    return voltage * current_a - resistance_ohm * current_a * current_a
 
 
 def pack_current_a(
@@ -85,8 +69,3 @@ def largest_power_w(
 def cell_current_a(pack_current: Scalar, pack: PackParameters) -> Scalar:
     """Current of one cell, I_b / N_mp, all strings sharing evenly."""
     return pack_current / pack.parallel
-
-
-def cell_voltage_v(current_a: Scalar, resistance_ohm: Scalar, pack: PackParameters) -> Scalar:
-    """Terminal voltage of one cell (V_bc, eq. 6)."""
-    return pack.open_circuit_voltage_v / pack.cells_in_series - current_a * resistance_ohm

@@ -1,12 +1,10 @@
 """Driving cycles, road slope and the motion of the preceding vehicle."""
 
-from iptm_core.routes.comprehensive import comprehensive_cycle
-from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle
+from iptm_core.routes.comprehensive import RouteSegment, comprehensive_cycle
+from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle, smooth_cycle
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.route import ROUTE_CYCLES, SLOPE_CHOICES, Route, build_route
-from iptm_core.routes.segment import RouteSegment
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.routes.smooth import smooth_cycle
 
 __all__ = [
     "CYCLE_NAMES",

@@ -8,22 +8,45 @@ segment; as a pass has an odd number of segments, every segment meets both.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from iptm_core.routes.cycles import DrivingCycle, load_cycle
+from iptm_core.routes.cycles import DrivingCycle, load_cycle, smooth_cycle
 from iptm_core.routes.hills import PEAK_GRADES, Hills
-from iptm_core.routes.segment import RouteSegment
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.routes.smooth import smooth_cycle
 
 PASS_DURATION_S = 5000
 PASSES = 2
 PUBLISHED_PARTS = ("nycc", "sc03", "wltc_class3b", "us06")
 
 _KINDS = ("large", "small")
+
+
+@dataclass(frozen=True)
+class RouteSegment:
+    """One stretch of a route: which cycle is driven there and how hilly it is.
+
+    Attributes:
+        name: what is driven, for example ``"1: us06 S"``.
+        cycle: name of the driving cycle of this stretch.
+        slope_kind: ``"flat"``, ``"small"``, ``"large"`` or ``"measured"``.
+        start_s: time at which the leader enters it.
+        end_s: time at which the leader leaves it.
+        start_m: distance that the leader has travelled at ``start_s``; the stretch of road with
+            this slope starts at the same road position (0 = start of the host).
+        end_m: distance that the leader has travelled at ``end_s``.
+    """
+
+    name: str
+    cycle: str
+    slope_kind: str
+    start_s: float
+    end_s: float
+    start_m: float
+    end_m: float
 
 
 @dataclass(frozen=True)
@@ -40,18 +63,28 @@ class ComprehensiveCycle:
 
     def slope_profile(self) -> SlopeProfile:
         """Road with the hills of every segment; both passes of a segment share one shape."""
-        parts = len(self.segments) // PASSES
-        return SlopeProfile.from_hills(
-            [
-                Hills(
-                    segment.start_m,
-                    segment.end_m - segment.start_m,
-                    PEAK_GRADES[segment.slope_kind],
-                    variant=index % parts,
-                )
-                for index, segment in enumerate(self.segments)
-            ]
-        )
+        return hilly_road(self.segments, len(self.segments) // PASSES)
+
+
+def hilly_road(segments: Sequence[RouteSegment], shapes: int) -> SlopeProfile:
+    """Lay hills along segments, none where the slope is flat.
+
+    Args:
+        segments: stretches in driving order, each of them hilly or each flat.
+        shapes: number of different shapes; they are used in turn.
+    """
+    return SlopeProfile.from_hills(
+        [
+            Hills(
+                segment.start_m,
+                segment.end_m - segment.start_m,
+                PEAK_GRADES[segment.slope_kind],
+                variant=index % shapes,
+            )
+            for index, segment in enumerate(segments)
+            if segment.slope_kind in PEAK_GRADES
+        ]
+    )
 
 
 @cache

@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.comprehensive import comprehensive_cycle
-from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle
-from iptm_core.routes.hills import PEAK_GRADES, Hills
+from iptm_core.routes.comprehensive import RouteSegment, comprehensive_cycle, hilly_road
+from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle, smooth_cycle
+from iptm_core.routes.hills import PEAK_GRADES
 from iptm_core.routes.leader import LeaderMotion
-from iptm_core.routes.segment import RouteSegment
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.routes.smooth import smooth_cycle
 from iptm_core.routes.user_csv import read_user_cycle
 
 ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", "comprehensive")
@@ -82,7 +80,7 @@ def build_route(
     trace, segments, profile = _designed(cycle)
     if slope != "as_designed":
         segments = tuple(replace(segment, slope_kind=slope) for segment in segments)
-        profile = _uniform_hills(segments, slope)
+        profile = hilly_road(segments, len(segments))
     return Route(
         name=f"{trace.name}, slope {slope}",
         leader=LeaderMotion.from_cycle(trace, initial_gap_m),
@@ -125,15 +123,4 @@ def _single_segment(trace: DrivingCycle, slope_kind: str) -> tuple[RouteSegment,
             start_m=0.0,
             end_m=trace.distance_m,
         ),
-    )
-
-
-def _uniform_hills(segments: tuple[RouteSegment, ...], kind: str) -> SlopeProfile:
-    if kind == "flat":
-        return SlopeProfile.flat()
-    return SlopeProfile.from_hills(
-        [
-            Hills(segment.start_m, segment.end_m - segment.start_m, PEAK_GRADES[kind], index)
-            for index, segment in enumerate(segments)
-        ]
     )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.hills import PEAK_GRADES, Hills
-from iptm_core.routes.piecewise import cumulative_integral, integral_at, read_only_nodes
+from iptm_core.routes.hills import Hills
+from iptm_core.routes.piecewise import read_only_nodes
 from iptm_core.state import FloatArray
 
 MAX_GRADE = 0.3
@@ -34,8 +34,6 @@ class SlopeProfile:
 
     positions_m: FloatArray
     slopes_rad: FloatArray
-    _sines: FloatArray = field(init=False, repr=False)
-    _elevations_m: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         positions, slopes = read_only_nodes(self.positions_m, self.slopes_rad, "slope profile")
@@ -45,11 +43,8 @@ class SlopeProfile:
                 f"slope profile: {100.0 * np.tan(slopes[worst]):.1f} % at {positions[worst]:.1f} m; "
                 f"allowed: -{100.0 * MAX_GRADE:g} % to {100.0 * MAX_GRADE:g} %"
             )
-        sines = np.sin(slopes)
         object.__setattr__(self, "positions_m", positions)
         object.__setattr__(self, "slopes_rad", slopes)
-        object.__setattr__(self, "_sines", sines)
-        object.__setattr__(self, "_elevations_m", cumulative_integral(positions, sines))
 
     @classmethod
     def flat(cls) -> SlopeProfile:
@@ -77,29 +72,6 @@ class SlopeProfile:
         if positions.size == 0:
             return cls.flat()
         return cls(positions, slopes)
-
-    @classmethod
-    def hilly(cls, length_m: float, kind: str, variant: int = 0) -> SlopeProfile:
-        """Generate the road for a single cycle.
-
-        Args:
-            length_m: length of the cycle, from position 0.
-            kind: ``"flat"``, ``"small"`` (2 % at the steepest) or ``"large"`` (6 %).
-            variant: chooses the shape of the hills; the same number gives the same road.
-
-        Returns:
-            The profile.
-
-        Raises:
-            RouteError: unknown kind or a stretch too short for hills.
-        """
-        if kind == "flat":
-            return cls.flat()
-        if kind not in PEAK_GRADES:
-            raise RouteError(
-                f"unknown slope kind {kind!r}; allowed: flat, {', '.join(PEAK_GRADES)}"
-            )
-        return cls.from_hills([Hills(0.0, length_m, PEAK_GRADES[kind], variant)])
 
     @classmethod
     def from_elevations(cls, positions_m: ArrayLike, elevations_m: ArrayLike) -> SlopeProfile:
@@ -141,20 +113,3 @@ class SlopeProfile:
         return np.interp(
             np.asarray(position_m, dtype=np.float64), self.positions_m, self.slopes_rad
         )
-
-    def elevation_at(self, position_m: ArrayLike) -> FloatArray:
-        """Integrate the slope to the height above the first node.
-
-        Args:
-            position_m: positions along the road, any shape.
-
-        Returns:
-            Height in m, same shape; the end slopes are held beyond the ends.
-        """
-        position = np.asarray(position_m, dtype=np.float64)
-        first, last = self.positions_m[0], self.positions_m[-1]
-        inside = np.clip(position, first, last)
-        height = integral_at(inside, self.positions_m, self._sines, self._elevations_m)
-        end_sine = np.where(position < first, self._sines[0], self._sines[-1])
-        result: FloatArray = height + (position - inside) * end_sine
-        return result

@@ -18,7 +18,6 @@ from iptm_interfaces.codecs.plan import PlanTrajectory, decode_plan, encode_plan
 from iptm_interfaces.codecs.preview import (
     decode_leader_preview,
     decode_slope,
-    empty_leader_preview,
     encode_leader_preview,
     encode_slope,
 )
@@ -27,17 +26,13 @@ from iptm_interfaces.codecs.preview_wire import (
     encode_leader_preview_bytes,
 )
 from iptm_interfaces.codecs.time import (
-    duration_from_ns,
-    ns_from_duration,
     ns_from_s,
     ns_from_time,
     s_from_ns,
-    s_from_time,
     time_from_ns,
     time_from_s,
 )
 from iptm_interfaces.codecs.vehicle import (
-    decode_capacity_loss,
     decode_leader,
     decode_observation,
     decode_temperature,
@@ -53,7 +48,6 @@ __all__ = [
     "BatteryReading",
     "PlanTrajectory",
     "decode_battery",
-    "decode_capacity_loss",
     "decode_command",
     "decode_decision_record",
     "decode_leader",
@@ -66,8 +60,6 @@ __all__ = [
     "decode_slope",
     "decode_temperature",
     "decode_vehicle_state",
-    "duration_from_ns",
-    "empty_leader_preview",
     "encode_acceleration",
     "encode_battery",
     "encode_capacity_loss",
@@ -82,11 +74,9 @@ __all__ = [
     "encode_powers",
     "encode_slope",
     "encode_temperature",
-    "ns_from_duration",
     "ns_from_s",
     "ns_from_time",
     "s_from_ns",
-    "s_from_time",
     "time_from_ns",
     "time_from_s",
 ]

@@ -15,9 +15,7 @@ from iptm_interfaces.codecs.time import time_from_ns
 from iptm_interfaces.topics import TOPICS, Topic
 
 _NAMES: dict[Topic, list[str]] = {
-    topic: list(spec.field_names)
-    for topic, spec in TOPICS.items()
-    if spec.message_type is JointState
+    topic: list(spec.fields) for topic, spec in TOPICS.items() if spec.message_type is JointState
 }
 
 

@@ -17,7 +17,7 @@ from iptm_interfaces.codecs.time import (
 )
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
 
-PLAN_NAMES = list(TOPICS[Topic.PLAN].field_names)
+PLAN_NAMES = list(TOPICS[Topic.PLAN].fields)
 
 
 @dataclass(frozen=True)

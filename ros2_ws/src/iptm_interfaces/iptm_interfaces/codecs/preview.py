@@ -24,16 +24,9 @@ from iptm_interfaces.codecs.time import (
 )
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
 
-PREVIEW_NAMES = list(TOPICS[Topic.LEADER_PREVIEW].field_names)
-NEVER_S = -math.inf
-"""`generated_at_s` of the empty preview: its age is infinite."""
-_SLOPE_LABEL = ", ".join(TOPICS[Topic.SLOPE].field_names)
+PREVIEW_NAMES = list(TOPICS[Topic.LEADER_PREVIEW].fields)
+_SLOPE_LABEL = ", ".join(TOPICS[Topic.SLOPE].fields)
 _TOPIC = Topic.LEADER_PREVIEW
-
-
-def empty_leader_preview() -> LeaderPreview:
-    """Return the preview that means "no prediction received yet"."""
-    return LeaderPreview(NEVER_S, np.empty(0), np.empty(0), np.empty(0))
 
 
 def encode_leader_preview(preview: LeaderPreview, stamp_ns: int) -> JointTrajectory:
@@ -131,7 +124,7 @@ def build_leader_preview(
         MessageError: see `decode_leader_preview`.
     """
     if node_offsets_ns.size == 0:
-        return empty_leader_preview()
+        return LeaderPreview.empty()
     if node_offsets_ns[0] > 0:
         reject(
             _TOPIC,

@@ -55,11 +55,6 @@ def time_from_s(time_s: float) -> Time:
     return time_from_ns(ns_from_s(time_s))
 
 
-def s_from_time(message: Time) -> float:
-    """Return a stamp message as trip time in seconds."""
-    return (message.sec * NS_PER_S + message.nanosec) / NS_PER_S
-
-
 def duration_from_ns(duration_ns: int) -> Duration:
     """Return a signed duration message; its `nanosec` is never negative, as ROS wants it."""
     seconds, nanoseconds = divmod(duration_ns, NS_PER_S)

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from iptm_core.metrics.gap import gap_margins_m
+from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory

@@ -1,0 +1,246 @@
+"""What a run achieved, in physical units: energy, degradation, spacing and temperatures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_core.decision_record import DecisionSeries, DecisionStatistics
+from iptm_core.errors import StateError
+from iptm_core.metrics.constraints import ConstraintCheck, check_constraints, gap_margins_m
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class EnergyMetrics:
+    """Energies of a run in joules.
+
+    Attributes:
+        cooling_j: integral of P_cp + P_aux.
+        traction_j: integral of P_tra, recuperation counted negative.
+        total_printed_j: traction + cooling, which is what the six totals printed in the paper are.
+        battery_j: integral of P_b, which is how the paper labels that row.
+        mean_battery_power_w: mean of P_b over time.
+        peak_battery_power_w: largest P_b of an interval.
+        lowest_battery_power_w: smallest P_b of an interval, negative when recuperating.
+        mean_cop: heat taken from the coolant per compressor energy over the whole run; None if the
+            compressor never ran.
+    """
+
+    cooling_j: float
+    traction_j: float
+    total_printed_j: float
+    battery_j: float
+    mean_battery_power_w: float
+    peak_battery_power_w: float
+    lowest_battery_power_w: float
+    mean_cop: float | None
+
+
+@dataclass(frozen=True)
+class DegradationMetrics:
+    """Capacity lost during a run, as fractions of nominal capacity.
+
+    Attributes:
+        cell_1: increment of Q_loss,1.
+        cell_n: increment of Q_loss,Nc.
+        inconsistency: increment of Q_loss,Nc - Q_loss,1. The paper prints the difference of the
+            losses; as both cells start alike there, that is the same.
+    """
+
+    cell_1: float
+    cell_n: float
+    inconsistency: float
+
+    @property
+    def total(self) -> float:
+        """Capacity lost by both cells together, the paper's J4."""
+        return self.cell_1 + self.cell_n
+
+
+@dataclass(frozen=True)
+class GapMetrics:
+    """Spacing of a run.
+
+    Attributes:
+        smallest_m: smallest gap.
+        mean_m: mean gap over time.
+        largest_m: largest gap.
+        smallest_margin_m: smallest distance to the safety limit, min(p_PV - p - s_min); the paper
+            prints it as 5.904 m for its proposed strategy.
+        smallest_margin_time_s: when that happened.
+    """
+
+    smallest_m: float
+    mean_m: float
+    largest_m: float
+    smallest_margin_m: float
+    smallest_margin_time_s: float
+
+
+@dataclass(frozen=True)
+class ValueRange:
+    """Smallest, time-averaged and largest value of a quantity, in its unit."""
+
+    minimum: float
+    mean: float
+    maximum: float
+
+
+@dataclass(frozen=True)
+class TemperatureMetrics:
+    """Temperatures of a run in kelvin.
+
+    Attributes:
+        cell_1_k: first cell of a coolant channel.
+        cell_n_k: last cell.
+        spread_k: last minus first cell, which drives the inconsistency of degradation.
+        coolant_outlet_k: coolant leaving the pack.
+    """
+
+    cell_1_k: ValueRange
+    cell_n_k: ValueRange
+    spread_k: ValueRange
+    coolant_outlet_k: ValueRange
+
+
+@dataclass(frozen=True)
+class RunMetrics:
+    """What a run achieved.
+
+    Attributes:
+        duration_s: from the first to the last row.
+        distance_m: distance driven by the host.
+        energy: energies and mean coefficient of performance.
+        degradation: capacity lost by the first and last cell, and its inconsistency.
+        gap: spacing.
+        temperature: temperatures.
+        constraints: one check per limit.
+        decisions: how the decisions came about; None where none were taken or recorded.
+    """
+
+    duration_s: float
+    distance_m: float
+    energy: EnergyMetrics
+    degradation: DegradationMetrics
+    gap: GapMetrics
+    temperature: TemperatureMetrics
+    constraints: tuple[ConstraintCheck, ...]
+    decisions: DecisionStatistics | None = None
+
+    @property
+    def hard_violations(self) -> int:
+        """Rows that break a hard limit, summed over the limits."""
+        return sum(check.violations for check in self.constraints if check.hard)
+
+    @property
+    def soft_violations(self) -> int:
+        """Rows that break a soft limit, summed over the limits."""
+        return sum(check.violations for check in self.constraints if not check.hard)
+
+    @property
+    def gap_violations(self) -> int:
+        """Rows with a gap below its lower limit, or with a collision."""
+        return sum(
+            check.violations
+            for check in self.constraints
+            if check.key in {"smallest_gap", "collision"}
+        )
+
+
+def compute_metrics(
+    trajectory: Trajectory,
+    parameters: ModelParameters,
+    decisions: DecisionSeries | None = None,
+) -> RunMetrics:
+    """Work out what a run achieved.
+
+    Args:
+        trajectory: the run, at least two rows.
+        parameters: limits and spacing policy to judge it by.
+        decisions: how the decisions came about, where that is known.
+
+    Raises:
+        StateError: the run has a single row.
+    """
+    if len(trajectory) < 2:
+        raise StateError(f"run of {len(trajectory)} row; allowed: at least 2 rows")
+    return RunMetrics(
+        duration_s=_duration_s(trajectory),
+        distance_m=float(trajectory.position_m[-1] - trajectory.position_m[0]),
+        energy=_energy(trajectory),
+        degradation=_degradation(trajectory),
+        gap=_gap(trajectory, parameters),
+        temperature=_temperature(trajectory),
+        constraints=check_constraints(trajectory, parameters),
+        decisions=None if decisions is None else DecisionStatistics.of(decisions),
+    )
+
+
+def _energy(run: Trajectory) -> EnergyMetrics:
+    compressor = _integral(run, run.compressor_power_w)
+    auxiliary = _integral(run, run.auxiliary_power_w)
+    traction = _integral(run, run.traction_power_w)
+    battery = _integral(run, run.battery_power_w)
+    heat = _integral(run, run.chiller_heat_w)
+    return EnergyMetrics(
+        cooling_j=compressor + auxiliary,
+        traction_j=traction,
+        total_printed_j=traction + compressor + auxiliary,
+        battery_j=battery,
+        mean_battery_power_w=battery / _duration_s(run),
+        peak_battery_power_w=float(run.battery_power_w[1:].max()),
+        lowest_battery_power_w=float(run.battery_power_w[1:].min()),
+        mean_cop=heat / compressor if compressor > 0.0 else None,
+    )
+
+
+def _degradation(run: Trajectory) -> DegradationMetrics:
+    cell_1 = float(run.cell_1_capacity_loss[-1] - run.cell_1_capacity_loss[0])
+    cell_n = float(run.cell_n_capacity_loss[-1] - run.cell_n_capacity_loss[0])
+    return DegradationMetrics(cell_1=cell_1, cell_n=cell_n, inconsistency=cell_n - cell_1)
+
+
+def _gap(run: Trajectory, parameters: ModelParameters) -> GapMetrics:
+    gaps = _range(run, run.gap_m)
+    margins = gap_margins_m(run, parameters)
+    tightest = int(np.argmin(margins))
+    return GapMetrics(
+        smallest_m=gaps.minimum,
+        mean_m=gaps.mean,
+        largest_m=gaps.maximum,
+        smallest_margin_m=float(margins[tightest]),
+        smallest_margin_time_s=float(run.time_s[tightest]),
+    )
+
+
+def _temperature(run: Trajectory) -> TemperatureMetrics:
+    cell_1, cell_n = run.cell_1_temperature_k, run.cell_n_temperature_k
+    return TemperatureMetrics(
+        cell_1_k=_range(run, cell_1),
+        cell_n_k=_range(run, cell_n),
+        spread_k=_range(run, cell_n - cell_1),
+        coolant_outlet_k=_range(run, run.coolant_outlet_temperature_k),
+    )
+
+
+def _duration_s(run: Trajectory) -> float:
+    return float(run.time_s[-1] - run.time_s[0])
+
+
+def _integral(run: Trajectory, means: FloatArray) -> float:
+    """Integrate means over the interval that ended at each row; row 0 ends none and does not count."""
+    return float(np.dot(means[1:], run.intervals_s))
+
+
+def _range(run: Trajectory, states: FloatArray) -> ValueRange:
+    """Summarise a quantity recorded at the instants, taken as linear between them for its mean."""
+    integral = np.dot(0.5 * (states[1:] + states[:-1]), run.intervals_s)
+    return ValueRange(
+        minimum=float(np.min(states)),
+        mean=float(integral / _duration_s(run)),
+        maximum=float(np.max(states)),
+    )
