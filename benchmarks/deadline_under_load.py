@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import closed_loop, quantiles, run_benchmark, statuses
-from benchmarks.ros_speed import drive
+from benchmarks.ros_speed import drive, solves
 from iptm_controller.controller import Decision, Measurements
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_studies.closed_loop import run_closed_loop
@@ -105,7 +105,7 @@ def over_ros(duration_s: float, rate_factor: float, load: int) -> dict[str, Any]
     options = ["--duration-s", str(duration_s), "--rate-factor", str(rate_factor)]
     with busy_processes(load):
         results = drive("real_time", options)
-    solver = results["solver"]
+    decisions, answered = results["metrics"]["decisions"], solves(results)
     return {
         "trip_s": results["metrics"]["duration_s"],
         "rate_factor": rate_factor,
@@ -113,10 +113,10 @@ def over_ros(duration_s: float, rate_factor: float, load: int) -> dict[str, Any]
         "good": results["good"],
         "problems": results["problems"],
         "warnings": results["warnings"],
-        "decisions": solver["decisions"],
-        "solve_ms": solver["solve_time_ms"],
-        "statuses": solver["by_status"],
-        "rungs": solver["by_rung"],
+        "decisions": decisions["decisions"],
+        "solve_ms": answered["solve_time_ms"],
+        "statuses": answered["statuses"],
+        "rungs": {name: count for name, count in decisions["by_rung"].items() if count},
     }
 
 
