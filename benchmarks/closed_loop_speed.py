@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import sys
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report_files import quantiles, run_benchmark
-from iptm_controller.controller import Controller, ControllerOptions
-from iptm_controller.horizon import Horizon
+from benchmarks.harness import closed_loop, quantiles, run_benchmark, statuses, timed
+from iptm_controller.controller import Controller
 from iptm_controller.solvers.cooling_probe import CoolingProbe
 from iptm_controller.solvers.interface import SolverOptions
-from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import SolveStatus
-from iptm_core.parameters import load_parameters
-from iptm_core.routes import build_route
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_v2x_bridge.bridge import V2xBridge
@@ -39,13 +34,13 @@ def processor_clocks() -> Iterator[dict[str, list[float]]]:
     originals = {name: getattr(owner, method) for name, (owner, method) in PARTS.items()}
 
     def clocked(call: Callable[..., Any], log: list[float]) -> Callable[..., Any]:
-        def timed(*arguments: Any, **named: Any) -> Any:
+        def with_clock(*arguments: Any, **named: Any) -> Any:
             began = time.process_time()
             answer = call(*arguments, **named)
             log.append(time.process_time() - began)
             return answer
 
-        return timed
+        return with_clock
 
     try:
         for name, (owner, method) in PARTS.items():
@@ -57,58 +52,56 @@ def processor_clocks() -> Iterator[dict[str, list[float]]]:
 
 
 def measure(
-    cycle: str, horizon: str, strategy: str, solver: str, duration_s: float | None
+    cycle: str = "comprehensive",
+    horizon: str = "3x1+5x5",
+    strategy: str = "aging",
+    solver: str = "riccati",
+    duration_s: float | None = None,
 ) -> dict[str, Any]:
     """Drive a trip and time it.
+
+    Args:
+        cycle: driving cycle.
+        horizon: grid.
+        strategy: strategy.
+        solver: back end.
+        duration_s: cut the trip, s.
 
     Raises:
         IptmError: a name is unknown or the set-up fails.
     """
-    parameters = load_parameters().values
-    route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
-    options = ControllerOptions(
-        strategy=strategy_by_name(strategy),
-        horizon=Horizon.parse(horizon),
-        solver=SolverOptions(name=solver),
-    )
-    controller = Controller(parameters, options)
-    plant = Plant(parameters, route.slope.slope_at)
+    trip = closed_loop(cycle, horizon, strategy, SolverOptions(name=solver), duration_s)
     with processor_clocks() as times:
-        wall, processor = time.perf_counter(), time.process_time()
-        run = run_closed_loop(route, plant, controller)
-        wall_s, processor_s = time.perf_counter() - wall, time.process_time() - processor
+        run, elapsed = timed(lambda: run_closed_loop(*trip))
     parts = {name: float(np.sum(values)) for name, values in times.items()}
+    seconds = {
+        "solver": parts["solve"],
+        "problem data, plan, limiter": parts["decide"] - parts["solve"],
+        "plant": parts["plant"],
+        "bridge": parts["bridge"],
+        "rest": elapsed.processor_s - parts["decide"] - parts["plant"] - parts["bridge"],
+    }
     log = run.decisions
-    names = {int(status): status.name.lower() for status in SolveStatus}
-    statuses = Counter(names.get(int(code), "none") for code in log.status)
-    solves = 1e3 * np.array(times["solve"])
     return {
         "cycle": cycle,
         "horizon": horizon,
         "strategy": strategy,
         "solver": solver,
-        "ticks": int(log.status.size),
-        "wall_s": wall_s,
-        "processor_s": processor_s,
-        "processor_share": {
-            "solver": parts["solve"] / processor_s,
-            "problem data, plan, limiter": (parts["decide"] - parts["solve"]) / processor_s,
-            "plant": parts["plant"] / processor_s,
-            "bridge": parts["bridge"] / processor_s,
-            "rest": (processor_s - parts["decide"] - parts["plant"] - parts["bridge"])
-            / processor_s,
-        },
+        "ticks": len(log),
+        "wall_s": elapsed.wall_s,
+        "processor_s": elapsed.processor_s,
+        "processor_share": {name: part / elapsed.processor_s for name, part in seconds.items()},
         "decision_ms": quantiles(1e3 * np.array(times["decide"])),
         "solve_total_s": parts["solve"],
-        "solve_ms": quantiles(solves),
+        "solve_ms": quantiles(1e3 * np.array(times["solve"])),
         "solve_wall_ms": quantiles(1e3 * log.solve_time_s[np.isfinite(log.solve_time_s)]),
         "iterations": quantiles(log.iterations.astype(float)),
-        "statuses": dict(statuses),
+        "statuses": statuses(log),
         "fallback_ticks": int(np.count_nonzero(log.rung)),
         "unconverged": [
             {
                 "tick": int(tick),
-                "status": names.get(int(log.status[tick]), "none"),
+                "status": SolveStatus(int(log.status[tick])).name.lower(),
                 "iterations": int(log.iterations[tick]),
             }
             for tick in np.flatnonzero(log.status != int(SolveStatus.SOLVED))[:20]
@@ -116,19 +109,5 @@ def measure(
     }
 
 
-OPTIONS = {
-    "cycle": ("comprehensive", "driving cycle"),
-    "horizon": ("3x1+5x5", "grid"),
-    "strategy": ("aging", "strategy"),
-    "solver": ("riccati", "back end"),
-    "duration_s": (None, "cut the trip, s"),
-}
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure; returns the exit code."""
-    return run_benchmark("closed_loop_speed", __doc__, measure, OPTIONS, arguments)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(measure))

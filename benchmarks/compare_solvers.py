@@ -9,118 +9,88 @@ solution is, is judged by the controller's own derivatives, not by the solver's 
 
 from __future__ import annotations
 
-import argparse
-import json
+import math
 import sys
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from benchmarks.contenders import CONTENDER_NAMES, PEER, Contender, TimedSolve, build_contender
-from benchmarks.kkt import KktChecker, KktResidual
-from benchmarks.problem_sets import Block, ProblemSet, spread_blocks
+from benchmarks.harness import markdown_table, quantiles, run_benchmark
+from benchmarks.kkt import KktChecker
+from benchmarks.record_problems import ProblemSet, spread_blocks
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_core.errors import IptmError, SolverSetupError
+from iptm_core.errors import SolverSetupError
 from iptm_core.parameters import load_parameters
+from iptm_core.state import FloatArray
 
 SAME_OPTIMUM = 1e-3
-
-
-@dataclass(frozen=True)
-class Replay:
-    """How a set is replayed.
-
-    Attributes:
-        contenders: names.
-        blocks: stretches of consecutive problems.
-        block_length: problems per stretch.
-        kkt_every: judge every n-th problem, 0 for none.
-    """
-
-    contenders: tuple[str, ...] = CONTENDER_NAMES
-    blocks: int = 10
-    block_length: int = 20
-    kkt_every: int = 5
-
-
-@dataclass(frozen=True)
-class ContenderSummary:
-    """One row of the table; times in ms, of the processor unless said otherwise."""
-
-    name: str
-    problems: int
-    median_ms: float
-    p99_ms: float
-    max_ms: float
-    wall_median_ms: float
-    wall_p99_ms: float
-    iterations_median: float
-    iterations_p99: float
-    iterations_max: float
-    unconverged: int
-    unusable: int
-    other_optimum: int
-    kkt_median: float
-    kkt_max: float
-    peer_by_median: float | None
-    peer_by_p99: float | None
 
 
 @dataclass
 class _Series:
     outcomes: list[TimedSolve] = field(default_factory=list)
-    residuals: list[KktResidual] = field(default_factory=list)
+    residuals: list[float] = field(default_factory=list)
 
 
-def compare(problems: ProblemSet, replay: Replay) -> list[ContenderSummary]:
+def compare(
+    problems: ProblemSet,
+    contenders: Sequence[str] = CONTENDER_NAMES,
+    blocks: int = 10,
+    block_length: int = 20,
+    kkt_every: int = 5,
+) -> list[dict[str, Any]]:
     """Replay a set.
 
     Args:
         problems: recorded problems.
-        replay: contenders and extent.
+        contenders: names.
+        blocks: stretches of consecutive problems.
+        block_length: problems per stretch.
+        kkt_every: judge every n-th problem, 0 for none.
 
     Returns:
-        One summary per contender, in the order asked for.
+        One row of the table per contender, in the order asked for; times in ms, of the processor unless
+        said otherwise.
 
     Raises:
         IptmError: a contender is unknown or cannot be set up.
     """
     horizon, parameters = Horizon.parse(problems.horizon), load_parameters().values
-    contenders = [build_contender(name, horizon, parameters) for name in replay.contenders]
+    built = [build_contender(name, horizon, parameters) for name in contenders]
     checker = KktChecker(OptimalControlProblem(horizon, parameters))
-    series = {contender.name: _Series() for contender in contenders}
-    blocks = spread_blocks(len(problems), replay.blocks, replay.block_length)
-    for block in blocks:
-        turn = {contender.name: _take_turn(contender, problems, block) for contender in contenders}
-        for name, outcomes in turn.items():
-            series[name].outcomes.extend(outcomes)
-            if replay.kkt_every:
-                for index in range(0, len(outcomes), replay.kkt_every):
-                    data, _ = problems.problem(block.start + index)
-                    if outcomes[index].converged:
-                        residual = _judge(checker, data, outcomes[index])
-                        series[name].residuals.append(residual)
+    series = {contender.name: _Series() for contender in built}
+    for block in spread_blocks(len(problems), blocks, block_length):
+        for contender in built:
+            outcomes = _take_turn(contender, problems, block)
+            own = series[contender.name]
+            own.outcomes.extend(outcomes)
+            for index in range(0, len(outcomes), kkt_every) if kkt_every else ():
+                if outcomes[index].converged:
+                    data, _ = problems.problem(block[index])
+                    own.residuals.append(_worst_residual(checker, data, outcomes[index]))
     return _summaries(series)
 
 
-def _take_turn(contender: Contender, problems: ProblemSet, block: Block) -> list[TimedSolve]:
-    contender.solve(*problems.problem(block.start))  # fills the caches
+def _take_turn(contender: Contender, problems: ProblemSet, block: range) -> list[TimedSolve]:
+    contender.solve(*problems.problem(block[0]))  # fills the caches
     contender.forget()
-    return [contender.solve(*problems.problem(index)) for index in range(block.start, block.stop)]
+    return [contender.solve(*problems.problem(index)) for index in block]
 
 
-def _judge(checker: KktChecker, data: ProblemData, outcome: TimedSolve) -> KktResidual:
+def _worst_residual(checker: KktChecker, data: ProblemData, outcome: TimedSolve) -> float:
     try:
-        return checker.residual(data, outcome.result.variables)
+        return checker.residual(data, outcome.result.variables).worst
     except SolverSetupError:
-        return KktResidual(np.inf, np.inf, np.inf, 1.0)
+        return math.inf
 
 
-def _summaries(series: dict[str, _Series]) -> list[ContenderSummary]:
+def _summaries(series: dict[str, _Series]) -> list[dict[str, Any]]:
     usable_costs = [
         [
             outcome.result.objective if outcome.result.status.usable else np.inf
@@ -129,7 +99,7 @@ def _summaries(series: dict[str, _Series]) -> list[ContenderSummary]:
         for own in series.values()
     ]
     best = np.min(usable_costs, axis=0)
-    peer = _milliseconds(series[PEER].outcomes) if PEER in series else None
+    peer = quantiles(_milliseconds(series[PEER].outcomes)) if PEER in series else {}
     summaries = []
     for name, own in series.items():
         outcomes = own.outcomes
@@ -137,92 +107,93 @@ def _summaries(series: dict[str, _Series]) -> list[ContenderSummary]:
         wall = 1e3 * np.array([outcome.elapsed.wall_s for outcome in outcomes])
         iterations = np.array([outcome.result.iterations for outcome in outcomes], dtype=float)
         objectives = np.array([outcome.result.objective for outcome in outcomes])
-        residuals = np.array([residual.worst for residual in own.residuals] or [np.nan])
+        residuals = np.array(own.residuals or [np.nan])
         excess = (objectives - best) / np.maximum(1.0, np.abs(best))
+        ratios: dict[str, float | None] = {"median": None, "p99": None}
+        if peer:
+            ratios = {key: peer[key] / quantiles(times)[key] for key in ratios}
         summaries.append(
-            ContenderSummary(
-                name=name,
-                problems=len(outcomes),
-                median_ms=float(np.median(times)),
-                p99_ms=float(np.quantile(times, 0.99)),
-                max_ms=float(times.max()),
-                wall_median_ms=float(np.median(wall)),
-                wall_p99_ms=float(np.quantile(wall, 0.99)),
-                iterations_median=float(np.median(iterations)),
-                iterations_p99=float(np.quantile(iterations, 0.99)),
-                iterations_max=float(iterations.max()),
-                unconverged=sum(not outcome.converged for outcome in outcomes),
-                unusable=sum(not outcome.result.status.usable for outcome in outcomes),
-                other_optimum=int(np.count_nonzero(~(excess <= SAME_OPTIMUM))),
-                kkt_median=float(np.median(residuals)),
-                kkt_max=float(np.max(residuals)),
-                peer_by_median=None if peer is None else float(np.median(peer) / np.median(times)),
-                peer_by_p99=None
-                if peer is None
-                else float(np.quantile(peer, 0.99) / np.quantile(times, 0.99)),
-            )
+            {
+                "name": name,
+                "problems": len(outcomes),
+                **{f"{key}_ms": value for key, value in quantiles(times).items()},
+                **{f"wall_{key}_ms": value for key, value in quantiles(wall).items()},
+                **{f"iterations_{key}": value for key, value in quantiles(iterations).items()},
+                "unconverged": sum(not outcome.converged for outcome in outcomes),
+                "unusable": sum(not outcome.result.status.usable for outcome in outcomes),
+                "other_optimum": int(np.count_nonzero(~(excess <= SAME_OPTIMUM))),
+                "kkt_median": float(np.median(residuals)),
+                "kkt_max": float(np.max(residuals)),
+                **{f"peer_by_{key}": ratio for key, ratio in ratios.items()},
+            }
         )
     return summaries
 
 
-def _milliseconds(outcomes: list[TimedSolve]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _milliseconds(outcomes: list[TimedSolve]) -> FloatArray:
     return 1e3 * np.array([outcome.elapsed.processor_s for outcome in outcomes])
 
 
-def table(summaries: Sequence[ContenderSummary]) -> str:
+def comparison_table(summaries: Sequence[Mapping[str, Any]]) -> str:
     """Return the Markdown table of a replay."""
-    header = (
-        "| solver | median ms | p99 ms | max ms | wall median / p99 ms | iterations median / p99 / max "
-        "| not converged | unusable | other optimum | KKT residual median / worst "
-        "| peer / solver, median | at p99 |"
+    ratio = "{:.1f}".format
+    rows = [
+        {**row, "by_median": ratio(row["peer_by_median"]), "by_p99": ratio(row["peer_by_p99"])}
+        if row["peer_by_median"]
+        else {**row, "by_median": "", "by_p99": ""}
+        for row in summaries
+    ]
+    return markdown_table(
+        rows,
+        {
+            "solver": "`{name}`",
+            "median ms:": "{median_ms:.2f}",
+            "p99 ms:": "{p99_ms:.2f}",
+            "max ms:": "{max_ms:.2f}",
+            "wall median / p99 ms:": "{wall_median_ms:.2f} / {wall_p99_ms:.2f}",
+            "iterations median / p99 / max:": "{iterations_median:.0f} / {iterations_p99:.0f} "
+            "/ {iterations_max:.0f}",
+            "not converged:": "{unconverged} of {problems}",
+            "unusable:": "{unusable}",
+            "other optimum:": "{other_optimum}",
+            "KKT residual median / worst:": "{kkt_median:.0e} / {kkt_max:.0e}",
+            "peer / solver, median:": "{by_median}",
+            "at p99:": "{by_p99}",
+        },
     )
-    lines = [header, "|---|" + "---:|" * 11]
-    for s in summaries:
-        by_median = "" if s.peer_by_median is None else f"{s.peer_by_median:.1f}"
-        by_p99 = "" if s.peer_by_p99 is None else f"{s.peer_by_p99:.1f}"
-        lines.append(
-            f"| `{s.name}` | {s.median_ms:.2f} | {s.p99_ms:.2f} | {s.max_ms:.2f} "
-            f"| {s.wall_median_ms:.2f} / {s.wall_p99_ms:.2f} "
-            f"| {s.iterations_median:.0f} / {s.iterations_p99:.0f} / {s.iterations_max:.0f} "
-            f"| {s.unconverged} of {s.problems} | {s.unusable} | {s.other_optimum} "
-            f"| {s.kkt_median:.0e} / {s.kkt_max:.0e} | {by_median} | {by_p99} |"
-        )
-    return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare on recorded sets; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="compare_solvers", description=__doc__)
-    usual = Replay()
-    parser.add_argument("problems", type=Path, nargs="+", help="recorded problems (.npz)")
-    parser.add_argument(
-        "--solver", action="append", choices=CONTENDER_NAMES, help="contender; default: all"
-    )
-    parser.add_argument("--blocks", type=int, default=usual.blocks, help="(%(default)s)")
-    parser.add_argument(
-        "--block-length", type=int, default=usual.block_length, help="(%(default)s)"
-    )
-    parser.add_argument("--kkt-every", type=int, default=usual.kkt_every, help="(%(default)s)")
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    given = parser.parse_args(arguments)
-    names = tuple(given.solver) if given.solver else CONTENDER_NAMES
-    replay = Replay(names, given.blocks, given.block_length, given.kkt_every)
+def measure(
+    problems: tuple[Path, ...],
+    solver: tuple[str, ...] = CONTENDER_NAMES,
+    blocks: int = 10,
+    block_length: int = 20,
+    kkt_every: int = 5,
+) -> dict[str, list[dict[str, Any]]]:
+    """Compare on recorded sets.
+
+    Args:
+        problems: recorded problems (.npz).
+        solver: contender, repeatable.
+        blocks: stretches of consecutive problems.
+        block_length: problems per stretch.
+        kkt_every: judge every n-th problem, 0 for none.
+
+    Raises:
+        IptmError: a file cannot be read, a contender is unknown or cannot be set up.
+    """
     results = {}
-    try:
-        for path in given.problems:
-            problems = ProblemSet.load(path)
-            summaries = compare(problems, replay)
-            title = f"{problems.cycle}, {problems.strategy}, {problems.horizon}"
-            print(f"\n{title}\n\n{table(summaries)}")
-            results[title] = [asdict(summary) for summary in summaries]
-    except IptmError as error:
-        print(f"compare_solvers: {error}", file=sys.stderr)
-        return 2
-    if given.json is not None:
-        given.json.parent.mkdir(parents=True, exist_ok=True)
-        given.json.write_text(json.dumps(results, indent=1), encoding="utf-8")
-    return 0
+    for path in problems:
+        recorded = ProblemSet.load(path)
+        title = f"{recorded.cycle}, {recorded.strategy}, {recorded.horizon}"
+        results[title] = compare(recorded, solver, blocks, block_length, kkt_every)
+    return results
+
+
+def tables(results: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+    """Return the tables of all sets, each below its title."""
+    return "\n".join(f"\n{title}\n\n{comparison_table(rows)}" for title, rows in results.items())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(measure, text_of=tables))

@@ -10,21 +10,16 @@ from __future__ import annotations
 import multiprocessing
 import sys
 import time
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report_files import quantiles, run_benchmark
-from benchmarks.ros_speed import drive
-from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
+from benchmarks.harness import closed_loop, quantiles, run_benchmark, statuses
+from benchmarks.ros_speed import drive, solves
+from iptm_controller.controller import Decision, Measurements
 from iptm_controller.solvers.interface import SolverOptions
-from iptm_core.decision_record import SolveStatus
-from iptm_core.parameters import load_parameters
-from iptm_core.routes import build_route
-from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 
 CYCLE = "comprehensive"
@@ -81,17 +76,12 @@ def paced(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str
     Raises:
         IptmError: the set-up fails.
     """
-    parameters = load_parameters().values
-    route = build_route(CYCLE, initial_gap_m=parameters.gap.initial_gap_m, duration_s=float(ticks))
-    solver = SolverOptions(deadline_s=deadline_s)
-    controller = Controller(parameters, ControllerOptions(solver=solver))
-    plant = Plant(parameters, route.slope.slope_at)
+    trip = closed_loop(CYCLE, solver=SolverOptions(deadline_s=deadline_s), duration_s=float(ticks))
     with busy_processes(load):
         schedule = _Schedule(period_s)
-        run = run_closed_loop(route, plant, controller, on_tick=schedule.after_decision)
+        run = run_closed_loop(*trip, on_tick=schedule.after_decision)
     answers = 1e3 * np.array(schedule.answers_s)
     solves = 1e3 * run.decisions.solve_time_s
-    names = {int(status): status.name.lower() for status in SolveStatus}
     return {
         "ticks": ticks,
         "period_ms": 1e3 * period_s,
@@ -100,7 +90,7 @@ def paced(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str
         "overruns": int(np.count_nonzero(answers > 1e3 * period_s)),
         "answer_ms": quantiles(answers),
         "solve_ms": quantiles(solves),
-        "statuses": dict(Counter(names.get(int(code), "none") for code in run.decisions.status)),
+        "statuses": statuses(run.decisions),
         "fallback_ticks": int(np.count_nonzero(run.decisions.rung)),
         "smallest_gap_m": float(run.trajectory.gap_m.min()),
     }
@@ -115,7 +105,7 @@ def over_ros(duration_s: float, rate_factor: float, load: int) -> dict[str, Any]
     options = ["--duration-s", str(duration_s), "--rate-factor", str(rate_factor)]
     with busy_processes(load):
         results = drive("real_time", options)
-    solver = results["solver"]
+    decisions, answered = results["metrics"]["decisions"], solves(results)
     return {
         "trip_s": results["metrics"]["duration_s"],
         "rate_factor": rate_factor,
@@ -123,15 +113,23 @@ def over_ros(duration_s: float, rate_factor: float, load: int) -> dict[str, Any]
         "good": results["good"],
         "problems": results["problems"],
         "warnings": results["warnings"],
-        "decisions": solver["decisions"],
-        "solve_ms": solver["solve_time_ms"],
-        "statuses": solver["by_status"],
-        "rungs": solver["by_rung"],
+        "decisions": decisions["decisions"],
+        "solve_ms": answered["solve_time_ms"],
+        "statuses": answered["statuses"],
+        "rungs": {name: count for name, count in decisions["by_rung"].items() if count},
     }
 
 
-def measure(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[str, Any]:
+def measure(
+    ticks: int = 600, period_s: float = 0.1, deadline_s: float = 0.05, load: int = 2
+) -> dict[str, Any]:
     """Measure both ways, without and with load.
+
+    Args:
+        ticks: ticks headless.
+        period_s: schedule, s.
+        deadline_s: bound on a solve, s.
+        load: busy processes.
 
     Raises:
         IptmError: a run fails.
@@ -142,18 +140,5 @@ def measure(ticks: int, period_s: float, deadline_s: float, load: int) -> dict[s
     }
 
 
-OPTIONS = {
-    "ticks": (600, "ticks headless"),
-    "period_s": (0.1, "schedule, s"),
-    "deadline_s": (0.05, "bound on a solve, s"),
-    "load": (2, "busy processes"),
-}
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure; returns the exit code."""
-    return run_benchmark("deadline_under_load", __doc__, measure, OPTIONS, arguments)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(measure))

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.contenders import build_contender
+from benchmarks.harness import run_benchmark
 from benchmarks.record_problems import record_problems
-from benchmarks.report_files import run_benchmark
 from iptm_controller.horizon import Horizon
 from iptm_core.parameters import load_parameters
 
@@ -24,12 +24,14 @@ FIRST_TICK = 200
 SOLVERS = ("riccati", "fatrop", "ipopt")
 
 
-def measure(grids: Sequence[str], solvers: Sequence[str], count: int) -> dict[str, Any]:
+def measure(
+    grids: tuple[str, ...] = GRIDS, solvers: tuple[str, ...] = SOLVERS, count: int = 15
+) -> dict[str, Any]:
     """Record and replay every grid.
 
     Args:
-        grids: grids of 1 s steps.
-        solvers: contenders.
+        grids: grids of 1 s steps, repeatable.
+        solvers: contenders, repeatable.
         count: problems per grid.
 
     Returns:
@@ -92,17 +94,5 @@ def _fit(rows: Sequence[dict[str, Any]], solver: str) -> dict[str, float]:
     }
 
 
-OPTIONS = {
-    "grids": (GRIDS, "grids, repeatable"),
-    "solvers": (SOLVERS, "contenders, repeatable"),
-    "count": (15, "problems per grid"),
-}
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure; returns the exit code."""
-    return run_benchmark("node_scaling", __doc__, measure, OPTIONS, arguments)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(measure))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.compare_solvers import ContenderSummary, table
+from benchmarks.compare_solvers import comparison_table
+from benchmarks.harness import markdown_table
 from benchmarks.plots import plot_comparison, plot_scaling
-from benchmarks.report_files import read_numbers
 from benchmarks.targets import Target, targets
 
 NOTICE = "<!-- Made by scripts/benchmark; do not edit. -->"
@@ -36,62 +37,56 @@ def write_page(numbers: Path, page: Path) -> list[Target]:
     Returns:
         The targets with what was measured.
     """
-    found = {path.stem: read_numbers(path) for path in sorted(numbers.glob("*.json"))}
+    files = sorted(numbers.glob("*.json"))
+    found = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in files}
     pictures = page.with_suffix("")
     pictures.mkdir(parents=True, exist_ok=True)
     reached = targets(found)
-    parts = ["# Solver benchmarks", NOTICE, _targets(reached), INTRODUCTION]
-    parts += _machine(found.get("machine"))
-    parts += _comparisons(found.get("comparisons"), pictures)
-    parts += _scaling(found.get("scaling"), pictures)
-    parts += _loops(found.get("loops"))
-    parts += _equivalence(found.get("equivalence"))
-    parts += _ros(found.get("ros"))
-    parts += _start_up(found.get("start_up"))
-    parts += _deadline(found.get("deadline"))
+    judged = {"target": "{text}", "measured": "{measured}", "met": "{verdict}"}
+    rows = [{**vars(target), "verdict": target.verdict} for target in reached]
+    parts = ["# Solver benchmarks", NOTICE, markdown_table(rows, judged), INTRODUCTION]
+    sections: dict[str, Callable[[Any], list[str]]] = {
+        "machine": _machine,
+        "comparisons": lambda numbers: _comparisons(numbers, pictures),
+        "scaling": lambda numbers: _scaling(numbers, pictures),
+        "loops": _loops,
+        "equivalence": _equivalence,
+        "ros": _ros,
+        "start_up": _start_up,
+        "deadline": _deadline,
+    }
+    for name, section in sections.items():
+        if found.get(name):
+            parts += section(found[name])
     page.write_text("\n\n".join(part.strip() for part in parts) + "\n", encoding="utf-8")
     return reached
 
 
-def _targets(reached: Sequence[Target]) -> str:
-    lines = ["| target | measured | met |", "|---|---|---|"]
-    lines += [f"| {t.text} | {t.measured} | {t.verdict} |" for t in reached]
-    return "\n".join(lines)
-
-
-def _machine(description: dict[str, str] | None) -> list[str]:
-    if description is None:
-        return []
+def _machine(description: dict[str, str]) -> list[str]:
     lines = ["| | |", "|---|---|", *(f"| {key} | {value} |" for key, value in description.items())]
     return ["## Machine", "\n".join(lines)]
 
 
-def _comparisons(comparisons: dict[str, Any] | None, pictures: Path) -> list[str]:
-    if not comparisons:
-        return []
+def _comparisons(comparisons: dict[str, Any], pictures: Path) -> list[str]:
     parts = ["## Solvers by grid"]
     for title, rows in comparisons.items():
-        parts += [f"### {title}", table([ContenderSummary(**row) for row in rows])]
+        parts += [f"### {title}", comparison_table(rows)]
     plot_comparison(comparisons, pictures / "solvers.png")
-    parts.append(f"![times of all contenders]({pictures.name}/solvers.png)")
-    return parts
+    return [*parts, f"![times of all contenders]({pictures.name}/solvers.png)"]
 
 
-def _scaling(scaling: dict[str, Any] | None, pictures: Path) -> list[str]:
-    if not scaling:
-        return []
-    lines = [
-        "| solver | nodes | median ms | max ms | iterations | ms per iteration | not converged |",
-        "|---|---:|---:|---:|---:|---:|---:|",
-    ]
-    lines += [
-        f"| `{row['solver']}` | {row['nodes']} | {row['median_ms']:.2f} | {row['max_ms']:.2f} "
-        f"| {row['iterations']:.0f} | {row['ms_per_iteration']:.3f} "
-        f"| {row['unconverged']} of {row['problems']} |"
-        for row in scaling["rows"]
-    ]
+def _scaling(scaling: dict[str, Any], pictures: Path) -> list[str]:
+    columns = {
+        "solver": "`{solver}`",
+        "nodes:": "{nodes}",
+        "median ms:": "{median_ms:.2f}",
+        "max ms:": "{max_ms:.2f}",
+        "iterations:": "{iterations:.0f}",
+        "ms per iteration:": "{ms_per_iteration:.3f}",
+        "not converged:": "{unconverged} of {problems}",
+    }
     said = [
-        f"`{name}`: {fit['offset_ms']:.3f} ms + {fit['per_node_us']:.2f} µs per node and iteration "
+        f"- `{name}`: {fit['offset_ms']:.3f} ms + {fit['per_node_us']:.2f} µs per node and iteration "
         f"(largest relative residual {100 * fit['largest_relative_residual']:.0f} %); "
         f"from 60 nodes on the time per iteration grows as nodes^{fit['exponent']:.2f}."
         for name, fit in scaling["fits"].items()
@@ -100,36 +95,36 @@ def _scaling(scaling: dict[str, Any] | None, pictures: Path) -> list[str]:
     plot_scaling(scaling, pictures / "nodes.png")
     return [
         "## Cost over the number of nodes",
-        "\n".join(lines),
-        "\n".join(f"- {line}" for line in said),
+        markdown_table(scaling["rows"], columns),
+        "\n".join(said),
         f"![cost over nodes]({pictures.name}/nodes.png)",
     ]
 
 
-def _loops(loops: Sequence[dict[str, Any]] | None) -> list[str]:
-    if not loops:
-        return []
-    lines = [
-        (
-            "| trip | strategy, grid | ticks | wall s | processor s "
-            "| share of solver / data / plant / bridge / rest "
-            "| solve median / p99 / max ms | on the wall ms | iterations median / p99 / max "
-            "| not converged | fallback ticks |"
-        ),
-        "|---|---|" + "---:|" * 9,
+def _loops(loops: Sequence[dict[str, Any]]) -> list[str]:
+    rows = [
+        {
+            **run,
+            "share": " / ".join(
+                f"{100 * value:.0f} %" for value in run["processor_share"].values()
+            ),
+            "bad": run["ticks"] - run["statuses"].get("solved", 0),
+        }
+        for run in loops
     ]
-    for run in loops:
-        share = " / ".join(f"{100 * value:.0f} %" for value in run["processor_share"].values())
-        solve, wall, iterations = run["solve_ms"], run["solve_wall_ms"], run["iterations"]
-        bad = run["ticks"] - run["statuses"].get("solved", 0)
-        lines.append(
-            f"| {run['cycle']} | {run['strategy']}, {run['horizon']} | {run['ticks']} | {run['wall_s']:.1f} "
-            f"| {run['processor_s']:.1f} | {share} "
-            f"| {solve['median']:.2f} / {solve['p99']:.2f} / {solve['max']:.2f} "
-            f"| {wall['median']:.2f} / {wall['p99']:.2f} / {wall['max']:.2f} "
-            f"| {iterations['median']:.0f} / {iterations['p99']:.0f} / {iterations['max']:.0f} "
-            f"| {bad} | {run['fallback_ticks']} |"
-        )
+    columns = {
+        "trip": "{cycle}",
+        "strategy, grid": "{strategy}, {horizon}",
+        "ticks:": "{ticks}",
+        "wall s:": "{wall_s:.1f}",
+        "processor s:": "{processor_s:.1f}",
+        "share of solver / data / plant / bridge / rest:": "{share}",
+        "solve median / p99 / max ms:": _spread("solve_ms", ".2f"),
+        "on the wall ms:": _spread("solve_wall_ms", ".2f"),
+        "iterations median / p99 / max:": _spread("iterations", ".0f"),
+        "not converged:": "{bad}",
+        "fallback ticks:": "{fallback_ticks}",
+    }
     explained = [
         f"- {run['cycle']}, {run['horizon']}, tick {bad['tick']}: {bad['status']} "
         f"after {bad['iterations']} iterations"
@@ -137,105 +132,110 @@ def _loops(loops: Sequence[dict[str, Any]] | None) -> list[str]:
         for bad in run["unconverged"]
     ]
     note = "Solves include the second start that tries the compressor."
-    return ["## Headless closed loop", "\n".join(lines), note, "\n".join(explained)]
+    return [
+        "## Headless closed loop",
+        markdown_table(rows, columns),
+        note,
+        *(["\n".join(explained)] if explained else []),
+    ]
 
 
-def _equivalence(runs: Sequence[dict[str, Any]] | None) -> list[str]:
-    if not runs:
-        return []
+def _equivalence(runs: Sequence[dict[str, Any]]) -> list[str]:
+    columns = {
+        "": "{label}, {unit}",
+        "default:": "{default:.6g}",
+        "reference:": "{reference:.6g}",
+        "change:": "{change}",
+    }
     parts = ["## Same trip with the reference solver (IPOPT, 1e-8)"]
     for run in runs:
-        lines = ["| | default | reference | change |", "|---|---:|---:|---:|"]
-        for row in run["rows"]:
-            change = row["relative_change"]
-            said = "" if change is None else f"{100 * change:+.4f} %"
-            lines.append(
-                f"| {row['label']}, {row['unit']} | {row['default']:.6g} | {row['reference']:.6g} "
-                f"| {said} |"
-            )
+        rows = [
+            {**row, "change": "" if change is None else f"{100 * change:+.4f} %"}
+            for row in run["rows"]
+            for change in [row["relative_change"]]
+        ]
         parts += [
             (
                 f"{run['cycle']}, {run['strategy']}, {run['horizon']}, {run['ticks']} ticks; largest "
                 f"difference of speed {run['largest_speed_difference_m_s']:.1e} m/s; not converged: "
                 f"{run['unconverged']['default']} and {run['unconverged']['reference']}."
             ),
-            "\n".join(lines),
+            markdown_table(rows, columns),
         ]
     return parts
 
 
-def _ros(runs: Sequence[dict[str, Any]] | None) -> list[str]:
-    if not runs:
-        return []
-    lines = [
-        (
-            "| scenario | recorded | trip s | wall s | times real time | solve median / p99 / max ms (wall) "
-            "| solves by status | good |"
-        ),
-        "|---|---|---:|---:|---:|---:|---|---|",
+def _ros(runs: Sequence[dict[str, Any]]) -> list[str]:
+    rows = [
+        {
+            **run,
+            "recorded": _yes(run["recorded"]),
+            "good": _yes(run["good"]),
+            "outcomes": _counts(run["statuses"]),
+        }
+        for run in runs
     ]
-    for run in runs:
-        solve = run["solve_time_ms"]
-        lines.append(
-            f"| {run['scenario']} | {'yes' if run['recorded'] else 'no'} | {run['trip_s']:.0f} "
-            f"| {run['wall_s']:.1f} | {run['speed_up']:.0f} "
-            f"| {solve['median']:.2f} / {solve['p99']:.2f} / {solve['largest']:.2f} "
-            f"| {_counts(run['statuses'])} | {'yes' if run['good'] else 'no'} |"
-        )
-    return ["## Closed loop over ROS 2 (lock-step, separate processes)", "\n".join(lines)]
+    columns = {
+        "scenario": "{scenario}",
+        "recorded": "{recorded}",
+        "trip s:": "{trip_s:.0f}",
+        "wall s:": "{wall_s:.1f}",
+        "times real time:": "{speed_up:.0f}",
+        "solve median / p99 / max ms (wall):": _spread("solve_time_ms", ".2f", "largest"),
+        "solves by status": "{outcomes}",
+        "good": "{good}",
+    }
+    title = "## Closed loop over ROS 2 (lock-step, separate processes)"
+    return [title, markdown_table(rows, columns)]
 
 
-def _start_up(starts: dict[str, Any] | None) -> list[str]:
-    if not starts:
-        return []
-    lines = [
-        "| cache | starts | topics matched s | first command s, median | max | peak memory MiB |",
-        "|---|---:|---:|---:|---:|---:|",
-    ]
-    lines += [
-        f"| {name} | {start['starts']} | {start['ready_median_s']:.2f} "
-        f"| {start['first_command_median_s']:.2f} | {start['first_command_max_s']:.2f} "
-        f"| {start['peak_memory_mib']:.0f} |"
-        for name, start in starts.items()
-        if start
-    ]
-    return ["## Start of the controller process (wall clock)", "\n".join(lines)]
+def _start_up(starts: dict[str, Any]) -> list[str]:
+    columns = {
+        "cache": "{cache}",
+        "starts:": "{starts}",
+        "topics matched s:": "{ready_median_s:.2f}",
+        "first command s, median:": "{first_command_median_s:.2f}",
+        "max:": "{first_command_max_s:.2f}",
+        "peak memory MiB:": "{peak_memory_mib:.0f}",
+    }
+    rows = [{"cache": name, **start} for name, start in starts.items() if start]
+    return ["## Start of the controller process (wall clock)", markdown_table(rows, columns)]
 
 
-def _deadline(deadline: dict[str, Any] | None) -> list[str]:
-    if not deadline:
-        return []
-    lines = [
-        (
-            "| busy processes | ticks | period ms | deadline ms | overruns "
-            "| answer median / p99 / max ms | solve median / p99 / max ms | solves by status "
-            "| fallback ticks |"
-        ),
-        "|---:|---:|---:|---:|---:|---:|---:|---|---:|",
-    ]
-    for run in deadline["headless"]:
-        answer, solve = run["answer_ms"], run["solve_ms"]
-        lines.append(
-            f"| {run['busy_processes']} | {run['ticks']} | {run['period_ms']:.0f} "
-            f"| {run['deadline_ms']:.0f} | {run['overruns']} "
-            f"| {answer['median']:.1f} / {answer['p99']:.1f} / {answer['max']:.1f} "
-            f"| {solve['median']:.1f} / {solve['p99']:.1f} / {solve['max']:.1f} "
-            f"| {_counts(run['statuses'])} | {run['fallback_ticks']} |"
-        )
-    parts = ["## Real time with other load (wall clock)", "\n".join(lines)]
+def _deadline(deadline: dict[str, Any]) -> list[str]:
+    rows = [{**run, "outcomes": _counts(run["statuses"])} for run in deadline["headless"]]
+    columns = {
+        "busy processes:": "{busy_processes}",
+        "ticks:": "{ticks}",
+        "period ms:": "{period_ms:.0f}",
+        "deadline ms:": "{deadline_ms:.0f}",
+        "overruns:": "{overruns}",
+        "answer median / p99 / max ms:": _spread("answer_ms", ".1f"),
+        "solve median / p99 / max ms:": _spread("solve_ms", ".1f"),
+        "solves by status": "{outcomes}",
+        "fallback ticks:": "{fallback_ticks}",
+    }
+    parts = ["## Real time with other load (wall clock)", markdown_table(rows, columns)]
     ros = deadline.get("ros")
     if ros:
-        solve = ros["solve_ms"]
         parts.append(
             f"Over ROS 2, scenario `real_time` at {ros['rate_factor']:g} times real time with "
             f"{ros['busy_processes']} busy processes: {ros['decisions']} decisions in "
             f"{ros['trip_s']:.0f} s of trip, rungs {_counts(ros['rungs'])}, solves "
-            f"{_counts(ros['statuses'])}, {solve['median']:.1f} / {solve['p99']:.1f} / "
-            f"{solve['largest']:.1f} ms, complaints of the nodes: "
-            f"{'; '.join([*ros['problems'], *ros['warnings']]) or 'none'}."
+            f"{_counts(ros['statuses'])}, {_spread('solve_ms', '.1f', 'largest').format_map(ros)} ms, "
+            f"complaints of the nodes: {'; '.join([*ros['problems'], *ros['warnings']]) or 'none'}."
         )
     return parts
 
 
+def _spread(name: str, form: str, largest: str = "max") -> str:
+    """Return the format of a cell with median, 99th percentile and largest value."""
+    return " / ".join(f"{{{name}[{key}]:{form}}}" for key in ("median", "p99", largest))
+
+
 def _counts(counts: dict[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items())
+
+
+def _yes(value: bool) -> str:  # noqa: FBT001 - the value itself
+    return "yes" if value else "no"

@@ -7,17 +7,16 @@ stage structure, stage-wise mapped derivatives and compiled code.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
-from benchmarks.problem_sets import ProblemSet
+from benchmarks.harness import run_benchmark
+from benchmarks.record_problems import ProblemSet
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
@@ -28,7 +27,6 @@ from iptm_controller.ocp.stage import NOT_ASKED_FOR_M
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolveResult, SolverOptions
 from iptm_core.decision_record import SolveStatus
-from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.braking import braking_reserve_m
@@ -51,11 +49,7 @@ class OptiPeer:
     compiled = False
 
     def __init__(
-        self,
-        problem: OptimalControlProblem,
-        tolerance: float = 1e-5,
-        *,
-        expand: bool = True,
+        self, problem: OptimalControlProblem, tolerance: float = 1e-5, *, expand: bool = True
     ) -> None:
         """Write the problem down.
 
@@ -243,23 +237,23 @@ def _step_function(kind: StageKind, problem: OptimalControlProblem) -> ca.Functi
     return ca.Function("step", [x, a, kilowatt, samples, g], [end, cost, outlet])
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Check on recorded problems that both formulations have the same optima."""
-    parser = argparse.ArgumentParser(prog="peer_opti", description=__doc__)
-    parser.add_argument("problems", type=Path, help="recorded problems (.npz)")
-    parser.add_argument("--count", type=int, default=50, help="problems used (%(default)s)")
-    given = parser.parse_args(arguments)
-    try:
-        problems = ProblemSet.load(given.problems)
-        horizon, parameters = Horizon.parse(problems.horizon), load_parameters().values
-        peer = OptiPeer(OptimalControlProblem(horizon, parameters), tolerance=1e-8)
-        ours = build_plain_solver(horizon, parameters, SolverOptions())
-    except IptmError as error:
-        print(f"peer_opti: {error}", file=sys.stderr)
-        return 2
+def measure(problems: Path, count: int = 50) -> dict[str, float]:
+    """Check on recorded problems that both formulations have the same optima.
+
+    Args:
+        problems: recorded problems (.npz).
+        count: problems used.
+
+    Raises:
+        IptmError: the file cannot be read, or a set-up fails.
+    """
+    recorded = ProblemSet.load(problems)
+    horizon, parameters = Horizon.parse(recorded.horizon), load_parameters().values
+    peer = OptiPeer(OptimalControlProblem(horizon, parameters), tolerance=1e-8)
+    ours = build_plain_solver(horizon, parameters, SolverOptions())
     differences = []
-    for index in range(min(given.count, len(problems))):
-        data, guess = problems.problem(index)
+    for index in range(min(count, len(recorded))):
+        data, guess = recorded.problem(index)
         theirs, mine = peer.solve(data, guess), ours.solve(data, guess)
         differences.append((theirs.objective - mine.objective) / max(1.0, abs(mine.objective)))
         print(
@@ -267,9 +261,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             f"  iterations {mine.iterations:3d} {theirs.iterations:3d}"
             f"  peer/ours time {theirs.time_s / mine.time_s:6.1f}"
         )
-    print(f"largest relative difference: {np.max(np.abs(differences)):.1e}")
-    return 0
+    return {"largest_relative_difference": float(np.max(np.abs(differences)))}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(measure))

@@ -6,30 +6,117 @@ itself, so that every guess is the shifted plan of its own previous tick.
 
 from __future__ import annotations
 
-import argparse
 import sys
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
-from benchmarks.problem_sets import ProblemSet
+from benchmarks.harness import closed_loop, run_benchmark
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
-from iptm_controller.horizon import MULTI_HORIZON, Horizon
+from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import strategy_by_name
-from iptm_core.errors import IptmError
+from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
-from iptm_core.routes import build_route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import FloatArray
-from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 
+FORMAT = 1
 PREVIEW_RESERVE_S = 30.0
+
+
+@dataclass(frozen=True)
+class ProblemSet:
+    """Consecutive problems of one closed loop.
+
+    Attributes:
+        cycle: driving cycle.
+        strategy: name of the strategy.
+        horizon: grid, such as ``3x1+5x5``.
+        first_tick: tick of the first problem.
+        guesses: shifted plans, scaled units, shape (n, variables).
+        initial_states: shape (n, 6).
+        parameters: shape (n, parameters).
+    """
+
+    cycle: str
+    strategy: str
+    horizon: str
+    first_tick: int
+    guesses: FloatArray
+    initial_states: FloatArray
+    parameters: FloatArray
+
+    def __len__(self) -> int:
+        return int(self.guesses.shape[0])
+
+    def problem(self, index: int) -> tuple[ProblemData, FloatArray]:
+        """Return data and guess of one problem."""
+        data = ProblemData(self.initial_states[index], self.parameters[index])
+        return data, self.guesses[index]
+
+    def save(self, path: Path) -> None:
+        """Write the set as a compressed archive."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(
+            path,
+            format=FORMAT,
+            cycle=self.cycle,
+            strategy=self.strategy,
+            horizon=self.horizon,
+            first_tick=self.first_tick,
+            guesses=self.guesses,
+            initial_states=self.initial_states,
+            parameters=self.parameters,
+        )
+
+    @classmethod
+    def load(cls, path: Path) -> ProblemSet:
+        """Read a set.
+
+        Raises:
+            ScenarioError: the file cannot be read or is of another format.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                if int(archive["format"]) != FORMAT:
+                    raise ScenarioError(
+                        f"problem set '{path.name}' has format {int(archive['format'])}, "
+                        f"allowed is {FORMAT}; record it anew"
+                    )
+                return cls(
+                    cycle=str(archive["cycle"]),
+                    strategy=str(archive["strategy"]),
+                    horizon=str(archive["horizon"]),
+                    first_tick=int(archive["first_tick"]),
+                    guesses=archive["guesses"],
+                    initial_states=archive["initial_states"],
+                    parameters=archive["parameters"],
+                )
+        except (OSError, ValueError, KeyError) as error:
+            raise ScenarioError(f"problem set '{path.name}' cannot be read: {error}") from error
+
+
+def spread_blocks(total: int, blocks: int, length: int) -> list[range]:
+    """Return stretches of equal length, evenly spread over ``total`` problems.
+
+    Args:
+        total: number of problems.
+        blocks: number of stretches.
+        length: problems per stretch.
+
+    Returns:
+        The indices of each stretch, in order, never overlapping; as many as fit if more are asked for.
+    """
+    length = min(length, total)
+    blocks = min(blocks, total // length)
+    starts = np.linspace(0, total - length, blocks).astype(int)
+    return [range(start, start + length) for start in starts.tolist()]
 
 
 class RecordingBackend:
@@ -90,18 +177,16 @@ def record_problems(
     Raises:
         IptmError: a name is unknown or the problem cannot be set up.
     """
-    parameters = load_parameters().values
     duration_s = None if count is None else float(first_tick + count)
-    route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
-    grid = Horizon.parse(horizon)
-    chosen = strategy_by_name(strategy)
+    route, plant, lead_in = closed_loop(cycle, strategy=strategy, duration_s=duration_s)
+    parameters, grid = load_parameters().values, Horizon.parse(horizon)
     recorder = RecordingBackend(build_solver(grid, parameters, SolverOptions()))
-    recorded = Controller(parameters, ControllerOptions(strategy=chosen, horizon=grid), recorder)
-    lead_in = Controller(parameters, ControllerOptions(strategy=chosen, horizon=MULTI_HORIZON))
+    options = ControllerOptions(strategy=strategy_by_name(strategy), horizon=grid)
+    recorded = Controller(parameters, options, recorder)
     preview = PreviewSettings(preview_length_s=max(60.0, grid.duration_s + PREVIEW_RESERVE_S))
     run_closed_loop(
         route,
-        Plant(parameters, route.slope.slope_at),
+        plant,
         cast("Controller", _Relay(lead_in, recorded, first_tick)),
         preview,
     )
@@ -116,27 +201,28 @@ def record_problems(
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Record one set; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="record_problems", description=__doc__)
-    parser.add_argument("output", type=Path, help="archive to write (.npz)")
-    parser.add_argument("--cycle", default="wltc_class3b", help="driving cycle (%(default)s)")
-    parser.add_argument("--strategy", default="aging", help="strategy (%(default)s)")
-    parser.add_argument("--horizon", default="3x1+5x5", help="grid (%(default)s)")
-    parser.add_argument("--first-tick", type=int, default=0, help="first tick kept (%(default)s)")
-    parser.add_argument("--count", type=int, help="problems to keep (default: to the end)")
-    given = parser.parse_args(arguments)
-    try:
-        problems = record_problems(
-            given.cycle, given.strategy, given.horizon, given.first_tick, given.count
-        )
-    except IptmError as error:
-        print(f"record_problems: {error}", file=sys.stderr)
-        return 2
-    problems.save(given.output)
-    print(f"{len(problems)} problems of {problems.cycle}, {problems.horizon}, kept")
-    return 0
+def measure(
+    output: Path,
+    cycle: str = "wltc_class3b",
+    strategy: str = "aging",
+    horizon: str = "3x1+5x5",
+    first_tick: int = 0,
+    count: int | None = None,
+) -> dict[str, Any]:
+    """Record one set and keep it in a file.
+
+    Args:
+        output: archive to write (.npz).
+        cycle: driving cycle.
+        strategy: strategy.
+        horizon: grid.
+        first_tick: first tick kept.
+        count: problems to keep, to the end if not given.
+    """
+    problems = record_problems(cycle, strategy, horizon, first_tick, count)
+    problems.save(output)
+    return {"problems": len(problems), "cycle": cycle, "horizon": problems.horizon}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(measure))

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report_files import run_benchmark
+from benchmarks.harness import run_benchmark
 from iptm_core.errors import ScenarioError
 
 TIMEOUT_S = 900.0
@@ -47,42 +47,43 @@ def drive(scenario: str, options: Sequence[str]) -> dict[str, Any]:
         return document
 
 
-def measure(scenario: str, duration_s: float | None, *, record: bool) -> dict[str, Any]:
-    """Drive in lock-step and summarise.
+def solves(results: dict[str, Any]) -> dict[str, Any]:
+    """Return times in ms and outcomes of the solves of a run, from its results."""
+    decisions = results["metrics"]["decisions"]
+    times_s = decisions["solve_time_s"]
+    counted = {name: count for name, count in decisions["by_status"].items() if count}
+    spread = {key: 1e3 * times_s[key] for key in ("median", "p99", "largest")}
+    return {"solve_time_ms": spread, "statuses": counted}
+
+
+def measure(scenario: str = "wltc", duration_s: float | None = None) -> list[dict[str, Any]]:
+    """Drive in lock-step with and without recording.
+
+    Args:
+        scenario: scenario.
+        duration_s: cut the trip, s.
 
     Raises:
-        ScenarioError: the run fails.
+        ScenarioError: a run fails.
     """
-    options = [] if duration_s is None else ["--duration-s", str(duration_s)]
-    results = drive(scenario, options if record else [*options, "--no-record"])
-    return {
-        "scenario": scenario,
-        "recorded": record,
-        "good": results["good"],
-        "problems": results["problems"],
-        "trip_s": results["metrics"]["duration_s"],
-        "wall_s": results["wall_time_s"],
-        "speed_up": results["speed_up"],
-        "solve_time_ms": results["solver"]["solve_time_ms"],
-        "statuses": results["solver"]["by_status"],
-    }
-
-
-def measure_both(scenario: str, duration_s: float | None) -> list[dict[str, Any]]:
-    """Drive with and without recording."""
-    return [measure(scenario, duration_s, record=record) for record in (True, False)]
-
-
-OPTIONS = {
-    "scenario": ("wltc", "scenario"),
-    "duration_s": (None, "cut the trip, s"),
-}
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure; returns the exit code."""
-    return run_benchmark("ros_speed", __doc__, measure_both, OPTIONS, arguments)
+    cut = [] if duration_s is None else ["--duration-s", str(duration_s)]
+    runs = []
+    for record in (True, False):
+        results = drive(scenario, cut if record else [*cut, "--no-record"])
+        runs.append(
+            {
+                "scenario": scenario,
+                "recorded": record,
+                "good": results["good"],
+                "problems": results["problems"],
+                "trip_s": results["metrics"]["duration_s"],
+                "wall_s": results["wall_time_s"],
+                "speed_up": results["speed_up"],
+                **solves(results),
+            }
+        )
+    return runs
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(measure))

@@ -10,21 +10,23 @@ import argparse
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.closed_loop_equivalence import measure as measure_equivalence
-from benchmarks.closed_loop_speed import measure as measure_loop
-from benchmarks.compare_solvers import Replay, compare
+from benchmarks import (
+    closed_loop_equivalence,
+    closed_loop_speed,
+    deadline_under_load,
+    node_scaling,
+    ros_speed,
+)
+from benchmarks.compare_solvers import compare
 from benchmarks.contenders import CONTENDER_NAMES
-from benchmarks.machine import machine_description
+from benchmarks.harness import machine_description, write_numbers
 from benchmarks.page import write_page
-from benchmarks.problem_sets import ProblemSet
-from benchmarks.record_problems import record_problems
-from benchmarks.report_files import write_numbers
-from benchmarks.targets import DEFAULT_SOLVER, PROPOSED, REFERENCE, SINGLE
+from benchmarks.record_problems import ProblemSet, record_problems
+from benchmarks.targets import PROPOSED, REFERENCE, SINGLE
 from iptm_core.errors import IptmError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -33,21 +35,11 @@ PAGE = ROOT / "docs" / "solver-benchmarks.md"
 STRATEGY = "aging"
 CYCLES = ("wltc_class3b", "comprehensive")
 # Grid to the contenders that are of use on it; dense QP solvers are not on long ones.
-GRIDS: dict[str, tuple[str, ...]] = {
-    "3x1+5x5": CONTENDER_NAMES,
-    "15x1": CONTENDER_NAMES,
-    "5x1+20x5": (
-        "riccati",
-        "fatrop",
-        "ipopt",
-        "sqp_piqp",
-        "sqp_hpipm",
-        "peer_plain",
-        "peer_expanded",
-    ),
-    "60x1": ("riccati", "fatrop", "ipopt", "sqp_piqp", "sqp_hpipm", "peer_plain", "peer_expanded"),
-}
-PARTS = ("comparisons", "scaling", "loops", "equivalence", "ros", "start_up", "deadline")
+SHORT, LONG = ("3x1+5x5", "15x1"), ("5x1+20x5", "60x1")
+LONG_CONTENDERS = tuple(
+    name for name in CONTENDER_NAMES if name not in {"sqp_daqp", "riccati_interpreted"}
+)
+GRIDS = {**dict.fromkeys(SHORT, CONTENDER_NAMES), **dict.fromkeys(LONG, LONG_CONTENDERS)}
 
 
 def _say(text: str) -> None:
@@ -59,16 +51,15 @@ def _comparisons(*, quick: bool) -> dict[str, Any]:
     numbers = {}
     for cycle in CYCLES:
         for grid, contenders in GRIDS.items():
-            long = grid not in {"3x1+5x5", "15x1"}
+            long = grid in LONG
             if long and cycle != "comprehensive":
                 continue
             problems = _recorded(cycle, grid, quick=quick, long=long)
             blocks = (3 if quick else 6) if long else (5 if quick else 15)
             _say(f"comparing on {cycle}, {grid}")
-            replay = Replay(contenders, blocks, 10 if long else 20, 10 if long else 5)
-            numbers[f"{cycle}, {STRATEGY}, {problems.horizon}"] = [
-                asdict(summary) for summary in compare(problems, replay)
-            ]
+            numbers[f"{cycle}, {STRATEGY}, {problems.horizon}"] = compare(
+                problems, contenders, blocks, 10 if long else 20, 10 if long else 5
+            )
             write_numbers(NUMBERS / "comparisons.json", numbers)  # so that a stop loses little
     return numbers
 
@@ -85,48 +76,30 @@ def _recorded(cycle: str, grid: str, *, quick: bool, long: bool) -> ProblemSet:
     return problems
 
 
-def _loops(*, quick: bool) -> list[dict[str, Any]]:
-    duration = 300.0 if quick else None
-    return [
-        measure_loop(cycle, grid, strategy, DEFAULT_SOLVER, duration)
+def _start_up(*, quick: bool) -> dict[str, Any]:
+    from benchmarks.start_up import measure  # noqa: PLC0415 - the only part that needs rclpy here
+
+    return measure(2 if quick else 4, 1)
+
+
+PARTS: dict[str, Callable[..., Any]] = {
+    "comparisons": _comparisons,
+    "scaling": lambda *, quick: node_scaling.measure(
+        node_scaling.GRIDS[: 4 if quick else 5], count=4 if quick else 6
+    ),
+    "loops": lambda *, quick: [
+        closed_loop_speed.measure(cycle, grid, strategy, duration_s=300.0 if quick else None)
         for cycle in CYCLES
         for grid, strategy in ((PROPOSED, STRATEGY), (SINGLE, STRATEGY), (SINGLE, REFERENCE))
-    ]
-
-
-def _equivalence(*, quick: bool) -> list[dict[str, Any]]:
-    durations = (300.0, 300.0) if quick else (None, None)
-    return [
-        measure_equivalence(cycle, "3x1+5x5", STRATEGY, duration)
-        for cycle, duration in zip(CYCLES, durations, strict=True)
-    ]
-
-
-def _measure(part: str, *, quick: bool) -> Any:
-    # The parts over ROS 2 are imported only when they run: the others work without it.
-    if part == "comparisons":
-        return _comparisons(quick=quick)
-    if part == "loops":
-        return _loops(quick=quick)
-    if part == "equivalence":
-        return _equivalence(quick=quick)
-    if part == "scaling":
-        from benchmarks.node_scaling import GRIDS as LENGTHS  # noqa: PLC0415
-        from benchmarks.node_scaling import SOLVERS, measure  # noqa: PLC0415
-
-        return measure(LENGTHS[:4] if quick else LENGTHS, SOLVERS, 4 if quick else 6)
-    if part == "ros":
-        from benchmarks.ros_speed import measure as measure_ros  # noqa: PLC0415
-
-        duration = 300.0 if quick else None
-        return [measure_ros("wltc", duration, record=record) for record in (True, False)]
-    if part == "start_up":
-        from benchmarks.start_up import measure as measure_start  # noqa: PLC0415
-
-        return measure_start(2 if quick else 4, 1)
-    from benchmarks.deadline_under_load import measure as measure_deadline  # noqa: PLC0415
-
-    return measure_deadline(100 if quick else 300, 0.1, 0.05, 2)
+    ],
+    "equivalence": lambda *, quick: [
+        closed_loop_equivalence.measure(cycle, duration_s=300.0 if quick else None)
+        for cycle in CYCLES
+    ],
+    "ros": lambda *, quick: ros_speed.measure(duration_s=300.0 if quick else None),
+    "start_up": _start_up,
+    "deadline": lambda *, quick: deadline_under_load.measure(100 if quick else 300),
+}
 
 
 def _run_part(part: str, *, quick: bool) -> bool:
@@ -152,7 +125,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     if given.inside is not None:
         try:
-            numbers = _measure(given.inside, quick=given.quick)
+            numbers = PARTS[given.inside](quick=given.quick)
         except IptmError as error:
             print(f"benchmark: {given.inside}: {error}", file=sys.stderr)
             return 2

@@ -22,7 +22,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 
-from benchmarks.report_files import run_benchmark
+from benchmarks.harness import peak_memory_mib, run_benchmark
 from iptm_bringup.environment import environment_of_run
 from iptm_controller.ocp.compilation import CACHE_VARIABLE
 from iptm_core.errors import ScenarioError
@@ -140,7 +140,7 @@ def start_once(cache: Path | None) -> Start:
                 for topic, message in messages.items():
                     publishers[topic].publish(message)
                 _spin_until(executor, process, lambda: commands, "its first command")
-                memory = _peak_memory_mib(process.pid)
+                memory = peak_memory_mib(process.pid)
             finally:
                 process.terminate()
                 process.wait(timeout=30)
@@ -162,20 +162,12 @@ def _spin_until(
         executor.spin_once(timeout_sec=POLL_S)
 
 
-def _peak_memory_mib(process_id: int) -> float:
-    status = Path(f"/proc/{process_id}/status")
-    try:
-        lines = status.read_text(encoding="ascii", errors="replace").splitlines()
-    except OSError:
-        return float("nan")
-    for line in lines:
-        if line.startswith("VmHWM:"):
-            return float(line.split()[1]) / 1024.0
-    return float("nan")
-
-
-def measure(warm: int, cold: int) -> dict[str, Any]:
+def measure(warm: int = 5, cold: int = 1) -> dict[str, Any]:
     """Start several times.
+
+    Args:
+        warm: starts, warm cache.
+        cold: starts, empty cache.
 
     Raises:
         ScenarioError: a start fails.
@@ -202,16 +194,5 @@ def _summary(starts: Sequence[Start]) -> dict[str, float]:
     }
 
 
-OPTIONS = {
-    "warm": (5, "starts, warm cache"),
-    "cold": (1, "starts, empty cache"),
-}
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure; returns the exit code."""
-    return run_benchmark("start_up", __doc__, measure, OPTIONS, arguments)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(measure))

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 from benchmarks import compare_solvers, peer_opti
-from benchmarks.compare_solvers import ContenderSummary, Replay, compare, table
+from benchmarks.compare_solvers import compare, comparison_table
 from benchmarks.contenders import INTERPRETED, PEER, PEER_EXPANDED, build_contender
+from benchmarks.harness import run_benchmark
 from benchmarks.kkt import KktChecker
 from benchmarks.peer_opti import OptiPeer
-from benchmarks.problem_sets import ProblemSet
-from benchmarks.record_problems import record_problems
+from benchmarks.record_problems import ProblemSet, record_problems
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.problem import OptimalControlProblem
@@ -48,22 +47,22 @@ def test_the_peer_finds_the_same_optimum(problems: ProblemSet) -> None:
 
 def test_a_comparison_counts_every_problem_once(problems: ProblemSet) -> None:
     names = (INTERPRETED, PEER, PEER_EXPANDED)
-    rows = compare(problems, Replay(names, blocks=2, block_length=2, kkt_every=1))
-    assert [row.name for row in rows] == list(names)
+    rows = compare(problems, names, blocks=2, block_length=2, kkt_every=1)
+    assert [row["name"] for row in rows] == list(names)
     for row in rows:
-        assert row.problems == 4
-        assert row.unconverged == row.unusable == row.other_optimum == 0
-        assert row.kkt_max < 1e-3
-        assert 0.0 < row.median_ms <= row.p99_ms <= row.max_ms
-    assert rows[1].peer_by_median == pytest.approx(1.0)
-    text = table(rows)
+        assert row["problems"] == 4
+        assert row["unconverged"] == row["unusable"] == row["other_optimum"] == 0
+        assert row["kkt_max"] < 1e-3
+        assert 0.0 < row["median_ms"] <= row["p99_ms"] <= row["max_ms"]
+    assert rows[1]["peer_by_median"] == pytest.approx(1.0)
+    text = comparison_table(rows)
     assert len({line.count("|") for line in text.splitlines()}) == 1
 
 
 def test_without_the_peer_there_is_no_ratio(problems: ProblemSet) -> None:
-    (row,) = compare(problems, Replay((INTERPRETED,), blocks=1, block_length=1, kkt_every=0))
-    assert row.peer_by_median is None
-    assert np.isnan(row.kkt_max)
+    (row,) = compare(problems, (INTERPRETED,), blocks=1, block_length=1, kkt_every=0)
+    assert row["peer_by_median"] is None
+    assert np.isnan(row["kkt_max"])
 
 
 def test_unknown_contenders_are_refused() -> None:
@@ -76,22 +75,12 @@ def test_the_commands_work_on_a_file(
 ) -> None:
     path, numbers = tmp_path / "set.npz", tmp_path / "out" / "numbers.json"
     problems.save(path)
-    code = compare_solvers.main(
-        [
-            str(path),
-            "--solver",
-            INTERPRETED,
-            "--blocks",
-            "1",
-            "--block-length",
-            "1",
-            "--json",
-            str(numbers),
-        ]
-    )
-    assert code == 0
-    assert INTERPRETED in capsys.readouterr().out
-    (rows,) = json.loads(numbers.read_text()).values()
-    assert asdict(ContenderSummary(**rows[0])) == rows[0]
-    assert peer_opti.main([str(path), "--count", "1"]) == 0
-    assert compare_solvers.main([str(tmp_path / "missing.npz")]) == 2
+    short = ["--solver", INTERPRETED, "--blocks", "1", "--block-length", "1"]
+    arguments = [str(path), *short, "--json", str(numbers)]
+    assert run_benchmark(compare_solvers.measure, arguments, compare_solvers.tables) == 0
+    assert f"`{INTERPRETED}`" in capsys.readouterr().out
+    ((row,),) = json.loads(numbers.read_text()).values()
+    assert row["problems"] == 1
+    assert run_benchmark(peer_opti.measure, [str(path), "--count", "1"]) == 0
+    assert run_benchmark(compare_solvers.measure, [str(tmp_path / "missing.npz")]) == 2
+    assert "missing.npz" in capsys.readouterr().err

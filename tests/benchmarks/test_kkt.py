@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from benchmarks.contenders import OTHER_SOLVER_NAMES, build_other_solver
 from benchmarks.kkt import KktChecker
-from benchmarks.other_solvers import OTHER_SOLVER_NAMES, build_other_solver
 from benchmarks.record_problems import record_problems
 
 from iptm_controller.horizon import Horizon

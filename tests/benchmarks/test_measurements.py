@@ -7,9 +7,8 @@ import time
 
 import pytest
 from benchmarks import closed_loop_equivalence, closed_loop_speed, node_scaling
-from benchmarks.clock import timed
 from benchmarks.deadline_under_load import busy_processes, paced
-from benchmarks.machine import machine_description
+from benchmarks.harness import machine_description, timed
 
 from iptm_controller.controller import Controller
 
@@ -42,7 +41,7 @@ def test_both_solvers_drive_the_same_trip() -> None:
 
 
 def test_growth_with_nodes_is_fitted() -> None:
-    numbers = node_scaling.measure(["2x1", "4x1"], ["riccati"], 2)
+    numbers = node_scaling.measure(("2x1", "4x1"), ("riccati",), 2)
     assert [row["nodes"] for row in numbers["rows"]] == [2, 4]
     assert math.isfinite(numbers["fits"]["riccati"]["per_node_us"])
 

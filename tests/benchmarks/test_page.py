@@ -2,38 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
-from benchmarks.compare_solvers import ContenderSummary
+from benchmarks.harness import write_numbers
 from benchmarks.page import write_page
-from benchmarks.report_files import write_numbers
 from benchmarks.targets import NOT_MEASURED, targets
 
 
 def summary(name: str, median_ms: float, ratio: float) -> dict[str, object]:
-    return asdict(
-        ContenderSummary(
-            name=name,
-            problems=10,
-            median_ms=median_ms,
-            p99_ms=2.0 * median_ms,
-            max_ms=3.0 * median_ms,
-            wall_median_ms=median_ms,
-            wall_p99_ms=median_ms,
-            iterations_median=7.0,
-            iterations_p99=9.0,
-            iterations_max=11.0,
-            unconverged=0,
-            unusable=0,
-            other_optimum=0,
-            kkt_median=1e-6,
-            kkt_max=1e-5,
-            peer_by_median=ratio,
-            peer_by_p99=ratio,
-        )
-    )
+    return {
+        "name": name, "problems": 10, "unconverged": 0, "unusable": 0, "other_optimum": 0,
+        "median_ms": median_ms, "p99_ms": 2.0 * median_ms, "max_ms": 3.0 * median_ms,
+        "wall_median_ms": median_ms, "wall_p99_ms": median_ms,
+        "iterations_median": 7.0, "iterations_p99": 9.0, "iterations_max": 11.0,
+        "kkt_median": 1e-6, "kkt_max": 1e-5, "peer_by_median": ratio, "peer_by_p99": ratio,
+    }  # fmt: skip
 
 
 COMPARISONS = {
@@ -42,28 +26,14 @@ COMPARISONS = {
 }
 SCALING = {
     "rows": [
-        {
-            "solver": "riccati",
-            "grid": f"{nodes}x1",
-            "nodes": nodes,
-            "problems": 2,
-            "median_ms": 0.1 * nodes,
-            "max_ms": 0.2 * nodes,
-            "iterations": 10.0,
-            "ms_per_iteration": 0.01 * nodes,
-            "unconverged": 0,
-        }
+        {"solver": "riccati", "grid": f"{nodes}x1", "nodes": nodes, "problems": 2, "unconverged": 0,
+         "median_ms": 0.1 * nodes, "max_ms": 0.2 * nodes, "iterations": 10.0,
+         "ms_per_iteration": 0.01 * nodes}
         for nodes in (60, 100, 200)
     ],
-    "fits": {
-        "riccati": {
-            "offset_ms": 0.0,
-            "per_node_us": 10.0,
-            "largest_relative_residual": 0.0,
-            "exponent": 1.0,
-        }
-    },
-}
+    "fits": {"riccati": {"offset_ms": 0.0, "per_node_us": 10.0, "largest_relative_residual": 0.0,
+                         "exponent": 1.0}},
+}  # fmt: skip
 
 
 def test_nothing_measured_nothing_claimed() -> None:

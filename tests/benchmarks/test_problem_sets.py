@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.problem_sets import Block, ProblemSet, spread_blocks
-from benchmarks.record_problems import record_problems
+from benchmarks.record_problems import ProblemSet, record_problems, spread_blocks
 
 from iptm_core.errors import ScenarioError
 
@@ -26,12 +25,8 @@ def test_a_recording_has_what_was_asked_for(recorded: ProblemSet) -> None:
 def test_a_set_survives_its_file(recorded: ProblemSet, tmp_path: Path) -> None:
     recorded.save(tmp_path / "folder" / "set.npz")
     loaded = ProblemSet.load(tmp_path / "folder" / "set.npz")
-    assert (loaded.cycle, loaded.strategy, loaded.horizon, loaded.first_tick) == (
-        "nycc",
-        "aging",
-        "2x1+1x5",
-        3,
-    )
+    found = (loaded.cycle, loaded.strategy, loaded.horizon, loaded.first_tick)
+    assert found == ("nycc", "aging", "2x1+1x5", 3)
     np.testing.assert_array_equal(loaded.guesses, recorded.guesses)
     np.testing.assert_array_equal(loaded.parameters, recorded.parameters)
 
@@ -48,12 +43,12 @@ def test_other_files_are_refused_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("total", "blocks", "length", "expected"),
     [
-        (100, 3, 10, [Block(0, 10), Block(45, 55), Block(90, 100)]),
-        (5, 3, 10, [Block(0, 5)]),
-        (25, 9, 10, [Block(0, 10), Block(15, 25)]),
+        (100, 3, 10, [range(10), range(45, 55), range(90, 100)]),
+        (5, 3, 10, [range(5)]),
+        (25, 9, 10, [range(10), range(15, 25)]),
     ],
 )
 def test_stretches_fit_and_do_not_overlap(
-    total: int, blocks: int, length: int, expected: list[Block]
+    total: int, blocks: int, length: int, expected: list[range]
 ) -> None:
     assert spread_blocks(total, blocks, length) == expected

@@ -11,6 +11,7 @@ from typing import Any
 
 import casadi as ca
 import pytest
+from tests.iptm_controller.scenes import PARAMETERS
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import compilation
@@ -25,7 +26,6 @@ from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.riccati import backend as riccati_backend
 from iptm_core.errors import SolverSetupError
-from iptm_core.parameters.model import ModelParameters
 
 
 def square(factor: float = 1.0) -> ca.Function:
@@ -76,11 +76,9 @@ def test_compiles_once_and_finds_it_again(
 
 
 @pytest.mark.usefixtures("cache", "compiler")
-def test_second_start_of_a_solver_compiles_nothing(
-    runs: list[list[str]], parameters: ModelParameters
-) -> None:
+def test_second_start_of_a_solver_compiles_nothing(runs: list[list[str]]) -> None:
     for _ in range(2):
-        solver = build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions())
+        solver = build_plain_solver(Horizon.parse("1x1"), PARAMETERS, SolverOptions())
         assert solver.compiled
     assert len(runs) == 1
 
@@ -105,7 +103,6 @@ def test_a_damaged_library_is_compiled_again(
 def test_a_library_of_something_else_is_a_clear_error(
     cache: Path,
     compiler: str,
-    parameters: ModelParameters,
     monkeypatch: pytest.MonkeyPatch,
     name: str,
     module: ModuleType,
@@ -114,7 +111,7 @@ def test_a_library_of_something_else_is_a_clear_error(
     foreign = compile_functions([square()], compiler)
     monkeypatch.setattr(module, "compile_functions", lambda *_: foreign)
     with pytest.raises(SolverSetupError, match=f"'{name}' cannot be set up") as caught:
-        build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions(name=name))
+        build_plain_solver(Horizon.parse("1x1"), PARAMETERS, SolverOptions(name=name))
     assert foreign.parent == cache
     assert missing in str(caught.value)
 
@@ -131,14 +128,14 @@ def test_a_cache_that_cannot_be_written_is_named(
 
 
 def test_a_compiler_that_fails_is_quoted(
-    cache: Path, tmp_path: Path, parameters: ModelParameters, monkeypatch: pytest.MonkeyPatch
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fake = tmp_path / "cc_broken"
     fake.write_text("#!/bin/sh\necho 'fatal: no target' >&2\nexit 4\n")
     fake.chmod(0o755)
     monkeypatch.setenv("CC", str(fake))
     with pytest.raises(SolverSetupError, match="failed with exit code 4: fatal: no target"):
-        build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions())
+        build_plain_solver(Horizon.parse("1x1"), PARAMETERS, SolverOptions())
     assert not list(cache.glob("*.so"))
 
 
@@ -153,16 +150,13 @@ def test_a_compiler_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_without_a_compiler_it_says_so_and_works(
-    cache: Path,
-    parameters: ModelParameters,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("CC", raising=False)
     assert find_compiler() is None
     with caplog.at_level(logging.WARNING):
-        solver = build_plain_solver(Horizon.parse("1x1"), parameters, SolverOptions())
+        solver = build_plain_solver(Horizon.parse("1x1"), PARAMETERS, SolverOptions())
     assert not solver.compiled
     assert "no C compiler found" in caplog.text
     assert not cache.exists()

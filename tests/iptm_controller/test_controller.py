@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
 
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.forecast import PreviewQuality
@@ -16,11 +17,7 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolveResult
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
-
-Solvers = Callable[..., SolverBackend]
-Scenes = Callable[..., Measurements]
 
 
 class FailingBackend:
@@ -42,23 +39,23 @@ class FailingBackend:
 
 
 @pytest.fixture
-def backend(plain_solver: Solvers) -> FailingBackend:
+def backend() -> FailingBackend:
     return FailingBackend(plain_solver("3x1+5x5"))
 
 
 @pytest.fixture
-def controller(parameters: ModelParameters, backend: FailingBackend) -> Controller:
+def controller(backend: FailingBackend) -> Controller:
     options = ControllerOptions(ladder=LadderOptions(2, 3))
-    return Controller(parameters, options, backend)
+    return Controller(PARAMETERS, options, backend)
 
 
-def at(time_s: float, make_scene: Scenes, **changes: float) -> Measurements:
+def at(time_s: float, **changes: float) -> Measurements:
     """A steady trip: host and leader go on at 15 m/s."""
     return make_scene(time_s=time_s, position_m=15.0 * time_s - 500.0, **changes)
 
 
-def expect_actuable(decision: Decision, state: VehicleState, parameters: ModelParameters) -> None:
-    limits, command = parameters.limits, decision.command
+def expect_actuable(decision: Decision, state: VehicleState) -> None:
+    limits, command = PARAMETERS.limits, decision.command
     assert math.isfinite(command.acceleration_m_s2)
     assert abs(command.acceleration_m_s2 - state.acceleration_m_s2) <= limits.max_jerk_m_s3 + 1e-9
     assert limits.min_compressor_power_w <= command.compressor_power_w
@@ -66,9 +63,7 @@ def expect_actuable(decision: Decision, state: VehicleState, parameters: ModelPa
     assert change <= limits.max_compressor_rate_w_s + 1e-6
 
 
-def test_a_good_day(
-    parameters: ModelParameters, controller: Controller, make_scene: Scenes
-) -> None:
+def test_a_good_day(controller: Controller) -> None:
     measured = make_scene()
     decision = controller.decide(measured)
     assert decision.rung is Rung.OPTIMAL
@@ -87,34 +82,29 @@ def test_a_good_day(
         planned[InputIndex.COMPRESSOR_POWER], abs=1e-3
     )
     assert measured.state is not None
-    expect_actuable(decision, measured.state, parameters)
+    expect_actuable(decision, measured.state)
 
 
-def test_the_last_plan_warms_up_the_next_solve(controller: Controller, make_scene: Scenes) -> None:
-    first = controller.decide(at(100.0, make_scene))
-    second = controller.decide(at(101.0, make_scene))
+def test_the_last_plan_warms_up_the_next_solve(controller: Controller) -> None:
+    first = controller.decide(at(100.0))
+    second = controller.decide(at(101.0))
     assert first.result is not None
     assert second.result is not None
     assert second.result.iterations < first.result.iterations
 
 
 @pytest.mark.parametrize(
-    "failure",
-    [SolveStatus.ITERATION_LIMIT, SolveStatus.DEADLINE, SolveStatus.NUMERICAL_ERROR],
+    "failure", [SolveStatus.ITERATION_LIMIT, SolveStatus.DEADLINE, SolveStatus.NUMERICAL_ERROR]
 )
 def test_failed_solves_walk_down_the_ladder_and_back(
-    parameters: ModelParameters,
-    controller: Controller,
-    backend: FailingBackend,
-    make_scene: Scenes,
-    failure: SolveStatus,
+    controller: Controller, backend: FailingBackend, failure: SolveStatus
 ) -> None:
-    good = controller.decide(at(100.0, make_scene))
+    good = controller.decide(at(100.0))
     assert good.plan is not None
     backend.failure = failure
     rungs = []
     for tick in range(1, 8):
-        measured = at(100.0 + tick, make_scene)
+        measured = at(100.0 + tick)
         decision = controller.decide(measured)
         rungs.append(decision.rung)
         assert decision.reason == STATUS_TEXT[failure]
@@ -122,33 +112,31 @@ def test_failed_solves_walk_down_the_ladder_and_back(
         assert decision.result is not None
         assert decision.result.status is failure
         assert measured.state is not None
-        expect_actuable(decision, measured.state, parameters)
+        expect_actuable(decision, measured.state)
         if decision.rung is Rung.SHIFTED_PLAN:
             planned = good.plan.command_at(100.0 + tick)
             assert decision.command.acceleration_m_s2 == pytest.approx(planned.acceleration_m_s2)
     assert rungs == [Rung.SHIFTED_PLAN] * 2 + [Rung.SAFE_LAW] * 3 + [Rung.STOP] * 2
     backend.failure = None
-    recovered = controller.decide(at(108.0, make_scene))
+    recovered = controller.decide(at(108.0))
     assert recovered.rung is Rung.OPTIMAL
     assert recovered.reason == ""
 
 
-def test_no_leader_is_a_fallback_with_the_reason_given(
-    controller: Controller, make_scene: Scenes
-) -> None:
-    controller.decide(at(100.0, make_scene))
-    blind = replace(at(101.0, make_scene), leader=None, fault="radar covered by snow")
+def test_no_leader_is_a_fallback_with_the_reason_given(controller: Controller) -> None:
+    controller.decide(at(100.0))
+    blind = replace(at(101.0), leader=None, fault="radar covered by snow")
     decision = controller.decide(blind)
     assert decision.rung is Rung.SHIFTED_PLAN
     assert decision.reason == "radar covered by snow"
     assert decision.result is None
     assert decision.forecast is None
-    unexplained = controller.decide(replace(at(102.0, make_scene), leader=None))
+    unexplained = controller.decide(replace(at(102.0), leader=None))
     assert unexplained.reason == "no measurement of the leader"
 
 
-def test_a_leader_that_cannot_be_is_a_fallback(controller: Controller, make_scene: Scenes) -> None:
-    measured = at(100.0, make_scene)
+def test_a_leader_that_cannot_be_is_a_fallback(controller: Controller) -> None:
+    measured = at(100.0)
     assert measured.leader is not None
     behind = replace(measured, leader=replace(measured.leader, position_m=-50.0))
     decision = controller.decide(behind)
@@ -156,18 +144,16 @@ def test_a_leader_that_cannot_be_is_a_fallback(controller: Controller, make_scen
     assert decision.reason.startswith("measured gap is ")
 
 
-def test_a_road_that_cannot_be_is_driven_by_the_safe_law(
-    controller: Controller, make_scene: Scenes
-) -> None:
+def test_a_road_that_cannot_be_is_driven_by_the_safe_law(controller: Controller) -> None:
     nothing = SlopePreview(np.empty(0), np.empty(0))
-    decision = controller.decide(replace(at(100.0, make_scene), slope=nothing))
+    decision = controller.decide(replace(at(100.0), slope=nothing))
     assert decision.rung is Rung.SAFE_LAW
     assert decision.reason.startswith("slope has 0 positions")
-    assert controller.decide(at(101.0, make_scene)).rung is Rung.OPTIMAL
+    assert controller.decide(at(101.0)).rung is Rung.OPTIMAL
 
 
-def test_before_any_state_it_asks_for_nothing(controller: Controller, make_scene: Scenes) -> None:
-    decision = controller.decide(replace(at(0.0, make_scene), state=None, fault="still booting"))
+def test_before_any_state_it_asks_for_nothing(controller: Controller) -> None:
+    decision = controller.decide(replace(at(0.0), state=None, fault="still booting"))
     assert decision.rung is Rung.STOP
     assert decision.reason == "still booting"
     assert vars(decision.command) == {"acceleration_m_s2": 0.0, "compressor_power_w": 0.0}
@@ -175,11 +161,9 @@ def test_before_any_state_it_asks_for_nothing(controller: Controller, make_scene
 
 
 @pytest.mark.parametrize("last", [2.0, 0.0, -1.5])
-def test_without_a_state_it_brakes_step_by_step(
-    controller: Controller, make_scene: Scenes, last: float
-) -> None:
+def test_without_a_state_it_brakes_step_by_step(controller: Controller, last: float) -> None:
     """Rates count from what was commanded since, not from the last state that was seen."""
-    seen = at(100.0, make_scene, acceleration_m_s2=last, compressor_power_w=700.0)
+    seen = at(100.0, acceleration_m_s2=last, compressor_power_w=700.0)
     first = controller.decide(seen).command
     lost = replace(seen, state=None, fault="no state")
     commands = [controller.decide(lost).command for _ in range(12)]
@@ -192,16 +176,16 @@ def test_without_a_state_it_brakes_step_by_step(
         previous = command.acceleration_m_s2
     assert commands[-1].acceleration_m_s2 == -1.0
     assert commands[-1].compressor_power_w == 0.0
-    assert controller.decide(at(113.0, make_scene)).rung is Rung.OPTIMAL
+    assert controller.decide(at(113.0)).rung is Rung.OPTIMAL
     assert first.acceleration_m_s2 <= last + 0.5 + 1e-9
 
 
-def test_a_state_that_cannot_be_is_no_state(controller: Controller, make_scene: Scenes) -> None:
-    controller.decide(at(100.0, make_scene))
-    decision = controller.decide(at(101.0, make_scene, cell_n_temperature_k=35.0))
+def test_a_state_that_cannot_be_is_no_state(controller: Controller) -> None:
+    controller.decide(at(100.0))
+    decision = controller.decide(at(101.0, cell_n_temperature_k=35.0))
     assert decision.rung is Rung.STOP
     assert decision.reason == "measured cell_n_temperature_k is 35.0; allowed: 223.15 to 373.15"
-    assert controller.decide(at(102.0, make_scene)).rung is Rung.OPTIMAL
+    assert controller.decide(at(102.0)).rung is Rung.OPTIMAL
 
 
 @pytest.mark.parametrize(
@@ -214,11 +198,10 @@ def test_a_state_that_cannot_be_is_no_state(controller: Controller, make_scene: 
 )
 def test_without_a_usable_preview_it_still_optimises(
     controller: Controller,
-    make_scene: Scenes,
     quality: PreviewQuality,
     change: Callable[[LeaderPreview], LeaderPreview],
 ) -> None:
-    measured = at(100.0, make_scene)
+    measured = at(100.0)
     decision = controller.decide(replace(measured, preview=change(measured.preview)))
     assert decision.rung is Rung.OPTIMAL
     assert decision.forecast is not None
@@ -226,23 +209,21 @@ def test_without_a_usable_preview_it_still_optimises(
     assert decision.reason == decision.forecast.reason != ""
 
 
-def test_a_new_trip_needs_no_new_controller(controller: Controller, make_scene: Scenes) -> None:
+def test_a_new_trip_needs_no_new_controller(controller: Controller) -> None:
     """Neither the plan nor the leader of the last trip is taken for this one's."""
     for tick in range(5):
-        controller.decide(at(500.0 + tick, make_scene))
+        controller.decide(at(500.0 + tick))
     again = controller.decide(make_scene(time_s=0.0, position_m=0.0))
     assert again.rung is Rung.OPTIMAL
     assert again.forecast is not None
     assert again.forecast.motion.times_s.min() == 0.0
 
 
-def test_after_an_outage_it_starts_cold(
-    parameters: ModelParameters, controller: Controller, make_scene: Scenes
-) -> None:
+def test_after_an_outage_it_starts_cold(controller: Controller) -> None:
     """A plan that has ended long ago would only repeat its last input."""
-    controller.decide(at(100.0, make_scene, leader_acceleration_m_s2=1.0))
-    late = at(400.0, make_scene)
+    controller.decide(at(100.0, leader_acceleration_m_s2=1.0))
+    late = at(400.0)
     recovered = controller.decide(late)
     assert recovered.rung is Rung.OPTIMAL
-    fresh = Controller(parameters, controller.options, controller.backend).decide(late)
+    fresh = Controller(PARAMETERS, controller.options, controller.backend).decide(late)
     assert recovered.command == fresh.command

@@ -13,15 +13,14 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
 
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.solvers.interface import SolverBackend, SolveResult
+from iptm_controller.solvers.interface import SolveResult
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 
-Scenes = Callable[..., Measurements]
 SPECIAL = st.sampled_from(
     [math.nan, math.inf, -math.inf, 0.0, -0.0, -1.0, 1e-300, 1e9, -1e9, 1e300, -1e308]
 )
@@ -81,8 +80,8 @@ def changes(draw: st.DrawFn) -> Callable[[Measurements], Measurements]:
     return spoil
 
 
-def expect_sane(decision: Decision, parameters: ModelParameters) -> None:
-    limits, command = parameters.limits, decision.command
+def expect_sane(decision: Decision) -> None:
+    limits, command = PARAMETERS.limits, decision.command
     assert limits.min_acceleration_m_s2 <= command.acceleration_m_s2
     assert command.acceleration_m_s2 <= limits.max_acceleration_m_s2
     assert limits.min_compressor_power_w <= command.compressor_power_w
@@ -92,32 +91,25 @@ def expect_sane(decision: Decision, parameters: ModelParameters) -> None:
 
 
 def drive(
-    controller: Controller,
-    parameters: ModelParameters,
-    make_scene: Scenes,
-    ticks: list[list[Callable[[Measurements], Measurements]]],
+    controller: Controller, ticks: list[list[Callable[[Measurements], Measurements]]]
 ) -> None:
     """A trip with something wrong at every tick, then one tick with everything in order."""
     for index, wrongs in enumerate(ticks):
         measured = make_scene(time_s=100.0 + index, position_m=1000.0 + 15.0 * index)
         for wrong in wrongs:
             measured = wrong(measured)
-        expect_sane(controller.decide(measured), parameters)
+        expect_sane(controller.decide(measured))
     time_s = 100.0 + len(ticks)
     recovered = controller.decide(make_scene(time_s=time_s, position_m=1000.0 + 15.0 * len(ticks)))
-    expect_sane(recovered, parameters)
+    expect_sane(recovered)
     assert recovered.rung is Rung.OPTIMAL
     assert recovered.reason == ""
 
 
 @settings(max_examples=300)
 @given(ticks=st.lists(st.lists(changes(), min_size=1, max_size=4), min_size=1, max_size=6))
-def test_anything_at_all(
-    parameters: ModelParameters,
-    make_scene: Scenes,
-    ticks: list[list[Callable[[Measurements], Measurements]]],
-) -> None:
-    drive(Controller(parameters, ControllerOptions(), Echo()), parameters, make_scene, ticks)
+def test_anything_at_all(ticks: list[list[Callable[[Measurements], Measurements]]]) -> None:
+    drive(Controller(PARAMETERS, ControllerOptions(), Echo()), ticks)
 
 
 POSSIBLE = {
@@ -137,23 +129,18 @@ RECOVERY_TICKS = 5
 # Not shrunk: each example is a handful of solves that may run to their iteration limit.
 @settings(max_examples=30, phases=[Phase.explicit, Phase.generate])
 @given(data=st.data())
-def test_situations_from_one_extreme_to_the_other(
-    parameters: ModelParameters,
-    plain_solver: Callable[..., SolverBackend],
-    make_scene: Scenes,
-    data: st.DataObject,
-) -> None:
+def test_situations_from_one_extreme_to_the_other(data: st.DataObject) -> None:
     """With the real solver: it may fail at such a tick, but it finds back to the top."""
-    controller = Controller(parameters, ControllerOptions(), plain_solver("3x1+5x5"))
+    controller = Controller(PARAMETERS, ControllerOptions(), plain_solver("3x1+5x5"))
     for tick in range(3):
         names = sorted(data.draw(st.sets(st.sampled_from(sorted(POSSIBLE)), min_size=1)))
         values = {name: data.draw(POSSIBLE[name]) for name in names}
-        expect_sane(controller.decide(make_scene(time_s=100.0 + tick, **values)), parameters)
+        expect_sane(controller.decide(make_scene(time_s=100.0 + tick, **values)))
     rungs = []
     for tick in range(RECOVERY_TICKS):
         ordinary = make_scene(time_s=103.0 + tick, gap_m=50.0)
         decision = controller.decide(ordinary)
-        expect_sane(decision, parameters)
+        expect_sane(decision)
         rungs.append(decision.rung)
     assert Rung.OPTIMAL in rungs
 

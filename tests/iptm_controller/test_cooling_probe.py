@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import (
+    PARAMETERS,
+    SCENES,
+    plain_solver,
+    probing_solver,
+    problem_of,
+)
 
-from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.solvers.cooling_probe import OFF_BELOW_W, PROBE_EVERY, CoolingProbe
-from iptm_controller.solvers.interface import SolverBackend, SolveResult
+from iptm_controller.solvers.interface import SolveResult
 from iptm_core.decision_record import SolveStatus
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 
-Pose = Callable[..., tuple[ProblemData, FloatArray]]
 GRID = Horizon.parse("3x1+2x5")
 BLOCK = layout.STATES + layout.INPUTS
 DATA = ProblemData(np.zeros(layout.STATES), np.zeros(1))
@@ -55,8 +58,8 @@ class Scripted:
         return self.answers[min(len(self.guesses), len(self.answers)) - 1]
 
 
-def probe(parameters: ModelParameters, inner: Scripted) -> CoolingProbe:
-    return CoolingProbe(inner, GRID, parameters)
+def probe(inner: Scripted) -> CoolingProbe:
+    return CoolingProbe(inner, GRID, PARAMETERS)
 
 
 def powers_of(guess: FloatArray) -> FloatArray:
@@ -64,18 +67,18 @@ def powers_of(guess: FloatArray) -> FloatArray:
     return 1000.0 * table[:, layout.STATES + InputIndex.COMPRESSOR_POWER]
 
 
-def test_a_plan_that_cools_is_left_alone(parameters: ModelParameters) -> None:
+def test_a_plan_that_cools_is_left_alone() -> None:
     inner = Scripted(answer(power_w=OFF_BELOW_W + 1.0, temperature_slack_k=1.0))
-    probing = probe(parameters, inner)
+    probing = probe(inner)
     for _ in range(3 * PROBE_EVERY):
         assert probing.solve(DATA, GUESS) is inner.answers[0]
     assert len(inner.guesses) == 3 * PROBE_EVERY
     assert (probing.name, probing.compiled) == ("scripted", False)
 
 
-def test_an_off_plan_is_probed_every_few_ticks(parameters: ModelParameters) -> None:
+def test_an_off_plan_is_probed_every_few_ticks() -> None:
     inner = Scripted(answer(power_w=0.0))
-    probing = probe(parameters, inner)
+    probing = probe(inner)
     solves = []
     for _ in range(3 * PROBE_EVERY):
         before = len(inner.guesses)
@@ -84,11 +87,11 @@ def test_an_off_plan_is_probed_every_few_ticks(parameters: ModelParameters) -> N
     assert solves == ([2] + [1] * (PROBE_EVERY - 1)) * 3
 
 
-def test_a_broken_temperature_limit_is_probed_at_once(parameters: ModelParameters) -> None:
+def test_a_broken_temperature_limit_is_probed_at_once() -> None:
     inner = Scripted(
         answer(temperature_slack_k=0.5, objective=50.0), answer(power_w=900.0, objective=10.0)
     )
-    result = probe(parameters, inner).solve(DATA, GUESS)
+    result = probe(inner).solve(DATA, GUESS)
     assert result.objective == 10.0
     # Both solves count.
     assert result.iterations == 14
@@ -117,14 +120,14 @@ def test_a_broken_temperature_limit_is_probed_at_once(parameters: ModelParameter
     ],
 )
 def test_the_better_usable_plan_wins(
-    parameters: ModelParameters, first: SolveResult, second: SolveResult, expected: float
+    first: SolveResult, second: SolveResult, expected: float
 ) -> None:
-    assert probe(parameters, Scripted(first, second)).solve(DATA, GUESS).objective == expected
+    assert probe(Scripted(first, second)).solve(DATA, GUESS).objective == expected
 
 
-def test_second_start_ramps_the_compressor_within_its_rate(parameters: ModelParameters) -> None:
+def test_second_start_ramps_the_compressor_within_its_rate() -> None:
     inner = Scripted(answer(temperature_slack_k=1.0))
-    probe(parameters, inner).solve(DATA, GUESS)
+    probe(inner).solve(DATA, GUESS)
     second = inner.guesses[1]
     assert powers_of(second).tolist() == [200.0, 400.0, 600.0, 900.0, 900.0]
     table = second[: -layout.STATES].reshape(GRID.steps, BLOCK)
@@ -135,30 +138,25 @@ def test_second_start_ramps_the_compressor_within_its_rate(parameters: ModelPara
     np.testing.assert_allclose(1000.0 * held, powers_of(second))
 
 
-def test_second_start_never_asks_for_less_than_there_is(parameters: ModelParameters) -> None:
+def test_second_start_never_asks_for_less_than_there_is() -> None:
     inner = Scripted(answer(temperature_slack_k=1.0))
     state = np.zeros(layout.STATES)
     state[StateIndex.LAST_COMPRESSOR_POWER] = 2.0
-    probe(parameters, inner).solve(replace(DATA, initial_state=state), GUESS)
+    probe(inner).solve(replace(DATA, initial_state=state), GUESS)
     assert (powers_of(inner.guesses[1]) == 2000.0).all()
 
 
-def test_neither_guess_nor_answer_is_written_to(parameters: ModelParameters) -> None:
+def test_neither_guess_nor_answer_is_written_to() -> None:
     first = answer(temperature_slack_k=1.0)
     kept, guess = first.variables.copy(), GUESS.copy()
-    probe(parameters, Scripted(first)).solve(DATA, guess)
+    probe(Scripted(first)).solve(DATA, guess)
     np.testing.assert_array_equal(first.variables, kept)
     np.testing.assert_array_equal(guess, GUESS)
 
 
-def test_escapes_the_valley_in_which_the_compressor_is_off(
-    plain_solver: Callable[..., SolverBackend],
-    probing_solver: Callable[..., SolverBackend],
-    problem_of: Pose,
-    scenes: dict[str, Measurements],
-) -> None:
+def test_escapes_the_valley_in_which_the_compressor_is_off() -> None:
     """The compressor is off and 26 degC asked for: the map is flat there, the solver alone stays off."""
-    problem = problem_of(scenes["cruise"], "3x1+5x5", "reference")
+    problem = problem_of(SCENES["cruise"], "3x1+5x5", "reference")
     alone = plain_solver("3x1+5x5").solve(*problem)
     probed = probing_solver("3x1+5x5").solve(*problem)
 

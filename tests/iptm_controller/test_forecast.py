@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.iptm_controller.scenes import make_leader, make_preview
 
 from iptm_controller.forecast import HISTORY_S, LeaderForecaster, LeaderMotion, PreviewQuality
 from iptm_core.state import LeaderPreview, LeaderState
@@ -25,16 +26,14 @@ def forecaster() -> LeaderForecaster:
 
 
 @pytest.fixture
-def leader(make_leader: Callable[..., LeaderState]) -> LeaderState:
+def leader() -> LeaderState:
     return make_leader(gap_m=40.0, speed_m_s=15.0, time_s=100.0)
 
 
 def moved(preview: LeaderPreview, seconds: float) -> LeaderPreview:
     """The same prediction, made earlier or later."""
     return replace(
-        preview,
-        generated_at_s=preview.generated_at_s + seconds,
-        times_s=preview.times_s + seconds,
+        preview, generated_at_s=preview.generated_at_s + seconds, times_s=preview.times_s + seconds
     )
 
 
@@ -48,9 +47,7 @@ def expect_constant_speed(motion: LeaderMotion, leader: LeaderState) -> None:
 
 
 def test_full_preview_is_followed_exactly(
-    forecaster: LeaderForecaster,
-    leader: LeaderState,
-    make_preview: Callable[..., LeaderPreview],
+    forecaster: LeaderForecaster, leader: LeaderState
 ) -> None:
     preview = make_preview(leader, acceleration_m_s2=-1.0)
     forecast = forecaster.forecast(leader, preview)
@@ -64,9 +61,7 @@ def test_full_preview_is_followed_exactly(
 
 
 def test_short_preview_goes_on_at_its_last_speed(
-    forecaster: LeaderForecaster,
-    leader: LeaderState,
-    make_preview: Callable[..., LeaderPreview],
+    forecaster: LeaderForecaster, leader: LeaderState
 ) -> None:
     preview = make_preview(leader, acceleration_m_s2=-1.0, length_s=5.0)
     forecast = forecaster.forecast(leader, preview)
@@ -82,11 +77,7 @@ def test_short_preview_goes_on_at_its_last_speed(
     [(0.0, 0), (3.0, 0), (MAX_AGE_S, 0), (MAX_AGE_S + 0.1, 2), (59.0, 2), (200.0, 2)],
 )
 def test_old_previews_are_used_up_to_the_permitted_age(
-    forecaster: LeaderForecaster,
-    leader: LeaderState,
-    make_preview: Callable[..., LeaderPreview],
-    age_s: float,
-    quality: int,
+    forecaster: LeaderForecaster, leader: LeaderState, age_s: float, quality: int
 ) -> None:
     forecast = forecaster.forecast(leader, moved(make_preview(leader), -age_s))
     assert forecast.quality == quality
@@ -97,9 +88,7 @@ def test_old_previews_are_used_up_to_the_permitted_age(
 
 
 def test_a_preview_that_has_ended_is_stale_however_young(
-    forecaster: LeaderForecaster,
-    leader: LeaderState,
-    make_preview: Callable[..., LeaderPreview],
+    forecaster: LeaderForecaster, leader: LeaderState
 ) -> None:
     preview = moved(make_preview(leader, length_s=2.0), -3.0)
     forecast = forecaster.forecast(leader, preview)
@@ -118,12 +107,7 @@ def test_no_preview_yet(forecaster: LeaderForecaster, leader: LeaderState) -> No
 
 
 @given(offset_m=st.floats(-500.0, 500.0), age_s=st.floats(0.0, 9.0))
-def test_prediction_starts_where_the_leader_is_seen(
-    make_leader: Callable[..., LeaderState],
-    make_preview: Callable[..., LeaderPreview],
-    offset_m: float,
-    age_s: float,
-) -> None:
+def test_prediction_starts_where_the_leader_is_seen(offset_m: float, age_s: float) -> None:
     """Neither delay nor an error of position moves the leader that the range sensor measures."""
     leader = make_leader()
     preview = make_preview(leader, acceleration_m_s2=-0.7)
@@ -140,9 +124,7 @@ def test_prediction_starts_where_the_leader_is_seen(
     np.testing.assert_allclose(speeds, preview.speeds_m_s[later])
 
 
-def test_history_is_measured_and_forgotten(
-    forecaster: LeaderForecaster, make_leader: Callable[..., LeaderState]
-) -> None:
+def test_history_is_measured_and_forgotten(forecaster: LeaderForecaster) -> None:
     """The mean speed over the last seconds comes from what was seen, not from the prediction."""
     for tick in range(8):
         leader = make_leader(gap_m=40.0 + tick**2, speed_m_s=2.0 * tick, time_s=100.0 + tick)
@@ -155,9 +137,7 @@ def test_history_is_measured_and_forgotten(
     assert speeds.tolist() == [10.0, 11.0]
 
 
-def test_going_back_in_time_starts_a_new_history(
-    forecaster: LeaderForecaster, make_leader: Callable[..., LeaderState]
-) -> None:
+def test_going_back_in_time_starts_a_new_history(forecaster: LeaderForecaster) -> None:
     forecaster.forecast(make_leader(time_s=100.0), NONE_YET)
     forecaster.forecast(make_leader(time_s=101.0), NONE_YET)
     leader = make_leader(time_s=0.0)
@@ -196,10 +176,7 @@ MALFORMED: dict[str, tuple[Callable[[LeaderPreview], LeaderPreview], str]] = {
 
 @pytest.mark.parametrize("kind", sorted(MALFORMED))
 def test_malformed_previews_are_named_and_not_used(
-    forecaster: LeaderForecaster,
-    leader: LeaderState,
-    make_preview: Callable[..., LeaderPreview],
-    kind: str,
+    forecaster: LeaderForecaster, leader: LeaderState, kind: str
 ) -> None:
     change, complaint = MALFORMED[kind]
     forecast = forecaster.forecast(leader, change(make_preview(leader)))
@@ -208,11 +185,7 @@ def test_malformed_previews_are_named_and_not_used(
     expect_constant_speed(forecast.motion, leader)
 
 
-def test_recovers_at_once(
-    forecaster: LeaderForecaster,
-    make_leader: Callable[..., LeaderState],
-    make_preview: Callable[..., LeaderPreview],
-) -> None:
+def test_recovers_at_once(forecaster: LeaderForecaster) -> None:
     for tick, change in enumerate(change for change, _ in MALFORMED.values()):
         leader = make_leader(time_s=100.0 + 2 * tick)
         forecaster.forecast(leader, change(make_preview(leader)))

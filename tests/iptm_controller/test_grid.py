@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import PARAMETERS, transcription_of
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.ocp.transcription import Transcription
-from iptm_core.parameters.model import ModelParameters
 
 GRIDS = ["15x1", "3x1+5x5", "1x0.5+2x2+4x10", "1x1"]
 
@@ -79,9 +76,7 @@ def test_samples_lie_at_the_quadrature_nodes_of_their_steps(grid: ProblemGrid) -
     np.testing.assert_allclose(grid.sample_times_s, expected)
 
 
-def test_the_nonlinear_program_has_the_sizes_of_the_grid(
-    transcription_of: Callable[[str], Transcription], grid: ProblemGrid
-) -> None:
+def test_the_nonlinear_program_has_the_sizes_of_the_grid(grid: ProblemGrid) -> None:
     t = transcription_of(str(grid.horizon))
     steps = grid.horizon.steps
     assert t.variables.numel() == grid.variable_count == 12 * steps + 6
@@ -90,8 +85,8 @@ def test_the_nonlinear_program_has_the_sizes_of_the_grid(
     assert t.jacobian.shape == (grid.row_count, grid.variable_count)
 
 
-def test_a_problem_describes_its_stages(parameters: ModelParameters) -> None:
-    problem = OptimalControlProblem(Horizon.parse("3x1+5x5"), parameters)
+def test_a_problem_describes_its_stages() -> None:
+    problem = OptimalControlProblem(Horizon.parse("3x1+5x5"), PARAMETERS)
     assert [(kind.count, kind.step_s, kind.samples) for kind in problem.grid.stages] == [
         (3, 1.0, 1),
         (5, 5.0, 2),

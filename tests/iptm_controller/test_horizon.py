@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iptm_controller.horizon import (
-    MAX_NODES,
-    MULTI_HORIZON,
-    SINGLE_HORIZON,
-    Horizon,
-    HorizonPhase,
-)
+from iptm_controller.horizon import MAX_NODES, MULTI_HORIZON, SINGLE_HORIZON, Horizon, HorizonPhase
 from iptm_core.errors import ParameterError
 
 STEPS = st.integers(1, 60)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import PARAMETERS, make_leader, make_state
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ladder import FallbackLadder, LadderOptions
@@ -13,8 +12,7 @@ from iptm_controller.ocp import layout
 from iptm_controller.plan import Plan
 from iptm_controller.safe_driving import controlled_stop, safe_following
 from iptm_core.decision_record import Rung
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import Command, LeaderState, VehicleState
+from iptm_core.state import Command
 
 OPTIONS = LadderOptions(shifted_plan_ticks=3, safe_law_ticks=5)
 
@@ -33,8 +31,8 @@ def step_of(command: Command) -> int:
 
 
 @pytest.fixture
-def ladder(parameters: ModelParameters) -> FallbackLadder:
-    return FallbackLadder(parameters, 1.0, OPTIONS)
+def ladder() -> FallbackLadder:
+    return FallbackLadder(PARAMETERS, 1.0, OPTIONS)
 
 
 def test_a_usable_plan_is_the_top(ladder: FallbackLadder) -> None:
@@ -45,12 +43,7 @@ def test_a_usable_plan_is_the_top(ladder: FallbackLadder) -> None:
     assert ladder.plan_at(113.0) is None
 
 
-def test_walks_down_rung_by_rung_and_back_at_once(
-    parameters: ModelParameters,
-    ladder: FallbackLadder,
-    make_state: Callable[..., VehicleState],
-    make_leader: Callable[..., LeaderState],
-) -> None:
+def test_walks_down_rung_by_rung_and_back_at_once(ladder: FallbackLadder) -> None:
     ladder.accept(plan_from(100.0))
     rungs = []
     for tick in range(1, 11):
@@ -60,8 +53,8 @@ def test_walks_down_rung_by_rung_and_back_at_once(
         rungs.append(rung)
         expected = {
             Rung.SHIFTED_PLAN: Command(0.1 * (1 + min(tick, 3)), 100.0 * (1 + min(tick, 3))),
-            Rung.SAFE_LAW: safe_following(state, leader, parameters),
-            Rung.STOP: controlled_stop(state, parameters, 1.0),
+            Rung.SAFE_LAW: safe_following(state, leader, PARAMETERS),
+            Rung.STOP: controlled_stop(state, PARAMETERS, 1.0),
         }[rung]
         assert command.acceleration_m_s2 == pytest.approx(expected.acceleration_m_s2)
         assert command.compressor_power_w == pytest.approx(expected.compressor_power_w)
@@ -73,11 +66,9 @@ def test_walks_down_rung_by_rung_and_back_at_once(
     assert step_of(later[1]) == 1
 
 
-def test_plan_is_followed_by_time_not_by_count(
-    parameters: ModelParameters, make_state: Callable[..., VehicleState]
-) -> None:
+def test_plan_is_followed_by_time_not_by_count() -> None:
     """A tick may be missed, or the loop may run faster than the steps of the plan."""
-    ladder = FallbackLadder(parameters, 0.5, LadderOptions(30, 5))
+    ladder = FallbackLadder(PARAMETERS, 0.5, LadderOptions(30, 5))
     ladder.accept(plan_from(100.0))
     steps = [
         step_of(ladder.fall_back(make_state(time_s=time_s), None)[1])
@@ -86,37 +77,25 @@ def test_plan_is_followed_by_time_not_by_count(
     assert steps == [0, 1, 1, 2, 3, 3, 4, 4]
 
 
-def test_plan_is_left_where_it_ends(
-    parameters: ModelParameters,
-    make_state: Callable[..., VehicleState],
-    make_leader: Callable[..., LeaderState],
-) -> None:
-    ladder = FallbackLadder(parameters, 1.0, LadderOptions(30, 5))
+def test_plan_is_left_where_it_ends() -> None:
+    ladder = FallbackLadder(PARAMETERS, 1.0, LadderOptions(30, 5))
     ladder.accept(plan_from(100.0))
     assert ladder.fall_back(make_state(time_s=112.9), make_leader())[0] is Rung.SHIFTED_PLAN
     assert ladder.fall_back(make_state(time_s=113.0), make_leader())[0] is Rung.SAFE_LAW
 
 
-def test_without_a_plan_the_safe_law_comes_first(
-    ladder: FallbackLadder,
-    make_state: Callable[..., VehicleState],
-    make_leader: Callable[..., LeaderState],
-) -> None:
+def test_without_a_plan_the_safe_law_comes_first(ladder: FallbackLadder) -> None:
     rungs = [ladder.fall_back(make_state(), make_leader())[0] for _ in range(9)]
     assert rungs == [Rung.SAFE_LAW] * 8 + [Rung.STOP]
 
 
-def test_without_a_leader_the_plan_and_then_the_stop(
-    ladder: FallbackLadder, make_state: Callable[..., VehicleState]
-) -> None:
+def test_without_a_leader_the_plan_and_then_the_stop(ladder: FallbackLadder) -> None:
     ladder.accept(plan_from(100.0))
     rungs = [ladder.fall_back(make_state(time_s=101.0 + tick), None)[0] for tick in range(5)]
     assert rungs == [Rung.SHIFTED_PLAN] * 3 + [Rung.STOP] * 2
 
 
-def test_without_a_state_it_stops_whatever_else_is_known(
-    ladder: FallbackLadder, make_leader: Callable[..., LeaderState]
-) -> None:
+def test_without_a_state_it_stops_whatever_else_is_known(ladder: FallbackLadder) -> None:
     ladder.accept(plan_from(100.0))
     rung, command = ladder.fall_back(None, make_leader())
     assert rung is Rung.STOP
@@ -124,11 +103,7 @@ def test_without_a_state_it_stops_whatever_else_is_known(
     assert command.compressor_power_w == 0.0
 
 
-def test_rungs_can_be_left_out(
-    parameters: ModelParameters,
-    make_state: Callable[..., VehicleState],
-    make_leader: Callable[..., LeaderState],
-) -> None:
-    ladder = FallbackLadder(parameters, 1.0, LadderOptions(0, 0))
+def test_rungs_can_be_left_out() -> None:
+    ladder = FallbackLadder(PARAMETERS, 1.0, LadderOptions(0, 0))
     ladder.accept(plan_from(100.0))
     assert ladder.fall_back(make_state(time_s=101.0), make_leader())[0] is Rung.STOP

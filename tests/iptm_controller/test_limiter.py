@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.iptm_controller.scenes import PARAMETERS, make_state
 
 from iptm_controller.limiter import CommandLimiter
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import Command, VehicleState
+from iptm_core.state import Command
 
 ANYTHING = st.floats(allow_nan=True, allow_infinity=True)
 ACCELERATIONS = st.floats(-3.0, 3.0) | ANYTHING
@@ -21,8 +20,8 @@ SLACK = 1e-9
 
 
 @pytest.fixture
-def limiter(parameters: ModelParameters) -> CommandLimiter:
-    return CommandLimiter(parameters.limits, 1.0)
+def limiter() -> CommandLimiter:
+    return CommandLimiter(PARAMETERS.limits, 1.0)
 
 
 @given(
@@ -34,8 +33,6 @@ def limiter(parameters: ModelParameters) -> CommandLimiter:
     tick_s=TICKS,
 )
 def test_any_command_leaves_within_bounds_and_rates(
-    parameters: ModelParameters,
-    make_state: Callable[..., VehicleState],
     acceleration: float,
     power: float,
     last_acceleration: float,
@@ -43,7 +40,7 @@ def test_any_command_leaves_within_bounds_and_rates(
     speed: float,
     tick_s: float,
 ) -> None:
-    limits = parameters.limits
+    limits = PARAMETERS.limits
     limiter = CommandLimiter(limits, tick_s)
     state = make_state(
         acceleration_m_s2=last_acceleration, compressor_power_w=last_power, speed_m_s=speed
@@ -71,13 +68,8 @@ def test_any_command_leaves_within_bounds_and_rates(
 
 
 @given(acceleration=st.floats(-0.5, 0.5), power=st.floats(800.0, 1200.0))
-def test_what_can_be_actuated_passes_untouched(
-    parameters: ModelParameters,
-    make_state: Callable[..., VehicleState],
-    acceleration: float,
-    power: float,
-) -> None:
-    limiter = CommandLimiter(parameters.limits, 1.0)
+def test_what_can_be_actuated_passes_untouched(acceleration: float, power: float) -> None:
+    limiter = CommandLimiter(PARAMETERS.limits, 1.0)
     command = Command(acceleration, power)
     limited = limiter.limit(command, make_state(compressor_power_w=1000.0))
     assert limited.command == command
@@ -114,7 +106,6 @@ def test_what_can_be_actuated_passes_untouched(
 )
 def test_reasons_name_the_active_bounds(
     limiter: CommandLimiter,
-    make_state: Callable[..., VehicleState],
     command: Command,
     state: dict[str, float],
     expected: Command,
@@ -129,11 +120,7 @@ def test_reasons_name_the_active_bounds(
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize(("last", "coasting"), [(1.0, 0.5), (-0.7, -0.7), (0.0, 0.0)])
 def test_nonsense_coasts_down_and_holds_the_compressor(
-    limiter: CommandLimiter,
-    make_state: Callable[..., VehicleState],
-    wrong: float,
-    last: float,
-    coasting: float,
+    limiter: CommandLimiter, wrong: float, last: float, coasting: float
 ) -> None:
     state = make_state(acceleration_m_s2=last, compressor_power_w=700.0)
     limited = limiter.limit(Command(wrong, wrong), state)
@@ -141,21 +128,17 @@ def test_nonsense_coasts_down_and_holds_the_compressor(
     assert limited.reasons[:2] == ("acceleration not finite", "compressor power not finite")
 
 
-def test_half_a_nonsense_command_leaves_the_other_half_alone(
-    limiter: CommandLimiter, make_state: Callable[..., VehicleState]
-) -> None:
+def test_half_a_nonsense_command_leaves_the_other_half_alone(limiter: CommandLimiter) -> None:
     limited = limiter.limit(Command(0.3, math.nan), make_state(compressor_power_w=700.0))
     assert limited.command == Command(0.3, 700.0)
     assert limited.reasons == ("compressor power not finite",)
 
 
 def test_actuated_values_outside_the_bounds_do_not_pull_the_command_out(
-    parameters: ModelParameters,
     limiter: CommandLimiter,
-    make_state: Callable[..., VehicleState],
 ) -> None:
     state = make_state(acceleration_m_s2=5.0, compressor_power_w=9000.0)
     limited = limiter.limit(Command(5.0, 9000.0), state)
-    limits = parameters.limits
+    limits = PARAMETERS.limits
     assert limited.command.acceleration_m_s2 <= limits.max_acceleration_m_s2
     assert limited.command.compressor_power_w <= limits.max_compressor_power_w

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
@@ -11,15 +10,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.iptm_controller.scenes import make_leader, make_scene, make_state
 
 from iptm_controller.measurements import (
-    Measurements,
     leader_fault,
     slope_fault,
     state_fault,
     trusted_measurements,
 )
-from iptm_core.state import LeaderState, SlopePreview, VehicleState
+from iptm_core.state import SlopePreview, VehicleState
 
 QUANTITIES = [entry.name for entry in fields(VehicleState)]
 IMPOSSIBLE = {
@@ -35,25 +34,21 @@ IMPOSSIBLE = {
 }
 
 
-def test_an_ordinary_state_passes(make_state: Callable[..., VehicleState]) -> None:
+def test_an_ordinary_state_passes() -> None:
     assert state_fault(make_state()) == ""
     assert state_fault(make_state(speed_m_s=0.0, time_s=0.0, position_m=-5.0)) == ""
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, None])
-def test_every_quantity_is_checked(
-    make_state: Callable[..., VehicleState], name: str, value: float | None
-) -> None:
+def test_every_quantity_is_checked(name: str, value: float | None) -> None:
     wrong = IMPOSSIBLE[name] if value is None else value
     fault = state_fault(make_state(**{name: wrong}))
     assert fault.startswith(f"measured {name} is {wrong}; allowed: ")
 
 
 @pytest.mark.parametrize("gap_m", [-1.0, 0.0, 40.0, 5000.0])
-def test_leader_ahead_passes(
-    make_state: Callable[..., VehicleState], make_leader: Callable[..., LeaderState], gap_m: float
-) -> None:
+def test_leader_ahead_passes(gap_m: float) -> None:
     """A bumper that touches is measured within a metre of noise."""
     assert leader_fault(make_leader(gap_m), make_state()) == ""
 
@@ -73,12 +68,7 @@ def test_leader_ahead_passes(
         ({"time_s": math.inf}, "leader time is inf"),
     ],
 )
-def test_leader_is_checked(
-    make_state: Callable[..., VehicleState],
-    make_leader: Callable[..., LeaderState],
-    change: dict[str, float],
-    complaint: str,
-) -> None:
+def test_leader_is_checked(change: dict[str, float], complaint: str) -> None:
     assert complaint in leader_fault(replace(make_leader(), **change), make_state())
 
 
@@ -116,10 +106,7 @@ def test_what_passes_is_finite(values: list[float]) -> None:
     ],
 )
 def test_what_builds_on_a_missing_part_is_left_out(
-    make_scene: Callable[..., Measurements],
-    change: dict[str, Any],
-    state_kept: bool,
-    leader_kept: bool,
+    change: dict[str, Any], state_kept: bool, leader_kept: bool
 ) -> None:
     trusted = trusted_measurements(replace(make_scene(), **change))
     assert (trusted.state is not None, trusted.leader is not None) == (state_kept, leader_kept)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from tests.iptm_controller.scenes import PARAMETERS
 
 from iptm_controller.controller import ControllerOptions
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
@@ -13,7 +14,6 @@ from iptm_controller.ladder import LadderOptions
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import ParameterError
-from iptm_core.parameters.model import ModelParameters
 
 SMALL = ControllerNodeParameters(horizon="2x1", compile_code=False)
 
@@ -29,7 +29,7 @@ def test_defaults_of_the_node_are_those_of_the_controller() -> None:
     assert replace(options.solver, compile_code=True) == expected.solver
 
 
-def test_every_parameter_reaches_the_controller(parameters: ModelParameters) -> None:
+def test_every_parameter_reaches_the_controller() -> None:
     controller = ControllerNodeParameters(
         strategy="reference",
         horizon="2x1+1x5",
@@ -55,7 +55,7 @@ def test_every_parameter_reaches_the_controller(parameters: ModelParameters) -> 
     assert options.max_preview_age_s == 3.0
     assert options.tick_s == 0.5
     assert controller.backend.name == "ipopt"
-    assert parameters.gap.max_gap_m != 80.0
+    assert PARAMETERS.gap.max_gap_m != 80.0
 
 
 @pytest.mark.parametrize(

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
 
-from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
+from iptm_controller.controller import Controller, ControllerOptions, Decision
 from iptm_controller.node_reports import plan_trajectory, situation
-from iptm_controller.solvers.interface import SolverBackend
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import LeaderPreview
 from iptm_interfaces.codecs import (
     decode_decision_record,
@@ -27,14 +25,12 @@ EMPTY = LeaderPreview(-math.inf, np.empty(0), np.empty(0), np.empty(0))
 
 
 @pytest.fixture
-def controller(
-    parameters: ModelParameters, plain_solver: Callable[..., SolverBackend]
-) -> Controller:
-    return Controller(parameters, ControllerOptions(), plain_solver("3x1+5x5", compile_code=False))
+def controller() -> Controller:
+    return Controller(PARAMETERS, ControllerOptions(), plain_solver("3x1+5x5", compile_code=False))
 
 
 @pytest.fixture
-def good(controller: Controller, make_scene: Callable[..., Measurements]) -> Decision:
+def good(controller: Controller) -> Decision:
     return controller.decide(make_scene())
 
 
@@ -51,9 +47,7 @@ def test_record_of_a_good_day(good: Decision) -> None:
     assert record.gap_slack_m == pytest.approx(0.0, abs=1e-5)
 
 
-def test_record_without_a_solve(
-    controller: Controller, make_scene: Callable[..., Measurements]
-) -> None:
+def test_record_without_a_solve(controller: Controller) -> None:
     record = controller.decide(replace(make_scene(), leader=None)).record
     assert record.status is SolveStatus.NOT_POSED
     assert record.iterations == 0
@@ -63,9 +57,7 @@ def test_record_without_a_solve(
 
 
 @pytest.mark.parametrize("change", [{}, {"leader": None}, {"state": None}, {"preview": EMPTY}])
-def test_every_record_travels(
-    controller: Controller, make_scene: Callable[..., Measurements], change: dict[str, object]
-) -> None:
+def test_every_record_travels(controller: Controller, change: dict[str, object]) -> None:
     measured = replace(make_scene(), **change)  # type: ignore[arg-type]
     record = controller.decide(measured).record
     again = decode_decision_record(encode_decision_record(100_000_000_000, record))

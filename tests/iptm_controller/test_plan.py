@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.iptm_controller.scenes import make_state
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
@@ -61,9 +60,7 @@ def integral(plan: Plan, start_s: float, end_s: float) -> FloatArray:
     return total
 
 
-def later_state(
-    plan: Plan, moved_s: float, make_state: Callable[..., VehicleState]
-) -> VehicleState:
+def later_state(plan: Plan, moved_s: float) -> VehicleState:
     """A state off the plan, as disturbances make it."""
     return make_state(
         time_s=plan.start_s + moved_s,
@@ -99,9 +96,7 @@ def expect_starts_at(plan: Plan, state: VehicleState) -> None:
 
 
 @given(text=GRIDS, seed=SEEDS)
-def test_scaling_there_and_back(
-    make_state: Callable[..., VehicleState], text: str, seed: int
-) -> None:
+def test_scaling_there_and_back(text: str, seed: int) -> None:
     grid, state = ProblemGrid(Horizon.parse(text)), make_state()
     plan = random_plan(grid.horizon, seed, state)
     again = plan_from_variables(variables_from_plan(plan, grid, state), grid, state)
@@ -110,9 +105,7 @@ def test_scaling_there_and_back(
 
 
 @given(text=GRIDS, seed=SEEDS)
-def test_shift_by_nothing_changes_nothing(
-    make_state: Callable[..., VehicleState], text: str, seed: int
-) -> None:
+def test_shift_by_nothing_changes_nothing(text: str, seed: int) -> None:
     horizon, state = Horizon.parse(text), make_state()
     plan = random_plan(horizon, seed, state)
     shifted = PlanShifter(horizon).shift(plan, state)
@@ -121,12 +114,10 @@ def test_shift_by_nothing_changes_nothing(
 
 
 @given(text=GRIDS, seed=SEEDS, moved_s=st.floats(0.0, 120.0))
-def test_shift_keeps_the_mean_of_the_inputs(
-    make_state: Callable[..., VehicleState], text: str, seed: int, moved_s: float
-) -> None:
+def test_shift_keeps_the_mean_of_the_inputs(text: str, seed: int, moved_s: float) -> None:
     horizon = Horizon.parse(text)
     plan = random_plan(horizon, seed, make_state())
-    state = later_state(plan, moved_s, make_state)
+    state = later_state(plan, moved_s)
     shifted = PlanShifter(horizon).shift(plan, state)
     for step, (start, end) in enumerate(
         zip(shifted.node_times_s[:-1], shifted.node_times_s[1:], strict=True)
@@ -137,11 +128,11 @@ def test_shift_keeps_the_mean_of_the_inputs(
 
 @given(text=GRIDS, seed=SEEDS, moved_s=st.floats(0.0, 120.0))
 def test_shift_starts_at_the_measured_state_and_obeys_the_kinematics(
-    make_state: Callable[..., VehicleState], text: str, seed: int, moved_s: float
+    text: str, seed: int, moved_s: float
 ) -> None:
     horizon = Horizon.parse(text)
     plan = random_plan(horizon, seed, make_state())
-    state = later_state(plan, moved_s, make_state)
+    state = later_state(plan, moved_s)
     shifted = PlanShifter(horizon).shift(plan, state)
     expect_starts_at(shifted, state)
     expect_consistent_kinematics(shifted)
@@ -150,9 +141,7 @@ def test_shift_starts_at_the_measured_state_and_obeys_the_kinematics(
     assert (shifted.inputs >= plan.inputs.min(axis=0) - 1e-7).all()
 
 
-def test_shift_by_one_step_on_an_even_grid_moves_the_inputs_by_one(
-    make_state: Callable[..., VehicleState],
-) -> None:
+def test_shift_by_one_step_on_an_even_grid_moves_the_inputs_by_one() -> None:
     horizon = Horizon.parse("15x1")
     plan = random_plan(horizon, 3, make_state())
     shifted = PlanShifter(horizon).shift(plan, make_state(time_s=plan.start_s + 1.0))
@@ -162,7 +151,7 @@ def test_shift_by_one_step_on_an_even_grid_moves_the_inputs_by_one(
 
 
 @pytest.mark.parametrize("text", ["15x1", "3x1+5x5"])
-def test_cold_start_rolls_on(make_state: Callable[..., VehicleState], text: str) -> None:
+def test_cold_start_rolls_on(text: str) -> None:
     state = make_state(compressor_power_w=450.0, acceleration_m_s2=0.8)
     plan = PlanShifter(Horizon.parse(text)).cold_start(state)
     expect_starts_at(plan, state)
@@ -173,9 +162,7 @@ def test_cold_start_rolls_on(make_state: Callable[..., VehicleState], text: str)
 
 
 @given(text=GRIDS, seed=SEEDS, elapsed_s=st.floats(0.0, 60.0))
-def test_positions_between_the_nodes(
-    make_state: Callable[..., VehicleState], text: str, seed: int, elapsed_s: float
-) -> None:
+def test_positions_between_the_nodes(text: str, seed: int, elapsed_s: float) -> None:
     """Exact inside the plan; beyond it the last step goes on."""
     horizon = Horizon.parse(text)
     plan = random_plan(horizon, seed, make_state())
@@ -190,13 +177,13 @@ def test_positions_between_the_nodes(
     )
 
 
-def test_plan_covers_its_own_time(make_state: Callable[..., VehicleState]) -> None:
+def test_plan_covers_its_own_time() -> None:
     plan = random_plan(Horizon.parse("3x1+5x5"), 0, make_state(time_s=100.0))
     covered = {time_s: plan.covers(time_s) for time_s in (99.9, 100.0, 127.9, 128.0, 500.0)}
     assert covered == {99.9: False, 100.0: True, 127.9: True, 128.0: False, 500.0: False}
 
 
-def test_slacks_are_the_worst_of_each_group(make_state: Callable[..., VehicleState]) -> None:
+def test_slacks_are_the_worst_of_each_group() -> None:
     plan = random_plan(Horizon.parse("3x1+5x5"), 0, make_state())
     plan.inputs[:, InputIndex.GAP_SHORT :] = -1e-9
     assert plan.slacks.gap_m == plan.slacks.speed_m_s == plan.slacks.temperature_k == 0.0

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import make_scene, make_state
 
-from iptm_controller.controller import Measurements
 from iptm_controller.forecast import LeaderForecaster, LeaderMotion
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
@@ -57,7 +56,7 @@ def steady() -> LeaderMotion:
     return LeaderMotion(np.array([0.0]), np.array([0.0]), np.array([10.5]))
 
 
-def test_globals(make_state: Callable[..., VehicleState], steady: LeaderMotion) -> None:
+def test_globals(steady: LeaderMotion) -> None:
     data = build(make_state(cell_1_capacity_loss=2e-3, cell_n_capacity_loss=3e-3), steady)
     expected = {
         GlobalIndex.CELL_1_LOSS: 2e-3,
@@ -73,9 +72,7 @@ def test_globals(make_state: Callable[..., VehicleState], steady: LeaderMotion) 
         assert data.parameters[index] == value
 
 
-def test_initial_state_is_scaled_and_starts_at_position_zero(
-    make_state: Callable[..., VehicleState], steady: LeaderMotion
-) -> None:
+def test_initial_state_is_scaled_and_starts_at_position_zero(steady: LeaderMotion) -> None:
     state = make_state(acceleration_m_s2=-0.7, compressor_power_w=1250.0)
     data = build(state, steady)
     np.testing.assert_allclose(
@@ -83,9 +80,7 @@ def test_initial_state_is_scaled_and_starts_at_position_zero(
     )
 
 
-def test_leader_at_the_end_of_every_step(
-    make_state: Callable[..., VehicleState], make_scene: Callable[..., Measurements]
-) -> None:
+def test_leader_at_the_end_of_every_step() -> None:
     """Off by one here would mean a gap to where the leader was, or will be, a step away."""
     measured = make_scene(leader_acceleration_m_s2=-0.5, gap_m=40.0)
     assert measured.leader is not None
@@ -98,17 +93,13 @@ def test_leader_at_the_end_of_every_step(
         assert own[StepIndex.LEADER_SPEED] == pytest.approx(15.0 - 0.5 * time)
 
 
-def test_rates_count_between_the_middles_of_two_steps(
-    make_state: Callable[..., VehicleState], steady: LeaderMotion
-) -> None:
+def test_rates_count_between_the_middles_of_two_steps(steady: LeaderMotion) -> None:
     data = build(make_state(), steady)
     intervals = [own[StepIndex.RATE_INTERVAL] for own, _ in steps_of(data, HORIZON)]
     assert intervals == [1.0, 1.0, 1.0, 3.0, 5.0, 5.0, 5.0, 5.0]
 
 
-def test_a_change_into_a_long_step_has_to_happen_soon(
-    make_state: Callable[..., VehicleState], steady: LeaderMotion
-) -> None:
+def test_a_change_into_a_long_step_has_to_happen_soon(steady: LeaderMotion) -> None:
     """Into a 15 s step as into one of 5 s; between equal steps nothing changes."""
     horizon = Horizon.parse("2x1+2x15")
     data = build(make_state(), steady, horizon=horizon)
@@ -116,9 +107,7 @@ def test_a_change_into_a_long_step_has_to_happen_soon(
     assert intervals == [1.0, 1.0, 3.0, 15.0]
 
 
-def test_the_leader_is_known_at_every_sample(
-    make_state: Callable[..., VehicleState], steady: LeaderMotion
-) -> None:
+def test_the_leader_is_known_at_every_sample(steady: LeaderMotion) -> None:
     data = build(make_state(), steady)
     times = sample_times(HORIZON)
     samples = np.vstack([own for _, own in steps_of(data, HORIZON)])
@@ -129,9 +118,7 @@ def test_the_leader_is_known_at_every_sample(
     np.testing.assert_allclose(samples[:, SampleIndex.LEADER_SPEED], speed)
 
 
-def test_braking_reserve_is_asked_for_where_the_preview_ends(
-    make_state: Callable[..., VehicleState], steady: LeaderMotion
-) -> None:
+def test_braking_reserve_is_asked_for_where_the_preview_ends(steady: LeaderMotion) -> None:
     data = build(make_state(), steady)
     asked = [own[StepIndex.END_OF_PREVIEW] for own, _ in steps_of(data, HORIZON)]
     assert asked == [0.0] * 7 + [1.0]
@@ -141,7 +128,7 @@ def test_braking_reserve_is_asked_for_where_the_preview_ends(
     ("known_s", "node"), [(0.0, 0), (1.0, 0), (2.9, 1), (3.0, 2), (12.0, 3), (28.0, 7), (60.0, 7)]
 )
 def test_braking_reserve_is_asked_for_no_later_than_the_leader_is_known(
-    make_state: Callable[..., VehicleState], steady: LeaderMotion, known_s: float, node: int
+    steady: LeaderMotion, known_s: float, node: int
 ) -> None:
     grid = ProblemGrid(HORIZON)
     builder = ProblemDataBuilder(grid, strategy_by_name("aging"))
@@ -152,9 +139,7 @@ def test_braking_reserve_is_asked_for_no_later_than_the_leader_is_known(
     assert asked == [float(index == node) for index in range(HORIZON.steps)]
 
 
-def test_reference_is_the_mean_speed_over_the_last_two_seconds(
-    make_state: Callable[..., VehicleState],
-) -> None:
+def test_reference_is_the_mean_speed_over_the_last_two_seconds() -> None:
     """Seen from every sample: partly measured past, partly prediction."""
     times = np.arange(97.0, 131.0)
     speeds = 12.0 + 4.0 * np.sin(times / 3.0)
@@ -166,9 +151,7 @@ def test_reference_is_the_mean_speed_over_the_last_two_seconds(
         assert reference == pytest.approx(np.mean(np.interp(fine, times, speeds)), abs=1e-4)
 
 
-def test_slope_is_expanded_where_the_host_is_expected(
-    make_state: Callable[..., VehicleState], steady: LeaderMotion
-) -> None:
+def test_slope_is_expanded_where_the_host_is_expected(steady: LeaderMotion) -> None:
     """A road of the second degree comes back exactly, wherever the host then is."""
     nodes = np.arange(0.0, 3000.0, 5.0)
 
@@ -190,9 +173,7 @@ def test_slope_is_expanded_where_the_host_is_expected(
         np.testing.assert_allclose(expanded, road(expected + away), atol=1e-9)
 
 
-def test_ends_of_the_road_are_held(
-    make_state: Callable[..., VehicleState], steady: LeaderMotion
-) -> None:
+def test_ends_of_the_road_are_held(steady: LeaderMotion) -> None:
     ahead_of_all = SlopePreview(np.array([0.0, 500.0]), np.array([0.0, 0.03]))
     for _, samples in steps_of(build(make_state(), steady, ahead_of_all), HORIZON):
         assert (samples[:, SampleIndex.SLOPE] == 0.03).all()
@@ -200,7 +181,7 @@ def test_ends_of_the_road_are_held(
         assert (samples[:, SampleIndex.SLOPE_CURVATURE] == 0.0).all()
 
 
-def test_only_relative_positions_count(make_scene: Callable[..., Measurements]) -> None:
+def test_only_relative_positions_count() -> None:
     """Far along the road the same situation gives the same numbers."""
     road = SlopePreview(np.arange(0.0, 4000.0, 10.0), np.sin(np.arange(400) / 7.0) / 20.0)
     here = make_scene(slope=road)

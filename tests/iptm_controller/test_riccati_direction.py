@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import (
+    PARAMETERS,
+    Problem,
+    make_scene,
+    problem_of,
+    transcription_of,
+)
 
-from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
@@ -20,14 +25,11 @@ from iptm_controller.solvers.riccati.program import ITERATE, RiccatiProgram, bui
 from iptm_controller.solvers.riccati.recursion import PARTS
 from iptm_controller.solvers.riccati.stage_system import inequality_constraints
 from iptm_controller.solvers.riccati.step_summary import StepSummary
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 
 GRID = "2x1+2x5"
 STEPS = 4
 MU = 3e-3
-
-Pose = Callable[..., tuple[ProblemData, FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -41,20 +43,18 @@ class Iterate:
 
 
 @pytest.fixture(scope="module")
-def program(parameters: ModelParameters) -> RiccatiProgram:
-    return build_program(OptimalControlProblem(Horizon.parse(GRID), parameters))
+def program() -> RiccatiProgram:
+    return build_program(OptimalControlProblem(Horizon.parse(GRID), PARAMETERS))
 
 
 @pytest.fixture
-def problem(
-    problem_of: Pose, make_scene: Callable[..., Measurements]
-) -> tuple[ProblemData, FloatArray]:
+def problem() -> Problem:
     scene = make_scene(leader_acceleration_m_s2=-0.4)
     return problem_of(scene, GRID, "reference_energy_aging")
 
 
 @pytest.fixture
-def iterate(program: RiccatiProgram, problem: tuple[ProblemData, FloatArray]) -> Iterate:
+def iterate(program: RiccatiProgram, problem: Problem) -> Iterate:
     """Positive slacks and multipliers without order, so that nothing cancels by chance."""
     data, guess = problem
     rng = np.random.default_rng(5)
@@ -97,12 +97,10 @@ class Dense:
     constraints: FloatArray
 
 
-def dense_terms(
-    transcription: Transcription, parameters: ModelParameters, data: ProblemData, at: Iterate
-) -> Dense:
+def dense_terms(transcription: Transcription, data: ProblemData, at: Iterate) -> Dense:
     """Everything from the transcription's own derivatives, in the conventions of the method."""
     t = transcription
-    inequalities = inequality_constraints(parameters.limits)
+    inequalities = inequality_constraints(PARAMETERS.limits)
     choose = np.zeros((len(inequalities) * STEPS, ROWS * STEPS))
     bounds = np.zeros((len(inequalities) * STEPS, t.grid.variable_count))
     offsets = np.zeros(len(inequalities) * STEPS)
@@ -161,17 +159,12 @@ def newton_step(dense: Dense, at: Iterate, delta: float) -> dict[str, FloatArray
 
 @pytest.mark.parametrize("delta", [0.0, 0.7])
 def test_the_recursion_solves_the_newton_system(
-    program: RiccatiProgram,
-    transcription_of: Callable[[str], Transcription],
-    parameters: ModelParameters,
-    problem: tuple[ProblemData, FloatArray],
-    iterate: Iterate,
-    delta: float,
+    program: RiccatiProgram, problem: Problem, iterate: Iterate, delta: float
 ) -> None:
     data, _ = problem
     step, summary = direction(program, data, iterate, delta)
     assert summary.corrected_pivots == 0.0
-    dense = dense_terms(transcription_of(GRID), parameters, data, iterate)
+    dense = dense_terms(transcription_of(GRID), data, iterate)
     # The last state has no stage of its own: nothing is added to its (absent) curvature.
     hessian = dense.hessian.copy()
     hessian[-layout.STATES :, -layout.STATES :] -= delta * np.eye(layout.STATES)
@@ -183,15 +176,11 @@ def test_the_recursion_solves_the_newton_system(
 
 
 def test_the_summary_has_the_residual_norms_and_slopes(
-    program: RiccatiProgram,
-    transcription_of: Callable[[str], Transcription],
-    parameters: ModelParameters,
-    problem: tuple[ProblemData, FloatArray],
-    iterate: Iterate,
+    program: RiccatiProgram, problem: Problem, iterate: Iterate
 ) -> None:
     data, _ = problem
     step, summary = direction(program, data, iterate, 0.0)
-    dense = dense_terms(transcription_of(GRID), parameters, data, iterate)
+    dense = dense_terms(transcription_of(GRID), data, iterate)
     stationarity = dense.gradient + dense.dynamics.T @ iterate.lam - dense.jacobian.T @ iterate.z
     # lam of the last state has no counterpart but itself; the method keeps it at zero.
     own = np.abs(stationarity[: -layout.STATES]).max()
@@ -210,11 +199,7 @@ def test_the_summary_has_the_residual_norms_and_slopes(
 
 
 def test_a_trial_point_is_a_step_away(
-    program: RiccatiProgram,
-    transcription_of: Callable[[str], Transcription],
-    parameters: ModelParameters,
-    problem: tuple[ProblemData, FloatArray],
-    iterate: Iterate,
+    program: RiccatiProgram, problem: Problem, iterate: Iterate
 ) -> None:
     data, _ = problem
     given = {"w": iterate.w, "lam": iterate.lam, "s": iterate.s, "z": iterate.z}
@@ -229,7 +214,7 @@ def test_a_trial_point_is_a_step_away(
     there = Iterate(answer["next_w"], answer["next_lam"], answer["next_s"], answer["next_z"])
     assert there.s.min() > 0.0
     assert there.z.min() > 0.0
-    dense = dense_terms(transcription_of(GRID), parameters, data, there)
+    dense = dense_terms(transcription_of(GRID), data, there)
     moved = iterate.s + length * step["s"]
     np.testing.assert_allclose(there.s, np.maximum(moved, dense.constraints), atol=1e-9)
     residual = np.concatenate([dense.residual, dense.constraints - there.s])
@@ -240,13 +225,13 @@ def test_a_trial_point_is_a_step_away(
     assert largest == pytest.approx(np.abs(residual).max())
 
 
-def test_code_does_not_grow_with_the_horizon(parameters: ModelParameters) -> None:
+def test_code_does_not_grow_with_the_horizon() -> None:
     """A step adds some index tables, not a copy of its stage, which has tens of thousands of characters."""
 
     def length(grid: str) -> int:
         generator = ca.CodeGenerator("code.c", {"with_header": False})
         for function in build_program(
-            OptimalControlProblem(Horizon.parse(grid), parameters)
+            OptimalControlProblem(Horizon.parse(grid), PARAMETERS)
         ).functions:
             generator.add(function)
         return len(generator.dump())
@@ -254,13 +239,7 @@ def test_code_does_not_grow_with_the_horizon(parameters: ModelParameters) -> Non
     assert length("200x1") - length("20x1") < 180 * 3000
 
 
-def test_soft_slacks_start_as_guessed_or_relaxed(
-    program: RiccatiProgram,
-    transcription_of: Callable[[str], Transcription],
-    parameters: ModelParameters,
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
-) -> None:
+def test_soft_slacks_start_as_guessed_or_relaxed(program: RiccatiProgram) -> None:
     """Far too close: relaxed, the slacks leave no soft limit out of reach."""
     data, guess = problem_of(make_scene(gap_m=-20.0), GRID, "aging")
     starts = {
@@ -275,7 +254,7 @@ def test_soft_slacks_start_as_guessed_or_relaxed(
         np.testing.assert_allclose(start["s"] * start["z"], 1e-2)
         none = np.zeros(layout.STATES * STEPS)
         at = Iterate(start["w"], none, start["s"], start["z"])
-        dense = dense_terms(transcription_of(GRID), parameters, data, at)
+        dense = dense_terms(transcription_of(GRID), data, at)
         if relax:
             assert dense.constraints.min() > -1e-9
             assert slacks.max() > 20.0

@@ -7,19 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import PARAMETERS, Problem, make_scene, problem_of
 
-from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
-from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolveResult, SolverOptions
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
 from iptm_controller.solvers.riccati.step_summary import StepSummary
 from iptm_core.decision_record import SolveStatus
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import FloatArray
 
-Pose = Callable[..., tuple[ProblemData, FloatArray]]
 GRID = "3x1+5x5"
 
 SUMMARY = StepSummary(
@@ -44,11 +40,11 @@ SUMMARY = StepSummary(
 
 
 @pytest.fixture(scope="module")
-def solve(parameters: ModelParameters) -> Callable[..., SolveResult]:
+def solve() -> Callable[..., SolveResult]:
     """Solve a problem with some options changed."""
-    solver = RiccatiBackend(OptimalControlProblem(Horizon.parse(GRID), parameters), SolverOptions())
+    solver = RiccatiBackend(OptimalControlProblem(Horizon.parse(GRID), PARAMETERS), SolverOptions())
 
-    def run(problem: tuple[ProblemData, FloatArray], **changes: Any) -> SolveResult:
+    def run(problem: Problem, **changes: Any) -> SolveResult:
         solver.options = SolverOptions(**changes)
         return solver.solve(*problem)
 
@@ -56,9 +52,7 @@ def solve(parameters: ModelParameters) -> Callable[..., SolveResult]:
 
 
 @pytest.fixture
-def far_off(
-    problem_of: Pose, make_scene: Callable[..., Measurements]
-) -> tuple[ProblemData, FloatArray]:
+def far_off() -> Problem:
     """Everything outside of its limits, and a guess that knows nothing of it."""
     scene = make_scene(
         gap_m=-20.0, speed_m_s=38.0, leader_speed_m_s=5.0, cell_n_temperature_k=320.0
@@ -100,7 +94,7 @@ def test_a_step_blown_up_by_corrected_pivots_is_not_used() -> None:
 
 
 def test_a_bad_guess_is_answered_by_the_cold_start(
-    solve: Callable[..., SolveResult], far_off: tuple[ProblemData, FloatArray]
+    solve: Callable[..., SolveResult], far_off: Problem
 ) -> None:
     both = solve(far_off, warm_start_iterations=20)
     cold = solve(far_off, warm_start_iterations=0)
@@ -111,7 +105,7 @@ def test_a_bad_guess_is_answered_by_the_cold_start(
 
 
 def test_iterations_are_bounded_over_both_starts(
-    solve: Callable[..., SolveResult], far_off: tuple[ProblemData, FloatArray]
+    solve: Callable[..., SolveResult], far_off: Problem
 ) -> None:
     for bound in (1, 5, 25):
         result = solve(far_off, max_iterations=bound)
@@ -121,8 +115,6 @@ def test_iterations_are_bounded_over_both_starts(
 
 def test_stopped_early_the_best_usable_iterate_is_the_answer(
     solve: Callable[..., SolveResult],
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
 ) -> None:
     """More iterations never give a worse answer, and every usable one keeps dynamics and limits."""
     data, guess = problem_of(make_scene(leader_acceleration_m_s2=-0.5), GRID, "energy_aging")
@@ -141,7 +133,7 @@ def test_stopped_early_the_best_usable_iterate_is_the_answer(
 
 
 def test_time_that_is_over_is_noticed_within_an_iteration(
-    solve: Callable[..., SolveResult], far_off: tuple[ProblemData, FloatArray]
+    solve: Callable[..., SolveResult], far_off: Problem
 ) -> None:
     result = solve(far_off, deadline_s=1e-9)
     assert result.status is SolveStatus.DEADLINE
@@ -150,7 +142,7 @@ def test_time_that_is_over_is_noticed_within_an_iteration(
 
 
 def test_a_deadline_that_is_kept_changes_nothing(
-    solve: Callable[..., SolveResult], far_off: tuple[ProblemData, FloatArray]
+    solve: Callable[..., SolveResult], far_off: Problem
 ) -> None:
     free = solve(far_off)
     bound = solve(far_off, deadline_s=60.0)

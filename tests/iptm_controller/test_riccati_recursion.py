@@ -26,12 +26,7 @@ def factor(
         "run", [symbol, b], [lower, pivots, corrected, cholesky_solve(lower, pivots, b)]
     )
     results = run(matrix, right)
-    return (
-        results[0].full(),
-        results[1].full().ravel(),
-        float(results[2]),
-        results[3].full(),
-    )
+    return (results[0].full(), results[1].full().ravel(), float(results[2]), results[3].full())
 
 
 def random_symmetric(seed: int) -> FloatArray:

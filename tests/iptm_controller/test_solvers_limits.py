@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver, problem_of
 
 from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
-from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import Plan, plan_from_variables
 from iptm_controller.solvers.interface import SolverBackend
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.state import FloatArray
 
-Pose = Callable[..., tuple[ProblemData, FloatArray]]
-Solvers = Callable[..., SolverBackend]
 GRIDS = ["3x1+5x5", "15x1"]
 
 
-def solve(
-    solver: SolverBackend, problem_of: Pose, measured: Measurements, grid: str, strategy: str
-) -> Plan:
+def solve(solver: SolverBackend, measured: Measurements, grid: str, strategy: str) -> Plan:
     result = solver.solve(*problem_of(measured, grid, strategy))
     assert result.status.usable, result.reason
     assert measured.state is not None
@@ -40,9 +33,9 @@ def gaps_of(plan: Plan, measured: Measurements) -> FloatArray:
     return leader - plan.states[:, StateIndex.POSITION]
 
 
-def expect_hard_limits(plan: Plan, measured: Measurements, parameters: ModelParameters) -> None:
+def expect_hard_limits(plan: Plan, measured: Measurements) -> None:
     """Whatever the situation, inputs stay within their bounds and rates."""
-    limits, state = parameters.limits, measured.state
+    limits, state = PARAMETERS.limits, measured.state
     assert state is not None
     acceleration = plan.inputs[:, InputIndex.ACCELERATION]
     power = plan.inputs[:, InputIndex.COMPRESSOR_POWER]
@@ -59,69 +52,50 @@ def expect_hard_limits(plan: Plan, measured: Measurements, parameters: ModelPara
 
 
 @pytest.mark.parametrize("grid", GRIDS)
-def test_a_braking_leader_brings_the_plan_to_the_gap_limit(
-    parameters: ModelParameters,
-    plain_solver: Solvers,
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
-    grid: str,
-) -> None:
+def test_a_braking_leader_brings_the_plan_to_the_gap_limit(grid: str) -> None:
     measured = make_scene(
         speed_m_s=18.0, leader_speed_m_s=18.0, leader_acceleration_m_s2=-1.0, gap_m=48.0
     )
-    plan = solve(plain_solver(grid, compile_code=False), problem_of, measured, grid, "aging")
-    expect_hard_limits(plan, measured, parameters)
+    plan = solve(plain_solver(grid, compile_code=False), measured, grid, "aging")
+    expect_hard_limits(plan, measured)
     gaps = gaps_of(plan, measured)
     leader = np.interp(
         plan.start_s + plan.node_times_s, measured.preview.times_s, measured.preview.speeds_m_s
     )
     shortest = minimum_gap_m(
-        plan.states[:, StateIndex.SPEED], leader, parameters.gap, parameters.limits
+        plan.states[:, StateIndex.SPEED], leader, PARAMETERS.gap, PARAMETERS.limits
     )
-    shortest = np.maximum(shortest, parameters.gap.standstill_gap_m)
+    shortest = np.maximum(shortest, PARAMETERS.gap.standstill_gap_m)
     margin = (gaps - shortest)[1:]
     assert margin.min() == pytest.approx(-plan.slacks.gap_m, abs=1e-2)
     assert plan.states[:, StateIndex.SPEED].min() >= -1e-5
 
 
-def test_an_emergency_brakes_as_fast_as_the_jerk_limit_permits(
-    parameters: ModelParameters,
-    plain_solver: Solvers,
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
-) -> None:
+def test_an_emergency_brakes_as_fast_as_the_jerk_limit_permits() -> None:
     measured = make_scene(
         speed_m_s=20.0, leader_speed_m_s=20.0, leader_acceleration_m_s2=-2.0, gap_m=36.0
     )
-    plan = solve(plain_solver("3x1+5x5"), problem_of, measured, "3x1+5x5", "aging")
-    expect_hard_limits(plan, measured, parameters)
+    plan = solve(plain_solver("3x1+5x5"), measured, "3x1+5x5", "aging")
+    expect_hard_limits(plan, measured)
     np.testing.assert_allclose(plan.inputs[:3, 0], [-0.5, -1.0, -1.5], atol=1e-4)
     assert plan.inputs[3, 0] == pytest.approx(-2.0, abs=1e-4)
     assert plan.slacks.gap_m > 0.1
 
 
-def test_a_leader_that_is_lost_costs_the_long_gap(
-    plain_solver: Solvers, problem_of: Pose, make_scene: Callable[..., Measurements]
-) -> None:
+def test_a_leader_that_is_lost_costs_the_long_gap() -> None:
     measured = make_scene(gap_m=300.0)
-    plan = solve(plain_solver("3x1+5x5"), problem_of, measured, "3x1+5x5", "aging")
+    plan = solve(plain_solver("3x1+5x5"), measured, "3x1+5x5", "aging")
     gaps = gaps_of(plan, measured)
     assert plan.slacks.gap_m == pytest.approx(gaps[1:].max() - 120.0, abs=1e-3)
     assert gaps[-1] < 200.0
 
 
 @pytest.mark.parametrize("grid", GRIDS)
-def test_speed_limit_binds_behind_a_leader_that_breaks_it(
-    parameters: ModelParameters,
-    plain_solver: Solvers,
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
-    grid: str,
-) -> None:
+def test_speed_limit_binds_behind_a_leader_that_breaks_it(grid: str) -> None:
     measured = make_scene(speed_m_s=36.5, leader_speed_m_s=39.0, gap_m=75.0)
-    plan = solve(plain_solver(grid, compile_code=False), problem_of, measured, grid, "reference")
+    plan = solve(plain_solver(grid, compile_code=False), measured, grid, "reference")
     fastest = plan.states[:, StateIndex.SPEED].max()
-    assert fastest == pytest.approx(parameters.limits.max_speed_m_s, abs=1e-3)
+    assert fastest == pytest.approx(PARAMETERS.limits.max_speed_m_s, abs=1e-3)
     assert plan.slacks.speed_m_s < 1e-3
 
 
@@ -151,36 +125,24 @@ SLACK_OF = {"too": "gap_m", "touching": "gap_m", "overlapping": "gap_m", "far": 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("name", sorted(OUTSIDE))
 def test_a_measurement_outside_the_limits_is_solved_with_its_slack_reported(
-    parameters: ModelParameters,
-    plain_solver: Solvers,
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
-    name: str,
-    grid: str,
+    name: str, grid: str
 ) -> None:
     measured = make_scene(**OUTSIDE[name])
-    plan = solve(plain_solver(grid, compile_code=False), problem_of, measured, grid, "aging")
-    expect_hard_limits(plan, measured, parameters)
+    plan = solve(plain_solver(grid, compile_code=False), measured, grid, "aging")
+    expect_hard_limits(plan, measured)
     kind = "speed_m_s" if name == "too_fast" else SLACK_OF[name.split("_", maxsplit=1)[0]]
     assert getattr(plan.slacks, kind) > 0.05
 
 
-def test_slack_is_as_large_as_the_violation(
-    parameters: ModelParameters,
-    plain_solver: Solvers,
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
-) -> None:
+def test_slack_is_as_large_as_the_violation() -> None:
     measured = make_scene(cell_1_temperature_k=317.15, cell_n_temperature_k=318.15)
-    plan = solve(plain_solver("3x1+5x5"), problem_of, measured, "3x1+5x5", "aging")
+    plan = solve(plain_solver("3x1+5x5"), measured, "3x1+5x5", "aging")
     warmest = plan.states[1:, StateIndex.CELL_N_TEMPERATURE].max()
-    excess_k = warmest - parameters.limits.max_temperature_k
+    excess_k = warmest - PARAMETERS.limits.max_temperature_k
     assert plan.slacks.temperature_k == pytest.approx(excess_k, abs=1e-3)
 
 
-def test_no_slack_where_none_is_needed(
-    plain_solver: Solvers, problem_of: Pose, make_scene: Callable[..., Measurements]
-) -> None:
-    plan = solve(plain_solver("3x1+5x5"), problem_of, make_scene(gap_m=50.0), "3x1+5x5", "aging")
+def test_no_slack_where_none_is_needed() -> None:
+    plan = solve(plain_solver("3x1+5x5"), make_scene(gap_m=50.0), "3x1+5x5", "aging")
     slacks = plan.slacks
     assert max(slacks.gap_m, slacks.speed_m_s, slacks.temperature_k) < 1e-5

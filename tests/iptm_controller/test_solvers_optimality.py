@@ -6,23 +6,27 @@ the stage functions, the slacks are the smallest that the limits ask for, and th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import (
+    PARAMETERS,
+    SCENES,
+    plain_solver,
+    probing_solver,
+    problem_of,
+    transcription_of,
+)
 
 from iptm_controller.controller import Measurements
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex, LimitIndex
 from iptm_controller.ocp.transcription import StageFunctions, Transcription
-from iptm_controller.solvers.interface import SolverBackend
 from iptm_core.decision_record import SolveStatus
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 
-Pose = Callable[..., tuple[ProblemData, FloatArray]]
-Solvers = Callable[..., SolverBackend]
 ORDINARY = [
     "cooling",
     "cruise",
@@ -43,9 +47,7 @@ SLACK_ROWS = {
 class Rollout:
     """The problem as a function of accelerations and compressor powers alone."""
 
-    def __init__(
-        self, transcription: Transcription, data: ProblemData, parameters: ModelParameters
-    ) -> None:
+    def __init__(self, transcription: Transcription, data: ProblemData) -> None:
         self._data = data
         self._stages: list[StageFunctions] = [
             stage
@@ -53,7 +55,7 @@ class Rollout:
             for _ in range(kind.count)
         ]
         self._places = transcription.grid.step_parameters
-        limits = parameters.limits
+        limits = PARAMETERS.limits
         self._low = np.array([limits.min_acceleration_m_s2, limits.min_compressor_power_w / 1e3])
         self._high = np.array([limits.max_acceleration_m_s2, limits.max_compressor_power_w / 1e3])
         self._rates = np.array([limits.max_jerk_m_s3, limits.max_compressor_rate_w_s / 1e3])
@@ -100,16 +102,9 @@ def changes(steps: int) -> Iterator[FloatArray]:
 
 @pytest.mark.parametrize("strategy", ["aging", "reference_energy_aging"])
 @pytest.mark.parametrize("name", ORDINARY)
-def test_the_reference_solver_finds_nothing_better(
-    plain_solver: Solvers,
-    probing_solver: Solvers,
-    problem_of: Pose,
-    scenes: dict[str, Measurements],
-    name: str,
-    strategy: str,
-) -> None:
+def test_the_reference_solver_finds_nothing_better(name: str, strategy: str) -> None:
     """The reference may end in another valley, never in a deeper one, and it stays in ours."""
-    data, guess = problem_of(scenes[name], "3x1+5x5", strategy)
+    data, guess = problem_of(SCENES[name], "3x1+5x5", strategy)
     default = probing_solver("3x1+5x5").solve(data, guess)
     elsewhere = probing_solver("3x1+5x5", "ipopt").solve(data, guess)
     from_ours = plain_solver("3x1+5x5", "ipopt", compile_code=False).solve(data, default.variables)
@@ -123,9 +118,7 @@ def test_the_reference_solver_finds_nothing_better(
     assert difference[0].max() < 5e-2
 
 
-def test_the_same_optimum_on_the_single_horizon(
-    plain_solver: Solvers, problem_of: Pose, ordinary_scene: Measurements
-) -> None:
+def test_the_same_optimum_on_the_single_horizon(ordinary_scene: Measurements) -> None:
     problem = problem_of(ordinary_scene, "15x1", "aging")
     default = plain_solver("15x1", compile_code=False).solve(*problem)
     ipopt = plain_solver("15x1", "ipopt", compile_code=False).solve(*problem)
@@ -143,18 +136,10 @@ def test_the_same_optimum_on_the_single_horizon(
         ("cooling", "reference_energy_aging"),
     ],
 )
-def test_no_feasible_plan_nearby_is_better(
-    parameters: ModelParameters,
-    transcription_of: Callable[[str], Transcription],
-    probing_solver: Solvers,
-    problem_of: Pose,
-    scenes: dict[str, Measurements],
-    name: str,
-    strategy: str,
-) -> None:
-    data, guess = problem_of(scenes[name], "3x1+5x5", strategy)
+def test_no_feasible_plan_nearby_is_better(name: str, strategy: str) -> None:
+    data, guess = problem_of(SCENES[name], "3x1+5x5", strategy)
     result = probing_solver("3x1+5x5").solve(data, guess)
-    rollout = Rollout(transcription_of("3x1+5x5"), data, parameters)
+    rollout = Rollout(transcription_of("3x1+5x5"), data, PARAMETERS)
     best = inputs_of(result.variables)
     tolerance = 1e-3 + 1e-5 * abs(result.objective)
     # The roll-out agrees with what the solver says, so the two costs may be compared.
@@ -164,25 +149,15 @@ def test_no_feasible_plan_nearby_is_better(
         assert not rollout.cost(best + change) < result.objective - tolerance
 
 
-def test_the_judge_sees_a_plan_that_is_not_optimal(
-    parameters: ModelParameters,
-    transcription_of: Callable[[str], Transcription],
-    problem_of: Pose,
-    scenes: dict[str, Measurements],
-) -> None:
-    data, guess = problem_of(scenes["leader_brakes"], "3x1+5x5", "aging")
-    rollout = Rollout(transcription_of("3x1+5x5"), data, parameters)
+def test_the_judge_sees_a_plan_that_is_not_optimal() -> None:
+    data, guess = problem_of(SCENES["leader_brakes"], "3x1+5x5", "aging")
+    rollout = Rollout(transcription_of("3x1+5x5"), data, PARAMETERS)
     cold = inputs_of(guess)
     costs = [rollout.cost(cold + change) for change in changes(cold.shape[0])]
     assert min(costs) < rollout.cost(cold) - 1.0
 
 
-def test_solutions_are_feasible(
-    plain_solver: Solvers,
-    transcription_of: Callable[[str], Transcription],
-    problem_of: Pose,
-    ordinary_scene: Measurements,
-) -> None:
+def test_solutions_are_feasible(ordinary_scene: Measurements) -> None:
     """Checked on an evaluation of its own, not on what the solver reports."""
     data, guess = problem_of(ordinary_scene, "3x1+5x5", "aging")
     result = plain_solver("3x1+5x5").solve(data, guess)

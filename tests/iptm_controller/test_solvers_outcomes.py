@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import PARAMETERS, Problem, make_scene, plain_solver, problem_of
 
 from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
@@ -16,30 +16,22 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolverOptions
 from iptm_core.decision_record import SolveStatus
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import FloatArray
 
-Pose = Callable[..., tuple[ProblemData, FloatArray]]
-Solvers = Callable[..., SolverBackend]
 GRID = "2x1+2x5"
 KINDS = ["riccati", "ipopt"]
 
 
 @pytest.fixture
-def problem(
-    problem_of: Pose, make_scene: Callable[..., Measurements]
-) -> tuple[ProblemData, FloatArray]:
+def problem() -> Problem:
     return problem_of(make_scene(leader_acceleration_m_s2=-0.5), GRID, "energy_aging")
 
 
 @pytest.fixture(params=KINDS)
-def solver(request: pytest.FixtureRequest, plain_solver: Solvers) -> SolverBackend:
+def solver(request: pytest.FixtureRequest) -> SolverBackend:
     return plain_solver(GRID, request.param, compile_code=False)
 
 
-def test_a_solved_problem_says_so(
-    solver: SolverBackend, problem: tuple[ProblemData, FloatArray]
-) -> None:
+def test_a_solved_problem_says_so(solver: SolverBackend, problem: Problem) -> None:
     result = solver.solve(*problem)
     assert result.status is SolveStatus.SOLVED
     assert result.reason == "converged"
@@ -48,9 +40,7 @@ def test_a_solved_problem_says_so(
     assert result.infeasibility < 1e-5
 
 
-def test_the_same_problem_gives_the_same_answer(
-    solver: SolverBackend, problem: tuple[ProblemData, FloatArray]
-) -> None:
+def test_the_same_problem_gives_the_same_answer(solver: SolverBackend, problem: Problem) -> None:
     first = solver.solve(*problem)
     solver.solve(problem[0], problem[1] + 0.05)
     again = solver.solve(*problem)
@@ -59,7 +49,7 @@ def test_the_same_problem_gives_the_same_answer(
 
 
 def test_solving_changes_neither_problem_nor_guess_nor_an_earlier_answer(
-    solver: SolverBackend, problem: tuple[ProblemData, FloatArray]
+    solver: SolverBackend, problem: Problem
 ) -> None:
     data, guess = problem
     before = (data.initial_state.copy(), data.parameters.copy(), guess.copy())
@@ -72,15 +62,10 @@ def test_solving_changes_neither_problem_nor_guess_nor_an_earlier_answer(
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_iteration_limit_is_a_status(
-    parameters: ModelParameters,
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
-    name: str,
-) -> None:
+def test_iteration_limit_is_a_status(name: str) -> None:
     scene = make_scene(gap_m=10.0, speed_m_s=20.0, leader_speed_m_s=5.0)
     options = SolverOptions(name=name, compile_code=False, max_iterations=1)
-    solver = build_plain_solver(Horizon.parse(GRID), parameters, options)
+    solver = build_plain_solver(Horizon.parse(GRID), PARAMETERS, options)
     result = solver.solve(*problem_of(scene, GRID))
     assert result.status is SolveStatus.ITERATION_LIMIT
     assert not result.status.usable
@@ -88,14 +73,12 @@ def test_iteration_limit_is_a_status(
     assert result.infeasibility > 1e-4
 
 
-def test_an_iterate_that_is_feasible_when_time_is_up_is_used(
-    parameters: ModelParameters, plain_solver: Solvers, problem: tuple[ProblemData, FloatArray]
-) -> None:
+def test_an_iterate_that_is_feasible_when_time_is_up_is_used(problem: Problem) -> None:
     """Started at the optimum with an iteration or two, the dynamics and limits still hold."""
     data, _ = problem
     best = plain_solver(GRID, compile_code=False).solve(*problem)
     options = SolverOptions(compile_code=False, max_iterations=2)
-    short = build_plain_solver(Horizon.parse(GRID), parameters, options)
+    short = build_plain_solver(Horizon.parse(GRID), PARAMETERS, options)
     result = short.solve(data, best.variables)
     assert result.status.usable
     assert result.objective == pytest.approx(best.objective, rel=0.2, abs=0.1)
@@ -110,10 +93,7 @@ def spoil(data: ProblemData, index: int, value: float) -> ProblemData:
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 @pytest.mark.parametrize("index", [0, layout.GLOBALS, layout.GLOBALS + layout.STEP_PARAMETERS, -1])
 def test_numbers_that_are_none_are_an_outcome(
-    solver: SolverBackend,
-    problem: tuple[ProblemData, FloatArray],
-    index: int,
-    value: float,
+    solver: SolverBackend, problem: Problem, index: int, value: float
 ) -> None:
     """Losses, leader, slope, reference."""
     data, guess = problem
@@ -125,7 +105,7 @@ def test_numbers_that_are_none_are_an_outcome(
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_state_and_guess_are_looked_at_too(
-    solver: SolverBackend, problem: tuple[ProblemData, FloatArray], value: float
+    solver: SolverBackend, problem: Problem, value: float
 ) -> None:
     data, guess = problem
     state = data.initial_state.copy()
@@ -140,7 +120,7 @@ def test_state_and_guess_are_looked_at_too(
 
 
 def test_a_start_beyond_the_power_of_the_pack_ends_in_numbers(
-    solver: SolverBackend, problem: tuple[ProblemData, FloatArray]
+    solver: SolverBackend, problem: Problem
 ) -> None:
     """The stage model bounds the power, so a wild iterate still has numbers to come back from."""
     data, guess = problem
@@ -150,9 +130,7 @@ def test_a_start_beyond_the_power_of_the_pack_ends_in_numbers(
     assert np.isfinite(result.variables).all()
 
 
-def test_recovers_at_once_from_a_broken_problem(
-    solver: SolverBackend, problem: tuple[ProblemData, FloatArray]
-) -> None:
+def test_recovers_at_once_from_a_broken_problem(solver: SolverBackend, problem: Problem) -> None:
     data, guess = problem
     expected = solver.solve(data, guess)
     solver.solve(spoil(data, 5, math.nan), guess)
@@ -161,9 +139,7 @@ def test_recovers_at_once_from_a_broken_problem(
     np.testing.assert_array_equal(again.variables, expected.variables)
 
 
-def test_machine_code_and_virtual_machine_agree(
-    plain_solver: Solvers, problem_of: Pose, ordinary_scene: Measurements
-) -> None:
+def test_machine_code_and_virtual_machine_agree(ordinary_scene: Measurements) -> None:
     problem = problem_of(ordinary_scene, "3x1+5x5", "aging")
     compiled = plain_solver("3x1+5x5")
     interpreted = plain_solver("3x1+5x5", compile_code=False)
@@ -174,14 +150,10 @@ def test_machine_code_and_virtual_machine_agree(
     np.testing.assert_allclose(fast.variables[6:8], slow.variables[6:8], atol=2e-3)
 
 
-def test_a_deadline_shortens_the_iterations_and_says_so(
-    parameters: ModelParameters,
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
-) -> None:
+def test_a_deadline_shortens_the_iterations_and_says_so() -> None:
     """A nanosecond is over before the first answer; from then on only the shortest bound is left."""
     options = SolverOptions(compile_code=False, deadline_s=1e-9)
-    solver = build_plain_solver(Horizon.parse(GRID), parameters, options)
+    solver = build_plain_solver(Horizon.parse(GRID), PARAMETERS, options)
     hard = problem_of(make_scene(gap_m=10.0, speed_m_s=20.0, leader_speed_m_s=5.0), GRID)
     solver.solve(*hard)
     result = solver.solve(*hard)

@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.iptm_controller.scenes import PARAMETERS, make_state, run_stage
 
 from iptm_controller.ocp.grid import quadrature, sample_count
 from iptm_controller.ocp.layout import LimitIndex, StateIndex
-from iptm_controller.ocp.stage import (
-    DEFAULT_PENALTIES,
-    GAP_SMOOTHING_M,
-    NOT_ASKED_FOR_M,
-)
-from iptm_core.parameters.model import ModelParameters
+from iptm_controller.ocp.stage import DEFAULT_PENALTIES, GAP_SMOOTHING_M, NOT_ASKED_FOR_M
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
-from iptm_core.state import FloatArray, VehicleState
+from iptm_core.state import VehicleState
 
-RunStage = Callable[..., tuple[FloatArray, float, FloatArray]]
 STEP_LENGTHS = st.sampled_from([0.2, 1.0, 2.0, 5.0, 10.0])
 
 
@@ -34,12 +28,7 @@ STEP_LENGTHS = st.sampled_from([0.2, 1.0, 2.0, 5.0, 10.0])
     step_s=STEP_LENGTHS,
 )
 def test_motion_is_exact_and_inputs_are_remembered(
-    run_stage: RunStage,
-    make_state: Callable[..., VehicleState],
-    speed: float,
-    acceleration: float,
-    power: float,
-    step_s: float,
+    speed: float, acceleration: float, power: float, step_s: float
 ) -> None:
     state = make_state(speed_m_s=speed)
     following, _, _ = run_stage(state, acceleration, power, step_s)
@@ -50,27 +39,23 @@ def test_motion_is_exact_and_inputs_are_remembered(
     assert following[StateIndex.LAST_COMPRESSOR_POWER] == pytest.approx(power)
 
 
-def exact_rates(
-    state: VehicleState, acceleration: float, power: float, parameters: ModelParameters
-) -> PowerThermalRates:
+def exact_rates(state: VehicleState, acceleration: float, power: float) -> PowerThermalRates:
     cells = CellPair(
         state.cell_1_temperature_k,
         state.cell_n_temperature_k,
         state.cell_1_capacity_loss,
         state.cell_n_capacity_loss,
     )
-    channel = reduce_channel(parameters.cooling, parameters.pack)
+    channel = reduce_channel(PARAMETERS.cooling, PARAMETERS.pack)
     return power_thermal_rates(
-        state.speed_m_s, acceleration, 0.0, power, cells, parameters, channel
+        state.speed_m_s, acceleration, 0.0, power, cells, PARAMETERS, channel
     )
 
 
-def test_cost_terms_far_from_the_kinks(
-    parameters: ModelParameters, run_stage: RunStage, make_state: Callable[..., VehicleState]
-) -> None:
+def test_cost_terms_far_from_the_kinks() -> None:
     """Each term alone, on a steady stretch where one sample says it all."""
     state = make_state(speed_m_s=25.0, cell_1_temperature_k=305.0, cell_n_temperature_k=309.0)
-    rates = exact_rates(state, 0.0, 800.0, parameters)
+    rates = exact_rates(state, 0.0, 800.0)
 
     def cost(*weights: float) -> float:
         return run_stage(state, 0.0, 800.0, 1.0, weights, speed_reference_m_s=22.0)[1]
@@ -87,9 +72,7 @@ def test_cost_terms_far_from_the_kinks(
 
 
 @pytest.mark.parametrize("term", range(4))
-def test_cost_counts_with_the_length_of_the_step(
-    run_stage: RunStage, make_state: Callable[..., VehicleState], term: int
-) -> None:
+def test_cost_counts_with_the_length_of_the_step(term: int) -> None:
     """A strategy means the same on every grid: a sum over seconds, not over steps."""
     weights = np.zeros(4)
     weights[term] = (1.0, 1.0, 1e-3, 1e9)[term]
@@ -102,9 +85,7 @@ def test_cost_counts_with_the_length_of_the_step(
     assert costs[5.0] == pytest.approx(5.0 * costs[1.0], rel=2e-2)
 
 
-def test_slacks_cost_their_penalty_per_second(
-    run_stage: RunStage, make_state: Callable[..., VehicleState]
-) -> None:
+def test_slacks_cost_their_penalty_per_second() -> None:
     penalties = (
         DEFAULT_PENALTIES.gap_short_1_m,
         DEFAULT_PENALTIES.gap_long_1_m,
@@ -131,9 +112,6 @@ def test_slacks_cost_their_penalty_per_second(
     step_s=st.sampled_from([1.0, 5.0]),
 )
 def test_limits_are_those_of_the_paper(
-    parameters: ModelParameters,
-    run_stage: RunStage,
-    make_state: Callable[..., VehicleState],
     speed: float,
     leader_speed: float,
     gap: float,
@@ -143,7 +121,7 @@ def test_limits_are_those_of_the_paper(
     slacks: tuple[float, float, float, float],
     step_s: float,
 ) -> None:
-    limits, policy = parameters.limits, parameters.gap
+    limits, policy = PARAMETERS.limits, PARAMETERS.gap
     state = make_state(speed_m_s=speed, acceleration_m_s2=last[0], compressor_power_w=last[1])
     leader_m = state.position_m + gap
     following, _, rows = run_stage(
@@ -197,12 +175,7 @@ def test_limits_are_those_of_the_paper(
     ],
 )
 def test_braking_reserve_at_the_end_of_the_horizon(
-    run_stage: RunStage,
-    make_state: Callable[..., VehicleState],
-    speed: float,
-    acceleration: float,
-    leader_speed: float,
-    expected: float,
+    speed: float, acceleration: float, leader_speed: float, expected: float
 ) -> None:
     """Counts from where the step ends, with the acceleration that it held."""
     before = make_state(speed_m_s=speed - acceleration, acceleration_m_s2=acceleration)
@@ -215,24 +188,16 @@ def test_braking_reserve_at_the_end_of_the_horizon(
     assert rows[LimitIndex.GAP_BRAKING] == pytest.approx(expected + slacks[0], abs=0.3)
 
 
-def test_outlet_is_that_of_the_coolant_loop(
-    parameters: ModelParameters, run_stage: RunStage, make_state: Callable[..., VehicleState]
-) -> None:
+def test_outlet_is_that_of_the_coolant_loop() -> None:
     state = make_state(speed_m_s=20.0)
     _, _, rows = run_stage(state, 0.0, 1500.0, 1.0)
-    rates = exact_rates(state, 0.0, 1500.0, parameters)
-    outlet_k = rows[LimitIndex.OUTLET_MIN] + parameters.limits.min_temperature_k
+    rates = exact_rates(state, 0.0, 1500.0)
+    outlet_k = rows[LimitIndex.OUTLET_MIN] + PARAMETERS.limits.min_temperature_k
     assert outlet_k == pytest.approx(rates.coolant.outlet_k, abs=1e-3)
 
 
 @pytest.mark.parametrize(("step_s", "watched"), [(5.0, False), (10.0, True)])
-def test_the_gap_inside_a_long_step_counts(
-    run_stage: RunStage,
-    make_state: Callable[..., VehicleState],
-    parameters: ModelParameters,
-    step_s: float,
-    watched: bool,
-) -> None:
+def test_the_gap_inside_a_long_step_counts(step_s: float, watched: bool) -> None:
     """The host comes closer and falls back again: least in the middle, the same gap at both ends."""
     leader_speed, acceleration = 10.0, -1.0
     speed = leader_speed - 0.5 * acceleration * step_s
@@ -242,7 +207,7 @@ def test_the_gap_inside_a_long_step_counts(
     _, _, limits = run_stage(state, acceleration, 0.0, step_s, leader=(leader_m, leader_speed))
     times = quadrature(sample_count(step_s))[0] * step_s
     inside = gap + (leader_speed - speed) * times - 0.5 * acceleration * times**2
-    floor = (inside.min() if watched else gap) - parameters.gap.standstill_gap_m
+    floor = (inside.min() if watched else gap) - PARAMETERS.gap.standstill_gap_m
     # The smooth minimum is strict by up to half of its width per sample.
     assert (
         floor - 0.5 * GAP_SMOOTHING_M * times.size <= limits[LimitIndex.GAP_FLOOR] <= floor + 1e-9

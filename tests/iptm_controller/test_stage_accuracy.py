@@ -7,25 +7,23 @@ from the smoothed kinks together.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import PARAMETERS, make_state, run_stage
 
 from iptm_controller.ocp.grid import MIDPOINT_UP_TO_S
 from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.aging import capacity_loss_rate_1_s
 from iptm_core.physics.battery_power import battery_power_w
 from iptm_core.physics.longitudinal import traction_force_n
 from iptm_core.physics.motor import motor_torque_nm
 from iptm_core.physics.power_thermal import EXACT, electric_traction_power_w
-from iptm_core.state import Command, FloatArray, VehicleState
+from iptm_core.state import Command, VehicleState
 from iptm_plant_sim.plant import Plant, PlantStep
 
-RunStage = Callable[..., tuple[FloatArray, float, FloatArray]]
 GRADE, WAVE_M = 0.05, 120.0
 ENERGY = (0.0, 0.0, 1.0, 0.0)
 AGEING = (0.0, 0.0, 0.0, 1.0)
@@ -87,8 +85,8 @@ def draw_samples(plant: Plant, state: VehicleState, step_s: float, count: int) -
 
 
 @pytest.fixture(scope="module")
-def plant(parameters: ModelParameters) -> Plant:
-    return Plant(parameters, lambda positions: GRADE * np.sin(positions / WAVE_M), step_s=0.1)
+def plant() -> Plant:
+    return Plant(PARAMETERS, lambda positions: GRADE * np.sin(positions / WAVE_M), step_s=0.1)
 
 
 @pytest.fixture(scope="module", params=[1.0, 5.0], ids=["1s", "5s"])
@@ -97,13 +95,11 @@ def step_s(request: pytest.FixtureRequest) -> float:
 
 
 @pytest.fixture(scope="module")
-def samples(plant: Plant, make_state: Callable[..., VehicleState], step_s: float) -> list[Sample]:
+def samples(plant: Plant, step_s: float) -> list[Sample]:
     return draw_samples(plant, make_state(), step_s, 250)
 
 
-def test_motion_agrees_to_rounding(
-    run_stage: RunStage, samples: list[Sample], step_s: float
-) -> None:
+def test_motion_agrees_to_rounding(samples: list[Sample], step_s: float) -> None:
     for sample in samples:
         following, _, _ = run_stage(
             sample.start, *vars(sample.command).values(), step_s, slope=road
@@ -113,9 +109,7 @@ def test_motion_agrees_to_rounding(
         assert following[StateIndex.SPEED] == pytest.approx(end.speed_m_s, abs=1e-9)
 
 
-def test_temperatures_within_a_few_millikelvin(
-    run_stage: RunStage, samples: list[Sample], step_s: float
-) -> None:
+def test_temperatures_within_a_few_millikelvin(samples: list[Sample], step_s: float) -> None:
     bound_k = 1e-3 if step_s <= MIDPOINT_UP_TO_S else 5e-3
     for sample in samples:
         following, _, _ = run_stage(
@@ -130,9 +124,7 @@ def test_temperatures_within_a_few_millikelvin(
         )
 
 
-def test_ageing_within_one_percent(
-    run_stage: RunStage, samples: list[Sample], step_s: float
-) -> None:
+def test_ageing_within_one_percent(samples: list[Sample], step_s: float) -> None:
     """Half of all steps within 0.5 %, their sum within 1 %, none off by a fifth of the average step."""
     predicted = np.array(
         [
@@ -147,9 +139,7 @@ def test_ageing_within_one_percent(
     assert errors.max() < 0.2 * lost.mean()
 
 
-def test_energy_within_one_percent(
-    run_stage: RunStage, samples: list[Sample], step_s: float
-) -> None:
+def test_energy_within_one_percent(samples: list[Sample], step_s: float) -> None:
     powers, errors = [], []
     for sample in samples:
         _, energy_j, _ = run_stage(
@@ -163,7 +153,7 @@ def test_energy_within_one_percent(
 
 
 def test_without_smoothing_only_the_quadrature_is_left(
-    run_stage: RunStage, samples: list[Sample], step_s: float
+    samples: list[Sample], step_s: float
 ) -> None:
     errors = []
     for sample in samples:
@@ -179,9 +169,7 @@ def test_without_smoothing_only_the_quadrature_is_left(
     assert np.median(errors) < 2e-3
 
 
-def test_one_long_step_is_as_good_as_five_short_ones(
-    plant: Plant, run_stage: RunStage, make_state: Callable[..., VehicleState]
-) -> None:
+def test_one_long_step_is_as_good_as_five_short_ones(plant: Plant) -> None:
     """Temperatures within 4 mK and the ageing of all steps within 1 % of five steps of 1 s each."""
     long_sum = short_sum = 0.0
     for sample in draw_samples(plant, make_state(), 5.0, 100):
@@ -208,20 +196,18 @@ def test_one_long_step_is_as_good_as_five_short_ones(
     assert long_sum == pytest.approx(short_sum, rel=1e-2)
 
 
-def test_traction_power_is_smoothed_by_no_more_than_the_widths_say(
-    parameters: ModelParameters,
-) -> None:
+def test_traction_power_is_smoothed_by_no_more_than_the_widths_say() -> None:
     """Largest where the wheel force changes its sign: half a width of force, times the speed."""
-    powertrain = parameters.powertrain
+    powertrain = PARAMETERS.powertrain
     efficiency = powertrain.driveline_efficiency
     half_width_n = 0.5 * DEFAULT_SMOOTHING.force_n * (1.0 / efficiency - efficiency)
     rng = np.random.default_rng(1)
     for _ in range(2000):
         speed, acceleration = rng.uniform(0.0, 37.5), rng.uniform(-2.0, 2.0)
         motion = (speed, acceleration, rng.uniform(-0.06, 0.06))
-        exact = electric_traction_power_w(*motion, parameters)
-        smooth = electric_traction_power_w(*motion, parameters, DEFAULT_SMOOTHING)
-        torque = motor_torque_nm(traction_force_n(*motion, parameters.body), powertrain)
+        exact = electric_traction_power_w(*motion, PARAMETERS)
+        smooth = electric_traction_power_w(*motion, PARAMETERS, DEFAULT_SMOOTHING)
+        torque = motor_torque_nm(traction_force_n(*motion, PARAMETERS.body), powertrain)
         copper_w = powertrain.motor_loss_w_per_nm2 * torque**2
         gross_w = abs(exact - copper_w) + copper_w
         held = DEFAULT_SMOOTHING.speed_m_s**2 / (speed**2 + DEFAULT_SMOOTHING.speed_m_s**2)
@@ -230,15 +216,15 @@ def test_traction_power_is_smoothed_by_no_more_than_the_widths_say(
         assert abs(smooth - exact) < bound_w
 
 
-def test_brakes_hold_at_standstill(parameters: ModelParameters) -> None:
+def test_brakes_hold_at_standstill() -> None:
     for slope in (-0.06, 0.0, 0.06):
-        assert electric_traction_power_w(0.0, 0.0, slope, parameters, DEFAULT_SMOOTHING) == 0.0
+        assert electric_traction_power_w(0.0, 0.0, slope, PARAMETERS, DEFAULT_SMOOTHING) == 0.0
 
 
-def test_battery_power_is_smoothed_by_half_a_width_at_most(parameters: ModelParameters) -> None:
-    lost_share = 1.0 - parameters.powertrain.regenerative_efficiency
+def test_battery_power_is_smoothed_by_half_a_width_at_most() -> None:
+    lost_share = 1.0 - PARAMETERS.powertrain.regenerative_efficiency
     traction = np.linspace(-40e3, 40e3, 4001)
-    arguments = (traction, 0.0, 200.0, parameters.pack, parameters.powertrain)
+    arguments = (traction, 0.0, 200.0, PARAMETERS.pack, PARAMETERS.powertrain)
     exact = battery_power_w(*arguments)
     smooth = battery_power_w(*arguments, power_smoothing_w=DEFAULT_SMOOTHING.power_w)
     error = smooth - exact
@@ -248,13 +234,13 @@ def test_battery_power_is_smoothed_by_half_a_width_at_most(parameters: ModelPara
     assert error[np.abs(traction) > 10e3].max() < 0.03 * half_width_w
 
 
-def test_ageing_is_smoothed_at_rest_only(parameters: ModelParameters) -> None:
+def test_ageing_is_smoothed_at_rest_only() -> None:
     currents = np.linspace(-8.0, 8.0, 1601)
-    arguments = (currents, 308.0, 1e-3, parameters.aging, parameters.cell)
+    arguments = (currents, 308.0, 1e-3, PARAMETERS.aging, PARAMETERS.cell)
     exact = capacity_loss_rate_1_s(*arguments)
     smooth = capacity_loss_rate_1_s(*arguments, current_smoothing_a=DEFAULT_SMOOTHING.current_a)
     rate_at_1c = capacity_loss_rate_1_s(
-        parameters.cell.nominal_capacity_ah, 308.0, 1e-3, parameters.aging, parameters.cell
+        PARAMETERS.cell.nominal_capacity_ah, 308.0, 1e-3, PARAMETERS.aging, PARAMETERS.cell
     )
     assert (smooth >= exact).all()
     assert (smooth - exact).max() < 0.01 * rate_at_1c

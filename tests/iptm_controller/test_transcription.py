@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
+from tests.iptm_controller.scenes import (
+    SCENES,
+    make_scene,
+    plain_solver,
+    problem_of,
+    transcription_of,
+)
 
-from iptm_controller.controller import Measurements
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import BLOCK, ROWS, InputIndex, LimitIndex
 from iptm_controller.ocp.transcription import Transcription
-from iptm_controller.solvers.interface import SolverBackend
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.state import FloatArray
 
 GRIDS = ["2x1+2x5", "3x1", "1x0.5+1x1+2x10"]
-Pose = Callable[..., tuple[ProblemData, FloatArray]]
 
 
 @pytest.fixture(params=GRIDS)
@@ -28,16 +30,14 @@ def grid(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def transcription(transcription_of: Callable[[str], Transcription], grid: str) -> Transcription:
+def transcription(grid: str) -> Transcription:
     return transcription_of(grid)
 
 
 @pytest.fixture
-def point(
-    problem_of: Pose, scenes: dict[str, Measurements], grid: str
-) -> tuple[FloatArray, FloatArray]:
+def point(grid: str) -> tuple[FloatArray, FloatArray]:
     """Somewhere around a trajectory, all terms of the cost counting."""
-    data, guess = problem_of(scenes["hills"], grid, "reference_energy_aging")
+    data, guess = problem_of(SCENES["hills"], grid, "reference_energy_aging")
     rng = np.random.default_rng(5)
     return guess + rng.uniform(-0.3, 0.3, guess.size), data.parameters
 
@@ -92,11 +92,9 @@ def test_stage_structure_is_visible(transcription: Transcription) -> None:
     assert (rows < BLOCK * steps).all()
 
 
-def test_dynamics_rows_vanish_on_a_trajectory(
-    transcription: Transcription, problem_of: Pose, scenes: dict[str, Measurements], grid: str
-) -> None:
+def test_dynamics_rows_vanish_on_a_trajectory(transcription: Transcription, grid: str) -> None:
     """Where position and speed follow the inputs, only the temperatures are left over."""
-    data, guess = problem_of(scenes["cruise"], grid)
+    data, guess = problem_of(SCENES["cruise"], grid)
     function = ca.Function(
         "rows", [transcription.variables, transcription.parameters], [transcription.rows]
     )
@@ -105,34 +103,25 @@ def test_dynamics_rows_vanish_on_a_trajectory(
     assert (np.abs(table[:, 2:4]) > 0.0).all()
 
 
-def test_one_grid_written_two_ways_is_one_problem(
-    transcription_of: Callable[[str], Transcription],
-    problem_of: Pose,
-    scenes: dict[str, Measurements],
-) -> None:
+def test_one_grid_written_two_ways_is_one_problem() -> None:
     values = []
     for text in ("8x1", "3x1+5x1"):
         t = transcription_of(text)
         function = ca.Function(
             "all", [t.variables, t.parameters], [ca.vertcat(t.cost, t.rows, ca.vec(t.jacobian))]
         )
-        data, guess = problem_of(scenes["hills"], text, "reference_energy_aging")
+        data, guess = problem_of(SCENES["hills"], text, "reference_energy_aging")
         values.append((data.parameters, numbers(function, guess + 0.1, data.parameters)))
     np.testing.assert_array_equal(values[0][0], values[1][0])
     np.testing.assert_allclose(values[0][1], values[1][1], rtol=1e-14, atol=1e-14)
 
 
 @pytest.mark.parametrize("strategy", sorted(STRATEGIES))
-def test_single_and_multi_horizon_give_the_same_plan_on_the_same_steps(
-    plain_solver: Callable[..., SolverBackend],
-    problem_of: Pose,
-    scenes: dict[str, Measurements],
-    strategy: str,
-) -> None:
+def test_single_and_multi_horizon_give_the_same_plan_on_the_same_steps(strategy: str) -> None:
     plans = []
     for text in ("8x1", "3x1+5x1"):
         result = plain_solver(text, compile_code=False).solve(
-            *problem_of(scenes["leader_brakes"], text, strategy)
+            *problem_of(SCENES["leader_brakes"], text, strategy)
         )
         assert result.status.usable
         plans.append(result)
@@ -140,11 +129,7 @@ def test_single_and_multi_horizon_give_the_same_plan_on_the_same_steps(
     np.testing.assert_allclose(plans[0].variables, plans[1].variables, rtol=0.0, atol=1e-6)
 
 
-def test_enough_slack_makes_any_state_feasible(
-    transcription_of: Callable[[str], Transcription],
-    problem_of: Pose,
-    make_scene: Callable[..., Measurements],
-) -> None:
+def test_enough_slack_makes_any_state_feasible() -> None:
     """Feasible by design: no measurement can make the soft rows contradict each other."""
     t = transcription_of("2x1+2x5")
     function = ca.Function("rows", [t.variables, t.parameters], [t.rows])

@@ -34,9 +34,5 @@ class SolveSettings(Settings):
         _SOLVER.max_iterations, "iterations of one solve at most", "", 1, 10000
     )
     tolerance: float = parameter(
-        _SOLVER.tolerance,
-        "optimality tolerance of the scaled problem",
-        "",
-        1e-10,
-        1.0,
+        _SOLVER.tolerance, "optimality tolerance of the scaled problem", "", 1e-10, 1.0
     )

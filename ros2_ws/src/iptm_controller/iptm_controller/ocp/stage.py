@@ -15,13 +15,7 @@ import casadi as ca
 
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import quadrature
-from iptm_controller.ocp.layout import (
-    GlobalIndex,
-    InputIndex,
-    SampleIndex,
-    StateIndex,
-    StepIndex,
-)
+from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, StateIndex, StepIndex
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.braking import braking_reserve_m
 from iptm_core.physics.coolant import reduce_channel

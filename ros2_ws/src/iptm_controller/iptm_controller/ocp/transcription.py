@@ -140,9 +140,7 @@ def transcribe(problem: OptimalControlProblem) -> Transcription:
         rows=ca.vec(row_table),
         gradient=ca.vertcat(*gradients, ca.MX.zeros(layout.STATES, 1)),
         jacobian=_assemble(
-            shape,
-            [*entries, *_next_state_entries(grid)],
-            ca.vertcat(*jacobians, next_state_slopes),
+            shape, [*entries, *_next_state_entries(grid)], ca.vertcat(*jacobians, next_state_slopes)
         ),
     )
 

@@ -78,10 +78,7 @@ class NlpsolBackend:
     """Solves problem after problem; see ``SolverBackend``."""
 
     def __init__(
-        self,
-        plugin: Plugin,
-        problem: OptimalControlProblem,
-        options: SolverOptions,
+        self, plugin: Plugin, problem: OptimalControlProblem, options: SolverOptions
     ) -> None:
         """Transcribe a problem and set the plug-in up for it.
 
@@ -151,13 +148,7 @@ class NlpsolBackend:
         if status is not SolveStatus.SOLVED:
             reason = f"{reason} ({self.name}: {stats['return_status']}, {iterations} iterations)"
         return SolveResult(
-            status,
-            reason,
-            variables,
-            float(solver.results["f"][0]),
-            iterations,
-            elapsed,
-            violation,
+            status, reason, variables, float(solver.results["f"][0]), iterations, elapsed, violation
         )
 
     def _write(

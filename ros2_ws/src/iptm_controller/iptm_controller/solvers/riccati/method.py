@@ -147,10 +147,7 @@ class RiccatiMethod:
             return result
         variables, point = best
         return replace(
-            result,
-            variables=variables,
-            objective=point.cost,
-            infeasibility=point.largest_violation,
+            result, variables=variables, objective=point.cost, infeasibility=point.largest_violation
         )
 
     def _run_from(

@@ -92,8 +92,7 @@ class StageSystem:
         self._inequality_jacobian = ca.jacobian(self._inequalities, variables)
         self._sigma = self._z / self._s
         condensed = ca.hessian(lagrangian, variables)[0] + ca.mtimes(
-            self._inequality_jacobian.T,
-            ca.mtimes(ca.diag(self._sigma), self._inequality_jacobian),
+            self._inequality_jacobian.T, ca.mtimes(ca.diag(self._sigma), self._inequality_jacobian)
         )
         self._hessian = ca.tril(condensed)
 

@@ -1,0 +1,199 @@
+"""Scenes, problems and solvers for the tests of the controller; each solver is built once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from iptm_controller.controller import Measurements
+from iptm_controller.forecast import LeaderForecaster
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.stage import DEFAULT_SMOOTHING, build_stage
+from iptm_controller.ocp.transcription import Transcription, transcribe
+from iptm_controller.plan import PlanShifter, sample_positions_m, variables_from_plan
+from iptm_controller.solvers.cooling_probe import CoolingProbe
+from iptm_controller.solvers.factory import build_plain_solver
+from iptm_controller.solvers.interface import SolverBackend, SolverOptions
+from iptm_controller.strategy import REFERENCE_TEMPERATURE_K, strategy_by_name
+from iptm_core.parameters import load_parameters
+from iptm_core.physics.power_thermal import Smoothing
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
+
+PARAMETERS = load_parameters().values
+Problem = tuple[ProblemData, FloatArray]
+"""Numbers of a problem, and a guess."""
+FLAT = SlopePreview(np.zeros(1), np.zeros(1))
+NOW_S = 100.0
+HERE_M = 1000.0
+
+
+def make_state(**changes: float) -> VehicleState:
+    """A host in the middle of a trip, with some values changed."""
+    state = VehicleState(
+        time_s=NOW_S,
+        position_m=HERE_M,
+        speed_m_s=15.0,
+        acceleration_m_s2=0.0,
+        compressor_power_w=0.0,
+        cell_1_temperature_k=307.15,
+        cell_n_temperature_k=308.15,
+        cell_1_capacity_loss=1e-3,
+        cell_n_capacity_loss=1e-3,
+    )
+    return replace(state, **changes)
+
+
+def make_leader(
+    gap_m: float = 40.0, speed_m_s: float = 15.0, time_s: float = NOW_S, host_m: float = HERE_M
+) -> LeaderState:
+    return LeaderState(time_s, host_m + gap_m, speed_m_s)
+
+
+def make_preview(
+    leader: LeaderState,
+    acceleration_m_s2: float = 0.0,
+    length_s: float = 60.0,
+    target_m_s: float | None = None,
+) -> LeaderPreview:
+    """What a leader predicts that accelerates evenly, down to standstill or up to a target speed."""
+    ahead = np.arange(0.0, length_s + 0.5)
+    low, high = 0.0, 40.0
+    if target_m_s is not None:
+        low, high = min(target_m_s, leader.speed_m_s), max(target_m_s, leader.speed_m_s)
+    speeds = np.clip(leader.speed_m_s + acceleration_m_s2 * ahead, low, high)
+    moved = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
+    times = leader.time_s + ahead
+    return LeaderPreview(leader.time_s, times, leader.position_m + moved, speeds)
+
+
+def make_scene(
+    *,
+    gap_m: float = 40.0,
+    leader_speed_m_s: float = 15.0,
+    leader_acceleration_m_s2: float = 0.0,
+    slope: SlopePreview = FLAT,
+    **state: float,
+) -> Measurements:
+    """One tick's measurements, everything measured and consistent."""
+    host = make_state(**state)
+    leader = make_leader(gap_m, leader_speed_m_s, host.time_s, host.position_m)
+    return Measurements(host, leader, make_preview(leader, leader_acceleration_m_s2), slope)
+
+
+def hills(amplitude: float = 0.06) -> SlopePreview:
+    """Waves in the road around where the host is."""
+    positions = np.arange(0.0, 4000.0, 10.0)
+    return SlopePreview(positions, amplitude * np.sin(positions / 90.0))
+
+
+SCENES: dict[str, Measurements] = {
+    "cruise": make_scene(),
+    "hills": make_scene(slope=hills(), speed_m_s=20.0, leader_speed_m_s=21.0, gap_m=60.0),
+    "leader_brakes": make_scene(leader_acceleration_m_s2=-1.5, gap_m=45.0),
+    "leader_pulls_away": make_scene(
+        speed_m_s=2.0, leader_speed_m_s=3.0, leader_acceleration_m_s2=1.5, gap_m=12.0
+    ),
+    "standstill": make_scene(speed_m_s=0.0, leader_speed_m_s=0.0, gap_m=15.0),
+    "cooling": make_scene(
+        compressor_power_w=900.0, cell_1_temperature_k=309.0, cell_n_temperature_k=311.0
+    ),
+    "fast": make_scene(
+        speed_m_s=33.0, leader_speed_m_s=34.0, gap_m=90.0, acceleration_m_s2=0.4, slope=hills(0.02)
+    ),
+}
+"""Ordinary situations; what is out of the ordinary is built in the test that needs it."""
+
+
+def problem_of(
+    measured: Measurements, horizon: str = "3x1+5x5", strategy: str = "aging"
+) -> Problem:
+    """Pose the problem of a scene on a horizon: its data and a cold guess."""
+    assert measured.state is not None
+    assert measured.leader is not None
+    grid = ProblemGrid(Horizon.parse(horizon))
+    builder = ProblemDataBuilder(grid, strategy_by_name(strategy))
+    guess = PlanShifter(grid.horizon).cold_start(measured.state)
+    forecaster = LeaderForecaster(grid.horizon.duration_s, 10.0)
+    motion = forecaster.forecast(measured.leader, measured.preview).motion
+    expected = sample_positions_m(guess, grid.sample_times_s)
+    data = builder.build(measured.state, motion, measured.slope, expected)
+    return data, variables_from_plan(guess, grid, measured.state)
+
+
+@lru_cache
+def plain_solver(
+    horizon: str = "3x1+5x5", name: str = "riccati", *, compile_code: bool = True
+) -> SolverBackend:
+    """Return a solver without the cooling probe."""
+    options = SolverOptions(name=name, compile_code=compile_code)
+    return build_plain_solver(Horizon.parse(horizon), PARAMETERS, options)
+
+
+def probing_solver(horizon: str = "3x1+5x5", name: str = "riccati") -> SolverBackend:
+    """Return a solver as the controller uses it, with a probe that has counted no tick yet."""
+    return CoolingProbe(plain_solver(horizon, name), Horizon.parse(horizon), PARAMETERS)
+
+
+@lru_cache
+def transcription_of(horizon: str) -> Transcription:
+    return transcribe(OptimalControlProblem(Horizon.parse(horizon), PARAMETERS))
+
+
+@lru_cache
+def _stage_function(step_s: float, samples: int, smoothing: Smoothing) -> ca.Function:
+    stage = build_stage(step_s, samples, PARAMETERS, smoothing)
+    inputs = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
+    return ca.Function("stage", inputs, [stage.next_state, stage.cost, stage.limits])
+
+
+def run_stage(
+    state: VehicleState,
+    acceleration_m_s2: float,
+    compressor_power_w: float,
+    step_s: float,
+    weights: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+    *,
+    slacks: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+    leader: tuple[float, float] = (0.0, 0.0),
+    speed_reference_m_s: float = 0.0,
+    slope: Callable[[float], tuple[float, float, float]] = lambda _: (0.0, 0.0, 0.0),
+    smoothing: Smoothing = DEFAULT_SMOOTHING,
+    samples: int | None = None,
+    end_of_horizon: bool = False,
+) -> tuple[FloatArray, float, FloatArray]:
+    """Return the result of one step of the optimal control problem, in physical units.
+
+    Takes a state, acceleration and compressor power, the step and the weights of J1 to J4; returns the
+    next state with an absolute position, the cost and the rows of the limits.
+    """
+    count = samples or sample_count(step_s)
+    physical = np.array(
+        [0.0, state.speed_m_s, state.cell_1_temperature_k, state.cell_n_temperature_k,
+         state.acceleration_m_s2, state.compressor_power_w]
+    )  # fmt: skip
+    step_parameters = [
+        leader[0] - state.position_m, leader[1], step_s, float(end_of_horizon)
+    ]  # fmt: skip
+    for node in quadrature(count)[0] * step_s:
+        moved = state.speed_m_s * node + 0.5 * acceleration_m_s2 * node**2
+        around = slope(state.position_m + moved)
+        ahead = leader[0] - state.position_m - leader[1] * (step_s - node)
+        step_parameters += [*around, moved, speed_reference_m_s, ahead, leader[1]]
+    losses = [state.cell_1_capacity_loss, state.cell_n_capacity_loss]
+    following, cost, limits = _stage_function(step_s, count, smoothing)(
+        (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,
+        np.array([acceleration_m_s2, compressor_power_w, *slacks]) / layout.INPUT_SCALE,
+        step_parameters,
+        [*losses, *weights, REFERENCE_TEMPERATURE_K],
+    )
+    following = following.full().ravel() * layout.STATE_SCALE + layout.STATE_OFFSET
+    following[0] += state.position_m
+    return following, float(cost), limits.full().ravel()
