@@ -24,7 +24,7 @@ from iptm_interfaces.diagnostics import find_status, status_values
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.compare import compare_bags
+from iptm_recording.compare_bags import compare_bags
 from iptm_recording.recover import recover
 
 S = 10**9
@@ -328,8 +328,8 @@ def test_recorded_run_played_and_recorded_again_is_the_same(
     assert "played" in player.stdout
     assert recorder.stop() == 0
     comparison = compare_bags(tmp_path / "first", tmp_path / "second")
-    assert [entry.topic for entry in comparison.topics if not entry.agrees] == []
-    assert len(comparison.topics) == len(TICK) + 1
+    assert [entry.topic for entry in comparison if not entry.agrees] == []
+    assert len(comparison) == len(TICK) + 1
     with BagReader(tmp_path / "first") as one, BagReader(tmp_path / "second") as two:
         times = [
             [(m.topic, m.log_time_ns) for m in reader.raw_messages() if m.topic != "/diagnostics"]
