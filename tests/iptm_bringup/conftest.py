@@ -13,8 +13,7 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from iptm_bringup.composition import Listeners, node_parameters, run_information
-from iptm_bringup.preparation import PreparedScenario, prepare
-from iptm_bringup.scenario import Scenario
+from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import Command
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory

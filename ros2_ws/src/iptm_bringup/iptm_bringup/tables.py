@@ -11,7 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from iptm_bringup.results import RunResults
+from iptm_bringup.evaluation import RunResults
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import (
     FIGURES,
@@ -49,7 +49,7 @@ def print_results(results: RunResults, output: Path, console: Console) -> None:
 
 def figures_table(results: RunResults) -> Table:
     """Return the figures of the trip, the paper's rows first."""
-    table = Table(title=f"{results.scenario.name}: results", title_justify="left")
+    table = Table(title=f"{results.prepared.scenario.name}: results", title_justify="left")
     table.add_column("figure")
     table.add_column("value", justify="right")
     table.add_column("unit")

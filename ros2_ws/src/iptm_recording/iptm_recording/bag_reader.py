@@ -7,9 +7,9 @@ or by `ros2 bag record`. What is wrong with a bag is said in one sentence, with 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, final
 
 from iptm_core.errors import BagError
@@ -48,7 +48,7 @@ class TypedMessage(RawMessage):
 
 
 @final
-class BagReader:
+class BagReader(AbstractContextManager["BagReader"]):
     """A bag opened for reading; use it as a context manager or call `close`.
 
     Args:
@@ -208,16 +208,7 @@ class BagReader:
         for file in self._files:
             file.close()
 
-    def __enter__(self) -> BagReader:
-        """Return the reader itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the files."""
         self.close()
 

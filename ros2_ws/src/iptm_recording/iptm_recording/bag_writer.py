@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Final, final
 
 from mcap.well_known import MessageEncoding, Profile
@@ -43,7 +43,7 @@ class _Topic:
 
 
 @final
-class BagWriter:
+class BagWriter(AbstractContextManager["BagWriter"]):
     """Writer of one bag folder; use it as a context manager or call `close`.
 
     Args:
@@ -228,15 +228,6 @@ class BagWriter:
         self._file.raw.close()
         return BagError(f"cannot write to {self._path}: {error}")
 
-    def __enter__(self) -> BagWriter:
-        """Return the writer itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the bag, after an error as well: what was written is sound."""
         self.close()
