@@ -303,7 +303,7 @@ def test_existing_bag_and_missing_information_are_mistakes_of_the_user(
     (tmp_path / "bag").mkdir()
     for arguments, message in (
         (("bag",), "record: "),
-        (("new", "--run-information", "none.yaml"), "cannot read run information"),
+        (("new", "--run-information", "none.yaml"), "none.yaml: no such file"),
         (("new", "--exclude", "/clock"), "--time wall"),
     ):
         process = launcher.start("recorder", sys.executable, "-m", RECORDER, *arguments)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, final
 
@@ -32,14 +32,6 @@ COMPRESSIONS: Final = {
     "zstd": CompressionType.ZSTD,
 }
 _SEQUENCE_MASK = 0xFFFFFFFF
-
-
-@dataclass
-class _Topic:
-    name: str
-    definition: MessageDefinition
-    offered_qos: tuple[Qos, ...]
-    message_count: int = 0
 
 
 @final
@@ -68,7 +60,8 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         self._custom_data = dict(custom_data or {})
         self._is_compressed = compression != "none"
         self._schema_ids: dict[str, int] = {}
-        self._topics: dict[int, _Topic] = {}
+        self._topics: dict[int, TopicRecord] = {}
+        self._counts: dict[int, int] = {}
         self._start_ns = NO_START_NS
         self._end_ns = 0
         self._is_closed = False
@@ -97,7 +90,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
     @property
     def message_counts(self) -> dict[str, int]:
         """Messages written so far, by topic name."""
-        return {topic.name: topic.message_count for topic in self._topics.values()}
+        return {topic.name: self._counts[key] for key, topic in self._topics.items()}
 
     def add_topic(
         self,
@@ -140,7 +133,10 @@ class BagWriter(AbstractContextManager["BagWriter"]):
                 "topic_type_hash": definition.type_hash,
             },
         )
-        self._topics[topic_id] = _Topic(name, definition, tuple(offered_qos))
+        self._topics[topic_id] = TopicRecord(
+            name, definition.type_name, definition.type_hash, tuple(offered_qos), message_count=0
+        )
+        self._counts[topic_id] = 0
         return topic_id
 
     def write(
@@ -157,8 +153,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         Raises:
             BagError: the file cannot be written (disk full).
         """
-        topic = self._topics[topic_id]
-        topic.message_count += 1
+        self._counts[topic_id] += 1
         self._start_ns = min(self._start_ns, log_time_ns)
         self._end_ns = max(self._end_ns, log_time_ns)
         try:
@@ -167,7 +162,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
                 log_time_ns,
                 data,
                 log_time_ns if publish_time_ns is None else publish_time_ns,
-                topic.message_count & _SEQUENCE_MASK,
+                self._counts[topic_id] & _SEQUENCE_MASK,
             )
         except (OSError, ValueError) as error:
             raise self._failed(error) from None
@@ -200,14 +195,8 @@ class BagWriter(AbstractContextManager["BagWriter"]):
             self._start_ns,
             self._end_ns - self._start_ns if self._start_ns != NO_START_NS else 0,
             [
-                TopicRecord(
-                    name=topic.name,
-                    type_name=topic.definition.type_name,
-                    type_hash=topic.definition.type_hash,
-                    offered_qos=topic.offered_qos,
-                    message_count=topic.message_count,
-                )
-                for topic in self._topics.values()
+                replace(topic, message_count=self._counts[key])
+                for key, topic in self._topics.items()
             ],
             self._custom_data,
             os.environ.get("ROS_DISTRO", "") or DEFAULT_DISTRO,
