@@ -21,6 +21,7 @@ from iptm_core.metrics import (
     RunMetrics,
     figure_values,
 )
+from iptm_recording.bag_info import decisions_table
 
 TABLES_WIDTH = 124
 """Columns that both tables need side by side."""
@@ -65,23 +66,12 @@ def figures_table(results: RunResults) -> Table:
 
 def details_table(results: RunResults) -> Table:
     """Return how the decisions came about and how fast the run was."""
-    table = Table(title="decisions", title_justify="left")
-    table.add_column("")
-    for heading in ("median", "p99", "largest"):
-        table.add_column(heading, justify="right")
-    decisions = results.metrics.decisions
-    if decisions is not None:
-        for label, values, factor in (
-            ("solve time (ms)", decisions.solve_time_s, 1e3),
-            ("iterations", decisions.iterations, 1.0),
-            ("age of the preview (s)", decisions.preview_age_s, 1.0),
-        ):
-            shown = (values.median, values.p99, values.largest)
-            table.add_row(label, *(_known(factor * value) for value in shown))
-        table.add_section()
-        for label, text in _counts(decisions).items():
-            table.add_row(label, "", "", text)
-        table.add_section()
+    statistics = DecisionStatistics.of(results.decisions)
+    table = decisions_table("how it was decided", statistics)
+    table.add_section()
+    for label, text in _counts(statistics).items():
+        table.add_row(label, "", "", text)
+    table.add_section()
     table.add_row("wall time (s)", "", "", f"{results.wall_time_s:.2f}")
     table.add_row("speed-up over real time", "", "", f"{results.speed_up:.0f}")
     return table
