@@ -30,11 +30,6 @@ POLL_S = 0.01
 STOP_TIMEOUT_S = 20.0
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Let ROS's message generator import the parser it brings along, which is a little dated."""
-    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark everything in this folder, so that `-m "not integration"` leaves it out."""
     here = Path(__file__).parent

@@ -34,11 +34,6 @@ NOW_S = 100.0
 HERE_M = 1000.0
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Let ROS's message generator import the parser it brings along, which is a little dated."""
-    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
-
-
 @pytest.fixture(scope="session")
 def parameters() -> ModelParameters:
     return load_parameters().values
