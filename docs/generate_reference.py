@@ -17,6 +17,7 @@ from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
+from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_interfaces.topics import topic_table_markdown
 from iptm_plant_sim.node_parameters import PlantNodeParameters
@@ -118,7 +119,21 @@ def strategies_page() -> str:
     )
 
 
+def figures_page() -> str:
+    """Every figure of a run that tables, pictures, files and the report show."""
+    rows = [
+        f"| `{key}` | {figure.label} | {figure.symbol or '-'} | {figure.unit or '1'} |\n"
+        for key, figure in FIGURES.items()
+    ]
+    return (
+        f"# Figures of a run\n\n{NOTICE}The same figures stand on the terminal, in `results.json`, in "
+        "`scripts/bag_info`, in the CSV files of the studies and in the report.\n\n"
+        "| key | figure | symbol | unit |\n|---|---|---|---|\n" + "".join(rows)
+    )
+
+
 PAGES = {
+    DOCS / "reference" / "figures.md": figures_page,
     DOCS / "reference" / "topics.md": topics_page,
     DOCS / "reference" / "parameters.md": parameters_page,
     DOCS / "reference" / "nodes.md": nodes_page,
