@@ -55,16 +55,16 @@ class Suite:
             topic: peer.node.advertise(topic) for topic in TOPICS
         }
         self.next_tick = 0
+        self.recorder = peer.statuses("/recorder")
 
     def start(self) -> None:
-        statuses = self.peer.statuses("/recorder")
         expected = str(len(TOPICS))
         self.publishers[Topic.SLOPE].publish(TOPICS[Topic.SLOPE].message_type())
         # Both sides must know of each other: a busy machine may take a while between the two.
         self.peer.wait_until(
             lambda: (
-                statuses
-                and status_values(statuses[-1])["subscriptions_matched"] == expected
+                self.recorder
+                and status_values(self.recorder[-1])["subscriptions_matched"] == expected
                 and all(p.get_subscription_count() for p in self.publishers.values())
             ),
             60.0,
