@@ -21,14 +21,14 @@ from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 
 # Colours of Okabe and Ito, which colour-blind readers can tell apart.
-BLUE, ORANGE, GREEN, RED, PURPLE, SKY = [
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
     "#0072B2",
     "#E69F00",
     "#009E73",
     "#D55E00",
     "#CC79A7",
     "#56B4E9",
-]
+)
 GREY = "#8a8a8a"
 _KM_H = 3.6
 _WIDTH_INCHES = 12.0

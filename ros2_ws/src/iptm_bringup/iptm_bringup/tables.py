@@ -67,7 +67,7 @@ def figures_table(results: RunResults) -> Table:
 def details_table(results: RunResults) -> Table:
     """Return how the decisions came about and how fast the run was."""
     statistics = DecisionStatistics.of(results.decisions)
-    table = decisions_table("how it was decided", statistics)
+    table = decisions_table("decisions", statistics)
     table.add_section()
     for label, text in _counts(statistics).items():
         table.add_row(label, "", "", text)

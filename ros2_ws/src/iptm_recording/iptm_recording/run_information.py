@@ -16,7 +16,6 @@ import yaml
 
 from iptm_core.errors import BagError, ParameterError
 from iptm_core.parameters import ModelParameters, flat_to_parameters
-from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
 from iptm_core.provenance import UNKNOWN, git_revision, versions
 
 RECORD_NAME = "iptm_run"
@@ -72,7 +71,10 @@ class RunInformation:
             seed = int(seed_text) if seed_text else None
         except ValueError:
             raise BagError(f"seed of the run is {seed_text!r}; allowed: a whole number") from None
-        known = parse_yaml(rest.pop("versions", ""), "versions of the run", BagError) or {}
+        try:
+            known = yaml.safe_load(rest.pop("versions", "")) or {}
+        except yaml.YAMLError as error:
+            raise BagError(f"versions of the run are not YAML: {error}") from None
         if not isinstance(known, dict):
             raise BagError(f"versions of the run are {known!r}; allowed: a mapping")
         return cls(
@@ -101,12 +103,13 @@ def collect_run_information(
         parameters: YAML text, or a mapping of plain values to be written as such.
         extra: further texts by name.
     """
-    if not isinstance(parameters, str):
-        parameters = str(yaml.safe_dump(dict(parameters), sort_keys=False))
+    text = parameters
+    if not isinstance(text, str):
+        text = yaml.safe_dump(dict(text), sort_keys=False)
     return RunInformation(
         scenario=scenario,
         seed=seed,
-        parameters=parameters,
+        parameters=str(text),
         git_revision=git_revision(),
         versions=versions(_PACKAGES),
         started_at_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
@@ -120,7 +123,12 @@ def load_run_information(path: Path) -> RunInformation:
     Raises:
         BagError: the file is missing or malformed.
     """
-    content = read_yaml(path, BagError) or {}
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise BagError(f"cannot read run information {path}: {error}") from None
+    except yaml.YAMLError as error:
+        raise BagError(f"run information {path} is not YAML: {error}") from None
     if not isinstance(content, dict):
         raise BagError(f"run information {path} is a {type(content).__name__}; allowed: a mapping")
     scenario = content.pop("scenario", "")
@@ -145,7 +153,10 @@ def stored_model_parameters(information: RunInformation) -> ModelParameters | No
     Raises:
         BagError: there are some, but malformed.
     """
-    parameters = parse_yaml(information.parameters, "parameters of the run", BagError)
+    try:
+        parameters = yaml.safe_load(information.parameters)
+    except yaml.YAMLError as error:
+        raise BagError(f"parameters of the run are not YAML: {error}") from None
     if not isinstance(parameters, dict) or MODEL_KEY not in parameters:
         return None
     try:
