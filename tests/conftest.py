@@ -6,12 +6,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
 from iptm_controller.ocp.compilation import CACHE_VARIABLE
+from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import IntervalPowers, LeaderState, VehicleState
-from iptm_core.trajectory import Trajectory
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_interfaces.codecs import (
     encode_acceleration,
     encode_capacity_loss,
@@ -25,6 +27,9 @@ from iptm_interfaces.topics import Topic
 # The same examples in every run, and no deadline: a busy machine must not fail a test.
 settings.register_profile("iptm", deadline=None, derandomize=True)
 settings.load_profile("iptm")
+
+ROWS = 21
+"""Ticks of the made-up run."""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -62,3 +67,46 @@ def _tick_messages(run: Trajectory, row: int) -> dict[Topic, Any]:
         Topic.PLANT_ODOMETRY: encode_host_odometry(state),
         Topic.LEADER: encode_leader(leader),
     }
+
+
+@pytest.fixture
+def trajectory() -> Trajectory:
+    """A gentle start behind a leader; every column is different and uses all 53 bits, one row a second."""
+    generator = np.random.default_rng(5)
+    time_s = np.arange(ROWS, dtype=float)
+    columns: dict[str, Any] = {
+        name: generator.uniform(0.1, 0.2, ROWS) for name in TRAJECTORY_COLUMNS
+    }
+    columns["time_s"] = time_s
+    columns["speed_m_s"] = 0.1 * time_s
+    columns["position_m"] = 0.05 * time_s**2
+    columns["acceleration_m_s2"] = 0.1 + 1e-3 * columns["acceleration_m_s2"]
+    columns["leader_position_m"] = columns["position_m"] + 20.0 + columns["leader_position_m"]
+    for name in TRAJECTORY_COLUMNS:
+        if name.endswith("temperature_k"):
+            # As they arrive: through degrees Celsius.
+            columns[name] = (columns[name] + 26.0) + 273.15
+        if name.endswith("capacity_loss"):
+            columns[name] = np.sort(columns[name]) * 1e-9 + 0.002
+    return Trajectory.from_arrays(columns)
+
+
+@pytest.fixture
+def decision_record() -> Callable[[int], DecisionRecord]:
+    """Return the decision of a row: one of a fallback, one limited, the first without a preview."""
+    return _decision_record
+
+
+def _decision_record(row: int) -> DecisionRecord:
+    return DecisionRecord(
+        status=SolveStatus.SOLVED,
+        solve_time_s=2e-3 + 1e-4 * row,
+        iterations=10 + row,
+        gap_slack_m=0.0,
+        speed_slack_m_s=0.0,
+        temperature_slack_k=0.0,
+        objective=1.5,
+        rung=Rung(row == 7),
+        limiter_active=row == 3,
+        preview_age_s=float("nan") if row == 0 else 0.0,
+    )

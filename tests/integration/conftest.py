@@ -17,19 +17,17 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 
+from iptm_interfaces.diagnostics import find_status
 from iptm_interfaces.discovery import PROFILE_VARIABLE, discovery_profile_path, reserve_domain
 from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
 
 POLL_S = 0.01
 STOP_TIMEOUT_S = 20.0
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Let ROS's message generator import the parser it brings along, which is a little dated."""
-    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -82,9 +80,18 @@ class ManagedProcess:
         return int(self.popen.returncode)
 
     def stop(self, number: signal.Signals = signal.SIGINT) -> int:
-        """Ask the process to end and return its exit code."""
+        """Ask the process to end, twice as users press Ctrl-C; return its exit code."""
         self.send(number)
-        return self.wait()
+        self.send(number)
+        code = self.wait()
+        assert "Traceback" not in self.stderr
+        return code
+
+    def assert_refused(self, message: str, timeout_s: float = STOP_TIMEOUT_S) -> None:
+        """Check that the process ends for a mistake of the user, which it tells in one line."""
+        assert self.wait(timeout_s) == 2, self.stderr
+        (line,) = self.stderr.strip().splitlines()
+        assert message in line
 
 
 @dataclass
@@ -114,6 +121,13 @@ class ProcessLauncher:
         self.processes.append(process)
         return process
 
+    def start_module(
+        self, module: str, *arguments: str | Path, name: str = "", **environment: str
+    ) -> ManagedProcess:
+        """Start a module of the suite with `python -m`."""
+        name = name or module.split(".", maxsplit=1)[0]
+        return self.start(name, sys.executable, "-m", module, *arguments, **environment)
+
     def start_node(
         self, module: str, *arguments: str, parameters: Mapping[str, object] | None = None
     ) -> ManagedProcess:
@@ -129,10 +143,7 @@ class ProcessLauncher:
             for name, value in (parameters or {}).items()
             for part in ("-p", f"{name}:={_yaml_scalar(value)}")
         ]
-        return self.start(
-            module.split(".", maxsplit=1)[0],
-            sys.executable, "-m", module, "--ros-args", *overrides, *arguments,
-        )  # fmt: skip
+        return self.start_module(module, "--ros-args", *overrides, *arguments)
 
     def close(self) -> None:
         """End whatever still runs, politely first, and show all logs (kept by pytest on failure)."""
@@ -156,6 +167,12 @@ def _yaml_scalar(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"'{value}'" if isinstance(value, (str, Path)) else str(value)
+
+
+@pytest.fixture(name="wait_until")
+def wait_until_fixture() -> Callable[..., None]:
+    """Wait for a condition with a timeout."""
+    return wait_until
 
 
 @pytest.fixture
@@ -198,6 +215,18 @@ class Peer:
             if time.monotonic() > deadline:
                 pytest.fail(f"timed out after {timeout_s} s waiting for: {what}")
             self.executor.spin_once(timeout_sec=POLL_S)  # type: ignore[attr-defined]
+
+    def statuses(self, name: str) -> list[DiagnosticStatus]:
+        """Return a list that grows with every diagnostic status of a node, given by its full name."""
+        heard: list[DiagnosticStatus] = []
+
+        def take(message: DiagnosticArray) -> None:
+            status = find_status(message, name)
+            if status is not None:
+                heard.append(status)
+
+        self.node.listen(Topic.DIAGNOSTICS, take)
+        return heard
 
 
 @pytest.fixture

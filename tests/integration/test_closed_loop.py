@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -38,9 +36,8 @@ Start = Callable[..., Any]
 def start(launcher: Any) -> Start:
     """Start the runner with an output folder and options."""
 
-    def run(output: Path, *arguments: str, **environment: str) -> Any:
-        command = (sys.executable, "-m", MODULE, *arguments, "--output", output)
-        return launcher.start("run_closed_loop", *command, **environment)
+    def run(output: Path, *arguments: str) -> Any:
+        return launcher.start_module(MODULE, *arguments, "--output", output)
 
     return run
 
@@ -60,13 +57,13 @@ def processes_of(runner: Any) -> dict[str, int]:
     return found
 
 
-def wait_for_trip(runner: Any, output: Path, wait: Callable[..., None]) -> dict[str, int]:
+def wait_for_trip(runner: Any, output: Path, wait_until: Callable[..., None]) -> dict[str, int]:
     """Wait until the trip is well under way; return the processes."""
 
     def recorded() -> int:
         return sum(path.stat().st_size for path in output.glob("*.mcap"))
 
-    wait(
+    wait_until(
         lambda: recorded() > WELL_UNDER_WAY_BYTES or not runner.is_running,
         timeout_s=RUN_TIMEOUT_S,
         what="messages in the bag",
@@ -75,19 +72,6 @@ def wait_for_trip(runner: Any, output: Path, wait: Callable[..., None]) -> dict[
     processes = processes_of(runner)
     assert processes.keys() == NODE_MODULES.keys()
     return processes
-
-
-@pytest.fixture
-def wait() -> Callable[..., None]:
-    """Wait for a condition, as in `conftest.py`."""
-
-    def until(condition: Callable[[], object], timeout_s: float, what: str) -> None:
-        deadline_s = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < deadline_s, f"timed out waiting for: {what}"
-            time.sleep(0.02)
-
-    return until
 
 
 def all_gone(processes: dict[str, int]) -> bool:
@@ -175,11 +159,11 @@ def test_real_time_in_a_namespace_without_recording(start: Start, tmp_path: Path
 
 
 def test_a_killed_process_is_named_and_everything_stops(
-    start: Start, wait: Callable[..., None], tmp_path: Path
+    start: Start, wait_until: Callable[..., None], tmp_path: Path
 ) -> None:
     output = tmp_path / "run"
     runner = start(output, "comprehensive")
-    processes = wait_for_trip(runner, output, wait)
+    processes = wait_for_trip(runner, output, wait_until)
     os.kill(processes["controller"], signal.SIGKILL)
     assert runner.wait() == 1
     assert "controller was killed by signal 9 (SIGKILL) at " in runner.stderr
@@ -192,11 +176,11 @@ def test_a_killed_process_is_named_and_everything_stops(
 
 
 def test_a_run_keeps_its_domain_and_can_be_interrupted(
-    start: Start, wait: Callable[..., None], tmp_path: Path
+    start: Start, wait_until: Callable[..., None], tmp_path: Path
 ) -> None:
     output = tmp_path / "run"
     runner = start(output, "comprehensive")
-    processes = wait_for_trip(runner, output, wait)
+    processes = wait_for_trip(runner, output, wait_until)
 
     intruder = start(tmp_path / "intruder", "demo")
     assert intruder.wait(RUN_TIMEOUT_S) == 2
@@ -230,8 +214,6 @@ def test_a_mistake_is_one_line(
     start: Start, tmp_path: Path, arguments: list[str], message: str
 ) -> None:
     runner = start(tmp_path / "run", *arguments)
-    assert runner.wait(RUN_TIMEOUT_S) == 2, runner.stderr
-    (line,) = runner.stderr.strip().splitlines()
-    assert line.startswith("run_closed_loop: ")
-    assert message in line
+    runner.assert_refused(message, RUN_TIMEOUT_S)
+    assert runner.stderr.startswith("run_closed_loop: ")
     assert not (tmp_path / "run").exists()

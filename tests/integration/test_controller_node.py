@@ -34,7 +34,7 @@ from iptm_interfaces.codecs import (
     encode_temperature,
     ns_from_time,
 )
-from iptm_interfaces.diagnostics import Level, find_status, status_values
+from iptm_interfaces.diagnostics import Level, status_values
 from iptm_interfaces.topics import STATE_TOPICS, Topic
 
 MODULE = "iptm_controller.node"
@@ -93,7 +93,8 @@ class World:
 
     def __init__(self, peer: Any) -> None:
         self.peer = peer
-        self.heard: dict[Topic, list[Any]] = {topic: [] for topic in (*ANSWERS, Topic.DIAGNOSTICS)}
+        self.heard: dict[Topic, list[Any]] = {topic: [] for topic in ANSWERS}
+        self.statuses = peer.statuses("/controller")
         node = peer.node
         self.publishers = {
             topic: node.advertise(topic) for topic in (*STATE_TOPICS, *LINK, Topic.SLOPE)
@@ -106,7 +107,7 @@ class World:
             lambda: all(p.get_subscription_count() == 1 for p in self.publishers.values())
             and all(self.peer.node.count_publishers(sub.topic_name) >= 1
                     for sub in self.peer.node.subscriptions if "controller" in sub.topic_name)
-            and self.heard[Topic.DIAGNOSTICS],
+            and self.statuses,
             60.0,
             "the controller in the graph",
         )  # fmt: skip
@@ -144,20 +145,12 @@ class World:
         return found()[-1]
 
     def wait_for_reports(self, number: int) -> None:
-        heard = len(self.heard[Topic.DIAGNOSTICS])
-        self.peer.wait_until(
-            lambda: len(self.heard[Topic.DIAGNOSTICS]) >= heard + number, what="further reports"
-        )
-
-    def situations(self) -> list[tuple[Level, str]]:
-        found = [find_status(message, "/controller") for message in self.heard[Topic.DIAGNOSTICS]]
-        return [(Level(status.level), status.message) for status in found if status is not None]
+        wanted = len(self.statuses) + number
+        self.peer.wait_until(lambda: len(self.statuses) >= wanted, what="further reports")
 
     def details(self) -> dict[str, str]:
         """Key values of the newest diagnostics."""
-        status = find_status(self.heard[Topic.DIAGNOSTICS][-1], "/controller")
-        assert status is not None
-        return status_values(status)
+        return status_values(self.statuses[-1])
 
     def wait_for_details(self, **expected: str) -> None:
         self.peer.wait_until(
@@ -174,14 +167,6 @@ def start(launcher: Any, world: World, **parameters: object) -> Any:
     process = launcher.start_node(MODULE, parameters={**SMALL, **parameters})
     world.wait_for_controller()
     return process
-
-
-def stop_twice(process: Any, number: signal.Signals) -> None:
-    """Users press Ctrl-C twice."""
-    process.send(number)
-    process.send(number)
-    assert process.wait() == 0
-    assert "Traceback" not in process.stderr
 
 
 def pure_controller() -> Controller:
@@ -226,7 +211,7 @@ def test_answers_every_tick_as_the_pure_controller_would(launcher: Any, world: W
     assert power == decision.command.compressor_power_w
     world.wait_for_details(ticks_optimal="12", rung="optimal", preview="full")
     assert world.details()["machine_code"] == str(pure.backend.compiled).lower()
-    stop_twice(process, signal.SIGINT)
+    assert process.stop(signal.SIGINT) == 0
 
 
 def test_a_malformed_road_is_taken_as_flat_and_reported(launcher: Any, world: World) -> None:
@@ -239,8 +224,9 @@ def test_a_malformed_road_is_taken_as_flat_and_reported(launcher: Any, world: Wo
     flat = SlopePreview(np.zeros(1), np.zeros(1))
     expected = pure_controller().decide(as_measured(messages, flat)).command
     assert world.wait_for_answer(0.0) == expected
+    fault = (Level.WARN, "slope message malformed, road taken as flat")
     world.peer.wait_until(
-        lambda: (Level.WARN, "slope message malformed, road taken as flat") in world.situations(),
+        lambda: fault in [(Level(status.level), status.message) for status in world.statuses],
         what="the fault reported",
     )
 
@@ -336,4 +322,4 @@ def test_new_trips_and_repeated_messages(launcher: Any, world: World) -> None:
     world.publish(tick_messages(5.0))
     world.wait_for_details(late_messages="8")
     assert len(world.heard[Topic.COMMAND]) == 5
-    stop_twice(process, signal.SIGTERM)
+    assert process.stop(signal.SIGTERM) == 0

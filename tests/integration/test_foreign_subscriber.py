@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import sys
-import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -63,19 +63,21 @@ print(json.dumps({"counts": counts, "seen": seen}), flush=True)
 """
 
 
-def test_a_stranger_hears_every_topic(launcher: Any, tmp_path: Path) -> None:
+def test_a_stranger_hears_every_topic(
+    launcher: Any, wait_until: Callable[..., None], tmp_path: Path
+) -> None:
     """It joins late, as someone who looks at a run does; what never changes is still told."""
     output = tmp_path / "run"
-    runner = launcher.start(
-        "run_closed_loop", sys.executable, "-m", "iptm_bringup.run_closed_loop", "comprehensive",
-        "--output", output,
-    )  # fmt: skip
-    deadline_s = time.monotonic() + TIMEOUT_S
-    while not sum(path.stat().st_size for path in output.glob("*.mcap")) > WELL_UNDER_WAY_BYTES:
-        assert runner.is_running, runner.stderr
-        assert time.monotonic() < deadline_s, "timed out waiting for the trip to begin"
-        time.sleep(0.02)
-
+    arguments = ("comprehensive", "--output", output)
+    runner = launcher.start_module("iptm_bringup.run_closed_loop", *arguments)
+    wait_until(
+        lambda: (
+            sum(path.stat().st_size for path in output.glob("*.mcap")) > WELL_UNDER_WAY_BYTES
+            or not runner.is_running
+        ),
+        TIMEOUT_S,
+        "the trip to begin",
+    )
     stranger = launcher.start(
         "stranger", sys.executable, "-c", PROGRAM, json.dumps(TOPICS), LATCHED
     )

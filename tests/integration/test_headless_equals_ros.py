@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -56,11 +55,8 @@ def options_of(spec: RunSpec) -> list[str]:
 @pytest.mark.parametrize("spec", [PERFECT, IMPERFECT], ids=["perfect", "imperfect"])
 def test_headless_run_equals_the_run_over_ros(spec: RunSpec, launcher: Any, tmp_path: Path) -> None:
     bag = tmp_path / "bag"
-    runner = launcher.start(
-        "run_closed_loop",
-        *(sys.executable, "-m", "iptm_bringup.run_closed_loop", *options_of(spec)),
-        *("--no-picture", "--output", bag),
-    )
+    arguments = (*options_of(spec), "--no-picture", "--output", bag)
+    runner = launcher.start_module("iptm_bringup.run_closed_loop", *arguments)
     headless = perform_run(resolve_inputs(spec))
     assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
 

@@ -1,13 +1,11 @@
-"""Recorder and player as real processes: nothing lost, killed and recovered, played and recorded again."""
+"""The recorder as a real process: nothing lost, killed and recovered, played and recorded again."""
 
 from __future__ import annotations
 
 import signal
 import struct
-import sys
 import time
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +18,14 @@ from std_msgs.msg import Float64
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from iptm_interfaces.codecs import time_from_ns
-from iptm_interfaces.diagnostics import find_status, status_values
+from iptm_interfaces.diagnostics import status_values
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
-from iptm_recording.bag_writer import BagWriter
-from iptm_recording.compare import compare_bags
+from iptm_recording.compare_bags import compare_bags
 from iptm_recording.recover import recover
 
 S = 10**9
 RECORDER = "iptm_recording.recorder_cli"
-PLAYER = "iptm_recording.player_cli"
 # In the order in which a tick publishes them: the state, the clock, the answers to it.
 TICK = (
     *(topic for topic in TOPICS if topic.name.startswith("PLANT")),
@@ -59,22 +55,21 @@ class Suite:
             topic: peer.node.advertise(topic) for topic in TOPICS
         }
         self.next_tick = 0
-        self.recorder: dict[str, str] = {}
-        peer.node.listen(Topic.DIAGNOSTICS, self._take_status)
-
-    def _take_status(self, message: Any) -> None:
-        status = find_status(message, "/recorder")
-        if status is not None:
-            self.recorder = status_values(status)
-
-    def is_recorded(self) -> bool:
-        is_heard = self.recorder.get("subscriptions_matched") == str(len(TOPICS))
-        return is_heard and all(p.get_subscription_count() for p in self.publishers.values())
+        self.recorder = peer.statuses("/recorder")
 
     def start(self) -> None:
+        expected = str(len(TOPICS))
         self.publishers[Topic.SLOPE].publish(TOPICS[Topic.SLOPE].message_type())
         # Both sides must know of each other: a busy machine may take a while between the two.
-        self.peer.wait_until(self.is_recorded, 60.0, "recorder to subscribe to everything")
+        self.peer.wait_until(
+            lambda: (
+                self.recorder
+                and status_values(self.recorder[-1])["subscriptions_matched"] == expected
+                and all(p.get_subscription_count() for p in self.publishers.values())
+            ),
+            60.0,
+            "recorder to subscribe to everything",
+        )
 
     def publish(self, ticks: int, file: Path | None = None) -> None:
         """Publish ticks; with the file of the recorder, at the pace at which they arrive there."""
@@ -140,14 +135,14 @@ def suite(peer: Any) -> Suite:
 
 
 @pytest.fixture
-def record(launcher: Any, wait_for: Callable[..., None], tmp_path: Path) -> Callable[..., Any]:
+def record(launcher: Any, wait_until: Callable[..., None], tmp_path: Path) -> Callable[..., Any]:
     """Start a recorder and wait until it is ready."""
 
     def start(name: str, *arguments: str) -> Any:
-        command = (sys.executable, "-m", RECORDER, tmp_path / name, *arguments)
-        process = launcher.start(f"recorder_{name}", *command)
-        wait_for(
-            lambda: "recorder ready" in process.stdout or not process.is_running, "recorder ready"
+        process = launcher.start_module(RECORDER, tmp_path / name, *arguments)
+        wait_until(
+            lambda: "recorder ready" in process.stdout or not process.is_running,
+            what="recorder ready",
         )
         assert process.is_running, process.stderr
         return process
@@ -155,38 +150,17 @@ def record(launcher: Any, wait_for: Callable[..., None], tmp_path: Path) -> Call
     return start
 
 
-@pytest.fixture
-def play(launcher: Any) -> Callable[..., Any]:
-    """Start a player."""
-
-    def start(bag: Path, *arguments: str) -> Any:
-        return launcher.start("player", sys.executable, "-m", PLAYER, bag, *arguments)
-
-    return start
-
-
-@pytest.fixture
-def wait_for() -> Callable[..., None]:
-    def wait(condition: Callable[[], object], what: str, timeout_s: float = 30.0) -> None:
-        deadline = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < deadline, f"timed out waiting for: {what}"
-            time.sleep(0.01)
-
-    return wait
-
-
 def counts_of(bag: Path) -> dict[str, int]:
     with BagReader(bag) as reader:
         return {topic.name: topic.message_count for topic in reader.topics.values()}
 
 
-def absolute(topic: Topic, namespace: str = "") -> str:
-    return topic.value if topic.value.startswith("/") else f"{namespace}/{topic.value}"
+def absolute(topic: Topic) -> str:
+    return "/" + topic.value.lstrip("/")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_nothing_is_lost(
+def test_nothing_is_lost_and_the_bag_is_in_simulated_time(
     suite: Suite, record: Callable[..., Any], tmp_path: Path, number: signal.Signals
 ) -> None:
     recorder = record("bag")
@@ -197,19 +171,12 @@ def test_nothing_is_lost(
     assert counts.pop("/diagnostics") > 0
     assert counts.pop("/v2x/slope") == 1
     assert counts == {absolute(topic): 300 for topic in TICK}
-
-
-def test_bag_is_in_simulated_time(suite: Suite, record: Callable[..., Any], tmp_path: Path) -> None:
-    recorder = record("bag")
-    suite.start()
-    suite.publish(50, tmp_path / "bag" / "bag_0.mcap")
-    recorder.stop()
     with BagReader(tmp_path / "bag") as reader:
-        assert (reader.start_ns, reader.end_ns) == (0, 49 * S)
+        assert (reader.start_ns, reader.end_ns) == (0, 299 * S)
         for topic in TICK:
             name = absolute(topic)
             times = [m.log_time_ns for m in reader.raw_messages([name])]
-            assert times == [tick * S for tick in range(50)], name
+            assert times == [tick * S for tick in range(300)], name
             assert reader.topics[name].type_name == TOPICS[topic].type_name
             assert reader.topics[name].offered_qos[0].depth == TOPICS[topic].qos.depth
         order = [m.topic for m in reader.raw_messages(end_ns=S) if m.topic != "/diagnostics"]
@@ -306,15 +273,11 @@ def test_existing_bag_and_missing_information_are_mistakes_of_the_user(
         (("new", "--run-information", "none.yaml"), "cannot read run information"),
         (("new", "--exclude", "/clock"), "--time wall"),
     ):
-        process = launcher.start("recorder", sys.executable, "-m", RECORDER, *arguments)
-        assert process.wait() == 2
-        assert message in process.stderr
-        assert "Traceback" not in process.stderr
-        assert len(process.stderr.strip().splitlines()) == 1
+        launcher.start_module(RECORDER, *arguments).assert_refused(message)
 
 
 def test_recorded_run_played_and_recorded_again_is_the_same(
-    suite: Suite, record: Callable[..., Any], play: Callable[..., Any], tmp_path: Path
+    suite: Suite, record: Callable[..., Any], launcher: Any, tmp_path: Path
 ) -> None:
     recorder = record("first")
     suite.start()
@@ -323,90 +286,17 @@ def test_recorded_run_played_and_recorded_again_is_the_same(
     suite.leave()
     recorder = record("second")
     wanted = str(len(counts_of(tmp_path / "first")))
-    player = play(tmp_path / "first", "--rate", "50", "--wait-for-subscribers", wanted)
+    arguments = ("--rate", "50", "--wait-for-subscribers", wanted)
+    player = launcher.start_module("iptm_recording.player_cli", tmp_path / "first", *arguments)
     assert player.wait(60.0) == 0, player.stderr
     assert "played" in player.stdout
     assert recorder.stop() == 0
     comparison = compare_bags(tmp_path / "first", tmp_path / "second")
-    assert [entry.topic for entry in comparison.topics if not entry.agrees] == []
-    assert len(comparison.topics) == len(TICK) + 1
+    assert [entry.topic for entry in comparison if not entry.agrees] == []
+    assert len(comparison) == len(TICK) + 1
     with BagReader(tmp_path / "first") as one, BagReader(tmp_path / "second") as two:
         times = [
             [(m.topic, m.log_time_ns) for m in reader.raw_messages() if m.topic != "/diagnostics"]
             for reader in (one, two)
         ]
     assert times[0] == times[1]
-
-
-@pytest.fixture
-def slow_bag(tmp_path: Path) -> Path:
-    """Float64 messages 0 to 9, a quarter of a second apart, in simulated time from 100 s on."""
-    with BagWriter(tmp_path / "slow") as writer:
-        topic = writer.add_topic("/number", "std_msgs/msg/Float64")
-        for k in range(10):
-            data = bytes([0, 1, 0, 0]) + struct.pack("<d", k)
-            writer.write(topic, data, 100 * S + k * S // 4)
-    return tmp_path / "slow"
-
-
-def test_replay_keeps_order_and_never_runs_ahead(
-    peer: Any, play: Callable[..., Any], slow_bag: Path
-) -> None:
-    arrivals: list[tuple[float, float]] = []
-    peer.node.create_subscription(
-        Float64, "/number", lambda m: arrivals.append((time.monotonic(), m.data)), 10
-    )
-    player = play(slow_bag, "--rate", "2.5", "--wait-for-subscribers", "1", "--delay", "0.2")
-    peer.wait_until(lambda: len(arrivals) == 10, what="ten messages")
-    assert player.wait() == 0
-    assert [value for _, value in arrivals] == [float(k) for k in range(10)]
-    # Nine quarters of a second at 2.5 times the speed; a late first message must not fail the test.
-    assert arrivals[-1][0] - arrivals[0][0] > 0.5 * 9 * 0.25 / 2.5
-
-
-def test_part_with_a_clock_of_its_own(peer: Any, play: Callable[..., Any], slow_bag: Path) -> None:
-    clocks: list[float] = []
-    values: list[tuple[float, float]] = []
-    peer.node.listen(Topic.CLOCK, lambda m: clocks.append(m.clock.sec + 1e-9 * m.clock.nanosec))
-    peer.node.create_subscription(
-        Float64, "/number", lambda m: values.append((m.data, clocks[-1] if clocks else 0.0)), 10
-    )
-    part = ("--start", "1", "--duration", "1", "--clock", "100", "--wait-for-subscribers", "1")
-    player = play(slow_bag, *part)
-    peer.wait_until(lambda: len(values) == 5, what="five messages")
-    assert player.wait() == 0
-    assert [value for value, _ in values] == [4.0, 5.0, 6.0, 7.0, 8.0]
-    assert clocks[0] == pytest.approx(101.0, abs=0.2)
-    assert all(earlier <= later for earlier, later in pairwise(clocks))
-    assert max(clocks) <= 102.0
-    for value, clock in values[1:]:
-        assert clock <= 100.0 + 0.25 * value + 1e-6, "the clock runs ahead of the messages"
-
-
-def test_player_stops_on_request(peer: Any, play: Callable[..., Any], slow_bag: Path) -> None:
-    arrivals: list[float] = []
-    peer.node.create_subscription(Float64, "/number", lambda m: arrivals.append(m.data), 10)
-    player = play(slow_bag, "--rate", "0.01", "--wait-for-subscribers", "1")
-    peer.wait_until(lambda: arrivals, what="first message")
-    assert player.stop(signal.SIGINT) == 0
-    assert "Traceback" not in player.stderr
-    waiting = play(slow_bag, "--wait-for-subscribers", "99")
-    peer.wait_until(lambda: "waiting for 99" in waiting.stdout, what="player to wait")
-    assert waiting.stop(signal.SIGTERM) == 0
-
-
-def test_bags_that_cannot_be_played(
-    play: Callable[..., Any], slow_bag: Path, tmp_path: Path
-) -> None:
-    whole = (slow_bag / "slow_0.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(whole[:-200])
-    (tmp_path / "foreign.mcap").write_bytes(b"text" * 100)
-    for bag, message in (
-        (tmp_path / "none", "does not exist"),
-        (tmp_path / "cut.mcap", "scripts/recover_bag"),
-        (tmp_path / "foreign.mcap", "no MCAP file"),
-    ):
-        process = play(bag)
-        assert process.wait() == 2
-        assert message in process.stderr
-        assert "Traceback" not in process.stderr

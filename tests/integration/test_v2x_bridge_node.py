@@ -20,7 +20,7 @@ from iptm_interfaces.codecs import (
     ns_from_time,
     time_from_s,
 )
-from iptm_interfaces.diagnostics import find_status, status_values
+from iptm_interfaces.diagnostics import status_values
 from iptm_interfaces.topics import TOPICS, Topic
 
 MODULE = "iptm_v2x_bridge.node"
@@ -34,13 +34,12 @@ class Ears:
         self.leaders: dict[int, LeaderState] = {}
         self.previews: dict[int, LeaderPreview] = {}
         self.slopes: list[Any] = []
-        self.diagnostics: list[Any] = []
+        self.statuses = peer.statuses("/v2x_bridge")
         node = peer.node
         self.clock = node.advertise(Topic.CLOCK)
         node.listen(Topic.LEADER, self._on_leader)
         node.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
         node.listen(Topic.SLOPE, self.slopes.append)
-        node.listen(Topic.DIAGNOSTICS, self.diagnostics.append)
 
     def _on_leader(self, message: Any) -> None:
         self.leaders[ns_from_time(message.header.stamp)] = decode_leader(message)
@@ -54,6 +53,9 @@ class Ears:
             lambda: self.clock.get_subscription_count() == 1 and self.slopes,
             what="the bridge in the graph and its slope",
         )
+
+    def reasons(self) -> set[str]:
+        return {status.message for status in self.statuses}
 
     def tick(self, time_s: float) -> tuple[LeaderState, LeaderPreview]:
         stamp_ns = round(time_s * 1e9)
@@ -73,14 +75,6 @@ def ears(peer: Any) -> Ears:
 def start_bridge(launcher: Any, *arguments: str, **parameters: object) -> Any:
     """Start the bridge; it holds its first answer until the test listens to both streams."""
     return launcher.start_node(MODULE, *arguments, parameters={"expected_peers": 1, **parameters})
-
-
-def stop_twice(bridge: Any, number: signal.Signals) -> None:
-    """Users press Ctrl-C twice."""
-    bridge.send(number)
-    bridge.send(number)
-    assert bridge.wait() == 0
-    assert "Traceback" not in bridge.stderr
 
 
 def test_answers_every_tick_with_leader_and_exact_preview(launcher: Any, ears: Ears) -> None:
@@ -104,7 +98,7 @@ def test_answers_every_tick_with_leader_and_exact_preview(launcher: Any, ears: E
     slope = decode_slope(late[0])
     np.testing.assert_array_equal(slope.positions_m, route.slope.positions_m)
     np.testing.assert_array_equal(slope.slopes_rad, route.slope.slopes_rad)
-    stop_twice(bridge, signal.SIGINT)
+    assert bridge.stop(signal.SIGINT) == 0
 
 
 def test_preview_is_an_ordinary_message_for_other_tools(launcher: Any, peer: Any) -> None:
@@ -168,11 +162,8 @@ def test_first_answer_waits_for_all_expected_peers(launcher: Any, ears: Ears) ->
     ears.wait_for_bridge()
     ears.clock.publish(Clock(clock=time_from_s(0.0)))
 
-    def reasons() -> set[str]:
-        return {message.status[0].message for message in ears.diagnostics}
-
     ears.peer.wait_until(
-        lambda: "waiting for the expected peers" in reasons(), what="the wait reported"
+        lambda: "waiting for the expected peers" in ears.reasons(), what="the wait reported"
     )
     assert not ears.previews
     for topic in (Topic.LEADER, Topic.LEADER_PREVIEW):
@@ -187,11 +178,9 @@ def test_diagnostics_count_dropouts_and_show_the_age(launcher: Any, ears: Ears) 
     ears.tick(1.0)
 
     def values() -> dict[str, str]:
-        found = [find_status(message, "/v2x_bridge") for message in ears.diagnostics]
-        return status_values(found[-1]) if found and found[-1] else {}
+        return status_values(ears.statuses[-1]) if ears.statuses else {}
 
     ears.peer.wait_until(lambda: values().get("dropouts") == "2", what="two dropouts reported")
     assert values()["preview_age_s"] == "inf"
-    reasons = {message.status[0].message for message in ears.diagnostics}
-    assert "no prediction received yet" in reasons
-    stop_twice(bridge, signal.SIGTERM)
+    assert "no prediction received yet" in ears.reasons()
+    assert bridge.stop(signal.SIGTERM) == 0

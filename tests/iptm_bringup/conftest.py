@@ -6,18 +6,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from iptm_bringup.composition import Listeners, node_parameters, run_information
-from iptm_bringup.preparation import PreparedScenario, prepare
-from iptm_bringup.scenario import Scenario
-from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
+from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
+from iptm_core.decision_record import DecisionRecord
 from iptm_core.state import Command
-from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_core.trajectory import Trajectory
 from iptm_interfaces.codecs import encode_command, encode_decision_record, time_from_s
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_writer import BagWriter
@@ -28,11 +26,6 @@ Heard = dict[Topic, list[bytes]]
 TickMessages = Callable[[Trajectory, int], dict[Topic, Any]]
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Let ROS's message generator import the parser it brings along, which is a little dated."""
-    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
-
-
 @pytest.fixture
 def prepared() -> PreparedScenario:
     """Twenty seconds of city traffic over hills."""
@@ -40,48 +33,18 @@ def prepared() -> PreparedScenario:
 
 
 @pytest.fixture
-def trajectory() -> Trajectory:
-    """A gentle start behind a leader; every column is different and uses all 53 bits."""
-    generator = np.random.default_rng(5)
-    time_s = np.arange(TICKS + 1, dtype=float)
-    columns: dict[str, Any] = {
-        name: generator.uniform(0.1, 0.2, TICKS + 1) for name in TRAJECTORY_COLUMNS
-    }
-    columns["time_s"] = time_s
-    columns["speed_m_s"] = 0.1 * time_s
-    columns["position_m"] = 0.05 * time_s**2
-    columns["acceleration_m_s2"] = 0.1 + 1e-3 * columns["acceleration_m_s2"]
-    columns["leader_position_m"] = columns["position_m"] + 20.0 + columns["leader_position_m"]
-    for name in TRAJECTORY_COLUMNS:
-        if name.endswith("temperature_k"):
-            # As they arrive: through degrees Celsius.
-            columns[name] = (columns[name] + 26.0) + 273.15
-        if name.endswith("capacity_loss"):
-            columns[name] = np.sort(columns[name]) * 1e-9 + 0.002
-    return Trajectory.from_arrays(columns)
-
-
-@pytest.fixture
-def heard(trajectory: Trajectory, tick_messages: TickMessages) -> Heard:
-    """The run as the monitor keeps it: one tick on a fallback, one limited, the first without a preview."""
+def heard(
+    trajectory: Trajectory,
+    tick_messages: TickMessages,
+    decision_record: Callable[[int], DecisionRecord],
+) -> Heard:
+    """The run as the monitor keeps it."""
     found: Heard = {}
     for row in range(len(trajectory)):
-        record = DecisionRecord(
-            status=SolveStatus.SOLVED,
-            solve_time_s=2e-3 + 1e-4 * row,
-            iterations=10 + row,
-            gap_slack_m=0.0,
-            speed_slack_m_s=0.0,
-            temperature_slack_k=0.0,
-            objective=1.5,
-            rung=Rung(row == 7),
-            limiter_active=row == 3,
-            preview_age_s=float("nan") if row == 0 else 0.0,
-        )
         time_s = float(trajectory.time_s[row])
         messages = tick_messages(trajectory, row) | {
             Topic.CLOCK: Clock(clock=time_from_s(time_s)),
-            Topic.SOLVE: encode_decision_record(round(1e9 * time_s), record),
+            Topic.SOLVE: encode_decision_record(round(1e9 * time_s), decision_record(row)),
             Topic.COMMAND: encode_command(round(1e9 * time_s), Command(0.1, 0.0)),
         }
         for topic, message in messages.items():

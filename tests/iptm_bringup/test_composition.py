@@ -11,19 +11,18 @@ import rclpy
 import yaml
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
 
 from iptm_bringup.composition import (
     MODULES,
     Listeners,
-    RecorderRequest,
     node_command,
     node_parameters,
     parameter_file_text,
     recorder_command,
     run_information,
 )
-from iptm_bringup.preparation import PreparedScenario, prepare
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT, Scenario
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT, PreparedScenario, Scenario, prepare
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.declaration import checked_value, parameter_specs, plain
 from iptm_interfaces.discovery import reserve_domain
@@ -118,10 +117,9 @@ def test_commands_carry_the_namespace() -> None:
 
 
 def test_the_recorder_understands_its_command() -> None:
-    request = RecorderRequest(Path("out"), Path("info.yaml"), "zstd")
-    command = recorder_command(request, "/car_1")
+    command = recorder_command(Path("out"), Path("info.yaml"), "zstd", "/car_1")
     assert command[-3:] == ["--ros-args", "-r", "__ns:=/car_1"]
-    parsed = build_parser().parse_args(recorder_command(request, "/")[3:])
+    parsed = build_parser().parse_args(remove_ros_args(command)[3:])
     assert parsed.output == Path("out")
     assert parsed.run_information == Path("info.yaml")
     assert parsed.compression == "zstd"

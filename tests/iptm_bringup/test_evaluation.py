@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
-from iptm_bringup.evaluation import EvaluatedRun, evaluate
-from iptm_bringup.preparation import PreparedScenario
-from iptm_bringup.results import results_json
+from iptm_bringup.evaluation import RunResults, evaluate, results_json
+from iptm_bringup.scenario import PreparedScenario
 from iptm_core.decision_record import Distribution
 from iptm_core.errors import BagError, MessageError
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
@@ -28,7 +27,7 @@ Write = Callable[..., Path]
 NONE = np.array([])
 
 
-def judge(prepared: PreparedScenario, heard: Heard, bag: Path | None) -> EvaluatedRun:
+def judge(prepared: PreparedScenario, heard: Heard, bag: Path | None) -> RunResults:
     return evaluate(prepared, heard, bag, RunInformation(), wall_time_s=0.5)
 
 
@@ -54,7 +53,7 @@ def test_messages_that_nobody_heard_are_counted(prepared: PreparedScenario, hear
     del heard[Topic.PLANT_POWERS][4]
     del heard[Topic.LEADER][9]
     run = judge(prepared, heard, None)
-    assert run.results.problems == ("the runner missed messages of 2 ticks",)
+    assert run.problems == ("the runner missed messages of 2 ticks",)
     assert len(run.trajectory) == 19
     heard[Topic.LEADER].clear()
     with pytest.raises(MessageError, match="no tick is complete"):
@@ -66,7 +65,7 @@ def test_what_only_the_runner_missed_is_no_problem(
 ) -> None:
     bag = write_bag(tmp_path / "bag")
     del heard[Topic.PLANT_ODOMETRY][5]
-    results = judge(prepared, heard, bag).results
+    results = judge(prepared, heard, bag)
     assert results.problems == ()
     assert any("did not hear 1 states" in note for note in results.warnings)
 
@@ -74,21 +73,20 @@ def test_what_only_the_runner_missed_is_no_problem(
 def test_a_good_run_has_no_problems(
     prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    evaluated = judge(prepared, heard, write_bag(tmp_path / "bag"))
-    results = evaluated.results
+    results = judge(prepared, heard, write_bag(tmp_path / "bag"))
     assert results.problems == ()
     assert results.bag_messages is not None
     assert results.bag_messages["/controller/command"] == 21
     assert results.speed_up == pytest.approx(40.0)
-    expected = compute_metrics(evaluated.trajectory, prepared.model.values, evaluated.decisions)
+    expected = compute_metrics(results.trajectory, prepared.model.values, results.decisions)
     assert figure_values(results.metrics) == figure_values(expected)
-    assert results.information["git_revision"]
+    assert results.information.git_revision
 
 
 def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
     prepared: PreparedScenario, heard: Heard
 ) -> None:
-    results = judge(prepared, heard, None).results
+    results = judge(prepared, heard, None)
     assert results.problems == ()
     assert results.bag_messages is None
 
@@ -115,7 +113,7 @@ def test_an_incomplete_bag_is_a_problem(
     problem: str | None,
 ) -> None:
     """One message more or less of the slope, and the answer to the last state, do no harm."""
-    problems = judge(prepared, heard, write_bag(tmp_path / "bag", drop)).results.problems
+    problems = judge(prepared, heard, write_bag(tmp_path / "bag", drop)).problems
     assert (problem is None) == (problems == ())
     assert problem is None or any(problem in found for found in problems)
 
@@ -130,14 +128,14 @@ def test_a_bag_with_a_gap_cannot_be_judged(
 
 def test_a_run_that_is_too_short_is_a_problem(prepared: PreparedScenario, heard: Heard) -> None:
     cut = {topic: messages[:-3] for topic, messages in heard.items()}
-    (problem,) = judge(prepared, cut, None).results.problems
+    (problem,) = judge(prepared, cut, None).problems
     assert problem == "the run covers 0 s to 17 s of a trip of 20 s"
 
 
 def test_a_broken_hard_limit_is_a_problem(prepared: PreparedScenario, heard: Heard) -> None:
     crash = encode_leader(LeaderState(6.0, 0.05 * 36.0 - 0.5, 0.5))
     heard[Topic.LEADER][6] = bytes(serialize_message(crash))
-    (problem,) = judge(prepared, heard, None).results.problems
+    (problem,) = judge(prepared, heard, None).problems
     assert problem == "hard limit broken in 1 rows: collision, worst by 0.5 m at 6 s"
 
 
@@ -148,14 +146,14 @@ def test_parameters_of_another_vehicle_are_noticed(
     body = dataclasses.replace(model.values.body, mass_kg=2000.0)
     values = dataclasses.replace(model.values, body=body)
     other = dataclasses.replace(prepared, model=dataclasses.replace(model, values=values))
-    problems = judge(other, heard, write_bag(tmp_path / "bag")).results.problems
+    problems = judge(other, heard, write_bag(tmp_path / "bag")).problems
     assert "the model parameters in the bag are not those of the scenario" in problems
 
 
 def test_results_are_plain_json(
     prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    results = judge(prepared, heard, write_bag(tmp_path / "bag")).results
+    results = judge(prepared, heard, write_bag(tmp_path / "bag"))
     decisions = results.metrics.decisions
     assert decisions is not None
     unknown = dataclasses.replace(

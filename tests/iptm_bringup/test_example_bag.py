@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from iptm_bringup.preparation import prepare
+from iptm_bringup.scenario import prepare
 from iptm_bringup.scenario_files import scenario_from
 from iptm_core.metrics import compute_metrics, figure_values
 from iptm_core.parameters.strict_yaml import parse_yaml

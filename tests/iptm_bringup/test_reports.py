@@ -12,12 +12,11 @@ from matplotlib.image import imread
 from rich.console import Console
 
 from iptm_bringup import progress as progress_module
-from iptm_bringup.evaluation import EvaluatedRun, evaluate
+from iptm_bringup.evaluation import RunResults, evaluate
 from iptm_bringup.monitor import Snapshot
 from iptm_bringup.picture import save_picture
-from iptm_bringup.preparation import PreparedScenario, prepare
 from iptm_bringup.progress import BarProgress, LineProgress, make_progress
-from iptm_bringup.results import RunResults
+from iptm_bringup.scenario import PreparedScenario, prepare
 from iptm_bringup.tables import TABLES_WIDTH, print_results
 from iptm_core.decision_record import DecisionSeries, Rung
 from iptm_core.metrics import FIGURES, TRIP_FIGURES
@@ -30,7 +29,7 @@ SNAPSHOT = Snapshot(60.0, 10.0, 34.56, 31.23, 33.21, 2.5e-3, 12, Rung.OPTIMAL)
 
 
 @pytest.fixture
-def evaluated(prepared: PreparedScenario, heard: Heard) -> EvaluatedRun:
+def results(prepared: PreparedScenario, heard: Heard) -> RunResults:
     return evaluate(prepared, heard, None, RunInformation(), 0.5)
 
 
@@ -41,11 +40,11 @@ def printed(results: RunResults, width: int = TABLES_WIDTH) -> str:
 
 
 @pytest.mark.parametrize("width", [TABLES_WIDTH, 80])
-def test_tables_show_every_figure(evaluated: EvaluatedRun, width: int) -> None:
-    text = printed(evaluated.results, width)
+def test_tables_show_every_figure(results: RunResults, width: int) -> None:
+    text = printed(results, width)
     for key in TRIP_FIGURES:
         assert FIGURES[key].label[:24] in text
-    for check in evaluated.results.metrics.constraints:
+    for check in results.metrics.constraints:
         assert check.label in text
     for entry in ("solve time (ms)", "speed-up over real time", "shifted plan", "changed by the"):
         assert entry in text
@@ -53,13 +52,13 @@ def test_tables_show_every_figure(evaluated: EvaluatedRun, width: int) -> None:
     assert "bags/short" in text
 
 
-def test_problems_and_complaints_are_shouted(evaluated: EvaluatedRun) -> None:
-    results = dataclasses.replace(
-        evaluated.results,
+def test_problems_and_complaints_are_shouted(results: RunResults) -> None:
+    troubled = dataclasses.replace(
+        results,
         problems=("the bag holds 3 messages",),
         warnings=("plant: too [fast]",),
     )
-    text = printed(results)
+    text = printed(troubled)
     assert "PROBLEM  the bag holds 3 messages" in text
     assert "plant: too [fast]" in text
     assert "trip finished" not in text
@@ -102,10 +101,10 @@ def test_the_remaining_time_is_readable() -> None:
 
 
 def test_the_picture_is_drawn(
-    prepared: PreparedScenario, evaluated: EvaluatedRun, tmp_path: Path
+    prepared: PreparedScenario, results: RunResults, tmp_path: Path
 ) -> None:
     path = tmp_path / "run.png"
-    save_picture(path, prepared, evaluated)
+    save_picture(path, results)
     pixels = imread(path)
     assert pixels.shape[1] == 1200
     assert 1000 < pixels.shape[0] < 2000
@@ -116,22 +115,20 @@ def test_the_picture_is_drawn(
 
     # A level road needs no panel for its grade.
     level = prepare(dataclasses.replace(prepared.scenario, slope="flat"))
-    save_picture(path, level, evaluated)
+    save_picture(path, dataclasses.replace(results, prepared=level))
     assert imread(path).shape[0] < pixels.shape[0]
 
 
-def test_a_run_in_which_nothing_happens_can_be_drawn(
-    prepared: PreparedScenario, evaluated: EvaluatedRun, tmp_path: Path
-) -> None:
+def test_a_run_in_which_nothing_happens_can_be_drawn(results: RunResults, tmp_path: Path) -> None:
     still = {
         name: np.full_like(column, column[0])
-        for name, column in evaluated.trajectory.to_arrays().items()
+        for name, column in results.trajectory.to_arrays().items()
     }
-    still["time_s"] = evaluated.trajectory.time_s
+    still["time_s"] = results.trajectory.time_s
     calm = dataclasses.replace(
-        evaluated,
+        results,
         trajectory=Trajectory.from_arrays(still),
         decisions=DecisionSeries.from_records([], []),
     )
-    save_picture(tmp_path / "still.png", prepared, calm)
+    save_picture(tmp_path / "still.png", calm)
     assert (tmp_path / "still.png").stat().st_size > 10_000

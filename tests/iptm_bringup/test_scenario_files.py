@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from iptm_bringup.preparation import prepare
-from iptm_bringup.scenario import Scenario
+from iptm_bringup.scenario import Scenario, prepare
 from iptm_bringup.scenario_files import (
     DEFAULT_SCENARIO,
     load_scenario,

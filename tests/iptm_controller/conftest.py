@@ -8,11 +8,6 @@ from tests.iptm_controller.scenes import SCENES
 from iptm_controller.controller import Measurements
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Let ROS's message generator import the parser it brings along, which is a little dated."""
-    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
-
-
 @pytest.fixture(params=sorted(SCENES))
 def ordinary_scene(request: pytest.FixtureRequest) -> Measurements:
     """One ordinary situation after the other."""

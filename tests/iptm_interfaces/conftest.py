@@ -13,11 +13,6 @@ from iptm_interfaces.discovery import PROFILE_VARIABLE, discovery_profile_path, 
 from iptm_interfaces.suite_node import SuiteNode
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Let ROS's message generator import the parser it brings along, which is a little dated."""
-    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
-
-
 @pytest.fixture
 def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """Reserve a ROS domain for this test and set the environment of it and its processes."""

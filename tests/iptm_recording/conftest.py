@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64
 
-from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
-from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_core.decision_record import DecisionRecord
+from iptm_core.trajectory import Trajectory
 from iptm_interfaces.codecs import encode_decision_record
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.recorded_topics import DEFAULT_QOS
 
 SECOND_NS = 10**9
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Let ROS's message generator import the parser it brings along, which is a little dated."""
-    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
 
 
 def float_bytes(value: float) -> bytes:
@@ -50,26 +45,10 @@ def small_bag(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def trajectory() -> Trajectory:
-    """A run of 30 ticks whose columns are all different and use all 53 bits."""
-    generator = np.random.default_rng(3)
-    rows = 30
-    columns: dict[str, Any] = {
-        name: generator.uniform(0.1, 0.9, rows) for name in TRAJECTORY_COLUMNS
-    }
-    columns["time_s"] = np.arange(rows, dtype=float)
-    columns["position_m"] = np.cumsum(columns["position_m"])
-    columns["leader_position_m"] = columns["position_m"] + 20.0 + columns["leader_position_m"]
-    for name, column in columns.items():
-        if name.endswith("temperature_k"):
-            columns[name] = column + 300.0
-        if name.endswith("capacity_loss"):
-            columns[name] = column * 1e-9 + 0.002
-    return Trajectory.from_arrays(columns)
-
-
-@pytest.fixture
-def write_run(tick_messages: Callable[[Trajectory, int], dict[Topic, Any]]) -> Callable[..., Path]:
+def write_run(
+    tick_messages: Callable[[Trajectory, int], dict[Topic, Any]],
+    decision_record: Callable[[int], DecisionRecord],
+) -> Callable[..., Path]:
     """Write the bag that a run leaves; `drop` leaves out messages by (topic, row)."""
 
     def write(
@@ -84,18 +63,7 @@ def write_run(tick_messages: Callable[[Trajectory, int], dict[Topic, Any]]) -> C
         with BagWriter(folder, custom_data=custom_data) as writer:
             ids: dict[Topic, int] = {}
             for row, time_s in enumerate(run.time_s):
-                record = DecisionRecord(
-                    status=SolveStatus.SOLVED,
-                    solve_time_s=solve_time_s,
-                    iterations=12 + row,
-                    gap_slack_m=0.0,
-                    speed_slack_m_s=0.0,
-                    temperature_slack_k=0.0,
-                    objective=1.5,
-                    rung=Rung.OPTIMAL,
-                    limiter_active=row == 3,
-                    preview_age_s=0.0,
-                )
+                record = replace(decision_record(row), solve_time_s=solve_time_s)
                 solve = encode_decision_record(round(float(time_s) * 1e9), record)
                 for topic, message in (tick_messages(run, row) | {Topic.SOLVE: solve}).items():
                     if topic not in ids:

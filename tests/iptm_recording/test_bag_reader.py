@@ -12,7 +12,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from iptm_core.errors import BagError
-from iptm_recording.bag_reader import BagReader, read_run_information
+from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.message_types import MessageDefinition
 
@@ -204,8 +204,11 @@ def test_malformed_metadata(text: str, reason: str, small_bag: Path) -> None:
 def test_malformed_run_information(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag", custom_data={"seed": "many"}):
         pass
-    with pytest.raises(BagError, match="seed of the run is 'many'"):
-        read_run_information(tmp_path / "bag")
+    with (
+        BagReader(tmp_path / "bag") as reader,
+        pytest.raises(BagError, match="seed of the run is 'many'"),
+    ):
+        reader.run_information()
 
 
 def test_split_bag(small_bag: Path, tmp_path: Path, encode: Encode) -> None:

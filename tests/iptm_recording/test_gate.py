@@ -32,7 +32,7 @@ def test_waits_for_a_slow_controller_but_not_for_ever(gate: Gate) -> None:
 
 def test_running_trip_opens_at_once(gate: Gate) -> None:
     assert not gate.is_open(0.0, GATE, OTHERS[:1])
-    gate.message_arrived()
+    gate.is_running = True
     assert gate.is_open(0.0, GATE, OTHERS[:1])
 
 

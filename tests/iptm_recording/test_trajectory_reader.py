@@ -105,5 +105,5 @@ def test_broken_promise_names_bag_and_topic(
 def test_decisions(trajectory: Trajectory, write_run: WriteRun, tmp_path: Path) -> None:
     decisions = read_decisions(write_run(tmp_path / "bag", trajectory))
     np.testing.assert_array_equal(decisions.time_s, trajectory.time_s)
-    np.testing.assert_array_equal(decisions.iterations, 12 + np.arange(len(trajectory)))
+    np.testing.assert_array_equal(decisions.iterations, 10 + np.arange(len(trajectory)))
     assert decisions.limiter_active.sum() == 1

@@ -10,11 +10,6 @@ from iptm_core.routes import Route, build_route
 from iptm_v2x_bridge.source import CycleSource
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Let ROS's message generator import the parser it brings along, which is a little dated."""
-    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning")
-
-
 @pytest.fixture(scope="session")
 def route() -> Route:
     return build_route("nycc", "large", initial_gap_m=15.0)

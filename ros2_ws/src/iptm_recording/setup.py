@@ -33,7 +33,7 @@ setup(
             "player = iptm_recording.player_cli:main",
             "recover_bag = iptm_recording.recover:main",
             "bag_info = iptm_recording.bag_info:main",
-            "compare_bags = iptm_recording.compare_cli:main",
+            "compare_bags = iptm_recording.compare_bags:main",
         ],
     },
 )

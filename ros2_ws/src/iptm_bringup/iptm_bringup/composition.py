@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iptm_bringup.preparation import PreparedScenario
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT, names_for
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT, PreparedScenario, names_for
 from iptm_bringup.scenario_files import scenario_text
 from iptm_core.declaration import Scalar, plain
 from iptm_core.parameters import to_flat_dict
@@ -44,21 +43,6 @@ class Listeners:
     recorder: bool = True
     foreign_to_state: int = 0
     foreign_to_preview: int = 0
-
-
-@dataclass(frozen=True)
-class RecorderRequest:
-    """What the recorder is asked for.
-
-    Attributes:
-        output: bag folder to create.
-        information: file with the run information.
-        compression: none, lz4 or zstd.
-    """
-
-    output: Path
-    information: Path
-    compression: str = "none"
 
 
 def node_parameters(
@@ -103,25 +87,28 @@ def node_command(node: str, parameter_file: Path, namespace: str) -> list[str]:
         parameter_file: its parameters.
         namespace: full namespace, ``/`` for none.
     """
-    arguments = [f"__ns:={namespace}"] if namespace != "/" else []
-    remaps = [part for rule in arguments for part in ("-r", rule)]
-    start = [sys.executable, "-m", MODULES[node]]
-    return [*start, "--ros-args", *remaps, "--params-file", str(parameter_file)]
+    ros_arguments = [*_remaps(namespace), "--params-file", str(parameter_file)]
+    return [sys.executable, "-m", MODULES[node], "--ros-args", *ros_arguments]
 
 
-def recorder_command(request: RecorderRequest, namespace: str) -> list[str]:
-    """Return the command that starts the recorder; see `node_command`."""
-    command = [
-        sys.executable,
-        "-m",
-        MODULES[RECORDER],
-        str(request.output),
-        "--run-information",
-        str(request.information),
-        "--compression",
-        request.compression,
-    ]
-    return command if namespace == "/" else [*command, "--ros-args", "-r", f"__ns:={namespace}"]
+def recorder_command(
+    output: Path, information: Path, compression: str, namespace: str
+) -> list[str]:
+    """Return the command that starts the recorder.
+
+    Args:
+        output: bag folder to create.
+        information: file with the run information.
+        compression: none, lz4 or zstd.
+        namespace: full namespace, ``/`` for none.
+    """
+    options = ["--run-information", str(information), "--compression", compression]
+    command = [sys.executable, "-m", MODULES[RECORDER], str(output), *options]
+    return [*command, "--ros-args", *_remaps(namespace)]
+
+
+def _remaps(namespace: str) -> list[str]:
+    return [] if namespace == "/" else ["-r", f"__ns:={namespace}"]
 
 
 def parameter_file_text(

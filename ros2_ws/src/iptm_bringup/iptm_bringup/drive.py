@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from enum import Enum
-from types import TracebackType
 
 from rclpy.executors import Executor
 
 from iptm_bringup.composition import RECORDER
 from iptm_bringup.monitor import RunMonitor
 from iptm_bringup.progress import Progress
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
+from iptm_bringup.scenario import PLANT
 from iptm_bringup.supervisor import ProcessEnd, Supervisor
 from iptm_interfaces.process import EXIT_USER_ERROR, StopRequest
 from iptm_interfaces.topics import Topic
@@ -57,50 +57,33 @@ class DriveResult:
     wall_time_s: float = 0.0
 
 
-class Drive:
-    """Runs the processes of one scenario; as a context manager it ends them all."""
+@dataclass(frozen=True, eq=False)
+class Drive(AbstractContextManager["Drive"]):
+    """Runs the processes of one scenario; as a context manager it ends them all.
 
-    def __init__(
-        self,
-        supervisor: Supervisor,
-        monitor: RunMonitor,
-        executor: Executor,
-        progress: Progress,
-        stop: StopRequest,
-    ) -> None:
-        """Set up a drive.
+    Attributes:
+        supervisor: starts and ends the processes.
+        monitor: listens to them.
+        executor: runs the monitor.
+        progress: shows how far it is.
+        stop: tells that the user wants to stop.
+    """
 
-        Args:
-            supervisor: starts and ends the processes.
-            monitor: listens to them.
-            executor: runs the monitor.
-            progress: shows how far it is.
-            stop: tells that the user wants to stop.
-        """
-        self._supervisor = supervisor
-        self._monitor = monitor
-        self._executor = executor
-        self._progress = progress
-        self._stop = stop
+    supervisor: Supervisor
+    monitor: RunMonitor
+    executor: Executor
+    progress: Progress
+    stop: StopRequest
 
-    def __enter__(self) -> Drive:  # noqa: PYI034  Self came with Python 3.11
-        """Return the drive itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """End the recorder last: what the others say in the end belongs into the bag."""
-        self._progress.close()
-        started = self._supervisor.names
-        self._supervisor.stop(name for name in started if name != RECORDER)
+        self.progress.close()
+        started = self.supervisor.names
+        self.supervisor.stop(name for name in started if name != RECORDER)
         try:
             self._hear()
         finally:
-            self._supervisor.stop(started)
+            self.supervisor.stop(started)
 
     def start(self, commands: Mapping[str, list[str]]) -> None:
         """Start processes.
@@ -109,8 +92,8 @@ class Drive:
             commands: command by process name.
         """
         for name, command in commands.items():
-            self._supervisor.start(name, command)
-        self._monitor.expect(commands)
+            self.supervisor.start(name, command)
+        self.monitor.expect(commands)
 
     def look_around(self, duration_s: float) -> DriveResult:
         """Give the middleware time to find who else is in the domain.
@@ -124,7 +107,7 @@ class Drive:
         until_s = time.monotonic() + duration_s
 
         def show() -> DriveResult | None:
-            self._progress.waiting("looking for listeners")
+            self.progress.waiting("looking for listeners")
             return self._intruded()
 
         return self._spin_until(lambda: time.monotonic() >= until_s, show)
@@ -147,7 +130,7 @@ class Drive:
         deadline_s = time.monotonic() + START_TIMEOUT_S
 
         def show() -> DriveResult | None:
-            self._progress.waiting(self._awaited())
+            self.progress.waiting(self._awaited())
             if time.monotonic() > deadline_s:
                 return DriveResult(
                     DriveOutcome.FAILED,
@@ -155,10 +138,10 @@ class Drive:
                 )
             return self._intruded()
 
-        return self._spin_until(lambda: self._monitor.first_clock_s is not None, show)
+        return self._spin_until(lambda: self.monitor.first_clock_s is not None, show)
 
     def _intruded(self) -> DriveResult | None:
-        crowded = self._monitor.crowded_topics
+        crowded = self.monitor.crowded_topics
         if not crowded:
             return None
         return DriveResult(
@@ -168,27 +151,27 @@ class Drive:
         )
 
     def _awaited(self) -> str:
-        nodes = self._monitor.awaited_nodes
+        nodes = self.monitor.awaited_nodes
         if nodes:
             return f"waiting for {', '.join(nodes)}"
-        return self._monitor.plant_reason or "waiting for the plant"
+        return self.monitor.plant_reason or "waiting for the plant"
 
     def _wait_for_end(self) -> DriveResult:
         """Spin until the plant has ended by itself."""
 
         def show() -> DriveResult | None:
-            snapshot = self._monitor.snapshot()
+            snapshot = self.monitor.snapshot()
             now_s = time.monotonic()
-            if snapshot is not None and self._monitor.first_clock_s is not None:
-                self._progress.running(snapshot, now_s - self._monitor.first_clock_s)
-            if now_s - self._monitor.last_sign_s > SILENCE_TIMEOUT_S:
+            if snapshot is not None and self.monitor.first_clock_s is not None:
+                self.progress.running(snapshot, now_s - self.monitor.first_clock_s)
+            if now_s - self.monitor.last_sign_s > SILENCE_TIMEOUT_S:
                 return DriveResult(
                     DriveOutcome.FAILED,
                     f"nothing was heard of the plant for {SILENCE_TIMEOUT_S:g} s{self._at()}",
                 )
             return None
 
-        result = self._spin_until(lambda: not self._supervisor.is_running(PLANT), show)
+        result = self._spin_until(lambda: not self.supervisor.is_running(PLANT), show)
         if result.outcome is DriveOutcome.FINISHED:
             self._await_last_answers()
         return result
@@ -201,8 +184,8 @@ class Drive:
         while True:
             self._hear()
             now_s = time.monotonic()
-            if self._stop.number is not None:
-                return DriveResult(DriveOutcome.INTERRUPTED, f"stopped by {self._stop.number.name}")
+            if self.stop.number is not None:
+                return DriveResult(DriveOutcome.INTERRUPTED, f"stopped by {self.stop.number.name}")
             failure = self._failure()
             if failure is not None:
                 return failure
@@ -216,10 +199,10 @@ class Drive:
 
     def _failure(self) -> DriveResult | None:
         """Return what went wrong, if a process ended that should not have."""
-        for ending in self._supervisor.endings():
-            if ending.name == PLANT and ending.code == 0 and self._monitor.time_ns is not None:
+        for ending in self.supervisor.endings():
+            if ending.name == PLANT and ending.code == 0 and self.monitor.time_ns is not None:
                 continue
-            started = self._monitor.time_ns is not None
+            started = self.monitor.time_ns is not None
             if ending.code == EXIT_USER_ERROR and not started:
                 said = ending.last_lines[-1] if ending.last_lines else ""
                 return DriveResult(DriveOutcome.REFUSED, said or f"{ending.name} {ending.how}")
@@ -227,21 +210,21 @@ class Drive:
         return None
 
     def _what_ended(self, ending: ProcessEnd) -> str:
-        reason = f" ({self._monitor.plant_reason})" if ending.name == PLANT and ending.code else ""
+        reason = f" ({self.monitor.plant_reason})" if ending.name == PLANT and ending.code else ""
         return f"{ending.name} {ending.how}{reason}{self._at()}; all other processes were stopped"
 
     def _at(self) -> str:
-        now_ns = self._monitor.time_ns
+        now_ns = self.monitor.time_ns
         return (
             " before the trip began" if now_ns is None else f" at {now_ns * 1e-9:g} s of the trip"
         )
 
     def _await_last_answers(self) -> None:
         """Give bridge and controller the time to answer the last state, so that every run ends alike."""
-        last_ns = self._monitor.time_ns
+        last_ns = self.monitor.time_ns
         deadline_s = time.monotonic() + _LAST_ANSWER_TIMEOUT_S
         while time.monotonic() < deadline_s:
-            newest = [self._monitor.newest_stamp_ns(topic) for topic in _LAST_ANSWERS]
+            newest = [self.monitor.newest_stamp_ns(topic) for topic in _LAST_ANSWERS]
             if all(stamp_ns == last_ns for stamp_ns in newest):
                 return
             self._hear()
@@ -252,22 +235,21 @@ class Drive:
         Woken by every single message the runner would need twice the time, at the cost of the nodes.
         """
         time.sleep(_REST_S)
-        quiet, before = 0, self._monitor.message_count
+        quiet, before = 0, self.monitor.message_count
         while quiet < _QUIET_SPINS:
-            self._executor.spin_once(timeout_sec=_SPIN_S)
-            heard = self._monitor.message_count
+            self.executor.spin_once(timeout_sec=_SPIN_S)
+            heard = self.monitor.message_count
             quiet, before = (quiet + 1 if heard == before else 0), heard
 
     def _wall_time_s(self) -> float:
-        first_s, last_s = self._monitor.first_clock_s, self._monitor.last_clock_s
+        first_s, last_s = self.monitor.first_clock_s, self.monitor.last_clock_s
         return 0.0 if first_s is None or last_s is None else last_s - first_s
 
 
 def unclean_ends(supervisor: Supervisor) -> list[str]:
     """Return a sentence for every process that did not end well although the trip was finished."""
-    known = (BRIDGE, CONTROLLER, RECORDER, PLANT)
     return [
         f"{ending.name} {ending.how} when it was told to stop"
         for ending in supervisor.endings()
-        if ending.name in known and ending.code != 0
+        if ending.code != 0
     ]

@@ -1,17 +1,20 @@
-"""Judges a finished run: its figures, from the bag if there is one, and what is amiss."""
+"""The outcome of a run as data: its figures, from the bag if there is one, and what is amiss."""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from enum import Enum
 from pathlib import Path
+from typing import Any
 
 from iptm_bringup.monitor import messages_by_stamp, stamp_ns_of
-from iptm_bringup.preparation import PreparedScenario
-from iptm_bringup.results import RunResults
+from iptm_bringup.scenario import PreparedScenario
+from iptm_bringup.scenario_files import scenario_text
 from iptm_core.decision_record import DecisionSeries
-from iptm_core.metrics import RunMetrics, compute_metrics
+from iptm_core.metrics import FIGURES, RunMetrics, compute_metrics, figure_values
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.assembly import assemble_decisions, assemble_run
 from iptm_interfaces.codecs import s_from_ns
@@ -34,18 +37,35 @@ _OF_CONTROLLER = (
 
 
 @dataclass(frozen=True, eq=False)
-class EvaluatedRun:
-    """A run and its results.
+class RunResults:
+    """Everything there is to say about a finished run.
 
     Attributes:
+        prepared: what was driven.
         trajectory: from the bag, or as heard where there is none.
         decisions: likewise.
-        results: figures and problems.
+        metrics: what the run achieved.
+        wall_time_s: from the first to the last clock.
+        bag_messages: messages in the bag by topic, None without a bag.
+        problems: why the run does not count as good, empty if it does.
+        warnings: what the nodes complained about while it ran.
+        information: what the run depended on: revision, versions, time of the start.
     """
 
+    prepared: PreparedScenario
     trajectory: Trajectory
     decisions: DecisionSeries
-    results: RunResults
+    metrics: RunMetrics
+    wall_time_s: float
+    bag_messages: Mapping[str, int] | None
+    problems: tuple[str, ...]
+    warnings: tuple[str, ...]
+    information: RunInformation
+
+    @property
+    def speed_up(self) -> float:
+        """Trip time per wall time."""
+        return self.metrics.duration_s / self.wall_time_s if self.wall_time_s > 0.0 else math.nan
 
 
 def evaluate(
@@ -56,7 +76,7 @@ def evaluate(
     wall_time_s: float,
     problems: Sequence[str] = (),
     warnings: Sequence[str] = (),
-) -> EvaluatedRun:
+) -> RunResults:
     """Work out the results of a run.
 
     Args:
@@ -98,16 +118,17 @@ def evaluate(
             notes.append(f"the runner did not hear {missed} states; the bag holds them")
     metrics = compute_metrics(trajectory, parameters, decisions)
     found += _unfinished(trajectory, prepared) + _broken_limits(metrics)
-    results = RunResults(
-        scenario=prepared.scenario,
+    return RunResults(
+        prepared=prepared,
+        trajectory=trajectory,
+        decisions=decisions,
         metrics=metrics,
         wall_time_s=wall_time_s,
         bag_messages=counts,
         problems=tuple(found),
         warnings=tuple(notes),
-        information=_information_texts(information),
+        information=information,
     )
-    return EvaluatedRun(trajectory, decisions, results)
 
 
 def _unequal_states(heard: Heard, trajectory: Trajectory) -> tuple[int, int]:
@@ -159,9 +180,45 @@ def _time_text(time_s: float | None) -> str:
     return "an unknown time" if time_s is None or math.isnan(time_s) else f"{time_s:g} s"
 
 
-def _information_texts(information: RunInformation) -> dict[str, str]:
-    return {
-        "git_revision": information.git_revision,
-        "started_at_utc": information.started_at_utc,
-        **information.versions,
+def results_json(results: RunResults) -> str:
+    """Return results as JSON text; what is unknown (NaN) becomes null."""
+    metrics = results.metrics
+    values = figure_values(metrics)
+    scenario = results.prepared.scenario
+    information = results.information
+    document = {
+        "scenario": scenario.name,
+        "scenario_file": scenario_text(scenario),
+        "good": not results.problems,
+        "problems": list(results.problems),
+        "warnings": list(results.warnings),
+        "rows": [
+            {"key": key, "label": figure.label, "value": values.get(key), "unit": figure.unit}
+            for key, figure in FIGURES.items()
+        ],
+        "metrics": asdict(metrics),
+        "wall_time_s": results.wall_time_s,
+        "speed_up": results.speed_up,
+        "bag_messages": results.bag_messages,
+        "information": {
+            "git_revision": information.git_revision,
+            "started_at_utc": information.started_at_utc,
+            **information.versions,
+        },
     }
+    return json.dumps(_plain(document), indent=2, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with everything that JSON does not know replaced."""
+    if isinstance(value, Mapping):
+        return {_name(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _name(key: object) -> str:
+    return key.name.lower() if isinstance(key, Enum) else str(key)

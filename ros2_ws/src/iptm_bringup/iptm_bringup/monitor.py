@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +25,7 @@ from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import decode_decision_record, decode_temperature
-from iptm_interfaces.diagnostics import Level, find_status, status_values
+from iptm_interfaces.diagnostics import Level, find_status
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 
@@ -78,7 +78,6 @@ class RunMonitor(SuiteNode):
         last_clock_s: steady time of the newest clock, None before the first.
         last_sign_s: steady time of the newest clock or diagnostics of the plant, else of the start.
         warnings: reasons that the nodes gave in their diagnostics, worse than OK, once each.
-        plant_status: latest key values of the plant's diagnostics.
         plant_reason: latest reason of the plant's diagnostics.
     """
 
@@ -89,7 +88,6 @@ class RunMonitor(SuiteNode):
         self.last_clock_s: float | None = None
         self.last_sign_s = time.monotonic()
         self.warnings: dict[str, None] = {}
-        self.plant_status: Mapping[str, str] = {}
         self.plant_reason = ""
         self._diagnostics_count = 0
         self._started: set[str] = set()
@@ -219,7 +217,6 @@ class RunMonitor(SuiteNode):
         plant = find_status(message, f"{self._prefix}/{PLANT}")
         if plant is not None:
             self.last_sign_s = time.monotonic()
-            self.plant_status = status_values(plant)
             self.plant_reason = plant.message
 
 

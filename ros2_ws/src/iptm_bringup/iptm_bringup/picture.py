@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from iptm_bringup.evaluation import EvaluatedRun
-from iptm_bringup.preparation import PreparedScenario
+from iptm_bringup.evaluation import RunResults
 from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
-from iptm_core.trajectory import Trajectory
 
 # Colours of Okabe and Ito, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
@@ -63,42 +60,17 @@ _STYLE: Any = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class _Content:
-    """What the panels draw."""
-
-    prepared: PreparedScenario
-    evaluated: EvaluatedRun
-
-    @property
-    def run(self) -> Trajectory:
-        return self.evaluated.trajectory
-
-    @property
-    def grades_percent(self) -> FloatArray:
-        """Road grade under the host at every instant."""
-        slopes_rad = np.asarray(self.prepared.route.slope.slope_at(self.run.position_m))
-        grades: FloatArray = 100.0 * np.tan(slopes_rad)
-        return grades
-
-    @property
-    def has_hills(self) -> bool:
-        return bool(np.any(self.grades_percent))
+_Draw = Callable[[Axes, RunResults], None]
 
 
-_Draw = Callable[[Axes, _Content], None]
-
-
-def save_picture(path: Path, prepared: PreparedScenario, evaluated: EvaluatedRun) -> None:
+def save_picture(path: Path, results: RunResults) -> None:
     """Draw a run.
 
     Args:
         path: PNG file to write.
-        prepared: what was driven.
-        evaluated: the run and its results.
+        results: of the run.
     """
-    content = _Content(prepared, evaluated)
-    panels = _panels(content)
+    panels = _panels(results)
     heights = [height for _, height in panels]
     size = (_WIDTH_INCHES, _HEADING_INCHES + _INCHES_PER_HEIGHT * sum(heights))
     with rc_context(_STYLE):
@@ -107,18 +79,18 @@ def save_picture(path: Path, prepared: PreparedScenario, evaluated: EvaluatedRun
         FigureCanvasAgg(figure)
         all_axes = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights)
         for axes, (draw, _) in zip(all_axes, panels, strict=True):
-            draw(axes, content)
+            draw(axes, results)
             axes.margins(x=0.0)
         all_axes[-1].set_xlabel("time (s)")
         figure.align_ylabels(all_axes)
-        figure.suptitle(_headline(content), fontsize=13, fontweight="bold", x=0.01, ha="left")
-        figure.supxlabel(_footer(content), fontsize=9, color="#555555", x=0.01, ha="left")
+        figure.suptitle(_headline(results), fontsize=13, fontweight="bold", x=0.01, ha="left")
+        figure.supxlabel(_footer(results), fontsize=9, color="#555555", x=0.01, ha="left")
         figure.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
 
 
-def _panels(content: _Content) -> list[tuple[_Draw, float]]:
+def _panels(results: RunResults) -> list[tuple[_Draw, float]]:
     """Return what to draw, from top to bottom, with relative heights."""
-    hills: list[tuple[_Draw, float]] = [(_grade, 0.6)] if content.has_hills else []
+    hills: list[tuple[_Draw, float]] = [(_grade, 0.6)] if np.any(_grades_percent(results)) else []
     return [
         (_speed, 1.25),
         *hills,
@@ -131,12 +103,11 @@ def _panels(content: _Content) -> list[tuple[_Draw, float]]:
     ]
 
 
-def _headline(content: _Content) -> str:
-    scenario = content.prepared.scenario
-    results = content.evaluated.results
+def _headline(results: RunResults) -> str:
+    scenario = results.prepared.scenario
     energy, loss = results.metrics.energy, results.metrics.degradation
     return (
-        f"{content.prepared.route.name}: strategy {scenario.strategy}, horizon {scenario.horizon} s,"
+        f"{results.prepared.route.name}: strategy {scenario.strategy}, horizon {scenario.horizon} s,"
         f" {scenario.solver}\n"
         f"cooling {1e-3 * energy.cooling_j:.0f} kJ, traction {1e-3 * energy.traction_j:.0f} kJ,"
         f" degradation {1e5 * loss.cell_1:.4f} / {1e5 * loss.cell_n:.4f} ×10⁻⁵,"
@@ -144,11 +115,10 @@ def _headline(content: _Content) -> str:
     )
 
 
-def _footer(content: _Content) -> str:
-    results = content.evaluated.results
-    parts = [f"scenario {content.prepared.scenario.name}, model {content.prepared.model.name}"]
+def _footer(results: RunResults) -> str:
+    parts = [f"scenario {results.prepared.scenario.name}, model {results.prepared.model.name}"]
     if math.isfinite(results.speed_up):
-        mode = content.prepared.scenario.mode.replace("_", "-")
+        mode = results.prepared.scenario.mode.replace("_", "-")
         parts.append(f"{mode} over ROS 2, {results.speed_up:.0f} × real time")
     hard, soft = results.metrics.hard_violations, results.metrics.soft_violations
     parts.append(f"limits broken: hard {hard}, soft {soft} rows")
@@ -163,22 +133,31 @@ def _titled(axes: Axes, title: str, unit: str, *more: Axes) -> None:
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))
 
 
-def _speed(axes: Axes, content: _Content) -> None:
-    run = content.run
+def _speed(axes: Axes, results: RunResults) -> None:
+    run = results.trajectory
     axes.plot(run.time_s, _KM_H * run.leader_speed_m_s, color=GREY, label="leader")
     axes.plot(run.time_s, _KM_H * run.speed_m_s, color=BLUE, label="host")
     axes.set_ylim(bottom=0.0)
     _titled(axes, "Speed", "km/h")
 
 
-def _grade(axes: Axes, content: _Content) -> None:
-    axes.fill_between(content.run.time_s, content.grades_percent, color=GREY, alpha=0.5, lw=0)
+def _grades_percent(results: RunResults) -> FloatArray:
+    """Return the road grade under the host at every instant."""
+    slopes_rad = results.prepared.route.slope.slope_at(results.trajectory.position_m)
+    grades: FloatArray = 100.0 * np.tan(np.asarray(slopes_rad))
+    return grades
+
+
+def _grade(axes: Axes, results: RunResults) -> None:
+    axes.fill_between(
+        results.trajectory.time_s, _grades_percent(results), color=GREY, alpha=0.5, lw=0
+    )
     axes.axhline(0.0, color="black", lw=0.6)
     _titled(axes, "Road grade (positive: uphill)", "%")
 
 
-def _gap(axes: Axes, content: _Content) -> None:
-    run, parameters = content.run, content.prepared.model.values
+def _gap(axes: Axes, results: RunResults) -> None:
+    run, parameters = results.trajectory, results.prepared.model.values
     smallest = run.gap_m - gap_margins_m(run, parameters)
     largest = parameters.gap.max_gap_m
     floor = np.maximum(smallest, 0.0)
@@ -191,16 +170,16 @@ def _gap(axes: Axes, content: _Content) -> None:
     _titled(axes, "Gap to the leader", "m")
 
 
-def _driving_power(axes: Axes, content: _Content) -> None:
-    run = content.run
+def _driving_power(axes: Axes, results: RunResults) -> None:
+    run = results.trajectory
     axes.plot(run.time_s, 1e-3 * run.battery_power_w, color=SKY, lw=2.4, label="battery")
     axes.plot(run.time_s, 1e-3 * run.traction_power_w, color=BLUE, lw=0.9, label="traction")
     axes.axhline(0.0, color="black", lw=0.6)
     _titled(axes, "Driving power (positive: drawn from the pack)", "kW")
 
 
-def _cooling_power(axes: Axes, content: _Content) -> None:
-    run = content.run
+def _cooling_power(axes: Axes, results: RunResults) -> None:
+    run = results.trajectory
     compressor_kw, heat_kw = 1e-3 * run.compressor_power_w, 1e-3 * run.chiller_heat_w
     axes.fill_between(
         run.time_s, compressor_kw, color=ORANGE, alpha=0.6, lw=0, step="pre", label="compressor"
@@ -211,8 +190,8 @@ def _cooling_power(axes: Axes, content: _Content) -> None:
     _titled(axes, "Cooling power", "kW")
 
 
-def _temperature(axes: Axes, content: _Content) -> None:
-    run, limits = content.run, content.prepared.model.values.limits
+def _temperature(axes: Axes, results: RunResults) -> None:
+    run, limits = results.trajectory, results.prepared.model.values.limits
     for values, color, style, width, label in (
         (run.coolant_inlet_temperature_k, GREY, ":", 1.1, "coolant in"),
         (run.coolant_outlet_temperature_k, GREY, "--", 1.1, "coolant out"),
@@ -236,8 +215,8 @@ def _temperature(axes: Axes, content: _Content) -> None:
     _titled(axes, "Temperatures", "°C")
 
 
-def _aging(axes: Axes, content: _Content) -> None:
-    run = content.run
+def _aging(axes: Axes, results: RunResults) -> None:
+    run = results.trajectory
     loss_1 = run.cell_1_capacity_loss - run.cell_1_capacity_loss[0]
     loss_n = run.cell_n_capacity_loss - run.cell_n_capacity_loss[0]
     unit, unit_text = _power_of_ten(loss_n)
@@ -262,8 +241,8 @@ def _power_of_ten(values: FloatArray) -> tuple[float, str]:
     return 10.0**exponent, f"10{str(exponent).translate(_SUPERSCRIPTS)}"
 
 
-def _solver(axes: Axes, content: _Content) -> None:
-    decisions = content.evaluated.decisions
+def _solver(axes: Axes, results: RunResults) -> None:
+    decisions = results.decisions
     milliseconds = 1e3 * decisions.solve_time_s
     rung = decisions.rung
     axes.plot(decisions.time_s, milliseconds, ".", ms=2.2, color=BLUE, label="time of a solve")

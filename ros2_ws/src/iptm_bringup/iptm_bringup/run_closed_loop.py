@@ -10,10 +10,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from iptm_bringup.preparation import PreparedScenario, prepare
 from iptm_bringup.run_folder import default_output
 from iptm_bringup.runner import RunOptions, run
-from iptm_bringup.scenario import Scenario
+from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
 from iptm_bringup.scenario_files import (
     DEFAULT_SCENARIO,
     load_scenario,

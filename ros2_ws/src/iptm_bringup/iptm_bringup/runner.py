@@ -18,7 +18,6 @@ from rich.text import Text
 from iptm_bringup.composition import (
     RECORDER,
     Listeners,
-    RecorderRequest,
     node_command,
     node_parameters,
     parameter_file_text,
@@ -32,13 +31,11 @@ from iptm_bringup.environment import (
     environment_of_run,
     process_environment,
 )
-from iptm_bringup.evaluation import EvaluatedRun, evaluate
+from iptm_bringup.evaluation import evaluate, results_json
 from iptm_bringup.monitor import RunMonitor
-from iptm_bringup.preparation import PreparedScenario
 from iptm_bringup.progress import make_progress
-from iptm_bringup.results import results_json
 from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT, PreparedScenario
 from iptm_bringup.supervisor import Supervisor
 from iptm_bringup.tables import print_results
 from iptm_core.declaration import Scalar
@@ -143,8 +140,9 @@ class _ProcessStarter:
             text = yaml.safe_dump(run_information(self._prepared, parameters), sort_keys=False)
             path = self._folder.write_log("run_information.yaml", text)
             # As the user wrote it: the recorder tells it in its diagnostics, which go into the bag.
-            request = RecorderRequest(self._options.output, path, self._options.compression)
-            commands[RECORDER] = recorder_command(request, self._namespace)
+            commands[RECORDER] = recorder_command(
+                self._options.output, path, self._options.compression, self._namespace
+            )
         return commands
 
     def then(self, monitor: RunMonitor) -> dict[str, list[str]]:
@@ -198,7 +196,7 @@ def _report(
 ) -> int:
     """Evaluate a finished trip, write its files and print its tables."""
     try:
-        evaluated = evaluate(
+        results = evaluate(
             prepared,
             monitor.recorded,
             folder.output if options.record else None,
@@ -210,18 +208,14 @@ def _report(
     except IptmError as error:
         errors.print(f"run_closed_loop: {error}", markup=False, highlight=False, soft_wrap=True)
         return EXIT_RUN_FAILED
-    folder.results.write_text(results_json(evaluated.results), encoding="utf-8")
+    folder.results.write_text(results_json(results), encoding="utf-8")
     if options.picture:
-        _draw(folder, prepared, evaluated)
-    print_results(evaluated.results, folder.output, console)
-    return EXIT_RUN_FAILED if evaluated.results.problems else EXIT_OK
+        # Loaded only now: it takes half a second that the nodes can use better.
+        from iptm_bringup.picture import save_picture  # noqa: PLC0415
 
-
-def _draw(folder: RunFolder, prepared: PreparedScenario, evaluated: EvaluatedRun) -> None:
-    # Loaded only now: it takes half a second that the nodes can use better.
-    from iptm_bringup.picture import save_picture  # noqa: PLC0415
-
-    save_picture(folder.picture, prepared, evaluated)
+        save_picture(folder.picture, results)
+    print_results(results, folder.output, console)
+    return EXIT_RUN_FAILED if results.problems else EXIT_OK
 
 
 def _report_failure(

@@ -1,4 +1,4 @@
-"""A scenario: what one closed-loop run is made of, as data.
+"""A scenario: what one closed-loop run is made of, as data; and its parts, built before any process starts.
 
 Every field of `Scenario` that is a declared parameter is also an option of the command line and a key of
 scenario files; `parameter_specs(Scenario)` lists them.
@@ -6,19 +6,30 @@ scenario files; `parameter_specs(Scenario)` lists them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import TypeVar
 
+from rclpy.exceptions import InvalidNamespaceException
+from rclpy.validate_namespace import validate_namespace
+
+from iptm_controller.horizon import Horizon
 from iptm_controller.settings import ControllerSettings
 from iptm_core.declaration import Scalar, Settings, parameter, parameter_specs
+from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.parameters import ParameterSet
+from iptm_core.routes import Route
 from iptm_core.settings import (
+    LoopMode,
     ModelSettings,
     PaceSettings,
     PreviewSettings,
     RoadSettings,
     TripSettings,
 )
+
+T = TypeVar("T")
 
 AUTOMATIC_DOMAIN = -1
 MAX_DOMAIN = 232
@@ -73,3 +84,58 @@ class Scenario(PaceSettings, PreviewSettings, ControllerSettings, ModelSettings,
 def names_for(node: str) -> tuple[str, ...]:
     """Return the settings of a scenario that a node takes."""
     return tuple(spec.name for group in SETTINGS_OF_NODES[node] for spec in parameter_specs(group))
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedScenario:
+    """A scenario whose parts have been built once, so that they are known to be sound.
+
+    Attributes:
+        scenario: what was asked for.
+        model: the vehicle.
+        route: leader, road and length of the trip.
+    """
+
+    scenario: Scenario
+    model: ParameterSet
+    route: Route
+
+    @property
+    def is_lock_step(self) -> bool:
+        """Whether trip time waits for the controller."""
+        return self.scenario.mode is LoopMode.LOCK_STEP
+
+
+def prepare(scenario: Scenario) -> PreparedScenario:
+    """Build the parts of a scenario.
+
+    Args:
+        scenario: types and ranges checked already.
+
+    Raises:
+        ScenarioError: a part cannot be built: unknown cycle, malformed horizon, contradictory
+            parameters or namespace.
+    """
+
+    def part(keys: str, build: Callable[[], T]) -> T:
+        try:
+            return build()
+        except IptmError as error:
+            raise ScenarioError(f"scenario {scenario.name}: {keys}: {error}") from None
+
+    parameters = part("parameter_set, parameter_overrides", scenario.model)
+    initial_gap_m = parameters.values.gap.initial_gap_m
+    route = part("cycle, slope", lambda: scenario.trip_route(initial_gap_m))
+    part("horizon", lambda: Horizon.parse(scenario.horizon))
+    part("namespace", lambda: _check_namespace(scenario.full_namespace))
+    return PreparedScenario(scenario, parameters, route)
+
+
+def _check_namespace(namespace: str) -> None:
+    try:
+        validate_namespace(namespace)
+    except InvalidNamespaceException as error:
+        reason = " ".join(str(error).split("\n")[0].split())
+        raise ScenarioError(
+            f"{reason}; allowed: letters, digits and _, parts joined by /"
+        ) from None

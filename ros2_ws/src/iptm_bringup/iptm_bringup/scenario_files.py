@@ -53,7 +53,7 @@ def load_scenario(
 
     Returns:
         The scenario; types and ranges are checked, but not whether its parts fit together (see
-        `iptm_bringup.preparation`).
+        `iptm_bringup.scenario`).
 
     Raises:
         ScenarioError: no such scenario, a malformed file, an unknown key, a wrong type or range; the

@@ -11,7 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from iptm_bringup.results import RunResults
+from iptm_bringup.evaluation import RunResults
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import (
     FIGURES,
@@ -21,6 +21,7 @@ from iptm_core.metrics import (
     RunMetrics,
     figure_values,
 )
+from iptm_recording.bag_info import decisions_table
 
 TABLES_WIDTH = 124
 """Columns that both tables need side by side."""
@@ -49,7 +50,7 @@ def print_results(results: RunResults, output: Path, console: Console) -> None:
 
 def figures_table(results: RunResults) -> Table:
     """Return the figures of the trip, the paper's rows first."""
-    table = Table(title=f"{results.scenario.name}: results", title_justify="left")
+    table = Table(title=f"{results.prepared.scenario.name}: results", title_justify="left")
     table.add_column("figure")
     table.add_column("value", justify="right")
     table.add_column("unit")
@@ -65,23 +66,12 @@ def figures_table(results: RunResults) -> Table:
 
 def details_table(results: RunResults) -> Table:
     """Return how the decisions came about and how fast the run was."""
-    table = Table(title="decisions", title_justify="left")
-    table.add_column("")
-    for heading in ("median", "p99", "largest"):
-        table.add_column(heading, justify="right")
-    decisions = results.metrics.decisions
-    if decisions is not None:
-        for label, values, factor in (
-            ("solve time (ms)", decisions.solve_time_s, 1e3),
-            ("iterations", decisions.iterations, 1.0),
-            ("age of the preview (s)", decisions.preview_age_s, 1.0),
-        ):
-            shown = (values.median, values.p99, values.largest)
-            table.add_row(label, *(_known(factor * value) for value in shown))
-        table.add_section()
-        for label, text in _counts(decisions).items():
-            table.add_row(label, "", "", text)
-        table.add_section()
+    statistics = DecisionStatistics.of(results.decisions)
+    table = decisions_table("decisions", statistics)
+    table.add_section()
+    for label, text in _counts(statistics).items():
+        table.add_row(label, "", "", text)
+    table.add_section()
     table.add_row("wall time (s)", "", "", f"{results.wall_time_s:.2f}")
     table.add_row("speed-up over real time", "", "", f"{results.speed_up:.0f}")
     return table

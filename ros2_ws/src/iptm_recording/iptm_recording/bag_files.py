@@ -78,6 +78,10 @@ class BagFile:
     Args:
         path: the file.
 
+    Attributes:
+        path: the file.
+        statistics: number of messages, in all and by channel; earliest and latest log time (ns).
+
     Raises:
         BagError: it cannot be read, is no MCAP file of ROS 2 messages, or was cut short.
     """
@@ -93,7 +97,7 @@ class BagFile:
             self._reader = SeekingReader(self._file, validate_crcs=True)
             self._check_profile()
             self._summary = self._reader.get_summary() or Summary()
-            self._statistics = self._required_statistics()
+            self.statistics = self._required_statistics()
         except BagError:
             self._file.close()
             raise
@@ -101,28 +105,13 @@ class BagFile:
             self._file.close()
             raise self._damaged(error) from None
 
-    @property
-    def message_count(self) -> int:
-        """Messages of all topics."""
-        return self._statistics.message_count
-
-    @property
-    def start_ns(self) -> int:
-        """Earliest log time."""
-        return self._statistics.message_start_time
-
-    @property
-    def end_ns(self) -> int:
-        """Latest log time."""
-        return self._statistics.message_end_time
-
     def channels(self) -> Iterator[tuple[Channel, str, int]]:
         """Yield every topic with its type name and its number of messages.
 
         Raises:
             BagError: a topic holds no CDR messages.
         """
-        counts = self._statistics.channel_message_counts
+        counts = self.statistics.channel_message_counts
         for channel in self._summary.channels.values():
             schema = self._summary.schemas.get(channel.schema_id)
             if channel.message_encoding != "cdr" or schema is None:

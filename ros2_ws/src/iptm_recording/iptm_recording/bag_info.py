@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rosbags.interfaces import QosDurability
 
-from iptm_core.decision_record import DecisionSeries, DecisionStatistics
+from iptm_core.decision_record import DecisionStatistics
 from iptm_core.errors import BagError, IptmError
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
 from iptm_recording.bag_reader import BagReader, read_model_parameters
@@ -81,14 +81,16 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
     for key, value in figure_values(compute_metrics(trajectory, parameters, decisions)).items():
         figure = FIGURES[key]
         table.add_row(figure.label, figure.precise_text(value), figure.unit)
-    return [table] if decisions is None else [table, decisions_table(path.name, decisions)]
-
-
-def decisions_table(name: str, decisions: DecisionSeries) -> Table:
-    """Return the spread of what every decision reports."""
+    if decisions is None:
+        return [table]
     statistics = DecisionStatistics.of(decisions)
-    table = Table("decisions", title=f"{name}: {statistics.decisions} decisions")
-    table.title_justify = "left"
+    title = f"{path.name}: {statistics.decisions} decisions"
+    return [table, decisions_table(title, statistics)]
+
+
+def decisions_table(title: str, statistics: DecisionStatistics) -> Table:
+    """Return the spread of what every decision reports."""
+    table = Table("", title=title, title_justify="left")
     for heading in ("median", "p99", "largest"):
         table.add_column(heading, justify="right")
     for label, scale, spread in (

@@ -7,9 +7,9 @@ or by `ros2 bag record`. What is wrong with a bag is said in one sentence, with 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, final
 
 from iptm_core.errors import BagError
@@ -48,7 +48,7 @@ class TypedMessage(RawMessage):
 
 
 @final
-class BagReader:
+class BagReader(AbstractContextManager["BagReader"]):
     """A bag opened for reading; use it as a context manager or call `close`.
 
     Args:
@@ -64,7 +64,7 @@ class BagReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._metadata = _metadata_of(path)
+        self._metadata = read_metadata(path) if (path / METADATA_FILE).is_file() else {}
         self._files: list[BagFile] = []
         try:
             for file in find_files(path, self._metadata):
@@ -73,7 +73,9 @@ class BagReader:
         except BagError:
             self.close()
             raise
-        self._definitions = _definitions(self._files)
+        self._definitions: dict[str, MessageDefinition] = {}
+        for bag_file in self._files:
+            self._definitions.update(bag_file.definitions())
         self._decoder = Decoder(self._definitions)
 
     @property
@@ -84,12 +86,13 @@ class BagReader:
     @property
     def start_ns(self) -> int:
         """Earliest log time, 0 for an empty bag."""
-        return min((f.start_ns for f in self._files if f.message_count), default=0)
+        found = [file.statistics for file in self._files if file.statistics.message_count]
+        return min((statistics.message_start_time for statistics in found), default=0)
 
     @property
     def end_ns(self) -> int:
         """Latest log time, 0 for an empty bag."""
-        return max((f.end_ns for f in self._files if f.message_count), default=0)
+        return max((file.statistics.message_end_time for file in self._files), default=0)
 
     @property
     def duration_s(self) -> float:
@@ -208,28 +211,9 @@ class BagReader:
         for file in self._files:
             file.close()
 
-    def __enter__(self) -> BagReader:
-        """Return the reader itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the files."""
         self.close()
-
-
-def read_run_information(path: Path) -> RunInformation:
-    """Return what the run of a bag depended on.
-
-    Raises:
-        BagError: the bag cannot be opened.
-    """
-    with BagReader(path) as reader:
-        return reader.run_information()
 
 
 def read_model_parameters(path: Path) -> tuple[ModelParameters, bool]:
@@ -244,14 +228,9 @@ def read_model_parameters(path: Path) -> tuple[ModelParameters, bool]:
     Raises:
         BagError: the bag cannot be read, or its parameters are malformed.
     """
-    stored = stored_model_parameters(read_run_information(path))
+    with BagReader(path) as reader:
+        stored = stored_model_parameters(reader.run_information())
     return (load_parameters().values, False) if stored is None else (stored, True)
-
-
-def _metadata_of(path: Path) -> dict[str, Any]:
-    if path.is_dir() and (path / METADATA_FILE).is_file():
-        return read_metadata(path)
-    return {}
 
 
 def _merge_topics(path: Path, files: Collection[BagFile]) -> dict[str, TopicRecord]:
@@ -272,10 +251,3 @@ def _merge_topics(path: Path, files: Collection[BagFile]) -> dict[str, TopicReco
                 message_count=count + (before.message_count if before else 0),
             )
     return topics
-
-
-def _definitions(files: Collection[BagFile]) -> dict[str, MessageDefinition]:
-    found: dict[str, MessageDefinition] = {}
-    for file in files:
-        found.update(file.definitions())
-    return found

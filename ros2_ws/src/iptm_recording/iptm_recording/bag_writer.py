@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Final, final
 
 from mcap.well_known import MessageEncoding, Profile
@@ -34,16 +34,8 @@ COMPRESSIONS: Final = {
 _SEQUENCE_MASK = 0xFFFFFFFF
 
 
-@dataclass
-class _Topic:
-    name: str
-    definition: MessageDefinition
-    offered_qos: tuple[Qos, ...]
-    message_count: int = 0
-
-
 @final
-class BagWriter:
+class BagWriter(AbstractContextManager["BagWriter"]):
     """Writer of one bag folder; use it as a context manager or call `close`.
 
     Args:
@@ -68,7 +60,8 @@ class BagWriter:
         self._custom_data = dict(custom_data or {})
         self._is_compressed = compression != "none"
         self._schema_ids: dict[str, int] = {}
-        self._topics: dict[int, _Topic] = {}
+        self._topics: dict[int, TopicRecord] = {}
+        self._counts: dict[int, int] = {}
         self._start_ns = NO_START_NS
         self._end_ns = 0
         self._is_closed = False
@@ -97,7 +90,7 @@ class BagWriter:
     @property
     def message_counts(self) -> dict[str, int]:
         """Messages written so far, by topic name."""
-        return {topic.name: topic.message_count for topic in self._topics.values()}
+        return {topic.name: self._counts[key] for key, topic in self._topics.items()}
 
     def add_topic(
         self,
@@ -140,7 +133,10 @@ class BagWriter:
                 "topic_type_hash": definition.type_hash,
             },
         )
-        self._topics[topic_id] = _Topic(name, definition, tuple(offered_qos))
+        self._topics[topic_id] = TopicRecord(
+            name, definition.type_name, definition.type_hash, tuple(offered_qos), message_count=0
+        )
+        self._counts[topic_id] = 0
         return topic_id
 
     def write(
@@ -157,8 +153,7 @@ class BagWriter:
         Raises:
             BagError: the file cannot be written (disk full).
         """
-        topic = self._topics[topic_id]
-        topic.message_count += 1
+        self._counts[topic_id] += 1
         self._start_ns = min(self._start_ns, log_time_ns)
         self._end_ns = max(self._end_ns, log_time_ns)
         try:
@@ -167,7 +162,7 @@ class BagWriter:
                 log_time_ns,
                 data,
                 log_time_ns if publish_time_ns is None else publish_time_ns,
-                topic.message_count & _SEQUENCE_MASK,
+                self._counts[topic_id] & _SEQUENCE_MASK,
             )
         except (OSError, ValueError) as error:
             raise self._failed(error) from None
@@ -200,14 +195,8 @@ class BagWriter:
             self._start_ns,
             self._end_ns - self._start_ns if self._start_ns != NO_START_NS else 0,
             [
-                TopicRecord(
-                    name=topic.name,
-                    type_name=topic.definition.type_name,
-                    type_hash=topic.definition.type_hash,
-                    offered_qos=topic.offered_qos,
-                    message_count=topic.message_count,
-                )
-                for topic in self._topics.values()
+                replace(topic, message_count=self._counts[key])
+                for key, topic in self._topics.items()
             ],
             self._custom_data,
             os.environ.get("ROS_DISTRO", "") or DEFAULT_DISTRO,
@@ -228,15 +217,6 @@ class BagWriter:
         self._file.raw.close()
         return BagError(f"cannot write to {self._path}: {error}")
 
-    def __enter__(self) -> BagWriter:
-        """Return the writer itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the bag, after an error as well: what was written is sound."""
         self.close()

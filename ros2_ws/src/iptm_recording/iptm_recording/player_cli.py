@@ -9,8 +9,7 @@ from pathlib import Path
 
 from rclpy.utilities import remove_ros_args
 
-from iptm_core.errors import IptmError
-from iptm_interfaces.process import EXIT_USER_ERROR, run_node
+from iptm_interfaces.process import run_node
 from iptm_recording.playback import PlaybackOptions
 from iptm_recording.player_node import PlayerNode
 from iptm_recording.recorded_topics import TopicSelection
@@ -92,12 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     command = list(sys.argv if arguments is None else arguments)
     parsed = build_parser().parse_args(remove_ros_args(command)[1:])
-    try:
-        options = options_from(parsed)
-    except IptmError as error:
-        print(f"replay: {error}", file=sys.stderr)
-        return EXIT_USER_ERROR
-    return run_node(lambda: PlayerNode(options), ["replay", *command[1:]])
+    return run_node(lambda: PlayerNode(options_from(parsed)), ["replay", *command[1:]])
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from rclpy.utilities import remove_ros_args
 
-from iptm_core.errors import BagError, IptmError
-from iptm_interfaces.process import EXIT_USER_ERROR, run_node
+from iptm_core.errors import BagError
+from iptm_interfaces.process import run_node
 from iptm_recording.bag_writer import COMPRESSIONS
 from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.recorder_node import DEFAULT_DEPTH, RecorderNode, RecorderOptions
@@ -121,12 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     command = list(sys.argv if arguments is None else arguments)
     parsed = build_parser().parse_args(remove_ros_args(command)[1:])
-    try:
-        options = options_from(parsed)
-    except IptmError as error:
-        print(f"record: {error}", file=sys.stderr)
-        return EXIT_USER_ERROR
-    return run_node(lambda: RecorderNode(options), ["record", *command[1:]])
+    return run_node(lambda: RecorderNode(options_from(parsed)), ["record", *command[1:]])
 
 
 if __name__ == "__main__":

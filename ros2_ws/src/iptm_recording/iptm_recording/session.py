@@ -89,7 +89,7 @@ class RecordingSession:
     def close(self) -> None:
         """Write what is still held (in wall time, as simulated time never began); close the bag."""
         if self._held:
-            self._timeline.switch_to_wall_time()
+            self._timeline.source = TimeSource.WALL
             self._release()
         self._writer.close()
 
@@ -99,7 +99,7 @@ class RecordingSession:
         if times is None:
             self._held.append((channel, data))
             if len(self._held) >= MAX_HELD_MESSAGES:
-                self._timeline.switch_to_wall_time()
+                self._timeline.source = TimeSource.WALL
                 self._release()
             return
         if self._held:

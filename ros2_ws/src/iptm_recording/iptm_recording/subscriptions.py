@@ -43,6 +43,9 @@ class Gate:
     Args:
         gate_topics: topics held back.
         awaited: topics that must be subscribed first.
+
+    Attributes:
+        is_running: set once a message of a trip has arrived.
     """
 
     def __init__(self, gate_topics: Collection[str], awaited: Collection[str]) -> None:
@@ -50,20 +53,11 @@ class Gate:
         self._awaited = frozenset(awaited) - self._gate_topics
         self._seen: frozenset[str] = frozenset()
         self._last_change_s: float | None = None
-        self._is_running = False
+        self.is_running = False
 
     def holds(self, topic: str) -> bool:
         """Return whether a topic belongs to the gate."""
         return topic in self._gate_topics
-
-    @property
-    def is_running(self) -> bool:
-        """True once a message of a trip has arrived."""
-        return self._is_running
-
-    def message_arrived(self) -> None:
-        """Note that the trip runs already."""
-        self._is_running = True
 
     def is_open(
         self, now_s: float, published: Collection[str], subscribed: Collection[str]
@@ -75,7 +69,7 @@ class Gate:
             published: topics that have a publisher.
             subscribed: topics the recorder is subscribed to and receives from.
         """
-        if self._is_running:
+        if self.is_running:
             return True
         seen = frozenset((*published, *subscribed))
         if seen != self._seen:
@@ -236,7 +230,7 @@ class TopicSubscriber:
             except BagError as error:
                 self._on_error(error)
             if is_of_trip:
-                self._gate.message_arrived()
+                self._gate.is_running = True
 
         request = request_for(self._offered_qos(name), self._depth)
         subscription = self._raw_subscription(name, type_name, take, request)

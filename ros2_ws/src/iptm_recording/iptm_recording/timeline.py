@@ -76,7 +76,7 @@ class Timeline:
     """Current time of the recorder.
 
     Args:
-        source: simulated time from `/clock`, or wall time.
+        source: simulated time from `/clock`, or wall time; set it to give up waiting for a clock.
     """
 
     def __init__(self, source: TimeSource) -> None:
@@ -87,10 +87,6 @@ class Timeline:
     def now_ns(self) -> int | None:
         """Current time; None in simulated time before the first clock."""
         return time.time_ns() if self.source is TimeSource.WALL else self._now_ns
-
-    def switch_to_wall_time(self) -> None:
-        """Give up waiting for a clock."""
-        self.source = TimeSource.WALL
 
     def begin_with(self, stamps_ns: Iterable[int]) -> None:
         """Set the time back to where messages that came before the first clock begin.
