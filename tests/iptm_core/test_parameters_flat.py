@@ -82,7 +82,7 @@ def test_any_number_in_range_is_taken_as_an_override(data: st.DataObject) -> Non
     try:
         loaded = load_parameters(overrides={spec.key: number})
     except ParameterError as error:  # it may still contradict another parameter
-        if f"{spec.key} is" in str(error):
+        if str(error).startswith("overrides: "):
             raise
         return
     assert bits(to_flat_dict(loaded.values)) == bits(DEFAULTS | {spec.key: number})
