@@ -139,7 +139,7 @@ def test_the_same_optimum_on_the_single_horizon(ordinary_scene: Measurements) ->
 def test_no_feasible_plan_nearby_is_better(name: str, strategy: str) -> None:
     data, guess = problem_of(SCENES[name], "3x1+5x5", strategy)
     result = probing_solver("3x1+5x5").solve(data, guess)
-    rollout = Rollout(transcription_of("3x1+5x5"), data, PARAMETERS)
+    rollout = Rollout(transcription_of("3x1+5x5"), data)
     best = inputs_of(result.variables)
     tolerance = 1e-3 + 1e-5 * abs(result.objective)
     # The roll-out agrees with what the solver says, so the two costs may be compared.
@@ -151,7 +151,7 @@ def test_no_feasible_plan_nearby_is_better(name: str, strategy: str) -> None:
 
 def test_the_judge_sees_a_plan_that_is_not_optimal() -> None:
     data, guess = problem_of(SCENES["leader_brakes"], "3x1+5x5", "aging")
-    rollout = Rollout(transcription_of("3x1+5x5"), data, PARAMETERS)
+    rollout = Rollout(transcription_of("3x1+5x5"), data)
     cold = inputs_of(guess)
     costs = [rollout.cost(cold + change) for change in changes(cold.shape[0])]
     assert min(costs) < rollout.cost(cold) - 1.0
