@@ -18,17 +18,17 @@ MISTAKES: dict[str, list[tuple[dict[str, object], str]]] = {
     CONTROLLER: [
         ({"tolerance": ".nan"}, "tolerance"),
         ({"horizon": "3by1"}, "horizon '3by1' cannot be read"),
-        ({"horizn": "3x1"}, "did you mean horizon?"),
+        ({"horizn": "3x1"}, "did you mean 'horizon'?"),
     ],
     PLANT: [
         ({"rate_factor": 0.0}, "parameter rate_factor is 0.0"),
         ({"cycle": "no_such_cycle"}, "unknown driving cycle 'no_such_cycle'"),
-        ({"rate_factr": 2.0}, "did you mean rate_factor?"),
+        ({"rate_factr": 2.0}, "did you mean 'rate_factor'?"),
     ],
     BRIDGE: [
         ({"latency_s": -1.0}, "parameter latency_s is -1.0"),
         ({"cycle": "absent.csv"}, "absent.csv"),
-        ({"latnecy_s": 1.0}, "did you mean latency_s?"),
+        ({"latnecy_s": 1.0}, "did you mean 'latency_s'?"),
     ],
 }
 
