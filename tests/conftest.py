@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -28,14 +29,19 @@ from iptm_interfaces.topics import Topic
 settings.register_profile("iptm", deadline=None, derandomize=True)
 settings.load_profile("iptm")
 
+WORKER_VARIABLE = "PYTEST_XDIST_WORKER"
+
 ROWS = 21
 """Ticks of the made-up run."""
 
 
 @pytest.fixture(scope="session", autouse=True)
 def compile_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Keep compiled problems out of the user's cache, and share them between the tests."""
-    folder = tmp_path_factory.mktemp("compiled")
+    """Keep compiled problems out of the user's cache, and share them between tests and their processes."""
+    base = tmp_path_factory.getbasetemp()
+    # A worker of pytest-xdist has a folder of its own below that of the whole run.
+    folder = (base.parent if WORKER_VARIABLE in os.environ else base) / "compiled"
+    folder.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(CACHE_VARIABLE, str(folder))
         yield folder
