@@ -87,7 +87,7 @@ class ProblemSet:
                 if int(archive["format"]) != FORMAT:
                     raise ScenarioError(
                         f"problem set '{path.name}' has format {int(archive['format'])}, "
-                        f"allowed is {FORMAT}; record it anew"
+                        f"allowed: {FORMAT}; record it anew"
                     )
                 return cls(
                     cycle=str(archive["cycle"]),

@@ -38,7 +38,7 @@ iptm_prepare() {
 }
 
 # iptm_module MODULE ARGUMENTS...: become `python -m MODULE ARGUMENTS...` in the environment.
-# A plea for help prints the script's own text first, and installs nothing to do so.
+# A call for help prints the script's own text first, and installs nothing to do so.
 iptm_module() {
     local module="$1"
     shift

@@ -26,7 +26,7 @@ from iptm_interfaces.topics import TOPICS, Topic
 MODULE = "iptm_v2x_bridge.node"
 
 
-class Ears:
+class BridgeListener:
     """Everything the bridge says, and a mouth for the clock."""
 
     def __init__(self, peer: Any) -> None:
@@ -68,8 +68,8 @@ class Ears:
 
 
 @pytest.fixture
-def ears(peer: Any) -> Ears:
-    return Ears(peer)
+def listener(peer: Any) -> BridgeListener:
+    return BridgeListener(peer)
 
 
 def start_bridge(launcher: Any, *arguments: str, **parameters: object) -> Any:
@@ -77,12 +77,14 @@ def start_bridge(launcher: Any, *arguments: str, **parameters: object) -> Any:
     return launcher.start_node(MODULE, *arguments, parameters={"expected_peers": 1, **parameters})
 
 
-def test_answers_every_tick_with_leader_and_exact_preview(launcher: Any, ears: Ears) -> None:
+def test_answers_every_tick_with_leader_and_exact_preview(
+    launcher: Any, listener: BridgeListener
+) -> None:
     bridge = start_bridge(launcher, cycle="nycc", slope="large", preview_length_s=20.0)
-    ears.wait_for_bridge()
+    listener.wait_for_bridge()
     route = build_route("nycc", "large", initial_gap_m=15.0)
     for tick in range(60):
-        leader, preview = ears.tick(float(tick))
+        leader, preview = listener.tick(float(tick))
         assert leader == route.leader.state_at(float(tick))
         assert preview.generated_at_s == float(tick)
         assert preview.positions_m[0] == leader.position_m
@@ -93,8 +95,8 @@ def test_answers_every_tick_with_leader_and_exact_preview(launcher: Any, ears: E
         )
     # Who comes late gets the slope, too.
     late: list[Any] = []
-    ears.peer.node.listen(Topic.SLOPE, late.append)
-    ears.peer.wait_until(lambda: late, what="latched slope")
+    listener.peer.node.listen(Topic.SLOPE, late.append)
+    listener.peer.wait_until(lambda: late, what="latched slope")
     slope = decode_slope(late[0])
     np.testing.assert_array_equal(slope.positions_m, route.slope.positions_m)
     np.testing.assert_array_equal(slope.slopes_rad, route.slope.slopes_rad)
@@ -115,25 +117,27 @@ def test_preview_is_an_ordinary_message_for_other_tools(launcher: Any, peer: Any
     assert preview.times_s.tolist() == [3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
 
 
-def test_latency_shows_as_age_and_never_as_a_new_stamp(launcher: Any, ears: Ears) -> None:
+def test_latency_shows_as_age_and_never_as_a_new_stamp(
+    launcher: Any, listener: BridgeListener
+) -> None:
     start_bridge(launcher, latency_s=2, preview_length_s=10, noise_std_m_s=0.5, seed=3)
-    ears.wait_for_bridge()
+    listener.wait_for_bridge()
     ages = []
     for tick in range(6):
-        _, preview = ears.tick(float(tick))
+        _, preview = listener.tick(float(tick))
         ages.append(tick - preview.generated_at_s if preview.times_s.size else None)
     assert ages == [None, None, 2.0, 2.0, 2.0, 2.0]
     # The same tick again gets the same answer, noise included.
-    first = ears.previews.pop(5_000_000_000)
-    _, again = ears.tick(5.0)
+    first = listener.previews.pop(5_000_000_000)
+    _, again = listener.tick(5.0)
     np.testing.assert_array_equal(first.speeds_m_s, again.speeds_m_s)
 
 
-def test_mode_none_still_answers_every_tick(launcher: Any, ears: Ears) -> None:
+def test_mode_none_still_answers_every_tick(launcher: Any, listener: BridgeListener) -> None:
     start_bridge(launcher, preview_mode="none")
-    ears.wait_for_bridge()
+    listener.wait_for_bridge()
     for tick in range(3):
-        leader, preview = ears.tick(float(tick))
+        leader, preview = listener.tick(float(tick))
         assert leader.time_s == float(tick)
         assert preview.times_s.size == 0
 
@@ -157,30 +161,32 @@ def test_namespace_moves_everything_but_the_global_topics(launcher: Any, peer: A
     assert ns_from_time(heard[Topic.LEADER].header.stamp) == 1_000_000_000
 
 
-def test_first_answer_waits_for_all_expected_peers(launcher: Any, ears: Ears) -> None:
+def test_first_answer_waits_for_all_expected_peers(launcher: Any, listener: BridgeListener) -> None:
     start_bridge(launcher, expected_peers=2)
-    ears.wait_for_bridge()
-    ears.clock.publish(Clock(clock=time_from_s(0.0)))
+    listener.wait_for_bridge()
+    listener.clock.publish(Clock(clock=time_from_s(0.0)))
 
-    ears.peer.wait_until(
-        lambda: "waiting for the expected peers" in ears.reasons(), what="the wait reported"
+    listener.peer.wait_until(
+        lambda: "waiting for the expected peers" in listener.reasons(), what="the wait reported"
     )
-    assert not ears.previews
+    assert not listener.previews
     for topic in (Topic.LEADER, Topic.LEADER_PREVIEW):
-        ears.peer.node.listen(topic, lambda _: None)
-    ears.peer.wait_until(lambda: 0 in ears.previews, what="the answer held back")
+        listener.peer.node.listen(topic, lambda _: None)
+    listener.peer.wait_until(lambda: 0 in listener.previews, what="the answer held back")
 
 
-def test_diagnostics_count_dropouts_and_show_the_age(launcher: Any, ears: Ears) -> None:
+def test_diagnostics_count_dropouts_and_show_the_age(
+    launcher: Any, listener: BridgeListener
+) -> None:
     bridge = start_bridge(launcher, dropout_probability=1.0)
-    ears.wait_for_bridge()
-    ears.tick(0.0)
-    ears.tick(1.0)
+    listener.wait_for_bridge()
+    listener.tick(0.0)
+    listener.tick(1.0)
 
     def values() -> dict[str, str]:
-        return status_values(ears.statuses[-1]) if ears.statuses else {}
+        return status_values(listener.statuses[-1]) if listener.statuses else {}
 
-    ears.peer.wait_until(lambda: values().get("dropouts") == "2", what="two dropouts reported")
+    listener.peer.wait_until(lambda: values().get("dropouts") == "2", what="two dropouts reported")
     assert values()["preview_age_s"] == "inf"
-    assert "no prediction received yet" in ears.reasons()
+    assert "no prediction received yet" in listener.reasons()
     assert bridge.stop(signal.SIGTERM) == 0

@@ -52,7 +52,7 @@ def test_tables_show_every_figure(results: RunResults, width: int) -> None:
     assert "bags/short" in text
 
 
-def test_problems_and_complaints_are_shouted(results: RunResults) -> None:
+def test_problems_and_warnings_are_printed(results: RunResults) -> None:
     troubled = dataclasses.replace(
         results,
         problems=("the bag holds 3 messages",),

@@ -63,13 +63,13 @@ def test_timeout_must_be_positive(timeout_s: float) -> None:
 
 def test_it_runs_on_the_steady_clock_although_trip_time_stands_still(make_node: Any) -> None:
     node = make_node("-p", "use_sim_time:=true")
-    barks: list[float] = []
-    Watchdog(0.05, barks.append).attach(node).feed()
+    silences: list[float] = []
+    Watchdog(0.05, silences.append).attach(node).feed()
     executor = EventsExecutor(context=node.context)
     executor.add_node(node)
     deadline = time.monotonic() + 30.0
-    while not barks and time.monotonic() < deadline:
+    while not silences and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=0.1)
     executor.remove_node(node)
     executor.shutdown()
-    assert len(barks) == 1
+    assert len(silences) == 1

@@ -44,7 +44,7 @@ def test_reachable_command_passes_unchanged_and_unreported() -> None:
         ),
     ],
 )
-def test_what_bites_is_reported(
+def test_the_limit_that_acts_is_reported(
     command: Command, clamps: tuple[Clamp, ...], actuated: Command
 ) -> None:
     report = limit_command(command, state(), LIMITS, 1.0)

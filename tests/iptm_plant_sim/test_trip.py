@@ -1,4 +1,4 @@
-"""The books of a trip, and the command held by a plant that does not wait."""
+"""The records of a trip, and the command held by a plant that does not wait."""
 
 import math
 from collections.abc import Callable

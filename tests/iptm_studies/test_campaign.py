@@ -136,7 +136,7 @@ def test_an_unknown_figure_to_choose_by(study_file: WriteFile, make_run: MakeRun
     ("table", "complaint"),
     [
         (TABLE.replace("study: weights", "study: heights"), "unknown study 'heights'"),
-        (TABLE.replace("group: a", "group: z"), "allowed are labels of cases"),
+        (TABLE.replace("group: a", "group: z"), "allowed: labels of cases"),
         (
             TABLE.replace("study: weights, labels: {group: a}", "study: table"),
             "state their strategy",

@@ -26,7 +26,7 @@ class TripPhase(Enum):
 
 
 class Trip:
-    """Advances the plant tick by tick and keeps the books.
+    """Advances the plant tick by tick and keeps its records.
 
     Attributes:
         parameters: model parameters of the plant.

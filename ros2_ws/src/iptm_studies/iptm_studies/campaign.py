@@ -85,7 +85,7 @@ class CaseState:
 
 
 class Campaign:
-    """Keeps the books: which runs are needed, done and failed, and which cases wait for others.
+    """The state of a set of studies: which runs are needed, done and failed, and which cases wait for others.
 
     Runs come out of ``take`` as soon as everything that they depend on is known.
     """
@@ -203,7 +203,7 @@ class Campaign:
         if not candidates or any(case.best_of is not None for case in candidates):
             raise ScenarioError(
                 f"{state.address}: takes its strategy from cases of {study.name} with the labels "
-                f"{dict(selection.labels)}; allowed are labels of cases that state their strategy"
+                f"{dict(selection.labels)}; allowed: labels of cases that state their strategy"
             )
         return {self._plan(case.spec, study.address(case)): case.spec for case in candidates}
 
@@ -237,7 +237,7 @@ class Campaign:
             if value is None:
                 raise ScenarioError(
                     f"runs have no figure {lowest!r} to choose a strategy by; "
-                    f"allowed are {', '.join(values)}"
+                    f"allowed: {', '.join(values)}"
                 )
             ranked.append((metrics.hard_violations > 0, value, key))
         return min(ranked)[2] if ranked else None

@@ -128,7 +128,7 @@ def _existing(address: str) -> Iterator[Client]:
         client = Client(address, timeout=CONNECT_TIMEOUT_S)
     except (OSError, ValueError) as error:
         raise ScenarioError(
-            f"scheduler {address!r} does not answer ({error}); allowed is the address of a running "
+            f"scheduler {address!r} does not answer ({error}); allowed: the address of a running "
             "Dask scheduler such as tcp://host:8786"
         ) from error
     with client:

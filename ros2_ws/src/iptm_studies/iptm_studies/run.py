@@ -101,7 +101,7 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
     if here != inputs.fingerprint:
         raise ScenarioError(
             f"the worker has other code or libraries (fingerprint {here[:12]}) than the study was started "
-            f"with ({inputs.fingerprint[:12]}); allowed are the same versions on all machines"
+            f"with ({inputs.fingerprint[:12]}); allowed: the same versions on all machines"
         )
 
     def progress(*_: object) -> None:

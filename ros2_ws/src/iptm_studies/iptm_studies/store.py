@@ -56,7 +56,7 @@ class ResultStore:
             StoreError: the path is taken by something that is no folder.
         """
         if folder.exists() and not folder.is_dir():
-            raise StoreError(f"store {folder} is not a folder; allowed is a folder or a new path")
+            raise StoreError(f"store {folder} is not a folder; allowed: a folder or a new path")
         self.folder = folder
 
     def path_of(self, key: str) -> Path:
