@@ -105,7 +105,8 @@ def test_processes_hear_nothing_of_a_terminal(processes: Supervisor) -> None:
 def test_processes_end_with_a_killed_runner(tmp_path: Path) -> None:
     log = tmp_path / "child.log"
     program = (
-        "import os, sys, time; from pathlib import Path;"
+        "import os, signal, sys, time; from pathlib import Path;"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN);"  # as in the background of a shell
         "from iptm_bringup.supervisor import Supervisor;"
         f"processes = Supervisor(os.environ, lambda name: Path({str(log)!r}));"
         "processes.start('child', [sys.executable, '-c',"

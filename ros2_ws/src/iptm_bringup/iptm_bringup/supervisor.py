@@ -134,6 +134,8 @@ class Supervisor:
 
 def _end_with_parent(parent: int) -> None:
     """Run in the child before the program: have Linux interrupt it when the runner dies."""
+    # Programs started in the background of a shell ignore SIGINT, and so would their children.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     if _C_LIBRARY is None:
         return
     _C_LIBRARY.prctl(_SET_PARENT_DEATH_SIGNAL, int(signal.SIGINT))
