@@ -15,15 +15,18 @@ from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_studies.campaign import Campaign
 from iptm_studies.cli import EXIT_REFUSED
-from iptm_studies.random_cars import draws
+from iptm_studies.execution import admit
+from iptm_studies.random_cars import cli, draws
 from iptm_studies.random_cars.bounds import avoidably_below_s_min, below_s_min, fully_cooled_k
 from iptm_studies.random_cars.cli import PAGE, main
 from iptm_studies.random_cars.draws import ALWAYS, TWIN, OneOf, Uniform, has_twin, random_study
 from iptm_studies.random_cars.verdicts import judge
-from iptm_studies.run import Run
+from iptm_studies.run import Run, perform_run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec
+from iptm_studies.store import ResultStore
 
 PARAMETERS = load_parameters(
     overrides={
@@ -53,15 +56,15 @@ def trip(**columns: object) -> Trajectory:
 
 
 def test_a_longer_campaign_begins_like_a_shorter_one() -> None:
-    short, long = random_study(4, 7), random_study(12, 7)
+    short, long = random_study(3, 7), random_study(6, 7)
     assert long.cases[: len(short.cases)] == short.cases
-    assert random_study(4, 8).cases != short.cases
+    assert random_study(3, 8).cases != short.cases
 
 
 def test_runs_are_legal_and_differ() -> None:
-    study = random_study(60, 3)
+    study = random_study(40, 3)
     runs = [case.spec for case in study.cases if not case.name.endswith(TWIN)]
-    assert len(runs) == 60
+    assert len(runs) == 40
     for spec in runs:
         inputs = resolve_inputs(spec)  # refuses what is not legal
         assert 300.0 <= inputs.route.duration_s <= 600.0
@@ -78,7 +81,7 @@ def test_runs_are_legal_and_differ() -> None:
 
 
 def test_cold_runs_have_a_warm_twin() -> None:
-    cases = {case.name: case.spec for case in random_study(30, 3).cases}
+    cases = {case.name: case.spec for case in random_study(16, 3).cases}
     runs = [name for name in cases if not name.endswith(TWIN)]
     for name in runs:
         twin = cases.get(f"{name}_{TWIN}")
@@ -236,11 +239,27 @@ def test_cells_too_hot_are_charged_only_with_what_cooling_would_have_helped(
 # --- the command
 
 
-def test_the_command_computes_once_and_writes_the_page(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def small_problems(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Grids that compile in no time, and no cluster to start."""
+
+    def execute_here(campaign: Campaign, store: ResultStore, *_: object) -> int:
+        missing = admit(campaign, store)
+        for inputs in missing:
+            run = perform_run(inputs)
+            store.save(run)
+            campaign.finish(run)
+        return len(missing)
+
     small = {**draws.SETTINGS, "horizon": OneOf(("2x1",), 1.0)}
-    monkeypatch.setattr(draws, "SETTINGS", small)  # compiles in no time
+    monkeypatch.setattr(draws, "SETTINGS", small)
+    monkeypatch.setattr(cli, "execute", execute_here)
+
+
+@pytest.mark.usefixtures("small_problems")
+def test_the_command_computes_once_and_writes_the_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     arguments = ["--runs", "2", "--seed", "2", "--duration-s", "20", "--workers", "1"]
     arguments += ["--without-twins", "--store", str(tmp_path / "kept")]
     main(arguments)

@@ -7,7 +7,8 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
@@ -95,10 +96,8 @@ def _run(options: argparse.Namespace, console: Console) -> int:
         for inputs in survey(campaign, store):
             print(f"{inputs.address:30} {inputs.spec.describe()}")
         return 0
-    # Hardly any car occurs twice: their machine code is not worth a place in the user's cache.
-    os.environ.setdefault(CACHE_VARIABLE, str((store.folder / "compiled").absolute()))
     began = time.perf_counter()
-    with progress_display(console) as display:
+    with _compiling_into(store.folder / "compiled"), progress_display(console) as display:
         computed = execute(
             campaign, store, ClusterOptions(options.scheduler, options.workers), display
         )
@@ -115,6 +114,18 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     print(page)
     good = all(run.judgement is not None and not run.judgement.breaches for run in runs)
     return 0 if good else EXIT_FAILED_RUNS
+
+
+@contextmanager
+def _compiling_into(folder: Path) -> Iterator[None]:
+    """Keep machine code beside the results: hardly any car occurs twice, the user's cache is no place for it."""
+    chosen = os.environ.get(CACHE_VARIABLE)
+    os.environ[CACHE_VARIABLE] = chosen or str(folder.absolute())
+    try:
+        yield
+    finally:
+        if chosen is None:
+            del os.environ[CACHE_VARIABLE]
 
 
 def judged_runs(campaign: Campaign, store: ResultStore) -> list[JudgedRun]:

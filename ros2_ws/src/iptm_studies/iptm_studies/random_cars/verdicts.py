@@ -10,6 +10,7 @@ import numpy as np
 
 from iptm_controller.horizon import Horizon
 from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
@@ -132,10 +133,15 @@ def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgemen
     amounts: dict[str, float] = {}
     causes: dict[str, str] = {}
 
+    margins_m = gap_margins_m(trip, parameters)
+
     def note_rows(key: str, rows: BoolArray) -> None:
         amounts[key] = float(np.count_nonzero(rows))
         if rows.any():
-            causes[key] = _circumstances(run, rows)
+            causes[key] = (
+                f"{-margins_m[rows].min():.1f} m below s_min, gap {trip.gap_m[rows].min():.1f} m, "
+                + _circumstances(run, rows)
+            )
 
     note_rows("collision", trip.gap_m <= 0.0)
     horizon = Horizon.parse(inputs.spec.horizon)
@@ -156,7 +162,10 @@ def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgemen
     energy_j = np.concatenate(([0.0], trip.compressor_power_w[1:] * trip.intervals_s)) * cold
     amounts["cold_compressor"] = 1e-3 * float(energy_j.sum())
     if amounts["cold_compressor"] > COLD_COMPRESSOR_KJ:
-        causes["cold_compressor"] = _circumstances(run, energy_j > 1.0)
+        running = energy_j > 1.0
+        causes["cold_compressor"] = (
+            f"up to {trip.compressor_power_w[running].max():.0f} W, " + _circumstances(run, running)
+        )
 
     if warm_twin is not None:
         here_j, there_j = (one.metrics.energy.traction_j for one in (run, warm_twin))
@@ -217,13 +226,11 @@ def _fallbacks(run: Run) -> Counter[Fallback]:
 
 
 def _circumstances(run: Run, rows: BoolArray) -> str:
-    """Return when rows begin, how near the leader was, how warm the cells were, and how they were decided."""
+    """Return when rows begin, how warm the cells were in them, and how they were decided."""
     trip = run.trajectory
-    margin_m = trip.gap_m[rows]
     warmest_k = np.maximum(trip.cell_1_temperature_k, trip.cell_n_temperature_k)[rows]
     parts = [
         f"from {trip.time_s[rows][0]:g} s",
-        f"gap down to {margin_m.min():.1f} m",
         f"cells at {warmest_k.min() - CELSIUS_ZERO_K:.0f} to {warmest_k.max() - CELSIUS_ZERO_K:.0f} °C",
     ]
     if run.decisions is not None:
