@@ -118,7 +118,7 @@ def _run(options: argparse.Namespace, console: Console) -> int:
 
 @contextmanager
 def _compiling_into(folder: Path) -> Iterator[None]:
-    """Keep machine code beside the results: hardly any car occurs twice, the user's cache is no place for it."""
+    """Keep machine code beside the results, out of the user's cache: hardly any car occurs twice."""
     chosen = os.environ.get(CACHE_VARIABLE)
     os.environ[CACHE_VARIABLE] = chosen or str(folder.absolute())
     try:
