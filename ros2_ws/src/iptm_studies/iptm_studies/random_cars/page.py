@@ -141,7 +141,7 @@ def _draw_table() -> str:
 
 def _draw_text(draw: Draw, unit: str) -> str:
     if isinstance(draw, Uniform):
-        return f"{draw.low:g} to {draw.high:g} {unit}".strip()
+        return f"{draw.low:g} to {draw.high:g} {unit}".removesuffix(" 1").strip()
     first, *others = (f"{value}" for value in draw.values)
     share = f"{first} ({100.0 * draw.first:.0f} %)"
     return ", ".join((share, *others)) if others else first
