@@ -138,7 +138,8 @@ def _steps(values: FloatArray) -> FloatArray:
 def _halts(run: Trajectory) -> NDArray[np.bool_]:
     """Return the rows in which braking has ended at standstill, shape (n,)."""
     braked = np.concatenate(([False], run.acceleration_m_s2[:-1] < 0.0))
-    return braked & (run.speed_m_s == 0.0) & (run.acceleration_m_s2 == 0.0)
+    halts: NDArray[np.bool_] = braked & (run.speed_m_s == 0.0) & (run.acceleration_m_s2 == 0.0)
+    return halts
 
 
 def _outside(values: FloatArray, lower: float, upper: float) -> FloatArray:
