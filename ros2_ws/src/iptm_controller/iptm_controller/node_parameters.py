@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from iptm_controller.controller import Controller, ControllerOptions
@@ -46,6 +47,14 @@ class ControllerNodeParameters(
         0.0,
         60000.0,
     )
+    trip_duration_s: float = parameter(
+        0.0,
+        "trip time at which the trip ends, as navigation tells; 0 where it is not known. The cost to go "
+        "counts no later aging",
+        "s",
+        0.0,
+        1e7,
+    )
     max_preview_age_s: float = parameter(
         10.0,
         "older previews are not used; the leader is then taken to keep its speed",
@@ -86,6 +95,7 @@ class ControllerNodeParameters(
             ladder=LadderOptions(self.shifted_plan_ticks, self.safe_law_ticks),
             max_preview_age_s=self.max_preview_age_s,
             tick_s=self.period_s,
+            trip_duration_s=self.trip_duration_s or math.inf,
         )
         return Controller(self.model().values, options)
 
