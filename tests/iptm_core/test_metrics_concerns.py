@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from iptm_core.metrics import Concern, compute_metrics, figure_values
-from iptm_core.metrics.concerns import FutileCooling, Streak, largest_useful_power_w
-from iptm_core.parameters import available_parameter_sets, load_parameters
+from iptm_core.metrics.concerns import FutileCooling, Streak
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 
@@ -84,14 +81,6 @@ def test_cooling_without_effect(parameters: ModelParameters, limits: dict[str, f
     assert longest(run, parameters, Concern.COOLING) == 0.0
     run = run_of(compressor_power_w=0.5 * power, cell_n_temperature_k=hot)
     assert longest(run, parameters, Concern.COOLING) == 0.0
-
-
-def test_useful_power_ends_where_the_chiller_cools_no_better(parameters: ModelParameters) -> None:
-    chiller = replace(parameters.chiller, xi_1=2.0, xi_2_1_w=-5e-4)
-    assert largest_useful_power_w(replace(parameters, chiller=chiller)) == 2000.0
-    for name in available_parameter_sets():
-        values = load_parameters(name).values
-        assert 0.0 < largest_useful_power_w(values) <= values.limits.max_compressor_power_w
 
 
 def test_a_streak_begins_anew_with_a_new_trip() -> None:

@@ -16,6 +16,7 @@ from iptm_core.metrics.constraints import (
     TEMPERATURE_TOLERANCE_K,
 )
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.physics.ops import Scalar, both, maximum
 from iptm_core.state import LeaderState, VehicleState
@@ -98,19 +99,8 @@ def broken_limits(at: Situation, parameters: ModelParameters) -> dict[Concern, S
 def cooling_at_limit(at: Situation, parameters: ModelParameters) -> Scalar:
     """Return whether the compressor runs near its largest useful power while a cell is too hot."""
     hot = broken_limits(at, parameters)[Concern.HOT_CELL]
-    threshold_w = NEAR_FULL_POWER * largest_useful_power_w(parameters)
-    return both(hot, at.compressor_power_w >= threshold_w)
-
-
-def largest_useful_power_w(parameters: ModelParameters) -> float:
-    """Return the compressor power beyond which the chiller cools no better, in W.
-
-    The fitted map is a parabola in the power; past its vertex more power cools less.
-    """
-    chiller, limit_w = parameters.chiller, parameters.limits.max_compressor_power_w
-    if chiller.xi_2_1_w >= 0.0 or chiller.xi_1 <= 0.0:
-        return limit_w
-    return min(limit_w, -0.5 * chiller.xi_1 / chiller.xi_2_1_w)
+    useful_w = largest_useful_power_w(parameters.chiller, parameters.limits)
+    return both(hot, at.compressor_power_w >= NEAR_FULL_POWER * useful_w)
 
 
 class Streak:

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_core.metrics.concerns import largest_useful_power_w
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.routes import Route
 from iptm_core.state import Command, FloatArray
@@ -113,7 +113,7 @@ def fully_cooled_k(
         Temperatures in K, shape (n,).
     """
     plant = Plant(parameters, route.slope.slope_at, plant_step_s)
-    highest_w = largest_useful_power_w(parameters)
+    highest_w = largest_useful_power_w(parameters.chiller, parameters.limits)
     mean_accelerations = np.diff(run.speed_m_s) / run.intervals_s
     state = plant.initial_state()
     warmest = [max(state.cell_1_temperature_k, state.cell_n_temperature_k)]
