@@ -17,11 +17,11 @@ from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
-LONGEST_CHANGE_S = 5.0
+LONGEST_CHANGE_S = 2.5
 SLOPE_DIFFERENCE_M = 25.0
 COLD_COMPRESSOR_PRICE_1_KW = 100.0
 """Cost per kilowatt and second of a compressor that runs although the cells are at their lower limit."""
-COLD_MARGIN_K = 0.3
+COLD_MARGIN_K = 0.1
 """The price is full at the lower limit and zero by so much above it."""
 
 

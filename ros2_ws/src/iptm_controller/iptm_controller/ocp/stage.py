@@ -53,7 +53,7 @@ class PenaltyWeights:
     """
 
     gap_short_1_m: float = 1e4
-    gap_long_1_m: float = 500.0
+    gap_long_1_m: float = 20.0
     speed_1_m_s: float = 2000.0
     temperature_1_k: float = 200.0
 
