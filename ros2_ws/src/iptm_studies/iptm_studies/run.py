@@ -66,9 +66,9 @@ class Run:
         trajectory: what happened.
         decisions: how the decisions came about; None for a whole trip.
         whole_trip: how a whole trip was solved; None for a closed loop.
+        record: where the result comes from.
         channel: what all cells of a coolant channel went through; None where the plant has but two, and
             for a whole trip.
-        record: where the result comes from.
     """
 
     key: str
@@ -77,8 +77,8 @@ class Run:
     trajectory: Trajectory
     decisions: DecisionSeries | None
     whole_trip: WholeTripRecord | None
-    channel: ChannelRecord | None
     record: RunRecord
+    channel: ChannelRecord | None = None
 
     @property
     def ticks(self) -> int:
