@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.state import FloatArray
 from iptm_reproduction.plots.style import LINE, STRATEGY_COLOURS, labelled, new_figure, plot
 from iptm_reproduction.runs import Results, channel_controllers, channel_run, controller_name
 
@@ -23,32 +28,28 @@ def full_channel(results: Results) -> Figure:
     figure, (left, right) = new_figure(3.6, 1, 2)
     record = results[_PROPOSED].channel
     if record is not None:
-        shades = np.linspace(0.15, 0.85, len(record.profile_times_s))
-        for time_s, profile, shade in zip(
-            record.profile_times_s, record.profiles_k, shades, strict=True
+        colours = colormaps["viridis"](np.linspace(0.0, 0.9, len(record.profile_times_s)))
+        for time_s, profile_k, colour in zip(
+            record.profile_times_s, record.profiles_k, colours, strict=True
         ):
-            colour = (0.1 + 0.8 * shade, 0.25, 0.9 - 0.75 * shade)
-            numbers = np.arange(1, len(profile) + 1)
-            left.plot(
-                numbers,
-                np.array(profile) - CELSIUS_ZERO_K,
-                color=colour,
-                linewidth=LINE,
-                label=f"{time_s:.0f} s",
-            )
-            ends = np.array([profile[0], profile[-1]]) - CELSIUS_ZERO_K
-            left.plot(numbers[[0, -1]], ends, color=colour, linewidth=0.8, linestyle="--")
+            profile_c = np.array(profile_k) - CELSIUS_ZERO_K
+            _along_channel(left, profile_c, colour, f"{time_s:.0f} s")
     for controller in channel_controllers(results):
         found = results[channel_run(controller)].channel
-        if found is None:
-            continue
-        losses = 1e5 * np.array(found.capacity_losses)
-        numbers = np.arange(1, losses.size + 1)
-        colour = STRATEGY_COLOURS["reference" if controller == "reference" else "aging"]
-        right.plot(numbers, losses, color=colour, linewidth=LINE, label=controller_name(controller))
-        right.plot(numbers[[0, -1]], losses[[0, -1]], color=colour, linewidth=0.8, linestyle="--")
+        if found is not None:
+            colour = STRATEGY_COLOURS["reference" if controller == "reference" else "aging"]
+            losses = 1e5 * np.array(found.capacity_losses)
+            _along_channel(right, losses, colour, controller_name(controller))
     labelled(left, "cell, from the inlet", "temperature [°C]", "temperature")
     labelled(right, "cell, from the inlet", "capacity loss [10⁻⁵]", "degradation")
     for panel in (left, right):
         panel.legend(fontsize=7.5, frameon=False)
     return figure
+
+
+def _along_channel(panel: Axes, values: FloatArray, colour: Any, name: str) -> None:
+    """Draw a quantity of every cell, and the straight line between the first and the last."""
+    numbers = np.arange(1, values.size + 1)
+    panel.plot(numbers, values, color=colour, linewidth=LINE, label=name)
+    ends = [0, -1]
+    panel.plot(numbers[ends], values[ends], color=colour, linewidth=0.8, linestyle="--")
