@@ -55,6 +55,13 @@ class ChannelCells:
     temperatures_k: FloatArray = field(repr=False)
     capacity_losses: FloatArray = field(repr=False)
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ChannelCells) and all(
+            np.array_equal(values, getattr(other, name)) for name, values in vars(self).items()
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # arrays have none either
+
     @classmethod
     def between(cls, state: VehicleState, count: int) -> ChannelCells:
         """Return cells that lie evenly between the first and the last cell of a state."""

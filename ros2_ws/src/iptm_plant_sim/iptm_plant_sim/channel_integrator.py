@@ -33,7 +33,7 @@ from iptm_plant_sim.motion import Motion
 SUB_STEPS_PER_CELL_STEP = 20
 """One second at the default integration step, a hundredth of the time constant of a cell."""
 
-_SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
+_SIMPSON = ca.DM([1.0, 4.0, 1.0]) / 6.0
 _QUADRATURES = 6
 
 
@@ -111,7 +111,7 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
     channel = FullChannel.of(cooling, pack)
     count = channel.cells
     arguments = ca.SX.sym("arguments", 2 * count + 2 + 7 * n)
-    temperatures, losses, compressor, lengths, accelerations, slopes, speeds = ca.vertsplit(
+    before, losses_before, compressor, lengths, accelerations, slopes, speeds = ca.vertsplit(
         arguments, np.cumsum([0, count, count, 1, n, n, 2 * n + 1, 3 * n]).tolist()
     )
     instants = [(step, stage) for step in range(n) for stage in range(3)]
@@ -125,58 +125,54 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
         traction, compressor, cooling.auxiliary_power_w, pack, parameters.powertrain
     )
     chiller = chiller_line(compressor, speeds, parameters.chiller, cooling, parameters.environment)
-    weights = ca.vec(_SIMPSON @ lengths.T)
+    weights = ca.vec(ca.mtimes(_SIMPSON, lengths.T))
     length = ca.sum1(lengths)
     # An interval of no length, where only the end counts, has means all the same.
     shares = ca.if_else(length > 0.0, weights / length, 1.0 / (3 * n))
 
-    def resistances_at(temperatures: Scalar, losses: Scalar) -> Scalar:
-        return cell_resistance_ohm(temperatures, losses, cell)
+    def pack_currents(at: Scalar, aged: Scalar, power: Scalar) -> Scalar:
+        resistance = ca.sum1(cell_resistance_ohm(at, aged, cell)) / count
+        mean = ca.sum1(at) / count
+        return pack_current_a(power, pack_resistance_ohm(resistance, pack), mean, cell, pack)
 
-    def currents_at(temperatures: Scalar, losses: Scalar, power: Scalar) -> Scalar:
-        resistance = ca.sum1(resistances_at(temperatures, losses)) / count
-        return pack_current_a(
-            power,
-            pack_resistance_ohm(resistance, pack),
-            ca.sum1(temperatures) / count,
-            cell,
-            pack,
-        )
-
-    def loop_at(temperatures: Scalar) -> CoolantLoop:
-        equivalent = channel.equivalent_cell_k(temperatures)
+    def coolant_loop(at: Scalar) -> CoolantLoop:
+        equivalent = channel.equivalent_cell_k(at)
         return solve_coolant_loop(equivalent, equivalent, chiller, channel.outlet, cooling)
 
-    def means_at(temperatures: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    def means(at: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
         """Pack currents at the instants; means of heat, temperature rates and cooling rate over them."""
-        currents = currents_at(temperatures, losses, battery)
-        mean, square = ca.dot(shares, currents), ca.dot(shares, currents * currents)
+        pack_current = pack_currents(at, losses_before, battery)
+        current = cell_current_a(pack_current, pack)
         heat = mean_cell_heat_w(
-            cell_current_a(mean, pack),
-            cell_current_a(cell_current_a(square, pack), pack),
-            resistances_at(temperatures, losses),
-            temperatures,
+            ca.dot(shares, current),
+            ca.dot(shares, current * current),
+            cell_resistance_ohm(at, losses_before, cell),
+            at,
             cell,
         )
-        loop = loop_at(temperatures)
+        loop = coolant_loop(at)
         # The coolant is linear in the cooling rate, and so may be averaged over the instants.
-        coolant = channel.coolant_k(ca.dot(shares, loop.inlet_k), temperatures)[:-1]
-        rates = cell_temperature_rate_k_s(heat, temperatures, ca.vertcat(*coolant), cell, cooling)
-        return currents, heat, rates, ca.dot(shares, loop.cooling_rate_w)
+        coolant = channel.coolant_k(ca.dot(shares, loop.inlet_k), at)[:-1]
+        rates = cell_temperature_rate_k_s(heat, at, ca.vertcat(*coolant), cell, cooling)
+        return pack_current, heat, rates, ca.dot(shares, loop.cooling_rate_w)
 
-    middle = temperatures + 0.5 * length * means_at(temperatures)[2]
-    currents, heat, rates, cooling_rate = means_at(middle)
+    middle = before + 0.5 * length * means(before)[2]
+    currents, heat, rates, cooling_rate = means(middle)
     # The aging rate is not linear in the current: every cell at the middle of every sub-step.
     lost = sum(
         lengths[step]
         * capacity_loss_rate_1_s(
-            cell_current_a(currents[3 * step + 1], pack), middle, losses, parameters.aging, cell
+            cell_current_a(currents[3 * step + 1], pack),
+            middle,
+            losses_before,
+            parameters.aging,
+            cell,
         )
         for step in range(n)
     )
-    temperatures, losses = temperatures + length * rates, losses + lost
-    current = currents_at(temperatures, losses, battery[-1])
-    loop = loop_at(temperatures)
+    temperatures, losses = before + length * rates, losses_before + lost
+    current = pack_currents(temperatures, losses, battery[-1])
+    loop = coolant_loop(temperatures)
     voltages = cell_voltage_v(cell_current_a(current, pack), temperatures, losses, parameters)
     results = [
         temperatures,
