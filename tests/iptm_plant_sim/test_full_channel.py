@@ -171,7 +171,6 @@ def test_equal_heat_settles_on_a_line() -> None:
     warmed = exchange_ratio(parameters.cooling, parameters.pack) * cell_heat
     expected = (cells_k.size - 1) * warmed / parameters.cooling.convective_coefficient_w_k
     assert cells_k[-1] - cells_k[0] == pytest.approx(expected, rel=1e-4)
-    assert 290.0 < cells_k[0] < 310.0
 
 
 def rates_of_all_cells(

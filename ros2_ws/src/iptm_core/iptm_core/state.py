@@ -66,8 +66,13 @@ class ChannelCells:
     def between(cls, state: VehicleState, count: int) -> ChannelCells:
         """Return cells that lie evenly between the first and the last cell of a state."""
         return cls(
-            np.linspace(state.cell_1_temperature_k, state.cell_n_temperature_k, count),
-            np.linspace(state.cell_1_capacity_loss, state.cell_n_capacity_loss, count),
+            *(
+                np.linspace(first, last, count, dtype=np.float64)
+                for first, last in (
+                    (state.cell_1_temperature_k, state.cell_n_temperature_k),
+                    (state.cell_1_capacity_loss, state.cell_n_capacity_loss),
+                )
+            )
         )
 
 

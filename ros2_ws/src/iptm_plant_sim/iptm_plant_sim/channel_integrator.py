@@ -10,6 +10,7 @@ As for two cells, a step is unrolled once into an expression graph of the functi
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import casadi as ca
@@ -62,8 +63,9 @@ class ChannelIntegrator:
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
         """
         both = 2 * self._cells
-        state = np.concatenate((cells.temperatures_k, cells.capacity_losses))
-        quadratures, end = np.zeros(_QUADRATURES), np.empty(0)
+        state: FloatArray = np.concatenate((cells.temperatures_k, cells.capacity_losses))
+        quadratures: FloatArray = np.zeros(_QUADRATURES)
+        end: FloatArray = np.empty(0)
         for first in range(0, motion.lengths_s.size, SUB_STEPS_PER_CELL_STEP):
             cut = slice(first, first + SUB_STEPS_PER_CELL_STEP)
             lengths_s = motion.lengths_s[cut]
@@ -84,14 +86,11 @@ class ChannelIntegrator:
             quadratures += values[both : both + _QUADRATURES]
             end = values[both + _QUADRATURES :]
         temperatures, losses = state[: self._cells], state[self._cells :]
-        return IntervalResult(
-            CellPair(
-                *(float(values[place]) for values in (temperatures, losses) for place in (0, -1))
-            ),
-            *quadratures.tolist(),
-            *end.tolist(),
-            channel=ChannelCells(temperatures, losses),
+        ends = CellPair(
+            *(float(values[place]) for values in (temperatures, losses) for place in (0, -1))
         )
+        result = IntervalResult(ends, *quadratures.tolist(), *end.tolist())
+        return replace(result, channel=ChannelCells(temperatures, losses))
 
     def _step(self, sub_steps: int) -> PackedFunction:
         if sub_steps not in self._steps:
@@ -126,14 +125,16 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
     )
     chiller = chiller_line(compressor, speeds, parameters.chiller, cooling, parameters.environment)
     weights = ca.vec(ca.mtimes(_SIMPSON, lengths.T))
-    length = ca.sum1(lengths)
+    length = ca.dot(ca.DM.ones(n), lengths)
     # An interval of no length, where only the end counts, has means all the same.
     shares = ca.if_else(length > 0.0, weights / length, 1.0 / (3 * n))
 
+    def mean_of(cells: Scalar) -> Scalar:
+        return ca.dot(ca.DM.ones(count), cells) / count
+
     def pack_currents(at: Scalar, aged: Scalar, power: Scalar) -> Scalar:
-        resistance = ca.sum1(cell_resistance_ohm(at, aged, cell)) / count
-        mean = ca.sum1(at) / count
-        return pack_current_a(power, pack_resistance_ohm(resistance, pack), mean, cell, pack)
+        resistance = pack_resistance_ohm(mean_of(cell_resistance_ohm(at, aged, cell)), pack)
+        return pack_current_a(power, resistance, mean_of(at), cell, pack)
 
     def coolant_loop(at: Scalar) -> CoolantLoop:
         equivalent = channel.equivalent_cell_k(at)
@@ -181,7 +182,7 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
         ca.dot(weights, traction - maximum(traction, 0.0)),
         ca.dot(weights, battery),
         length * cooling_rate,
-        length * ca.sum1(heat) / count * (pack.cells_in_series * pack.parallel),
+        length * mean_of(heat) * (pack.cells_in_series * pack.parallel),
         ca.dot(weights, currents),
         current,
         cell_current_a(current, pack),
@@ -189,6 +190,6 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
         loop.outlet_k[-1],
         voltages[0],
         voltages[-1],
-        ca.sum1(voltages) / count * pack.cells_in_series,
+        mean_of(voltages) * pack.cells_in_series,
     ]
     return ca.Function("channel_step", [arguments], [ca.vertcat(*results)], {"cse": True})
