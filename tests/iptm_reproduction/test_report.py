@@ -261,11 +261,11 @@ def test_strategy_table_gives_found_and_printed(full: Document) -> None:
 def test_the_channel_table_says_where_the_hottest_cell_is(full: Document) -> None:
     table = tables(full)["channel"]
     rows = {row[0].text: [cell.text for cell in row[1:]] for row in table.rows}
-    assert table.head[1:] == ("Reference", "Aging, MH 3+5")
-    assert rows["hottest cell of the trip [°C]"] == ["39.35 (cell 9, 50 s)"] * 2
-    assert rows["line against every cell, RMS / largest [K]"] == ["0.250 / 1.500"] * 2
+    assert table.head[1:] == ("Reference", "Aging, MH 3+5", "Aging and cost to go, MH 3+5")
+    assert rows["hottest cell of the trip [°C]"] == ["39.35 (cell 9, 50 s)"] * 3
+    assert rows["line against every cell, RMS / largest [K]"] == ["0.250 / 1.500"] * 3
     saving = tables(full)["channel-saving"]
-    assert [row[0].text for row in saving.rows] == ["two cells"] * 2 + ["full channel"] * 2
+    assert [row[0].text for row in saving.rows] == ["two cells"] * 3 + ["full channel"] * 3
     assert saving.rows[0][-1].text == "–"
     assert re.fullmatch(r"[+-][\d.]+ %", saving.rows[-1][-1].text)
 

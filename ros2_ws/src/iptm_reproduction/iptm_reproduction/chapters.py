@@ -298,7 +298,7 @@ CHAPTERS = (
                 "channel-saving",
                 "The saving with two cells and with the full channel",
                 channel_tables.saving_table,
-                (channel_run("reference"), channel_run("multi_horizon")),
+                (channel_run("reference"),),
             ),
             table(
                 "channel",

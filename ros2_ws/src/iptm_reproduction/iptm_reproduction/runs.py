@@ -64,6 +64,10 @@ SHORT_STEP_COUNTS = (3, 5)
 LONG_STEP_COUNTS = (5, 10, 12, 15, 20)
 
 _MOST_NAMES = 6
+_MULTI_HORIZON_NAMES = {
+    "multi_horizon": "Aging, MH 3+5",
+    "multi_horizon_cost_to_go": "Aging and cost to go, MH 3+5",
+}
 
 
 def weighted(*strategies: str) -> tuple[str, ...]:
@@ -118,7 +122,7 @@ def names_of(addresses: Sequence[str]) -> str:
 
 def controller_name(part: str) -> str:
     """Return a strategy, or a strategy with a horizon, in words."""
-    return "Aging, MH 3+5" if part == "multi_horizon" else STRATEGY_NAMES.get(part, part)
+    return _MULTI_HORIZON_NAMES.get(part, STRATEGY_NAMES.get(part, part))
 
 
 def words(part: str) -> str:

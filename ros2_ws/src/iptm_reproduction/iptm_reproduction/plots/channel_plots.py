@@ -11,22 +11,30 @@ from matplotlib.figure import Figure
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
-from iptm_reproduction.plots.style import LINE, STRATEGY_COLOURS, labelled, new_figure, plot
+from iptm_reproduction.plots.style import (
+    LINE,
+    SERIES_COLOURS,
+    STRATEGY_COLOURS,
+    labelled,
+    new_figure,
+    plot,
+)
 from iptm_reproduction.runs import Results, channel_controllers, channel_run, controller_name
 
-_PROPOSED = channel_run("multi_horizon")
+_SHOWN = "multi_horizon_cost_to_go"
+_COLOURS = (STRATEGY_COLOURS["reference"], *SERIES_COLOURS[2:])
 
 
 @plot(
     "Every cell of the channel",
-    "Left: temperatures along the channel under the multi-horizon controller at some instants; right: "
+    "Left: temperatures along the channel at some instants, under the aging strategy with cost to go; right: "
     "degradation of every cell over the trip. Dashed: the straight line through cells 1 and N.",
-    needs=(channel_run("reference"), _PROPOSED),
+    needs=(channel_run("reference"), channel_run(_SHOWN)),
 )
 def full_channel(results: Results) -> Figure:
     """Draw temperatures along the channel at some instants, and the degradation of every cell."""
     figure, (left, right) = new_figure(3.6, 1, 2)
-    record = results[_PROPOSED].channel
+    record = results[channel_run(_SHOWN)].channel
     if record is not None:
         colours = colormaps["viridis"](np.linspace(0.0, 0.9, len(record.profile_times_s)))
         for time_s, profile_k, colour in zip(
@@ -34,10 +42,9 @@ def full_channel(results: Results) -> Figure:
         ):
             profile_c = np.array(profile_k) - CELSIUS_ZERO_K
             _along_channel(left, profile_c, colour, f"{time_s:.0f} s")
-    for controller in channel_controllers(results):
+    for controller, colour in zip(channel_controllers(results), _COLOURS, strict=False):
         found = results[channel_run(controller)].channel
         if found is not None:
-            colour = STRATEGY_COLOURS["reference" if controller == "reference" else "aging"]
             losses = 1e5 * np.array(found.capacity_losses)
             _along_channel(right, losses, colour, controller_name(controller))
     labelled(left, "cell, from the inlet", "temperature [°C]", "temperature")
