@@ -113,8 +113,8 @@ def strategies_page() -> str:
         f"| {status.value} | {status.name} | {text} |\n" for status, text in STATUS_TEXT.items()
     ]
     return (
-        f"# Strategies and outcomes\n\n{NOTICE}Weights of the cost terms; zero leaves a term out. The default "
-        f"is `{DEFAULT_STRATEGY}`. Its [cost to go]({COST_TO_GO}) "
+        f"# Strategies and outcomes\n\n{NOTICE}Weights of the cost terms; zero leaves a term out. The "
+        f"default is `{DEFAULT_STRATEGY}`. Its [cost to go]({COST_TO_GO}) "
         "prices the cell temperatures at the end of the horizon and has no weight.\n\n"
         "| strategy | Q of J1, 1/(m/s)^2 | R of J2, 1/K^2 | lambda_P of J3, 1/J "
         "| lambda_Q of J4 | cost to go |\n"
