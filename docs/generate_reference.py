@@ -15,7 +15,7 @@ from iptm_bringup.composition import parameter_file_text
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.solvers.interface import STATUS_TEXT
-from iptm_controller.strategy import STRATEGIES
+from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
@@ -25,6 +25,7 @@ from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"
+COST_TO_GO = "../explanation/optimal-control.md#the-cost-to-go-what-a-kelvin-is-worth"
 NOTICE = "<!-- Made by scripts/update_docs from the code; do not edit. -->\n\n"
 
 
@@ -102,19 +103,22 @@ def node_file(node: str) -> str:
 
 
 def strategies_page() -> str:
-    """The six strategies and the solver outcomes."""
+    """The strategies and the solver outcomes."""
     rows = [
         f"| `{s.name}` | {s.speed_weight:g} | {s.temperature_weight:g} | {s.energy_weight_1_j:g} "
-        f"| {s.aging_weight:g} |\n"
+        f"| {s.aging_weight:g} | {'yes' if s.cost_to_go else 'no'} |\n"
         for s in STRATEGIES.values()
     ]
     outcomes = [
         f"| {status.value} | {status.name} | {text} |\n" for status, text in STATUS_TEXT.items()
     ]
     return (
-        f"# Strategies and outcomes\n\n{NOTICE}Weights of the cost terms; zero leaves a term out.\n\n"
-        "| strategy | Q of J1, 1/(m/s)^2 | R of J2, 1/K^2 | lambda_P of J3, 1/J | lambda_Q of J4 |\n"
-        "|---|---|---|---|---|\n" + "".join(rows) + "\n## Outcomes of a solve\n\n"
+        f"# Strategies and outcomes\n\n{NOTICE}Weights of the cost terms; zero leaves a term out. The "
+        f"default is `{DEFAULT_STRATEGY}`. Its [cost to go]({COST_TO_GO}) "
+        "prices the cell temperatures at the end of the horizon and has no weight.\n\n"
+        "| strategy | Q of J1, 1/(m/s)^2 | R of J2, 1/K^2 | lambda_P of J3, 1/J "
+        "| lambda_Q of J4 | cost to go |\n"
+        "|---|---|---|---|---|---|\n" + "".join(rows) + "\n## Outcomes of a solve\n\n"
         "| code | status | meaning |\n|---|---|---|\n" + "".join(outcomes)
     )
 

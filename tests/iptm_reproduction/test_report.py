@@ -27,6 +27,7 @@ from iptm_reproduction.report import (
     spaced,
     write_report,
 )
+from iptm_reproduction.tables import SAVING
 from iptm_studies.campaign import Campaign, plan_campaign
 from iptm_studies.channel_record import CellError, ChannelRecord, HottestCell
 from iptm_studies.execution import survey
@@ -36,9 +37,9 @@ from iptm_studies.run_spec import RunKind
 from iptm_studies.store import ResultStore
 from iptm_studies.study import ShortTrip
 from iptm_studies.study_loading import available_studies
-from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
+from iptm_studies.whole_trip import TemperatureCostates, WholeTripRecord, WholeTripSolve
 
-PICTURES = 21
+PICTURES = 22
 TRIP = ShortTrip(duration_s=200.0)
 
 
@@ -79,7 +80,10 @@ def made_run(inputs: RunInputs) -> Run:
         "time_s": times,
         "solve_time_s": 1e-3 * (1.0 + rng.random(times.size)),
         "iterations": np.full(times.size, 5),
+        "cell_1_price_1_k": np.full(times.size, 1.5),
+        "cell_n_price_1_k": np.full(times.size, 4.5),
     }
+    costates = TemperatureCostates((100.0, 200.0), (2.0, 0.0), (6.0, 0.0))
     solves = (
         WholeTripSolve("solved", 100, 20.0, 1.5, 1e-6, 30.0),
         WholeTripSolve("solved", 20, 4.0, 1.4, 1e-7, None),
@@ -90,7 +94,7 @@ def made_run(inputs: RunInputs) -> Run:
         parameters=inputs.parameters,
         trajectory=made_trip(inputs, rng),
         decisions=None if whole else DecisionSeries.from_arrays(columns),
-        whole_trip=WholeTripRecord(True, solves, 0.0, 0.0, 0.0) if whole else None,
+        whole_trip=WholeTripRecord(True, solves, 0.0, 0.0, 0.0, costates) if whole else None,
         record=RunRecord(
             wall_time_s=2.5,
             compiled=True,
@@ -268,6 +272,25 @@ def test_the_channel_table_says_where_the_hottest_cell_is(full: Document) -> Non
     assert [row[0].text for row in saving.rows] == ["two cells"] * 3 + ["full channel"] * 3
     assert saving.rows[0][-1].text == "–"
     assert re.fullmatch(r"[+-][\d.]+ %", saving.rows[-1][-1].text)
+
+
+def test_the_cost_to_go_stands_beside_the_reference_and_the_whole_trip(full: Document) -> None:
+    found = tables(full)
+    share = found["cost-to-go"].head.index(SAVING)
+    rows = {(row[0].text, row[1].text): row for row in found["cost-to-go"].rows}
+    with_it = "Aging and cost to go, MH 3+5"
+    assert {preview for name, preview in rows if name == with_it} == {
+        "perfect",
+        "15 s",
+        "8 s",
+        "noise",
+        "none",
+    }
+    assert rows["Reference", "perfect"][share].text == "0.0 %"
+    assert rows["whole-trip optimum", "whole trip"][share].text == "100.0 %"
+    assert re.fullmatch(r"-?[\d.]+ %", rows[with_it, "none"][share].text)
+    others = [row[0].text for row in found["cost-to-go-trips"].rows]
+    assert others == [name for name in ("wltc class3b", "us06", "udds", "hwfet") for _ in range(3)]
 
 
 def test_verdict_table_counts_every_statement(full: Document) -> None:

@@ -9,6 +9,9 @@ from iptm_studies.study_loading import available_studies, load_study
 CONVENTIONAL = ("reference_energy", "reference_aging", "reference_energy_aging")
 
 
+OTHER_TRIPS = {"cost_to_go": ("wltc_class3b", "us06", "udds", "hwfet")}
+
+
 def horizons(study: str) -> set[str]:
     return {case.spec.horizon for case in load_study(study).cases}
 
@@ -19,7 +22,10 @@ def test_every_study_says_what_it_shows(name: str) -> None:
     assert study.title
     assert len(study.about.split()) > 8
     assert study.cases
-    assert {case.spec.cycle for case in study.cases} == {"comprehensive"}
+    assert {case.spec.cycle for case in study.cases} == {
+        "comprehensive",
+        *OTHER_TRIPS.get(name, ()),
+    }
     assert {case.spec.duration_s for case in study.cases} == {None}
 
 
@@ -97,11 +103,25 @@ def test_fine_twins_have_the_length_of_their_long_steps() -> None:
         assert Horizon.parse(case.spec.horizon).duration_s == case.labels["horizon_s"]
 
 
-def test_previews_reach_to_the_end_of_every_horizon() -> None:
+def test_previews_reach_to_the_end_of_every_horizon_unless_they_are_meant_to_be_short() -> None:
+    short = set()
     for name in available_studies():
         for case in load_study(name).cases:
             reach_s = case.spec.bridge_settings().preview_length_s
-            assert reach_s >= Horizon.parse(case.spec.horizon).duration_s
+            if reach_s < Horizon.parse(case.spec.horizon).duration_s:
+                short.add((name, case.labels["preview"]))
+    assert short == {("cost_to_go", "15_s"), ("cost_to_go", "8_s"), ("cost_to_go", "28_s")}
+
+
+def test_the_cost_to_go_changes_nothing_but_itself() -> None:
+    specs = {case.name: case.spec for case in load_study("cost_to_go").cases}
+    for trip in ("comprehensive", *OTHER_TRIPS["cost_to_go"]):
+        with_it = specs[f"{trip}/multi_horizon_cost_to_go/perfect"]
+        without = specs[f"{trip}/multi_horizon/perfect"]
+        assert with_it.strategy.cost_to_go
+        assert not without.strategy.cost_to_go
+        assert with_it.cycle == without.cycle == trip
+        assert with_it.with_strategy(without.strategy) == without
 
 
 def test_all_of_it_can_be_planned_and_shares_its_runs() -> None:

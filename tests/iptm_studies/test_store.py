@@ -16,7 +16,7 @@ from iptm_studies import store as store_module
 from iptm_studies.run import Run
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.store import ResultStore, default_store_folder
-from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
+from iptm_studies.whole_trip import TemperatureCostates, WholeTripRecord, WholeTripSolve
 
 MakeRun = Callable[..., Run]
 
@@ -52,7 +52,8 @@ def test_a_run_comes_back_bit_by_bit(store: ResultStore, run: Run) -> None:
 
 def test_a_whole_trip_has_no_log(store: ResultStore, run: Run) -> None:
     solve = WholeTripSolve("numerical_error", 3, 1.5, None, 0.25, 12.0)
-    record = WholeTripRecord(False, (solve, solve), 0.0, 0.5, 0.0)
+    costates = TemperatureCostates((9.0, 19.0), (1.5, 0.0), (4.5, 0.0))
+    record = WholeTripRecord(False, (solve, solve), 0.0, 0.5, 0.0, costates)
     whole = replace(run, decisions=None, whole_trip=record)
     store.save(whole)
     found = store.load(run.key)

@@ -19,7 +19,8 @@ class ControllerSettings(Settings):
 
     strategy: str = parameter(DEFAULT_STRATEGY, "cost terms and weights", choices=tuple(STRATEGIES))
     horizon: str = parameter(
-        str(MULTI_HORIZON), "prediction grid, <steps>x<seconds> parts joined by +"
+        str(MULTI_HORIZON),
+        "prediction grid, <steps>x<seconds> parts joined by +, thermal ones with a t behind",
     )
     solver: str = parameter(_SOLVER.name, "solver back end", choices=SOLVER_NAMES)
 

@@ -30,6 +30,7 @@ from iptm_reproduction.parts import (
 from iptm_reproduction.plots import (
     channel_plots,
     comparison_plots,
+    cost_to_go_plots,
     model_plots,
     power_plots,
     sensitivity_plots,
@@ -48,12 +49,13 @@ from iptm_reproduction.runs import (
     STUDIES,
     WEIGHTED,
     channel_run,
+    cost_to_go_run,
     horizons,
     lengthened,
     sampled,
     weighted,
 )
-from iptm_reproduction.tables import channel_tables
+from iptm_reproduction.tables import channel_tables, cost_to_go_tables
 from iptm_reproduction.tables.analysis_tables import (
     cooling_table,
     discretisation_table,
@@ -260,6 +262,25 @@ CHAPTERS = (
             picture(comparison_plots.saving_shares),
             picture(trip_plots.optimum),
             table("optimum-solves", "Solves of the whole trip", optimum_solve_table, (OPTIMUM,)),
+        ),
+    ),
+    Chapter(
+        "cost-to-go",
+        "Beyond the paper: the cost to go",
+        (
+            table(
+                "cost-to-go",
+                "The saving with a cost to go, by horizon and by what is known of the leader",
+                cost_to_go_tables.saving_table,
+                (cost_to_go_run("reference"),),
+            ),
+            picture(cost_to_go_plots.temperature_price),
+            table(
+                "cost-to-go-trips",
+                "The saving with a cost to go on other trips",
+                cost_to_go_tables.trips_table,
+                any_of=(cost_to_go_run("reference", "wltc_class3b"),),
+            ),
         ),
     ),
     Chapter(

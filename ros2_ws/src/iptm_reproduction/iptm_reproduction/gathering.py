@@ -27,7 +27,8 @@ class Provenance:
 
     Attributes:
         trip: what the runs of the tables drive, in words.
-        whole_cycle: whether that is the whole comprehensive cycle, as in the paper.
+        whole_cycle: whether that is the whole comprehensive cycle, as in the paper; runs that drive another
+            trip say so where they stand.
         runs: number of different runs.
         cases: number of cases that they stand for.
         revisions: number of runs by commit of the source.
@@ -143,6 +144,7 @@ def _run(store: ResultStore, case: _Finished) -> ReportRun:
         load=lambda: store.load(case.key).trajectory,
         whole_trip=store.load(case.key).whole_trip if whole else None,
         channel=store.load(case.key).channel if full_channel else None,
+        load_decisions=lambda: store.load(case.key).decisions,
     )
 
 
@@ -150,9 +152,10 @@ def _provenance(finished: Iterable[_Finished], records: list[RunRecord]) -> Prov
     cases = list(finished)
     names = dict.fromkeys(name for record in records for name in record.versions)
     ends = sorted(record.finished_at_utc for record in records)
+    trip = Counter(case.trip for case in cases).most_common(1)[0][0]
     return Provenance(
-        trip=Counter(case.trip for case in cases).most_common(1)[0][0],
-        whole_cycle=all(case.drives_whole_cycle for case in cases),
+        trip=trip,
+        whole_cycle=all(case.drives_whole_cycle for case in cases if case.trip == trip),
         runs=len(records),
         cases=len(cases),
         revisions=dict(Counter(record.git_revision for record in records)),

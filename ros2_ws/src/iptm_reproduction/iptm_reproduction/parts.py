@@ -131,8 +131,9 @@ def runs_used(material: Material) -> Block:
     """Say how many runs the page rests on, and of which trip."""
     origin = material.provenance
     return Paragraph(
-        f"Every number on this page comes from {origin.runs} stored runs of the trip "
-        f"{origin.trip} ({origin.cases} cases of the studies; equal runs are stored once)."
+        f"Every number on this page comes from {origin.runs} stored runs "
+        f"({origin.cases} cases of the studies; equal runs are stored once). Where no other trip is "
+        f"named, it is {origin.trip}."
     )
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from iptm_controller.strategy import Strategy
+from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics.figures import Figure
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route
@@ -33,6 +34,7 @@ STUDIES = {
     "weighting_scale": "Scale of the weights",
     "whole_trip": "Whole trip as one problem",
     "full_channel": "The full channel",
+    "cost_to_go": "The cost to go",
 }
 """Names of the studies that addresses begin with, and their titles."""
 
@@ -67,6 +69,8 @@ _MOST_NAMES = 6
 _MULTI_HORIZON_NAMES = {
     "multi_horizon": "Aging, MH 3+5",
     "multi_horizon_cost_to_go": "Aging and cost to go, MH 3+5",
+    "long_horizon_cost_to_go": "Aging and cost to go, MH 3+12 and 8 × 15 s",
+    "thermal_phase_cost_to_go": "Aging and cost to go, MH 3+5 and 10 × 30 s thermal",
 }
 
 
@@ -95,6 +99,15 @@ def lengthened(*short_steps: int) -> tuple[str, ...]:
 def channel_run(controller: str, plant: str = "full_channel") -> str:
     """Return the run of a controller on a plant with all cells of a channel, or with two."""
     return f"full_channel/{plant}/{controller}"
+
+
+def cost_to_go_run(
+    controller: str = "multi_horizon_cost_to_go",
+    trip: str = "comprehensive",
+    preview: str = "perfect",
+) -> str:
+    """Return the run of a controller in the study of the cost to go."""
+    return f"cost_to_go/{trip}/{controller}/{preview}"
 
 
 def channel_controllers(results: Results) -> tuple[str, ...]:
@@ -150,6 +163,9 @@ _NAMES: dict[str, Callable[..., str]] = {
     "discretisation": _grid_name,
     "whole_trip": lambda _: "whole-trip optimum",
     "full_channel": lambda plant, name: f"{controller_name(name)}, {words(plant)}",
+    "cost_to_go": lambda trip, name, preview: (
+        f"{controller_name(name)}, {words(trip)}, {words(preview)}"
+    ),
 }
 
 
@@ -166,6 +182,7 @@ class ReportRun:
         load: reads its trajectory; called at most once.
         whole_trip: how a whole trip was solved; None for a closed loop.
         channel: what all cells of a coolant channel went through; None where the plant has but two.
+        load_decisions: reads its decisions, None for a whole trip; called at most once.
     """
 
     address: str
@@ -176,11 +193,19 @@ class ReportRun:
     load: Callable[[], Trajectory] = field(repr=False, compare=False)
     whole_trip: WholeTripRecord | None = None
     channel: ChannelRecord | None = None
+    load_decisions: Callable[[], DecisionSeries | None] = field(
+        default=lambda: None, repr=False, compare=False
+    )
 
     @cached_property
     def trajectory(self) -> Trajectory:
         """The trip, read on first use."""
         return self.load()
+
+    @cached_property
+    def decisions(self) -> DecisionSeries | None:
+        """How its decisions came about, read on first use."""
+        return self.load_decisions()
 
 
 @dataclass(frozen=True)

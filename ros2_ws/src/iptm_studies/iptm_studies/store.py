@@ -31,12 +31,12 @@ from iptm_studies.channel_record import ChannelRecord
 from iptm_studies.run import Run, RunRecord
 from iptm_studies.run_inputs import KEY_LENGTH
 from iptm_studies.run_spec import RunSpec, canonical_json
-from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
+from iptm_studies.whole_trip import WholeTripRecord
 
 LOGGER = logging.getLogger(__name__)
 DEFAULT_FOLDER = "results"
 ROOT_VARIABLE = "IPTM_ROOT"
-FORMAT = 4
+FORMAT = 5
 _METADATA = b"iptm"
 _DIGEST = b"iptm_digest"
 _DECISION_PREFIX = "decision_"
@@ -245,8 +245,7 @@ def _run(content: dict[str, Any], table: pa.Table) -> Run:
             }
         )
     else:
-        solves = tuple(WholeTripSolve(**solve) for solve in whole_trip["solves"])
-        whole_trip = WholeTripRecord(**{**whole_trip, "solves": solves})
+        whole_trip = WholeTripRecord.from_dict(whole_trip)
     return Run(
         key=content["key"],
         spec=RunSpec.from_dict(content["spec"]),

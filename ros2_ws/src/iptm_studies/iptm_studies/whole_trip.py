@@ -9,8 +9,9 @@ on the exact plant, so that the result is measured like every other run.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,8 @@ MAX_SOLVES = 12
 """Solves with renewed slope expansion at most."""
 SETTLED_M = 10.0
 """The expansion is settled when no position moves by more than this."""
+COSTATE_EVERY = 10
+"""Every so many ticks, counted from the end of the trip, the costates are kept."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,21 @@ class WholeTripSolve:
 
 
 @dataclass(frozen=True)
+class TemperatureCostates:
+    """What a kelvin more in a cell costs the rest of a whole trip, at some of its instants.
+
+    Attributes:
+        times_s: the instants, rising up to the end of the trip.
+        cell_1_1_k: costates of the temperature of cell 1, in the unit of the strategy's cost.
+        cell_n_1_k: costates of the temperature of cell N.
+    """
+
+    times_s: tuple[float, ...] = ()
+    cell_1_1_k: tuple[float, ...] = ()
+    cell_n_1_k: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
 class WholeTripRecord:
     """How a whole trip was solved.
 
@@ -78,6 +96,7 @@ class WholeTripRecord:
         gap_slack_m: largest violation of a gap limit in the plan.
         speed_slack_m_s: largest violation of a speed limit in the plan.
         temperature_slack_k: largest violation of a temperature limit in the plan.
+        costates: of both cell temperatures in the last solve; empty if it is not usable.
     """
 
     settled: bool
@@ -85,6 +104,17 @@ class WholeTripRecord:
     gap_slack_m: float
     speed_slack_m_s: float
     temperature_slack_k: float
+    costates: TemperatureCostates
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> WholeTripRecord:
+        """Rebuild a record from plain values, the inverse of ``dataclasses.asdict`` through JSON."""
+        costates = {name: tuple(values) for name, values in content["costates"].items()}
+        parts = {
+            "solves": tuple(WholeTripSolve(**solve) for solve in content["solves"]),
+            "costates": TemperatureCostates(**costates),
+        }
+        return cls(**{**content, **parts})
 
 
 def solve_whole_trip(
@@ -133,7 +163,7 @@ def solve_whole_trip(
     state = plant.initial_state()
     plan = _plan_of(start, horizon)
     solves: list[WholeTripSolve] = []
-    usable = False
+    usable, costates = False, TemperatureCostates()
     for index in range(MAX_SOLVES):
         solver = further if index else first
         expected = sample_positions_m(plan, grid.sample_times_s)
@@ -145,6 +175,7 @@ def solve_whole_trip(
         if on_solve is not None:
             on_solve(solves[-1])
         plan, usable = found, result.status.usable
+        costates = _temperature_costates(result, grid, strategy)
         if usable and moved.max() <= SETTLED_M:
             break
     record = WholeTripRecord(
@@ -153,6 +184,7 @@ def solve_whole_trip(
         gap_slack_m=plan.slacks.gap_m,
         speed_slack_m_s=plan.slacks.speed_m_s,
         temperature_slack_k=plan.slacks.temperature_k,
+        costates=costates,
     )
     return _drive(plan, route, plant, state, tick_s), record
 
@@ -168,6 +200,26 @@ def _solve_record(result: SolveResult, moved_m: float) -> WholeTripSolve:
         objective=finite(result.objective),
         infeasibility=finite(result.infeasibility),
         moved_m=finite(moved_m),
+    )
+
+
+def _temperature_costates(
+    result: SolveResult, grid: ProblemGrid, strategy: Strategy
+) -> TemperatureCostates:
+    """Return costates in the unit of the strategy's own weights, none of a solve that is not usable."""
+    if not result.status.usable:
+        return TemperatureCostates()
+    per_unit = result.costates.reshape(grid.steps, layout.STATES) / layout.STATE_SCALE
+    kept = slice((grid.steps - 1) % COSTATE_EVERY, None, COSTATE_EVERY)
+    return TemperatureCostates(
+        times_s=tuple(grid.horizon.node_times_s[1:][kept].tolist()),
+        **{
+            name: tuple((per_unit[kept, state] / strategy.scale).tolist())
+            for name, state in (
+                ("cell_1_1_k", StateIndex.CELL_1_TEMPERATURE),
+                ("cell_n_1_k", StateIndex.CELL_N_TEMPERATURE),
+            )
+        },
     )
 
 

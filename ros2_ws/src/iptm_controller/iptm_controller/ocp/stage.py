@@ -3,8 +3,8 @@
 Inside a step the acceleration and the compressor power are constant, so position and speed are exact.
 Powers, heat and ageing are integrated by Gauss-Legendre quadrature over the moving speed and slope:
 one sample (the midpoint) for steps up to 1 s, more for long ones. That keeps a 5 s step as accurate as
-five 1 s steps at less than half of their cost. In steps longer than 5 s the gap is looked at in the
-samples, too: a leader can stop and be off again inside of them.
+five 1 s steps at less than half of their cost. In steps beyond ``LONGEST_UNWATCHED_S`` the gap is looked at
+in the samples, too: a leader can stop and be off again inside of them.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class PenaltyWeights:
     """Exact (linear) penalties of the soft limits, cost per unit and second of violation.
 
     They are ordered: no cost of driving or cooling outbids a limit, and no limit one of a higher rank.
-    First the smallest distance to the leader, then the speed, then the largest distance, then
-    temperatures. ``Strategy.scale`` keeps the cost small enough for that, whatever its weights.
+    First the smallest distance to the leader, then the speed, then temperatures, then the largest
+    distance. ``Strategy.scale`` keeps the cost small enough for that, whatever its weights.
     """
 
     gap_short_1_m: float = 1e4

@@ -27,11 +27,13 @@ from iptm_reproduction.runs import (
     STRATEGY_NAMES,
     Results,
     controller_name,
+    cost_to_go_run,
     words,
 )
 
 _MULTI = "multi_horizon"
-CONTROLLER_COLOURS = {**STRATEGY_COLOURS, _MULTI: "#0b4d1a"}
+_COST_TO_GO = "multi_horizon_cost_to_go"
+CONTROLLER_COLOURS = {**STRATEGY_COLOURS, _MULTI: "#0b4d1a", _COST_TO_GO: "#08306b"}
 _PRINTED = {"facecolor": "white", "edgecolor": PAPER_COLOUR, "hatch": "////"}
 
 
@@ -101,11 +103,12 @@ def headline(results: Results) -> Figure:
     "Part of the possible saving of degradation: nothing for the reference, everything for the whole trip "
     "solved as one problem.",
     needs=(REFERENCE, OPTIMUM),
-    wanted=(*STRATEGIES, MULTI_HORIZON),
+    wanted=(*STRATEGIES, MULTI_HORIZON, cost_to_go_run()),
 )
 def saving_shares(results: Results) -> Figure:
     """Draw which part of the possible saving of degradation each controller reaches."""
-    runs = dict(zip(STRATEGY_NAMES, STRATEGIES, strict=True)) | {_MULTI: MULTI_HORIZON}
+    runs = dict(zip(STRATEGY_NAMES, STRATEGIES, strict=True))
+    runs |= {_MULTI: MULTI_HORIZON, _COST_TO_GO: cost_to_go_run()}
     reference, optimum = (results.value(run, fig.DEGRADATION) for run in (REFERENCE, OPTIMUM))
     figure, (panel,) = new_figure(2.8)
     for place, (controller, run) in enumerate(runs.items()):
@@ -161,18 +164,18 @@ def imperfect_previews(results: Results) -> Figure:
 
 @plot(
     "Other values of what the paper omits",
-    "Changes of the proposed strategy against the reference with the same values.",
+    "Changes of the aging strategies against the reference with the same values.",
     needs=("omitted_parameters/as_chosen/reference", "omitted_parameters/as_chosen/aging"),
 )
 def omitted_parameters(results: Results) -> Figure:
-    """Draw changes of the proposed strategy against the reference, for other values of what is omitted."""
+    """Draw changes of the aging strategies against the reference, for other values of what is omitted."""
     runs = results.study("omitted_parameters")
     variations = list(dict.fromkeys(run.address.split("/")[1] for run in runs))
     figure, panels = new_figure(0.9 + 0.24 * len(variations), 1, 4, sharey=True)
     for panel, shown in zip(
         panels, (fig.DEGRADATION, fig.TOTAL, fig.COOLING, fig.INCONSISTENCY), strict=True
     ):
-        for controller, marker in (("aging", "o"), (_MULTI, "s")):
+        for controller, marker in (("aging", "o"), (_MULTI, "s"), (_COST_TO_GO, "^")):
             for place, variation in enumerate(variations):
                 study = f"omitted_parameters/{variation}"
                 change = results.change(f"{study}/{controller}", f"{study}/reference", shown)
@@ -188,7 +191,7 @@ def omitted_parameters(results: Results) -> Figure:
         labelled(panel, "change [%]", "", shown.short or shown.label)
     panels[0].set_yticks(range(len(variations)), [words(name) for name in variations])
     panels[0].invert_yaxis()
-    legend_below(figure, panels[0], 2)
+    legend_below(figure, panels[0], 3)
     return figure
 
 

@@ -60,6 +60,15 @@ _COMMON = (
         "aging",
         (fig.DEGRADATION,),
     ),
+    *(
+        Conclusion(
+            f"Aging and cost to go, MH 3+5 degrades the cells less than {controller_name(other)}",
+            "multi_horizon_cost_to_go",
+            other,
+            (fig.DEGRADATION,),
+        )
+        for other in ("reference", "multi_horizon")
+    ),
 )
 CONCLUSIONS = {
     "imperfect_previews": (

@@ -1,0 +1,59 @@
+"""What a kelvin is worth along the trip: the controller's price beside the costates of the whole trip."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from iptm_reproduction.plots.comparison_plots import CONTROLLER_COLOURS
+from iptm_reproduction.plots.style import (
+    LINE,
+    OPTIMUM_COLOUR,
+    labelled,
+    legend_below,
+    new_figure,
+    plot,
+)
+from iptm_reproduction.runs import OPTIMUM, Results, controller_name, cost_to_go_run
+
+_SHOWN = "multi_horizon_cost_to_go"
+
+
+@plot(
+    "The price of a kelvin",
+    "What a kelvin more costs, in the unit of the cost: the price that the controller puts on the end of its "
+    "horizon at every tick, and the costates of the temperatures in the whole trip solved as one problem.",
+    needs=(cost_to_go_run(_SHOWN), OPTIMUM),
+)
+def temperature_price(results: Results) -> Figure:
+    """Draw the price of both cell temperatures and the costates of the whole trip, over the trip."""
+    figure, panels = new_figure(5.2, 3, 1, sharex=True)
+    decisions = results[cost_to_go_run(_SHOWN)].decisions
+    if decisions is not None:
+        prices = (decisions.cell_1_price_1_k, decisions.cell_n_price_1_k)
+        for panel, values in zip(panels, (prices[0] + prices[1], *prices), strict=True):
+            panel.plot(
+                decisions.time_s,
+                values,
+                color=CONTROLLER_COLOURS[_SHOWN],
+                linewidth=LINE,
+                label=f"price, {controller_name(_SHOWN)}",
+            )
+    record = results[OPTIMUM].whole_trip
+    if record is not None:
+        found = record.costates
+        costates = (np.array(found.cell_1_1_k), np.array(found.cell_n_1_k))
+        for panel, values in zip(panels, (costates[0] + costates[1], *costates), strict=True):
+            panel.plot(
+                found.times_s,
+                values,
+                color=OPTIMUM_COLOUR,
+                linewidth=0.8,
+                label="costate, whole-trip optimum",
+            )
+    for panel, title in zip(panels, ("both cells", "cell 1", "cell N"), strict=True):
+        labelled(panel, "", "cost [1/K]", title)
+        panel.set_ylim(bottom=0.0)
+    labelled(panels[-1], "time [s]", "cost [1/K]")
+    legend_below(figure, panels[0], 2)
+    return figure

@@ -1,0 +1,82 @@
+"""What the cost to go of the cell temperatures saves, with good and bad forecasts and on other trips."""
+
+from __future__ import annotations
+
+from iptm_reproduction import figures as fig
+from iptm_reproduction.document import Cell, Row, Table
+from iptm_reproduction.runs import (
+    OPTIMUM,
+    Results,
+    controller_name,
+    cost_to_go_run,
+    name_of,
+    words,
+)
+from iptm_reproduction.tables import SAVING, change_cells, figure_cells, share_cell
+
+_CHANGED = (*fig.TABLE_FIGURES, fig.DEGRADATION)
+_MARKS = (fig.SMALLEST_MARGIN, fig.GAP_VIOLATIONS, fig.FALLBACKS)
+_MAIN_TRIP = "comprehensive"
+
+
+def saving_table(results: Results) -> Table:
+    """Return the changes of every case on the main trip, and its part of the possible saving."""
+    reference = cost_to_go_run("reference")
+    rows: list[Row] = []
+    for run in results.study("cost_to_go"):
+        _, trip, controller, preview = run.address.split("/")
+        if trip == _MAIN_TRIP:
+            names = (Cell(controller_name(controller), strong=run.address == reference),)
+            rows.append((*names, Cell(words(preview)), *_figures(results, run.address, reference)))
+    if OPTIMUM in results:
+        knows = Cell("whole trip")
+        rows.append((Cell(name_of(OPTIMUM)), knows, *_figures(results, OPTIMUM, reference)))
+    return Table(
+        "cost-to-go",
+        "The saving with a cost to go, by horizon and by what is known of the leader",
+        (
+            "controller",
+            "preview",
+            *(figure.title for figure in _CHANGED),
+            SAVING,
+            *(figure.title for figure in _MARKS),
+        ),
+        tuple(rows),
+        note=(
+            "The reference has figures, the others their change against it. A preview of some seconds "
+            "is exact and ends there; a perfect one and one with noise reach to the end of the horizon."
+        ),
+    )
+
+
+def _figures(results: Results, run: str, reference: str) -> Row:
+    return (
+        *change_cells(results, run, reference, _CHANGED),
+        share_cell(results, run),
+        *figure_cells(results, run, _MARKS),
+    )
+
+
+def trips_table(results: Results) -> Table:
+    """Return the changes of each controller on the other trips, against the reference on the same one."""
+    rows: list[Row] = []
+    for run in results.study("cost_to_go"):
+        _, trip, controller, _ = run.address.split("/")
+        if trip == _MAIN_TRIP:
+            continue
+        reference = cost_to_go_run("reference", trip)
+        rows.append(
+            (
+                Cell(words(trip)),
+                Cell(controller_name(controller), strong=run.address == reference),
+                *change_cells(results, run.address, reference, _CHANGED),
+                *figure_cells(results, run.address, _MARKS),
+            )
+        )
+    return Table(
+        "cost-to-go-trips",
+        "The saving with a cost to go on other trips",
+        ("trip", "controller", *(figure.title for figure in (*_CHANGED, *_MARKS))),
+        tuple(rows),
+        note="The reference has figures, the others their change against it on the same trip.",
+    )
