@@ -16,13 +16,12 @@ from typing import Any
 
 from iptm_core.errors import RouteError
 from iptm_core.parameters.strict_yaml import read_yaml
-from iptm_core.routes.cycles import CYCLE_NAMES, HIGH_SPEED_M_S, LOW_SPEED_M_S
+from iptm_core.routes.cycles import CYCLE_NAMES
 from iptm_core.routes.hills import MAIN_WAVELENGTH_M, PEAK_GRADES
 from iptm_core.strict_mapping import StrictMapping
 
 SMOOTH = "smooth"
 SLOPE_KINDS = ("large", "small")
-_KM_H = 3.6
 _RANGES = {
     "large_grade": (0.0, 0.25),
     "small_grade": (0.0, 0.25),
@@ -60,8 +59,8 @@ class RouteComposition:
     small_grade: float = PEAK_GRADES["small"]
     mean_climb: float = 0.0
     hill_length_m: float = MAIN_WAVELENGTH_M
-    smooth_low_km_h: float = LOW_SPEED_M_S * _KM_H
-    smooth_high_km_h: float = HIGH_SPEED_M_S * _KM_H
+    smooth_low_km_h: float = 60.0
+    smooth_high_km_h: float = 120.0
 
     def __post_init__(self) -> None:
         for part in self.order:
