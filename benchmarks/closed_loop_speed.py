@@ -12,8 +12,8 @@ import numpy as np
 
 from benchmarks.harness import closed_loop, quantiles, run_benchmark, statuses, timed
 from iptm_controller.controller import Controller
-from iptm_controller.solvers.cooling_probe import CoolingProbe
 from iptm_controller.solvers.interface import SolverOptions
+from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_core.decision_record import SolveStatus
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
@@ -21,7 +21,7 @@ from iptm_v2x_bridge.bridge import V2xBridge
 
 PARTS: dict[str, tuple[type, str]] = {
     "decide": (Controller, "decide"),
-    "solve": (CoolingProbe, "solve"),
+    "solve": (SwitchingCheck, "solve"),
     "plant": (Plant, "advance"),
     "bridge": (V2xBridge, "answer"),
 }

@@ -67,7 +67,7 @@ class KktChecker:
     def __init__(self, problem: OptimalControlProblem) -> None:
         """Prepare derivatives and the linear program."""
         t = transcribe(problem)
-        self._bounds = problem_bounds(problem.grid.steps, problem.model.limits)
+        self._bounds = problem_bounds(problem.grid.steps, problem.model)
         self._evaluate = ca.Function(
             "kkt_terms", [t.variables, t.parameters], [t.rows, t.gradient, t.jacobian]
         )

@@ -23,16 +23,18 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.grid import StageKind, quadrature
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, StateIndex, StepIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.ocp.stage import NOT_ASKED_FOR_M
+from iptm_controller.ocp.stage import GAP_SMOOTHING_M, LONGEST_UNWATCHED_S, NOT_ASKED_FOR_M
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolveResult, SolverOptions
 from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.braking import braking_reserve_m
+from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.physics.longitudinal import advance_position_m, advance_speed_m_s
+from iptm_core.physics.ops import maximum
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
 from iptm_core.state import FloatArray
 
@@ -96,7 +98,7 @@ class OptiPeer:
             opti.bounded(
                 limits.min_compressor_power_w / POWER_SCALE_W,
                 power,
-                limits.max_compressor_power_w / POWER_SCALE_W,
+                largest_useful_power_w(parameters.chiller, limits) / POWER_SCALE_W,
             )
         )
         weights = self._problem.penalties
@@ -106,7 +108,7 @@ class OptiPeer:
         for k, (length, place) in enumerate(zip(lengths, self._grid.step_parameters, strict=True)):
             p = self._parameters[place]
             now, after = self._states[:, k], self._states[:, k + 1]
-            end, stage_cost, outlet_k = functions[k](
+            end, stage_cost, outlet_k, margins, floors = functions[k](
                 now, acceleration[k], power[k], p[layout.STEP_PARAMETERS :], shared
             )
             opti.subject_to(after == end)
@@ -125,8 +127,10 @@ class OptiPeer:
             gap = p[StepIndex.LEADER_POSITION] - POSITION_SCALE_M * after[0]
             shortest = minimum_gap_m(speed, p[StepIndex.LEADER_SPEED], gap_policy, limits)
             short, long, fast, warm = (slacks[i, k] for i in range(layout.SLACKS))
-            opti.subject_to(gap + short >= shortest)
-            opti.subject_to(gap + short >= gap_policy.standstill_gap_m)
+            opti.subject_to(
+                _least(gap - shortest, margins) + short >= 0.0,
+            )
+            opti.subject_to(_least(gap - gap_policy.standstill_gap_m, floors) + short >= 0.0)
             reserve = braking_reserve_m(
                 gap, speed, acceleration[k], p[StepIndex.LEADER_SPEED], gap_policy, limits
             )
@@ -135,11 +139,15 @@ class OptiPeer:
             opti.subject_to(gap - long <= gap_policy.max_gap_m)
             opti.subject_to(speed + fast >= limits.min_speed_m_s)
             opti.subject_to(speed - fast <= limits.max_speed_m_s)
+            opti.subject_to(WARM_K + after[2] + warm >= shared[GlobalIndex.LOWEST_TEMPERATURE])
             for temperature_k in (WARM_K + after[2], WARM_K + after[3], outlet_k):
-                opti.subject_to(temperature_k + warm >= limits.min_temperature_k)
                 opti.subject_to(temperature_k - warm <= limits.max_temperature_k)
-            cost += stage_cost + length * (
-                weights.gap_short_1_m * short
+            cost += stage_cost
+            cost += shared[GlobalIndex.CELL_1_PRICE] * (after[2] - now[2])
+            cost += shared[GlobalIndex.CELL_N_PRICE] * (after[3] - now[3])
+            cost += length * (
+                shared[GlobalIndex.COMPRESSOR_PRICE] * power[k]
+                + weights.gap_short_1_m * short
                 + weights.gap_long_1_m * long
                 + weights.speed_1_m_s * fast
                 + weights.temperature_1_k * warm
@@ -198,6 +206,7 @@ def _step_function(kind: StageKind, problem: OptimalControlProblem) -> ca.Functi
     now_1, now_n, end_1, end_n = first_k, last_k, first_k, last_k
     cost, outlet = ca.SX(0.0), ca.SX(0.0)
     rates = None
+    margins, floors = [], []
     nodes, weights = quadrature(count)
     for i in range(count):
         elapsed_s, share_s = float(nodes[i]) * step_s, float(weights[i]) * step_s
@@ -212,6 +221,13 @@ def _step_function(kind: StageKind, problem: OptimalControlProblem) -> ca.Functi
             + 0.5 * s[SampleIndex.SLOPE_CURVATURE] * ahead * ahead
         )
         v = advance_speed_m_s(speed, a, elapsed_s)
+        if step_s > LONGEST_UNWATCHED_S:
+            gap = s[SampleIndex.LEADER_POSITION] - advance_position_m(position, speed, a, elapsed_s)
+            shortest = minimum_gap_m(
+                v, s[SampleIndex.LEADER_SPEED], parameters.gap, parameters.limits
+            )
+            margins.append(gap - shortest)
+            floors.append(gap - parameters.gap.standstill_gap_m)
         cells = CellPair(now_1, now_n, g[GlobalIndex.CELL_1_LOSS], g[GlobalIndex.CELL_N_LOSS])
         rates = power_thermal_rates(
             v, a, slope, POWER_SCALE_W * kilowatt, cells, parameters, channel, problem.smoothing
@@ -234,7 +250,15 @@ def _step_function(kind: StageKind, problem: OptimalControlProblem) -> ca.Functi
         end_1 - WARM_K,
         end_n - WARM_K,
     )
-    return ca.Function("step", [x, a, kilowatt, samples, g], [end, cost, outlet])
+    inside = [ca.vertcat(*margins), ca.vertcat(*floors)]
+    return ca.Function("step", [x, a, kilowatt, samples, g], [end, cost, outlet, *inside])
+
+
+def _least(at_end: ca.MX, inside: ca.MX) -> ca.MX:
+    """Return the smooth minimum of a margin at the end of a step and inside of it."""
+    for index in range(inside.numel()):
+        at_end = -maximum(-at_end, -inside[index], GAP_SMOOTHING_M)
+    return at_end
 
 
 def measure(problems: Path, count: int = 50) -> dict[str, float]:

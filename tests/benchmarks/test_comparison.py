@@ -41,7 +41,10 @@ def test_the_peer_finds_the_same_optimum(problems: ProblemSet) -> None:
         data, guess = problems.problem(index)
         theirs = peer.solve(data, guess)
         assert theirs.status is SolveStatus.SOLVED
-        assert theirs.objective == pytest.approx(ours.solve(data, guess).objective, rel=1e-5)
+        # Both widen bounds by 1e-8, and every slack of a soft limit is priced.
+        assert theirs.objective == pytest.approx(
+            ours.solve(data, guess).objective, rel=1e-5, abs=4e-3
+        )
         assert checker.residual(data, theirs.variables).worst < 1e-4
 
 

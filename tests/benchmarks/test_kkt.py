@@ -55,8 +55,9 @@ def test_a_tighter_solution_has_a_smaller_residual(
 ) -> None:
     rough = checker.residual(problem[0], solution("ipopt", 1e-3, problem))
     fine = checker.residual(problem[0], solution("ipopt", 1e-8, problem))
-    # IPOPT widens bounds by 1e-8, which a multiplier of some hundreds makes visible.
-    assert fine.worst < 1e-5 < rough.worst
+    # IPOPT widens bounds by 1e-8, which the multipliers of the soft limits make visible.
+    assert fine.worst < 1e-4
+    assert fine.stationarity < 0.2 * rough.stationarity
 
 
 def test_the_guess_is_not_optimal(

@@ -19,9 +19,9 @@ from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING, build_stage
 from iptm_controller.ocp.transcription import Transcription, transcribe
 from iptm_controller.plan import PlanShifter, sample_positions_m, variables_from_plan
-from iptm_controller.solvers.cooling_probe import CoolingProbe
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverBackend, SolverOptions
+from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import REFERENCE_TEMPERATURE_K, strategy_by_name
 from iptm_core.parameters import load_parameters
 from iptm_core.physics.power_thermal import Smoothing
@@ -119,7 +119,7 @@ def problem_of(
     assert measured.state is not None
     assert measured.leader is not None
     grid = ProblemGrid(Horizon.parse(horizon))
-    builder = ProblemDataBuilder(grid, strategy_by_name(strategy))
+    builder = ProblemDataBuilder(grid, strategy_by_name(strategy), PARAMETERS.limits)
     guess = PlanShifter(grid.horizon).cold_start(measured.state)
     forecaster = LeaderForecaster(grid.horizon.duration_s, 10.0)
     motion = forecaster.forecast(measured.leader, measured.preview).motion
@@ -132,14 +132,16 @@ def problem_of(
 def plain_solver(
     horizon: str = "3x1+5x5", name: str = "riccati", *, compile_code: bool = True
 ) -> SolverBackend:
-    """Return a solver without the cooling probe."""
+    """Return a solver without the check of the switching."""
     options = SolverOptions(name=name, compile_code=compile_code)
     return build_plain_solver(Horizon.parse(horizon), PARAMETERS, options)
 
 
-def probing_solver(horizon: str = "3x1+5x5", name: str = "riccati") -> SolverBackend:
-    """Return a solver as the controller uses it, with a probe that has counted no tick yet."""
-    return CoolingProbe(plain_solver(horizon, name), Horizon.parse(horizon), PARAMETERS)
+@lru_cache
+def checking_solver(horizon: str = "3x1+5x5", name: str = "riccati") -> SwitchingCheck:
+    """Return a solver as the controller uses it."""
+    problem = OptimalControlProblem(Horizon.parse(horizon), PARAMETERS)
+    return SwitchingCheck(plain_solver(horizon, name), problem)
 
 
 @lru_cache
@@ -168,6 +170,8 @@ def run_stage(
     smoothing: Smoothing = DEFAULT_SMOOTHING,
     samples: int | None = None,
     end_of_horizon: bool = False,
+    prices: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    lowest_k: float = PARAMETERS.limits.min_temperature_k,
 ) -> tuple[FloatArray, float, FloatArray]:
     """Return the result of one step of the optimal control problem, in physical units.
 
@@ -192,7 +196,7 @@ def run_stage(
         (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,
         np.array([acceleration_m_s2, compressor_power_w, *slacks]) / layout.INPUT_SCALE,
         step_parameters,
-        [*losses, *weights, REFERENCE_TEMPERATURE_K],
+        [*losses, *weights, REFERENCE_TEMPERATURE_K, *prices, lowest_k],
     )
     following = following.full().ravel() * layout.STATE_SCALE + layout.STATE_OFFSET
     following[0] += state.position_m

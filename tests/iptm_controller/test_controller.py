@@ -16,6 +16,7 @@ from iptm_controller.ladder import LadderOptions
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolveResult
+from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
@@ -221,9 +222,11 @@ def test_a_new_trip_needs_no_new_controller(controller: Controller) -> None:
 
 def test_after_an_outage_it_starts_cold(controller: Controller) -> None:
     """A plan that has ended long ago would only repeat its last input."""
-    controller.decide(at(100.0, leader_acceleration_m_s2=1.0))
+    options = replace(controller.options, strategy=STRATEGIES["aging"])
+    resumed = Controller(PARAMETERS, options, controller.backend)
+    resumed.decide(at(100.0, leader_acceleration_m_s2=1.0))
     late = at(400.0)
-    recovered = controller.decide(late)
+    recovered = resumed.decide(late)
     assert recovered.rung is Rung.OPTIMAL
-    fresh = Controller(PARAMETERS, controller.options, controller.backend).decide(late)
+    fresh = Controller(PARAMETERS, options, controller.backend).decide(late)
     assert recovered.command == fresh.command

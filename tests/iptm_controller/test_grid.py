@@ -80,7 +80,7 @@ def test_the_nonlinear_program_has_the_sizes_of_the_grid(grid: ProblemGrid) -> N
     t = transcription_of(str(grid.horizon))
     steps = grid.horizon.steps
     assert t.variables.numel() == grid.variable_count == 12 * steps + 6
-    assert t.rows.numel() == grid.row_count == 20 * steps
+    assert t.rows.numel() == grid.row_count == layout.ROWS * steps
     assert t.parameters.numel() == grid.parameter_count
     assert t.jacobian.shape == (grid.row_count, grid.variable_count)
 

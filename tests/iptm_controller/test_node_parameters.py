@@ -12,7 +12,7 @@ from iptm_controller.controller import ControllerOptions
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import LadderOptions
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.strategy import STRATEGIES
+from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.errors import ParameterError
 
 SMALL = ControllerNodeParameters(horizon="2x1", compile_code=False)
@@ -21,7 +21,7 @@ SMALL = ControllerNodeParameters(horizon="2x1", compile_code=False)
 def test_defaults_of_the_node_are_those_of_the_controller() -> None:
     options = replace(SMALL, horizon=str(MULTI_HORIZON)).build_controller().options
     expected = ControllerOptions()
-    assert options.strategy == expected.strategy == STRATEGIES["aging"]
+    assert options.strategy == expected.strategy == STRATEGIES[DEFAULT_STRATEGY]
     assert options.horizon == expected.horizon == MULTI_HORIZON
     assert options.ladder == expected.ladder
     assert options.max_preview_age_s == expected.max_preview_age_s

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.iptm_controller.scenes import make_scene, make_state
+from tests.iptm_controller.scenes import PARAMETERS, make_scene, make_state
 
 from iptm_controller.forecast import LeaderForecaster, LeaderMotion
 from iptm_controller.horizon import Horizon
@@ -45,7 +45,9 @@ def build(
     horizon: Horizon = HORIZON,
 ) -> ProblemData:
     grid = ProblemGrid(horizon)
-    builder = ProblemDataBuilder(grid, strategy_by_name("reference_energy_aging"))
+    builder = ProblemDataBuilder(
+        grid, strategy_by_name("reference_energy_aging"), PARAMETERS.limits
+    )
     if expected_m is None:
         expected_m = state.position_m + state.speed_m_s * grid.sample_times_s
     return builder.build(state, leader, slope, expected_m)
@@ -66,6 +68,10 @@ def test_globals(steady: LeaderMotion) -> None:
         GlobalIndex.ENERGY_WEIGHT: 1e-4,
         GlobalIndex.AGING_WEIGHT: 1e8,
         GlobalIndex.REFERENCE_TEMPERATURE: 299.15,
+        GlobalIndex.CELL_1_PRICE: 0.0,
+        GlobalIndex.CELL_N_PRICE: 0.0,
+        GlobalIndex.COMPRESSOR_PRICE: 0.0,
+        GlobalIndex.LOWEST_TEMPERATURE: 298.15,
     }
     assert len(expected) == layout.GLOBALS
     for index, value in expected.items():
@@ -131,7 +137,7 @@ def test_braking_reserve_is_asked_for_no_later_than_the_leader_is_known(
     steady: LeaderMotion, known_s: float, node: int
 ) -> None:
     grid = ProblemGrid(HORIZON)
-    builder = ProblemDataBuilder(grid, strategy_by_name("aging"))
+    builder = ProblemDataBuilder(grid, strategy_by_name("aging"), PARAMETERS.limits)
     expected_m = np.zeros(grid.sample_times_s.size)
     flat = SlopePreview(np.zeros(1), np.zeros(1))
     data = builder.build(make_state(), steady, flat, expected_m, known_s)

@@ -100,7 +100,7 @@ class Dense:
 def dense_terms(transcription: Transcription, data: ProblemData, at: Iterate) -> Dense:
     """Everything from the transcription's own derivatives, in the conventions of the method."""
     t = transcription
-    inequalities = inequality_constraints(PARAMETERS.limits)
+    inequalities = inequality_constraints(PARAMETERS)
     choose = np.zeros((len(inequalities) * STEPS, ROWS * STEPS))
     bounds = np.zeros((len(inequalities) * STEPS, t.grid.variable_count))
     offsets = np.zeros(len(inequalities) * STEPS)

@@ -10,6 +10,7 @@ from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
+from iptm_controller.ocp.stage import GAP_SMOOTHING_M
 from iptm_controller.plan import Plan, plan_from_variables
 from iptm_controller.solvers.interface import SolverBackend
 from iptm_core.physics.gap_policy import minimum_gap_m
@@ -67,7 +68,9 @@ def test_a_braking_leader_brings_the_plan_to_the_gap_limit(grid: str) -> None:
     )
     shortest = np.maximum(shortest, PARAMETERS.gap.standstill_gap_m)
     margin = (gaps - shortest)[1:]
-    assert margin.min() == pytest.approx(-plan.slacks.gap_m, abs=1e-2)
+    # Inside of long steps the gap is watched, too; a smooth minimum of several is a little strict.
+    strict = GAP_SMOOTHING_M if grid == "3x1+5x5" else 0.0
+    assert -1e-2 <= margin.min() + plan.slacks.gap_m <= 1e-2 + strict
     assert plan.states[:, StateIndex.SPEED].min() >= -1e-5
 
 
@@ -107,7 +110,6 @@ OUTSIDE: dict[str, dict[str, float]] = {
     "far_behind": {"gap_m": 400.0},
     "cells_at_45": {"cell_1_temperature_k": 317.15, "cell_n_temperature_k": 318.15},
     "cells_at_60": {"cell_1_temperature_k": 333.15, "cell_n_temperature_k": 333.15},
-    "cells_at_17": {"cell_1_temperature_k": 290.15, "cell_n_temperature_k": 290.65},
     "everything": {
         "gap_m": 2.0,
         "speed_m_s": 4.0,
@@ -132,6 +134,20 @@ def test_a_measurement_outside_the_limits_is_solved_with_its_slack_reported(
     expect_hard_limits(plan, measured)
     kind = "speed_m_s" if name == "too_fast" else SLACK_OF[name.split("_", maxsplit=1)[0]]
     assert getattr(plan.slacks, kind) > 0.05
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("strategy", ["aging", "energy_aging"])
+def test_cold_cells_are_no_violation_and_no_reason_to_waste(grid: str, strategy: str) -> None:
+    """A cold pack drives like a warm one without temperature limits, the compressor off."""
+    cold = make_scene(cell_1_temperature_k=270.15, cell_n_temperature_k=270.15)
+    plan = solve(plain_solver(grid, compile_code=False), cold, grid, strategy)
+    assert plan.slacks.temperature_k < 1e-6
+    assert plan.inputs[:, 1].max() < 0.1
+    warm = make_scene(cell_1_temperature_k=300.15, cell_n_temperature_k=300.15)
+    usual = solve(plain_solver(grid, compile_code=False), warm, grid, strategy)
+    # A cold cell has a larger resistance: that changes the best driving a little.
+    np.testing.assert_allclose(plan.inputs[:3, 0], usual.inputs[:3, 0], atol=0.15)
 
 
 def test_slack_is_as_large_as_the_violation() -> None:

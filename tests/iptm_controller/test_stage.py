@@ -109,7 +109,7 @@ def test_slacks_cost_their_penalty_per_second() -> None:
     power=st.floats(0.0, 4500.0),
     last=st.tuples(st.floats(-2.0, 2.0), st.floats(0.0, 4500.0)),
     slacks=st.tuples(*[st.floats(0.0, 5.0)] * 4),
-    step_s=st.sampled_from([1.0, 5.0]),
+    step_s=st.sampled_from([1.0, 2.0]),
 )
 def test_limits_are_those_of_the_paper(
     speed: float,
@@ -146,15 +146,10 @@ def test_limits_are_those_of_the_paper(
         LimitIndex.SPEED_MAX: limits.max_speed_m_s - end_speed + fast,
         LimitIndex.CELL_1_MIN: cell_1 - limits.min_temperature_k + warm,
         LimitIndex.CELL_1_MAX: limits.max_temperature_k - cell_1 + warm,
-        LimitIndex.CELL_N_MIN: cell_n - limits.min_temperature_k + warm,
         LimitIndex.CELL_N_MAX: limits.max_temperature_k - cell_n + warm,
     }
     for index, value in expected.items():
         assert rows[index] == pytest.approx(value, rel=1e-9, abs=1e-8), index.name
-    # The outlet lies between the two bounds as one and the same temperature.
-    outlet_k = rows[LimitIndex.OUTLET_MIN] - warm + limits.min_temperature_k
-    assert rows[LimitIndex.OUTLET_MAX] == pytest.approx(limits.max_temperature_k - outlet_k + warm)
-    assert 280.0 < outlet_k < 315.0
 
 
 @pytest.mark.parametrize(
@@ -192,11 +187,11 @@ def test_outlet_is_that_of_the_coolant_loop() -> None:
     state = make_state(speed_m_s=20.0)
     _, _, rows = run_stage(state, 0.0, 1500.0, 1.0)
     rates = exact_rates(state, 0.0, 1500.0)
-    outlet_k = rows[LimitIndex.OUTLET_MIN] + PARAMETERS.limits.min_temperature_k
+    outlet_k = PARAMETERS.limits.max_temperature_k - rows[LimitIndex.OUTLET_MAX]
     assert outlet_k == pytest.approx(rates.coolant.outlet_k, abs=1e-3)
 
 
-@pytest.mark.parametrize(("step_s", "watched"), [(5.0, False), (10.0, True)])
+@pytest.mark.parametrize(("step_s", "watched"), [(2.0, False), (5.0, True), (10.0, True)])
 def test_the_gap_inside_a_long_step_counts(step_s: float, watched: bool) -> None:
     """The host comes closer and falls back again: least in the middle, the same gap at both ends."""
     leader_speed, acceleration = 10.0, -1.0

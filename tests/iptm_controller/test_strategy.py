@@ -34,7 +34,7 @@ def test_proposed_strategy_counts_aging_only() -> None:
 
 
 def test_names_are_those_of_the_table() -> None:
-    assert len(STRATEGIES) == 6
+    assert len(STRATEGIES) == 7
     for name, strategy in STRATEGIES.items():
         assert strategy.name == name
         assert strategy_by_name(name) is strategy

@@ -11,13 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iptm_core.parameters import load_parameters
+from iptm_core.parameters import available_parameter_sets, load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import (
     ChillerLine,
     air_mass_flow_kg_s,
     chiller_line,
     compressor_gate,
+    largest_useful_power_w,
 )
 
 Agree = Callable[..., None]
@@ -86,7 +87,7 @@ def test_the_published_map_by_hand() -> None:
 
 def test_the_slope_over_the_outlet_temperature_keeps_its_digits() -> None:
     # xi_3 + xi_5 m_c = -7665.026122 + 7931.97994752 = 266.95382552 W/K at 35 degC
-    slope = line(PUBLISHED, 1000.0).slope_w_k / (1.0 - math.exp(-4.0))
+    slope = line(PUBLISHED, 1000.0).slope_w_k
     assert slope == pytest.approx(266.95382552, rel=1e-10)
 
 
@@ -115,12 +116,30 @@ def test_more_power_more_air_and_warmer_coolant_cool_more(
     assert line(CALIBRATED, power, speed).cooling_rate_w(outlet + 0.5) > here
 
 
-def test_the_published_map_has_its_peak_inside_the_power_range() -> None:
-    """xi_1 + 2 xi_2 P = 0 near 3023 W: more power than that cools less, as published."""
+def test_beyond_the_vertex_of_the_published_map_more_power_is_of_no_use() -> None:
+    """xi_1 + 2 xi_2 P = 0 near 3023 W; the fit would cool less beyond."""
     peak = 1.860278870 / (2.0 * 0.000307654)
     assert peak == pytest.approx(3023.3, abs=0.1)
+    assert largest_useful_power_w(PUBLISHED.chiller, PUBLISHED.limits) == pytest.approx(peak)
+    assert largest_useful_power_w(CALIBRATED.chiller, CALIBRATED.limits) == 4500.0
     at_peak, beyond = (line(PUBLISHED, p).cooling_rate_w(303.15) for p in (peak, peak + 500.0))
-    assert beyond < at_peak
+    assert beyond == pytest.approx(at_peak, rel=1e-9)
+
+
+@pytest.mark.parametrize("ambient_c", [26.0, 30.0, 35.0, 39.5])
+@pytest.mark.parametrize("speed_m_s", [0.0, 15.0, 37.5])
+@pytest.mark.parametrize("outlet_k", [263.15, 283.15, 298.15, 313.15, 333.15])
+def test_more_power_never_cools_less_and_never_heats(
+    ambient_c: float, speed_m_s: float, outlet_k: float
+) -> None:
+    """All shipped sets over the whole range of the compressor."""
+    power = np.linspace(0.0, 4500.0, 901)
+    ambient = {"environment.ambient_temperature_k": ambient_c + 273.15}
+    for name in available_parameter_sets():
+        values = load_parameters(name, ambient).values
+        rate = line(values, power, speed_m_s).cooling_rate_w(outlet_k)
+        assert rate[0] == 0.0
+        assert np.diff(rate).min() >= -1e-9, name
 
 
 def test_all_backends_agree(each_set: ModelParameters, agree_in_all_backends: Agree) -> None:

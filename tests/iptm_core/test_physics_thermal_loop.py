@@ -105,7 +105,7 @@ def test_by_hand_with_round_numbers() -> None:
     """
     cooling = SETS["paper_calibrated"].cooling
     loop = solve_coolant_loop(
-        303.15, 313.15, ChillerLine(0.0, 47.952), ChannelWeights(0.2, 0.3, 0.5), cooling
+        303.15, 313.15, ChillerLine(0.0, 47.952, 1.0), ChannelWeights(0.2, 0.3, 0.5), cooling
     )
     outlet_c = 29.0 / 0.82
     assert loop.outlet_k == pytest.approx(273.15 + outlet_c, rel=1e-13)
@@ -116,7 +116,7 @@ def test_by_hand_with_round_numbers() -> None:
 def test_a_chiller_of_fixed_rate_lowers_the_inlet_by_rate_over_flow() -> None:
     cooling = SETS["paper_calibrated"].cooling
     loop = solve_coolant_loop(
-        300.0, 300.0, ChillerLine(959.04, 0.0), ChannelWeights(0.2, 0.3, 0.5), cooling
+        300.0, 300.0, ChillerLine(959.04, 0.0, 1.0), ChannelWeights(0.2, 0.3, 0.5), cooling
     )
     # 959.04 W / 479.52 W/K = 2 K; T_out = 0.2 (T_out - 2) + 0.8 * 300
     assert loop.outlet_k - loop.inlet_k == pytest.approx(2.0, rel=1e-12)

@@ -13,9 +13,10 @@ from iptm_controller.controller import Controller, ControllerOptions, Decision, 
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import StateIndex
-from iptm_controller.solvers.cooling_probe import CoolingProbe
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
+from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
@@ -66,7 +67,8 @@ def drive(
         route = trip(cycle, slope, duration_s, parameters)
         inner = solver or multi_horizon_solver
         options = ControllerOptions(strategy=STRATEGIES[strategy], horizon=horizon)
-        controller = Controller(parameters, options, CoolingProbe(inner, horizon, parameters))
+        check = SwitchingCheck(inner, OptimalControlProblem(horizon, parameters))
+        controller = Controller(parameters, options, check)
         return run_closed_loop(
             route, Plant(parameters, route.slope.slope_at), controller, bridge, on_tick
         )

@@ -36,7 +36,7 @@ def test_solvers_that_carry_multipliers_start_anew(assert_same: AssertSame) -> N
 
 def test_the_specification_reaches_the_controller() -> None:
     spec = RunSpec(horizon="3x1+5x5", solver=SolverSpec("ipopt", 1e-7, 77), tick_s=0.5)
-    options = controller_options(spec)
+    options = controller_options(spec, 300.0)
     assert str(options.horizon) == "3x1+5x5"
     assert options.strategy is spec.strategy
     assert options.tick_s == 0.5

@@ -67,7 +67,7 @@ def node_parameters(
             # The runner does not listen to previews.
             "expected_peers": controller + recorder + listeners.foreign_to_preview,
         },
-        CONTROLLER: {},
+        CONTROLLER: {"trip_duration_s": prepared.route.duration_s},
     }
     return {
         node: {

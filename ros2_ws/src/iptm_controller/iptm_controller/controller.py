@@ -7,7 +7,7 @@ raises for bad measurements or failed solves: both are outcomes, reported in the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 
 from iptm_controller.forecast import LeaderForecast, LeaderForecaster
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
@@ -25,7 +25,8 @@ from iptm_controller.plan import (
 )
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
-from iptm_controller.strategy import STRATEGIES, Strategy
+from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
+from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation, TemperatureValue
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, LeaderState, VehicleState
@@ -44,14 +45,16 @@ class ControllerOptions:
         ladder: lengths of the fallback rungs.
         max_preview_age_s: older previews are not used.
         tick_s: sampling time of the loop.
+        trip_duration_s: trip time at which the trip ends, infinite where that is not known.
     """
 
-    strategy: Strategy = STRATEGIES["aging"]
+    strategy: Strategy = STRATEGIES[DEFAULT_STRATEGY]
     horizon: Horizon = MULTI_HORIZON
     solver: SolverOptions = field(default_factory=SolverOptions)
     ladder: LadderOptions = field(default_factory=LadderOptions)
     max_preview_age_s: float = 10.0
     tick_s: float = 1.0
+    trip_duration_s: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -63,12 +66,14 @@ class PlanningResult:
         reason: why there is none, or how the forecast is worse than it should be; empty if all is well.
         result: the solver's answer, None if no problem could be posed.
         forecast: the leader's motion used, None if it could not be formed.
+        value: price of the temperatures at the end of the horizon.
     """
 
     plan: Plan | None
     reason: str
     result: SolveResult | None = None
     forecast: LeaderForecast | None = None
+    value: TemperatureValue = NO_VALUE
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,7 @@ class Decision:
         plan: the plan behind an optimal command, None on any other rung.
         result: the solver's answer, None if no problem could be posed.
         forecast: the leader's motion used, None if it could not be formed.
+        value: price of the temperatures at the end of the horizon.
     """
 
     command: Command
@@ -92,6 +98,7 @@ class Decision:
     plan: Plan | None
     result: SolveResult | None
     forecast: LeaderForecast | None
+    value: TemperatureValue = NO_VALUE
 
     @property
     def record(self) -> DecisionRecord:
@@ -109,6 +116,7 @@ class Decision:
             rung=self.rung,
             limiter_active=self.limited.active,
             preview_age_s=math.nan if forecast is None else forecast.age_s,
+            **asdict(self.value),
         )
 
 
@@ -135,7 +143,17 @@ class Controller:
         self.options = options
         self.backend = backend or build_solver(horizon, parameters, options.solver)
         self._grid = ProblemGrid(horizon)
-        self._builder = ProblemDataBuilder(self._grid, options.strategy)
+        self._builder = ProblemDataBuilder(self._grid, options.strategy, parameters.limits)
+        self._valuation = (
+            TemperatureValuation(
+                parameters,
+                options.strategy.aging_weight,
+                horizon.duration_s,
+                options.trip_duration_s,
+            )
+            if options.strategy.cost_to_go
+            else None
+        )
         self._shifter = PlanShifter(horizon)
         self._forecaster = LeaderForecaster(horizon.duration_s, options.max_preview_age_s)
         self._ladder = FallbackLadder(parameters, options.tick_s, options.ladder)
@@ -163,6 +181,7 @@ class Controller:
             planned.plan,
             planned.result,
             planned.forecast,
+            planned.value,
         )
 
     def _plan(
@@ -174,18 +193,22 @@ class Controller:
         guess = (
             self._shifter.cold_start(state) if last is None else self._shifter.shift(last, state)
         )
+        value = NO_VALUE
+        if self._valuation is not None:
+            value = self._valuation.value(state, forecast.motion)
         data = self._builder.build(
             state,
             forecast.motion,
             measured.slope,
             sample_positions_m(guess, self._grid.sample_times_s),
             forecast.known_s,
+            value,
         )
         result = self.backend.solve(data, variables_from_plan(guess, self._grid, state))
         if not result.status.usable:
-            return PlanningResult(None, result.reason, result, forecast)
+            return PlanningResult(None, result.reason, result, forecast, value)
         plan = plan_from_variables(result.variables, self._grid, state)
-        return PlanningResult(plan, forecast.reason, result, forecast)
+        return PlanningResult(plan, forecast.reason, result, forecast, value)
 
     def _limit(self, command: Command, state: VehicleState | None) -> LimitedCommand:
         """Limit a command relative to the state, or to the last one that could be trusted."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from iptm_controller.controller import Controller, ControllerOptions
@@ -43,6 +44,14 @@ class ControllerNodeParameters(SamplingSettings, ModelSettings, SolveSettings, C
         0.0,
         60000.0,
     )
+    trip_duration_s: float = parameter(
+        0.0,
+        "trip time at which the trip ends, as navigation tells; 0 where it is not known. The cost to go "
+        "counts no later aging",
+        "s",
+        0.0,
+        1e7,
+    )
     max_preview_age_s: float = parameter(
         10.0,
         "older previews are not used; the leader is then taken to keep its speed",
@@ -83,6 +92,7 @@ class ControllerNodeParameters(SamplingSettings, ModelSettings, SolveSettings, C
             ladder=LadderOptions(self.shifted_plan_ticks, self.safe_law_ticks),
             max_preview_age_s=self.max_preview_age_s,
             tick_s=self.period_s,
+            trip_duration_s=self.trip_duration_s or math.inf,
         )
         return Controller(self.model().values, options)
 

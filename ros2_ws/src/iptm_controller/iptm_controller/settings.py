@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.solvers.factory import SOLVER_NAMES
 from iptm_controller.solvers.interface import SolverOptions
-from iptm_controller.strategy import STRATEGIES
+from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import Settings, parameter
 
 _SOLVER = SolverOptions()
@@ -17,9 +17,7 @@ _SOLVER = SolverOptions()
 class ControllerSettings(Settings):
     """What the controller optimises, and how far ahead."""
 
-    strategy: str = parameter(
-        "aging", "cost terms and weights, one of the paper's strategies", choices=tuple(STRATEGIES)
-    )
+    strategy: str = parameter(DEFAULT_STRATEGY, "cost terms and weights", choices=tuple(STRATEGIES))
     horizon: str = parameter(
         str(MULTI_HORIZON), "prediction grid, <steps>x<seconds> parts joined by +"
     )

@@ -64,6 +64,11 @@ class DecisionRecord:
         rung: where the command comes from.
         limiter_active: whether the last limiter changed the command.
         preview_age_s: time since the preview in use was generated, NaN or infinite without one.
+        cell_1_price_1_k: cost of a kelvin more in cell 1 at the end of the horizon, 0 without a cost to go.
+        cell_n_price_1_k: the same for cell N.
+        aging_rate_1_s: mean rate of the capacity loss behind these prices, sum of both cells.
+        aging_sensitivity_1_k: relative change of that rate with temperature.
+        kelvin_lasts_s: how long a kelvin was taken to last.
     """
 
     status: SolveStatus
@@ -76,6 +81,11 @@ class DecisionRecord:
     rung: Rung
     limiter_active: bool
     preview_age_s: float
+    cell_1_price_1_k: float = 0.0
+    cell_n_price_1_k: float = 0.0
+    aging_rate_1_s: float = 0.0
+    aging_sensitivity_1_k: float = 0.0
+    kelvin_lasts_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +109,11 @@ class DecisionSeries:
     rung: NDArray[np.int64]
     limiter_active: NDArray[np.bool_]
     preview_age_s: FloatArray
+    cell_1_price_1_k: FloatArray
+    cell_n_price_1_k: FloatArray
+    aging_rate_1_s: FloatArray
+    aging_sensitivity_1_k: FloatArray
+    kelvin_lasts_s: FloatArray
 
     def __post_init__(self) -> None:
         for name in DECISION_COLUMNS:

@@ -111,7 +111,7 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
     spec, route = inputs.spec, inputs.route
     began = time.perf_counter()
     plant = Plant(inputs.parameters, route.slope.slope_at, spec.plant_step_s)
-    controller = Controller(inputs.parameters, controller_options(spec))
+    controller = Controller(inputs.parameters, controller_options(spec, route.duration_s))
     loop = run_closed_loop(route, plant, controller, spec.bridge_settings(), on_tick=progress)
     trajectory: Trajectory = loop.trajectory
     decisions: DecisionSeries | None = loop.decisions
@@ -140,13 +140,14 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
     )
 
 
-def controller_options(spec: RunSpec) -> ControllerOptions:
-    """Return the options of the controller of a run."""
+def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptions:
+    """Return the options of the controller of a run; it knows when the trip ends, as navigation does."""
     return ControllerOptions(
         strategy=spec.strategy,
         horizon=Horizon.parse(spec.horizon),
         solver=solver_options(spec.solver),
         tick_s=spec.tick_s,
+        trip_duration_s=trip_duration_s,
     )
 
 

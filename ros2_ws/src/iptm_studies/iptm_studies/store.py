@@ -35,7 +35,7 @@ from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
 LOGGER = logging.getLogger(__name__)
 DEFAULT_FOLDER = "results"
 ROOT_VARIABLE = "IPTM_ROOT"
-FORMAT = 3
+FORMAT = 4
 _METADATA = b"iptm"
 _DIGEST = b"iptm_digest"
 _DECISION_PREFIX = "decision_"

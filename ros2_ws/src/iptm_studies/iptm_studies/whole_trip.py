@@ -127,7 +127,7 @@ def solve_whole_trip(
         for warm_start in (0, MAX_ITERATIONS)
     )
     grid = ProblemGrid(horizon)
-    builder = ProblemDataBuilder(grid, strategy)
+    builder = ProblemDataBuilder(grid, strategy, plant.parameters.limits)
     leader = _leader_motion(route, horizon)
     slope = SlopePreview(np.asarray(route.slope.positions_m), np.asarray(route.slope.slopes_rad))
     state = plant.initial_state()

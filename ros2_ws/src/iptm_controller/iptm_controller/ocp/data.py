@@ -12,11 +12,17 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import SampleIndex, StepIndex
 from iptm_controller.strategy import Strategy
+from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
+from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
 LONGEST_CHANGE_S = 5.0
 SLOPE_DIFFERENCE_M = 25.0
+COLD_COMPRESSOR_PRICE_1_KW = 100.0
+"""Cost per kilowatt and second of a compressor that runs although the cells are at their lower limit."""
+COLD_MARGIN_K = 0.3
+"""The price is full at the lower limit and zero by so much above it."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +41,10 @@ class ProblemData:
 class ProblemDataBuilder:
     """Works out the numbers of one problem after the other."""
 
-    def __init__(self, grid: ProblemGrid, strategy: Strategy) -> None:
+    def __init__(self, grid: ProblemGrid, strategy: Strategy, limits: LimitParameters) -> None:
         self._grid = grid
         self._strategy = strategy
+        self._limits = limits
         lengths = grid.horizon.step_lengths_s
         self._node_times_s = grid.horizon.node_times_s
         # A change of input between two steps happens over the time between their middles, but braking
@@ -54,6 +61,7 @@ class ProblemDataBuilder:
         slope: SlopePreview,
         expected_positions_m: FloatArray,
         known_s: float = math.inf,
+        value: TemperatureValue = NO_VALUE,
     ) -> ProblemData:
         """Assemble the problem of one tick.
 
@@ -65,6 +73,7 @@ class ProblemDataBuilder:
                 slope is expanded to second order there.
             known_s: how far ahead the leader's motion is known and not a guess. The braking reserve
                 is asked for at the last node up to there, at the first one if there is none.
+            value: what a kelvin costs at the end of the horizon.
         """
         grid, origin_m = self._grid, state.position_m
         steps = np.empty((grid.steps, layout.STEP_PARAMETERS))
@@ -99,20 +108,39 @@ class ProblemDataBuilder:
         ) / REFERENCE_WINDOW_S
         samples[:, SampleIndex.LEADER_POSITION] = recent[: times.size] - origin_m
         samples[:, SampleIndex.LEADER_SPEED] = speeds[: times.size]
-        parameters = grid.parameters(self._globals(state), steps, samples)
+        parameters = grid.parameters(self._globals(state, value), steps, samples)
         return ProblemData(self._scaled_state(state), parameters)
 
-    def _globals(self, state: VehicleState) -> list[float]:
-        strategy = self._strategy
+    def _globals(self, state: VehicleState, value: TemperatureValue) -> list[float]:
+        strategy, scale = self._strategy, self._strategy.scale
         return [
             state.cell_1_capacity_loss,
             state.cell_n_capacity_loss,
-            strategy.speed_weight,
-            strategy.temperature_weight,
-            strategy.energy_weight_1_j,
-            strategy.aging_weight,
+            scale * strategy.speed_weight,
+            scale * strategy.temperature_weight,
+            scale * strategy.energy_weight_1_j,
+            scale * strategy.aging_weight,
             strategy.reference_temperature_k,
+            scale * value.cell_1_price_1_k,
+            scale * value.cell_n_price_1_k,
+            *self._lower_temperature_limit(state),
         ]
+
+    def _lower_temperature_limit(self, state: VehicleState) -> tuple[float, float]:
+        """Return the lower temperature limit as a reason not to cool, and never one to heat.
+
+        Both parts depend on what is measured and not on what is planned. Cells at the limit put a price on
+        running the compressor, which as an exact penalty switches it off. From above the limit, cell 1
+        may be cooled down to it; from below, it may stay as it is, less a margin for what
+        charging takes from a cell without any cooling.
+
+        Returns:
+            Price per kilowatt and second, lowest temperature in K.
+        """
+        coldest = min(state.cell_1_temperature_k, state.cell_n_temperature_k)
+        free_k = self._limits.min_temperature_k + COLD_MARGIN_K
+        share = min(max((free_k - coldest) / COLD_MARGIN_K, 0.0), 1.0)
+        return COLD_COMPRESSOR_PRICE_1_KW * share, min(free_k, coldest) - COLD_MARGIN_K
 
     @staticmethod
     def _scaled_state(state: VehicleState) -> FloatArray:

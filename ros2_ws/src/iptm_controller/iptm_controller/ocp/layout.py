@@ -46,14 +46,16 @@ class LimitIndex(IntEnum):
     SPEED_MAX = 7
     CELL_1_MIN = 8
     CELL_1_MAX = 9
-    CELL_N_MIN = 10
-    CELL_N_MAX = 11
-    OUTLET_MIN = 12
-    OUTLET_MAX = 13
+    CELL_N_MAX = 10
+    OUTLET_MAX = 11
 
 
 class GlobalIndex(IntEnum):
-    """Parameters shared by all steps of one problem."""
+    """Parameters shared by all steps of one problem.
+
+    The prices of a kelvin are those of ``TemperatureValue``; that of running the compressor is zero unless
+    the cells are at their lower temperature limit, to which cell 1 may be cooled.
+    """
 
     CELL_1_LOSS = 0
     CELL_N_LOSS = 1
@@ -62,6 +64,10 @@ class GlobalIndex(IntEnum):
     ENERGY_WEIGHT = 4
     AGING_WEIGHT = 5
     REFERENCE_TEMPERATURE = 6
+    CELL_1_PRICE = 7
+    CELL_N_PRICE = 8
+    COMPRESSOR_PRICE = 9
+    LOWEST_TEMPERATURE = 10
 
 
 class StepIndex(IntEnum):

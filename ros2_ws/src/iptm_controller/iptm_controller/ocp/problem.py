@@ -17,7 +17,8 @@ from iptm_controller.ocp.stage import (
     StageExpressions,
     build_stage,
 )
-from iptm_core.parameters.model import LimitParameters, ModelParameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.power_thermal import Smoothing
 from iptm_core.state import FloatArray
 
@@ -61,19 +62,21 @@ class Bounds:
     rows_high: FloatArray
 
 
-def stage_bounds(limits: LimitParameters) -> Bounds:
+def stage_bounds(model: ModelParameters) -> Bounds:
     """Return the bounds of one stage: of its states and inputs, and of its rows.
 
     Physical limits of the inputs are hard; everything else goes through rows that a slack softens. States
-    are free: the present one is put into the bounds of x_0 for every problem.
+    are free: the present one is put into the bounds of x_0 for every problem. The compressor is not driven
+    harder than it is of use.
     """
+    limits = model.limits
     variables_low = np.full(layout.BLOCK, -np.inf)
     variables_high = np.full(layout.BLOCK, np.inf)
     inputs_low, inputs_high = np.zeros(layout.INPUTS), np.full(layout.INPUTS, np.inf)
     inputs_low[InputIndex.ACCELERATION] = limits.min_acceleration_m_s2
     inputs_high[InputIndex.ACCELERATION] = limits.max_acceleration_m_s2
     inputs_low[InputIndex.COMPRESSOR_POWER] = limits.min_compressor_power_w
-    inputs_high[InputIndex.COMPRESSOR_POWER] = limits.max_compressor_power_w
+    inputs_high[InputIndex.COMPRESSOR_POWER] = largest_useful_power_w(model.chiller, limits)
     variables_low[layout.STATES :] = inputs_low / layout.INPUT_SCALE
     variables_high[layout.STATES :] = inputs_high / layout.INPUT_SCALE
     rows_low, rows_high = np.zeros(layout.ROWS), np.full(layout.ROWS, np.inf)
@@ -84,9 +87,9 @@ def stage_bounds(limits: LimitParameters) -> Bounds:
     return Bounds(variables_low, variables_high, rows_low, rows_high)
 
 
-def problem_bounds(steps: int, limits: LimitParameters) -> Bounds:
+def problem_bounds(steps: int, model: ModelParameters) -> Bounds:
     """Return the bounds of all variables and rows of a horizon, in the order of the grid."""
-    stage = stage_bounds(limits)
+    stage = stage_bounds(model)
     last = slice(0, layout.STATES)
     return Bounds(
         np.concatenate([np.tile(stage.variables_low, steps), stage.variables_low[last]]),

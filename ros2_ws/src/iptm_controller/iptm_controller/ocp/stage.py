@@ -30,9 +30,14 @@ from iptm_core.physics.power_thermal import (
 )
 
 DEFAULT_SMOOTHING = Smoothing(
-    force_n=150.0, power_w=500.0, current_a=0.05, speed_m_s=0.3, deliverable_power=True
+    force_n=150.0,
+    power_w=500.0,
+    current_a=0.05,
+    speed_m_s=0.3,
+    cooling_w=50.0,
+    deliverable_power=True,
 )
-LONGEST_UNWATCHED_S = 5.0
+LONGEST_UNWATCHED_S = 2.5
 GAP_SMOOTHING_M = 0.3
 NOT_ASKED_FOR_M = 1.0
 """Value of the row of the braking reserve where it is not asked for: satisfied, and of order one."""
@@ -42,13 +47,14 @@ NOT_ASKED_FOR_M = 1.0
 class PenaltyWeights:
     """Exact (linear) penalties of the soft limits, cost per unit and second of violation.
 
-    The one on temperature is large because cooling is slow: over a horizon of 15 s the energy term of a
-    strategy outbids 20 per kelvin and second, and the cells run away beyond their limit.
+    They are ordered: no cost of driving or cooling outbids a limit, and no limit one of a higher rank.
+    First the smallest distance to the leader, then the speed, then the largest distance, then
+    temperatures. ``Strategy.scale`` keeps the cost small enough for that, whatever its weights.
     """
 
-    gap_short_1_m: float = 50.0
-    gap_long_1_m: float = 20.0
-    speed_1_m_s: float = 50.0
+    gap_short_1_m: float = 1e4
+    gap_long_1_m: float = 500.0
+    speed_1_m_s: float = 2000.0
     temperature_1_k: float = 200.0
 
 
@@ -66,7 +72,7 @@ class StageExpressions:
         global_parameters: symbol shared by all steps.
         next_state: expression, shape (6,).
         cost: scalar expression.
-        limits: expression, shape (14,), order of ``LimitIndex``.
+        limits: expression, shape (12,), order of ``LimitIndex``.
     """
 
     state: ca.SX
@@ -118,14 +124,18 @@ def build_stage(
         + penalties.speed_1_m_s * inputs[InputIndex.SPEED_EXCESS]
         + penalties.temperature_1_k * inputs[InputIndex.TEMPERATURE_EXCESS]
     )
-    limits = _limits(parameters, state, inputs, next_state, step, p)
+    temperature_cost = g[GlobalIndex.CELL_1_PRICE] * (step.cell_1_k - state[2]) + g[
+        GlobalIndex.CELL_N_PRICE
+    ] * (step.cell_n_k - state[3])
+    compressor_cost = step_s * g[GlobalIndex.COMPRESSOR_PRICE] * u[InputIndex.COMPRESSOR_POWER]
+    limits = _limits(parameters, state, inputs, next_state, step, p, g)
     return StageExpressions(
         state=x,
         inputs=u,
         step_parameters=p,
         global_parameters=g,
         next_state=(next_state - layout.STATE_OFFSET) / layout.STATE_SCALE,
-        cost=step.cost + slack_cost,
+        cost=step.cost + temperature_cost + compressor_cost + slack_cost,
         limits=limits,
     )
 
@@ -224,6 +234,7 @@ def _limits(
     next_state: ca.SX,
     step: _StepIntegrals,
     p: ca.SX,
+    g: ca.SX,
 ) -> ca.SX:
     """Return the inequality rows at the end of the step: paper eqs. 16b to 16i, and the braking reserve."""
     bounds, gap_policy = parameters.limits, parameters.gap
@@ -255,14 +266,16 @@ def _limits(
         gap_policy.max_gap_m - gap + inputs[InputIndex.GAP_LONG],
         speed - bounds.min_speed_m_s + speed_slack,
         bounds.max_speed_m_s - speed + speed_slack,
+        # Cooling reaches cell 1 first: what keeps it above the lower limit keeps the others.
+        next_state[StateIndex.CELL_1_TEMPERATURE]
+        - g[GlobalIndex.LOWEST_TEMPERATURE]
+        + temperature_slack,
     ]
     temperatures = (
         next_state[StateIndex.CELL_1_TEMPERATURE],
         next_state[StateIndex.CELL_N_TEMPERATURE],
         step.outlet_k,
     )
-    for temperature_k in temperatures:
-        rows.append(temperature_k - bounds.min_temperature_k + temperature_slack)
-        rows.append(bounds.max_temperature_k - temperature_k + temperature_slack)
+    rows.extend(bounds.max_temperature_k - each_k + temperature_slack for each_k in temperatures)
     limits: ca.SX = ca.vertcat(*rows)
     return limits

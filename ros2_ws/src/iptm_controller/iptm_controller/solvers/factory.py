@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.cooling_probe import CoolingProbe
 from iptm_controller.solvers.interface import RICCATI, SolverBackend, SolverOptions
 from iptm_controller.solvers.nlpsol_backend import NlpsolBackend, ipopt_plugin
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
+from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_core.errors import SolverSetupError
 from iptm_core.parameters.model import ModelParameters
 
@@ -20,18 +20,22 @@ SOLVER_NAMES = (RICCATI, IPOPT)
 def build_solver(
     horizon: Horizon, parameters: ModelParameters, options: SolverOptions
 ) -> SolverBackend:
-    """Return a solver for a horizon that also tries to start the compressor, see ``CoolingProbe``.
+    """Return a solver for a horizon that also looks for better switching, see ``SwitchingCheck``.
 
     Raises:
         SolverSetupError: unknown name, or the set-up fails.
     """
-    return CoolingProbe(build_plain_solver(horizon, parameters, options), horizon, parameters)
+    return SwitchingCheck(
+        build_plain_solver(horizon, parameters, options),
+        OptimalControlProblem(horizon, parameters),
+        compile_code=options.compile_code,
+    )
 
 
 def build_plain_solver(
     horizon: Horizon, parameters: ModelParameters, options: SolverOptions
 ) -> SolverBackend:
-    """Return the solver without the probe: stateless between solves, so that it can be shared.
+    """Return the solver without the check: stateless between solves, so that it can be shared.
 
     Raises:
         SolverSetupError: unknown name, or the set-up fails.

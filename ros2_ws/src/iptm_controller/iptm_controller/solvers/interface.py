@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
+
+import numpy as np
 
 from iptm_controller.ocp.data import ProblemData
 from iptm_core.decision_record import SolveStatus
@@ -61,6 +63,8 @@ class SolveResult:
         iterations: iterations of the solver.
         time_s: wall time of the solve.
         infeasibility: largest violation of a row or bound at the iterate, scaled units.
+        costates: multipliers lam_1 ... lam_N of the dynamics in scaled units, shape (6 N,): the change of
+            the cost with the state at the end of each step; empty if the solve broke off.
     """
 
     status: SolveStatus
@@ -70,6 +74,7 @@ class SolveResult:
     iterations: int
     time_s: float
     infeasibility: float
+    costates: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 def broken(guess: FloatArray, time_s: float, message: str) -> SolveResult:

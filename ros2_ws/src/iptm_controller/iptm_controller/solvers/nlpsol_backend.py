@@ -86,7 +86,7 @@ class NlpsolBackend:
             SolverSetupError: the compiler or the plug-in fails.
         """
         self.name = plugin.name
-        self._bounds = problem_bounds(problem.grid.steps, problem.model.limits)
+        self._bounds = problem_bounds(problem.grid.steps, problem.model)
         transcription = transcribe(problem)
         self._options = options
         compiler = find_compiler() if options.compile_code else None
@@ -147,8 +147,17 @@ class NlpsolBackend:
         reason = STATUS_TEXT[status]
         if status is not SolveStatus.SOLVED:
             reason = f"{reason} ({self.name}: {stats['return_status']}, {iterations} iterations)"
+        # The rows of the dynamics are x+ - F, the costates belong to F - x+.
+        multipliers = solver.results["lam_g"].reshape(-1, layout.ROWS)
         return SolveResult(
-            status, reason, variables, float(solver.results["f"][0]), iterations, elapsed, violation
+            status=status,
+            reason=reason,
+            variables=variables,
+            objective=float(solver.results["f"][0]),
+            iterations=iterations,
+            time_s=elapsed,
+            infeasibility=violation,
+            costates=-multipliers[:, : layout.STATES].ravel(),
         )
 
     def _write(

@@ -2,18 +2,24 @@
 
 The fitted map is linear in the outlet coolant temperature, which lets the coolant loop be solved in
 closed form: the map is therefore given as offset and slope. Its temperatures are degrees Celsius.
+
+The map is a parabola over the compressor power and a fit: it is used only where it makes sense. Beyond the
+power of its vertex it is held, because a compressor does not cool less for being driven harder; and a
+chiller never heats the coolant, so that what it takes is not negative. Both keep the rate monotone in power.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from iptm_core.parameters.model import (
     ChillerParameters,
     CoolingParameters,
     EnvironmentParameters,
+    LimitParameters,
 )
-from iptm_core.physics.ops import Scalar, exp
+from iptm_core.physics.ops import Scalar, exp, maximum
 
 CELSIUS_ZERO_K = 273.15
 KM_H_PER_M_S = 3.6
@@ -21,19 +27,22 @@ KM_H_PER_M_S = 3.6
 
 @dataclass(frozen=True)
 class ChillerLine:
-    """Cooling rate as a line over the outlet coolant temperature.
+    """Cooling rate at one compressor power: ``gate max(offset + slope T_c,out, 0)``.
 
     Attributes:
-        offset_w: cooling rate at an outlet temperature of 0 degC.
-        slope_w_k: change with the outlet temperature.
+        offset_w: rate of the fitted map at an outlet temperature of 0 degC.
+        slope_w_k: its change with the outlet temperature, not negative.
+        gate: 0 with the compressor off, 1 while it runs.
     """
 
     offset_w: Scalar
     slope_w_k: Scalar
+    gate: Scalar
 
-    def cooling_rate_w(self, outlet_k: Scalar) -> Scalar:
-        """Heat taken from the coolant (Q_co) in W at an outlet temperature."""
-        return self.offset_w + self.slope_w_k * (outlet_k - CELSIUS_ZERO_K)
+    def cooling_rate_w(self, outlet_k: Scalar, smoothing_w: float = 0.0) -> Scalar:
+        """Heat taken from the coolant (Q_co) in W at an outlet temperature, never negative."""
+        fitted = self.offset_w + self.slope_w_k * (outlet_k - CELSIUS_ZERO_K)
+        return self.gate * maximum(fitted, 0.0, smoothing_w)
 
 
 def air_mass_flow_kg_s(speed_m_s: Scalar, chiller: ChillerParameters) -> Scalar:
@@ -51,6 +60,11 @@ def compressor_gate(power_w: Scalar, chiller: ChillerParameters) -> Scalar:
     return 1.0 - exp(-relative * relative)
 
 
+def largest_useful_power_w(chiller: ChillerParameters, limits: LimitParameters) -> float:
+    """Return the compressor power beyond which more is of no use: the vertex of the map or the limit."""
+    return min(_vertex_w(chiller), limits.max_compressor_power_w)
+
+
 def chiller_line(
     compressor_power_w: Scalar,
     speed_m_s: Scalar,
@@ -60,13 +74,24 @@ def chiller_line(
 ) -> ChillerLine:
     """The gated chiller map (eq. 14) at a compressor power and a vehicle speed."""
     ambient_c = environment.ambient_temperature_k - CELSIUS_ZERO_K
-    gate = compressor_gate(compressor_power_w, chiller)
+    # The slope of the parabola vanishes at its vertex: holding it there leaves the map differentiable.
+    power = compressor_power_w
+    vertex = _vertex_w(chiller)
+    if math.isfinite(vertex):
+        power = -maximum(-power, -vertex)
     offset = (
-        chiller.xi_1 * compressor_power_w
-        + chiller.xi_2_1_w * compressor_power_w * compressor_power_w
+        chiller.xi_1 * power
+        + chiller.xi_2_1_w * power * power
         + chiller.xi_4_j_kg_k * ambient_c * air_mass_flow_kg_s(speed_m_s, chiller)
         + chiller.xi_6_w
     )
     # A difference of two large numbers: both coefficients keep every published digit.
     slope = chiller.xi_3_w_k + chiller.xi_5_j_kg_k * cooling.coolant_mass_flow_kg_s
-    return ChillerLine(gate * offset, gate * slope)
+    return ChillerLine(offset, slope, compressor_gate(compressor_power_w, chiller))
+
+
+def _vertex_w(chiller: ChillerParameters) -> float:
+    """Return the power of the parabola's vertex, infinite where it opens upwards or is a line."""
+    if chiller.xi_2_1_w >= 0.0:
+        return math.inf
+    return max(-chiller.xi_1 / (2.0 * chiller.xi_2_1_w), 0.0)

@@ -33,6 +33,7 @@ class Smoothing:
         power_w: switch from driving to regeneration.
         current_a: magnitude of the cell current in the ageing rate.
         speed_m_s: brake hold at standstill.
+        cooling_w: bound of the cooling rate at zero.
         deliverable_power: keep the terminal power within what the pack can deliver (and take up), so
             that an optimiser's wild iterate still gives numbers. Inside the range nothing changes.
     """
@@ -41,6 +42,7 @@ class Smoothing:
     power_w: float = 0.0
     current_a: float = 0.0
     speed_m_s: float = 0.0
+    cooling_w: float = 0.0
     deliverable_power: bool = False
 
 
@@ -140,7 +142,9 @@ def power_thermal_rates(
         parameters.cooling,
         parameters.environment,
     )
-    loop = solve_coolant_loop(t_1, t_n, line, channel.outlet, parameters.cooling)
+    loop = solve_coolant_loop(
+        t_1, t_n, line, channel.outlet, parameters.cooling, smoothing.cooling_w
+    )
     coolant_n = channel.last_cell.temperature_k(loop.inlet_k, t_1, t_n)
 
     def temperature_rate(temperature: Scalar, resistance: Scalar, coolant: Scalar) -> Scalar:

@@ -4,10 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from iptm_core.parameters.model import CoolingParameters
-from iptm_core.physics.chiller import CELSIUS_ZERO_K, ChillerLine
-from iptm_core.physics.coolant import ChannelWeights
+import numpy as np
+
+from iptm_core.parameters.model import CoolingParameters, ModelParameters
+from iptm_core.physics.chiller import (
+    CELSIUS_ZERO_K,
+    ChillerLine,
+    chiller_line,
+    largest_useful_power_w,
+)
+from iptm_core.physics.coolant import ChannelWeights, reduce_channel
 from iptm_core.physics.ops import Scalar
+
+_POWERS = 200
+_SPEED_M_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -31,11 +41,13 @@ def solve_coolant_loop(
     chiller: ChillerLine,
     outlet: ChannelWeights,
     cooling: CoolingParameters,
+    cooling_smoothing_w: float = 0.0,
 ) -> CoolantLoop:
     """Inlet and outlet temperature that agree with the chiller (eq. 15), in closed form.
 
     The outlet is a weighted mean of inlet and cells, the inlet is the outlet less what the chiller
-    takes, and the chiller is linear in the outlet temperature: one linear equation.
+    takes, and the chiller is linear in the outlet temperature: one linear equation. Where it would heat
+    the coolant the chiller takes nothing; the fitted rate has the same sign in the loop and at its solution.
 
     Args:
         cell_1_k: temperature of the first cell.
@@ -43,6 +55,7 @@ def solve_coolant_loop(
         chiller: chiller map at the present compressor power and speed.
         outlet: channel weights of the outlet temperature.
         cooling: coolant flow and specific heat.
+        cooling_smoothing_w: width of the smoothed bound at zero cooling; 0 is exact.
     """
     flow_w_k = cooling.coolant_mass_flow_kg_s * cooling.coolant_specific_heat_j_kg_k
     recirculated = outlet.inlet / flow_w_k
@@ -50,9 +63,32 @@ def solve_coolant_loop(
     cells_c = outlet.cell_1 * (cell_1_k - CELSIUS_ZERO_K) + outlet.cell_n * (
         cell_n_k - CELSIUS_ZERO_K
     )
-    outlet_c = (cells_c - recirculated * chiller.offset_w) / (
-        1.0 - outlet.inlet + recirculated * chiller.slope_w_k
+    fitted_outlet_c = (cells_c - recirculated * chiller.gate * chiller.offset_w) / (
+        1.0 - outlet.inlet + recirculated * chiller.gate * chiller.slope_w_k
     )
-    cooling_rate_w = chiller.offset_w + chiller.slope_w_k * outlet_c
-    outlet_k = outlet_c + CELSIUS_ZERO_K
+    cooling_rate_w = chiller.cooling_rate_w(fitted_outlet_c + CELSIUS_ZERO_K, cooling_smoothing_w)
+    outlet_k = (cells_c - recirculated * cooling_rate_w) / (1.0 - outlet.inlet) + CELSIUS_ZERO_K
     return CoolantLoop(outlet_k - cooling_rate_w / flow_w_k, outlet_k, cooling_rate_w)
+
+
+def most_efficient_cooling(
+    temperature_k: float, parameters: ModelParameters
+) -> tuple[float, float]:
+    """Return where the chiller cools most for its power, at 10 m/s.
+
+    Args:
+        temperature_k: temperature of all cells.
+        parameters: of chiller, loop and air.
+
+    Returns:
+        Compressor power in W and coefficient of performance Q_co / P_cp there, zero if it cannot cool.
+    """
+    chiller, cooling = parameters.chiller, parameters.cooling
+    largest_w = largest_useful_power_w(chiller, parameters.limits)
+    powers_w = np.linspace(largest_w / _POWERS, largest_w, _POWERS)
+    line = chiller_line(powers_w, _SPEED_M_S, chiller, cooling, parameters.environment)
+    outlet = reduce_channel(cooling, parameters.pack).outlet
+    loop = solve_coolant_loop(temperature_k, temperature_k, line, outlet, cooling)
+    performance = loop.cooling_rate_w / powers_w
+    best = int(np.argmax(performance))
+    return float(powers_w[best]), float(performance[best])

@@ -49,7 +49,8 @@ def decode_named_values(
     Args:
         topic: a topic of type `sensor_msgs/JointState`.
         message: the message received.
-        optional: names whose value may be NaN or infinite, for unknown.
+        optional: names whose value may be NaN or infinite, for unknown, or missing: older senders and
+            bags do not know them all.
 
     Raises:
         MessageError: names and values differ in number, a name is missing or a value not finite.
@@ -64,10 +65,10 @@ def decode_named_values(
         values = tuple(positions)
     else:
         by_name = dict(zip(names, positions, strict=True))
-        missing = [name for name in expected if name not in by_name]
+        missing = [name for name in expected if name not in by_name and name not in optional]
         if missing:
             reject(topic, f"missing {', '.join(missing)}; got {', '.join(names) or 'no names'}")
-        values = tuple(by_name[name] for name in expected)
+        values = tuple(by_name.get(name, math.nan) for name in expected)
     for name, value in zip(expected, values, strict=True):
         if not math.isfinite(value) and name not in optional:
             reject(topic, f"{name} is {value}; allowed: a finite number")

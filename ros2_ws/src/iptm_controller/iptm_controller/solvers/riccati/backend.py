@@ -77,6 +77,7 @@ class RiccatiBackend:
             iterations=found.iterations,
             time_s=time.perf_counter() - start,
             infeasibility=found.infeasibility,
+            costates=found.costates,
         )
 
 

@@ -52,6 +52,7 @@ class MethodResult:
         objective: cost there.
         infeasibility: largest residual there.
         iterations: steps taken.
+        costates: multipliers of the dynamics at the last iterate.
     """
 
     termination: Termination
@@ -59,6 +60,7 @@ class MethodResult:
     objective: float
     infeasibility: float
     iterations: int
+    costates: FloatArray
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,9 @@ class RiccatiMethod:
     ) -> MethodResult:
         point = self._begin(start, guess, parameters)
         if not _is_finite(guess, parameters, point):
-            return MethodResult(Termination.NOT_FINITE, guess, math.nan, math.inf, 0)
+            return MethodResult(
+                Termination.NOT_FINITE, guess, math.nan, math.inf, 0, self._iterate["lam"].copy()
+            )
         search_filter = LineSearchFilter(point)
         delta = 0.0
         iteration = 0
@@ -184,6 +188,7 @@ class RiccatiMethod:
                 point.cost,
                 point.largest_violation,
                 iteration,
+                self._iterate["lam"].copy(),
             )
 
     def _keep_best(self, point: FilterPoint) -> None:

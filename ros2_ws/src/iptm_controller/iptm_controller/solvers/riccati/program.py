@@ -65,9 +65,7 @@ class _Builder:
         self._penalties = problem.penalties
         self._grid = problem.grid
         self._steps = self._grid.steps
-        self._systems = [
-            StageSystem(stage, problem.model.limits) for stage in problem.stage_expressions()
-        ]
+        self._systems = [StageSystem(stage, problem.model) for stage in problem.stage_expressions()]
         self._sparsity = common_sparsity(self._systems)
         inequalities = self._systems[0].inequality_count * self._steps
         sizes = {

@@ -18,7 +18,7 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.problem import stage_bounds
 from iptm_controller.ocp.stage import StageExpressions
 from iptm_controller.solvers.buffered import named_function
-from iptm_core.parameters.model import LimitParameters
+from iptm_core.parameters.model import ModelParameters
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class Inequality:
     bound: float
 
 
-def inequality_constraints(limits: LimitParameters) -> tuple[Inequality, ...]:
+def inequality_constraints(model: ModelParameters) -> tuple[Inequality, ...]:
     """Return the finite bounds of a stage; the values are its limit rows followed by its inputs."""
-    bounds = stage_bounds(limits)
+    bounds = stage_bounds(model)
     own = slice(layout.STATES, None)
     low = np.concatenate([bounds.rows_low[own], bounds.variables_low[own]])
     high = np.concatenate([bounds.rows_high[own], bounds.variables_high[own]])
@@ -71,12 +71,12 @@ class StageSparsity:
 class StageSystem:
     """Derivatives of one stage kind."""
 
-    def __init__(self, stage: StageExpressions, limits: LimitParameters) -> None:
+    def __init__(self, stage: StageExpressions, model: ModelParameters) -> None:
         self._stage = stage
         variables = ca.vertcat(stage.state, stage.inputs)
         values = ca.vertcat(stage.limits, stage.inputs)
         self._inequalities = ca.vertcat(
-            *(one.sign * (values[one.index] - one.bound) for one in inequality_constraints(limits))
+            *(one.sign * (values[one.index] - one.bound) for one in inequality_constraints(model))
         )
         count = self._inequalities.numel()
         self._lam_next = ca.SX.sym("lam_next", layout.STATES)

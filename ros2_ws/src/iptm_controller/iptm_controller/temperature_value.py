@@ -1,0 +1,213 @@
+"""What a kelvin in the pack costs at the end of the horizon: the cost to go of the cell temperatures.
+
+A warmer cell ages faster until the kelvin is gone. With the aging rate q of a cell, its sensitivity to
+temperature alpha = d ln q / dT (paper eq. 12) and the time tau that a kelvin lasts, both cells at once cost
+
+    w = lambda_Q (alpha_1 q_1 + alpha_N q_N) tau,    alpha = (E_a - B c) / (z R T^2)
+
+per kelvin. The rates are the means of the trip so far, before there is any the forecast of the leader's
+motion. A kelvin lasts until the end of the trip or until it pays to cool it away, whichever is
+sooner: running the chiller ages the cells by the power that it draws, and that is worth it after the
+payback time
+
+    tau = C_pack (1 + b c) / (COP alpha P),    b = B / (z R T)
+
+with the heat capacity of the pack, the mean power P at its terminals and the mean C-rate c. A kelvin more
+to be cooled away is the last one to go: COP is the best coefficient of performance at the lower
+temperature limit. Between the cells the price is shared as the coolant mixes them. Nothing is to be tuned.
+The derivation and a comparison with the costates of whole trips: docs/explanation/optimal-control.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_controller.forecast import LeaderMotion
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.aging import capacity_loss_rate_1_s
+from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
+from iptm_core.physics.thermal_loop import most_efficient_cooling
+from iptm_core.state import FloatArray, VehicleState
+
+FORECAST_WEIGHT_S = 60.0
+"""The forecast at the start counts as much as so many seconds of the trip."""
+FORECAST_STEP_S = 1.0
+_C_RATE_ITERATIONS = 6
+_LEAST_RATE_1_S = 1e-15
+
+
+@dataclass(frozen=True)
+class TemperatureValue:
+    """Price of a kelvin of both cells at the end of the horizon, and what it was made of.
+
+    Attributes:
+        cell_1_price_1_k: cost of a kelvin more in cell 1 (w_1), in the unit of the cost.
+        cell_n_price_1_k: the same for cell N (w_N).
+        aging_rate_1_s: mean rate of the capacity loss, sum of both cells (q).
+        aging_sensitivity_1_k: relative change of the rate with temperature (alpha).
+        kelvin_lasts_s: how long a kelvin lasts (tau).
+    """
+
+    cell_1_price_1_k: float
+    cell_n_price_1_k: float
+    aging_rate_1_s: float
+    aging_sensitivity_1_k: float
+    kelvin_lasts_s: float
+
+
+NO_VALUE = TemperatureValue(0.0, 0.0, 0.0, 0.0, 0.0)
+"""Of strategies without a cost to go."""
+
+
+def mixing_weights(parameters: ModelParameters) -> tuple[float, float, float]:
+    """Return how the coolant mixes the two cells while the chiller takes nothing.
+
+    A temperature difference decays, a weighted mean stays: the left null vector of the loop's matrix. The
+    last cell weighs more, because it stands for more of what the coolant brings to the first one.
+
+    Returns:
+        Weights of cell 1 and cell N in the mean that stays, and the rate in 1/s at which a difference decays.
+    """
+    channel = reduce_channel(parameters.cooling, parameters.pack)
+    rate_1_s = parameters.cooling.convective_coefficient_w_k / parameters.cell.heat_capacity_j_k
+    inlet_of_n = channel.outlet.cell_n / (1.0 - channel.outlet.inlet)
+    to_1 = rate_1_s * inlet_of_n
+    to_n = rate_1_s * (channel.last_cell.inlet * (1.0 - inlet_of_n) + channel.last_cell.cell_1)
+    return to_n / (to_1 + to_n), to_1 / (to_1 + to_n), to_1 + to_n
+
+
+def mean_c_rate_1_h(
+    rate_1_s: float, temperature_k: float, capacity_loss: float, parameters: ModelParameters
+) -> float:
+    """Return the C-rate at which a cell ages at a given rate, the inverse of eq. (12) for the current.
+
+    Newton's method on ``ln c + b c = ln(rate / k)``, where ``k c exp(b c)`` is the law.
+
+    Args:
+        rate_1_s: rate of the capacity loss, positive.
+        temperature_k: cell temperature.
+        capacity_loss: loss so far.
+        parameters: of cell and aging.
+    """
+    aging, cell = parameters.aging, parameters.cell
+    at_1_c = capacity_loss_rate_1_s(
+        cell.nominal_capacity_ah, temperature_k, capacity_loss, aging, cell
+    )
+    b = _load_factor_h(temperature_k, parameters)
+    target = math.log(rate_1_s / at_1_c) + b
+    c_rate = math.exp(min(target, 0.0))
+    for _ in range(_C_RATE_ITERATIONS):
+        c_rate *= (1.0 + target - math.log(c_rate)) / (1.0 + b * c_rate)
+    return c_rate
+
+
+def _load_factor_h(temperature_k: float, parameters: ModelParameters) -> float:
+    """Return b of the aging law, the growth of its logarithm with the C-rate."""
+    aging = parameters.aging
+    gas_j_mol = aging.throughput_exponent * aging.gas_constant_j_mol_k * temperature_k
+    return aging.compensation_factor_j_mol / gas_j_mol
+
+
+class TemperatureValuation:
+    """Follows the trip and prices the temperatures at every tick."""
+
+    def __init__(
+        self,
+        parameters: ModelParameters,
+        aging_weight: float,
+        horizon_s: float,
+        trip_duration_s: float = math.inf,
+    ) -> None:
+        """Keep what does not change.
+
+        Args:
+            parameters: of pack, cell, aging and cooling.
+            aging_weight: lambda_Q.
+            horizon_s: length of the horizon, where the price counts.
+            trip_duration_s: trip time at which the trip ends, infinite where that is not known.
+        """
+        self._parameters = parameters
+        self._aging_weight = aging_weight
+        self._horizon_s = horizon_s
+        self._trip_duration_s = trip_duration_s
+        self._share_1, self._share_n, _ = mixing_weights(parameters)
+        _, self._performance = most_efficient_cooling(
+            parameters.limits.min_temperature_k, parameters
+        )
+        pack = parameters.pack
+        cells = pack.cells_in_series * pack.parallel
+        self._heat_capacity_j_k = cells * parameters.cell.heat_capacity_j_k
+        self._start: VehicleState | None = None
+        self._foreseen_1_s = 0.0
+
+    def value(self, state: VehicleState, leader: LeaderMotion) -> TemperatureValue:
+        """Price the temperatures at a tick.
+
+        Args:
+            state: measured state; the first one, or one before it, begins a trip.
+            leader: foreseen motion of the leader.
+        """
+        start = self._start
+        if start is None or state.time_s < start.time_s:
+            start = self._start = state
+            self._foreseen_1_s = self._foresee(state, leader)
+        elapsed_s = state.time_s - start.time_s
+        lost = max(_loss(state) - _loss(start), 0.0)
+        rate = (lost + self._foreseen_1_s * FORECAST_WEIGHT_S) / (elapsed_s + FORECAST_WEIGHT_S)
+        rate = max(rate, _LEAST_RATE_1_S)
+        values = self._parameters
+        aging = values.aging
+        temperature_k = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
+        c_rate = mean_c_rate_1_h(0.5 * rate, temperature_k, 0.5 * _loss(state), values)
+        load = _load_factor_h(temperature_k, values) * c_rate
+        molar_k = aging.throughput_exponent * aging.gas_constant_j_mol_k * temperature_k**2
+        sensitivity = aging.activation_energy_j_mol / molar_k - load / temperature_k
+        remaining_s = max(self._trip_duration_s - state.time_s - self._horizon_s, 0.0)
+        lasting_s = min(self._payback_s(c_rate, load, sensitivity), remaining_s)
+        if math.isinf(lasting_s):  # neither is known: nothing to base a price on
+            lasting_s = 0.0
+        price = self._aging_weight * sensitivity * rate * lasting_s
+        return TemperatureValue(
+            self._share_1 * price, self._share_n * price, rate, sensitivity, lasting_s
+        )
+
+    def _payback_s(self, c_rate_1_h: float, load: float, sensitivity_1_k: float) -> float:
+        """Return the time after which cooling a kelvin away has saved what it has aged the cells."""
+        if self._performance <= 0.0:
+            return math.inf
+        pack, cell = self._parameters.pack, self._parameters.cell
+        current_a = c_rate_1_h * cell.nominal_capacity_ah * pack.parallel
+        power_w = current_a * pack.open_circuit_voltage_v
+        saved_w_k = self._performance * sensitivity_1_k * power_w
+        return self._heat_capacity_j_k * (1.0 + load) / saved_w_k
+
+    def _foresee(self, state: VehicleState, leader: LeaderMotion) -> float:
+        """Return the mean aging rate of a host that moves like the leader on a flat road, uncooled."""
+        count = math.ceil(self._horizon_s / FORECAST_STEP_S) + 1
+        times: FloatArray = np.array([state.time_s + i * FORECAST_STEP_S for i in range(count)])
+        _, speeds = leader.at(times)
+        rates = power_thermal_rates(
+            0.5 * (speeds[:-1] + speeds[1:]),
+            np.diff(speeds) / FORECAST_STEP_S,
+            np.zeros(times.size - 1),
+            np.zeros(times.size - 1),
+            CellPair(
+                state.cell_1_temperature_k,
+                state.cell_n_temperature_k,
+                state.cell_1_capacity_loss,
+                state.cell_n_capacity_loss,
+            ),
+            self._parameters,
+            reduce_channel(self._parameters.cooling, self._parameters.pack),
+        )
+        return float(
+            np.mean(rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s)
+        )
+
+
+def _loss(state: VehicleState) -> float:
+    return state.cell_1_capacity_loss + state.cell_n_capacity_loss
