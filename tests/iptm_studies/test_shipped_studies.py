@@ -4,6 +4,7 @@ import pytest
 
 from iptm_controller.horizon import Horizon
 from iptm_studies.campaign import plan_campaign
+from iptm_studies.run_spec import REPRODUCED_CYCLE
 from iptm_studies.study_loading import available_studies, load_study
 
 CONVENTIONAL = ("reference_energy", "reference_aging", "reference_energy_aging")
@@ -19,7 +20,9 @@ def test_every_study_says_what_it_shows(name: str) -> None:
     assert study.title
     assert len(study.about.split()) > 8
     assert study.cases
-    assert {case.spec.cycle for case in study.cases} == {"comprehensive"}
+    trips = {(case.spec.cycle, case.spec.slope) for case in study.cases}
+    own = "comprehensive" if name == "first_composition" else REPRODUCED_CYCLE
+    assert trips == {(own, "as_designed")}
     assert {case.spec.duration_s for case in study.cases} == {None}
 
 

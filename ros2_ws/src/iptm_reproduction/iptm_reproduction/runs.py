@@ -31,6 +31,7 @@ STUDIES = {
     "discretisation": "Long steps against fine steps",
     "weighting_scale": "Scale of the weights",
     "whole_trip": "Whole trip as one problem",
+    "first_composition": "This project's own composition",
 }
 """Names of the studies that addresses begin with, and their titles."""
 
@@ -49,6 +50,10 @@ REFERENCE, REF_ENERGY, REF_AGING, REF_ENERGY_AGING, VICE, PROPOSED = STRATEGIES
 """The benchmark of the paper, its conventional strategies, its "vice benchmark", and its proposal."""
 MULTI_HORIZON = "long_horizon/3+5"
 """The proposed strategy on 3 x 1 s + 5 x 5 s: the run of the paper's headline."""
+FIRST_REFERENCE, FIRST_AGING, FIRST_MULTI_HORIZON = (
+    f"first_composition/{name}" for name in ("reference", "aging", "multi_horizon")
+)
+"""The runs of the headline on the composition that was used before the paper's was identified."""
 OPTIMUM = "whole_trip/aging"
 """The whole trip as one problem, known in advance: what can be saved at most."""
 
@@ -132,6 +137,7 @@ _NAMES: dict[str, Callable[..., str]] = {
     "omitted_parameters": lambda variation, name: f"{controller_name(name)}, {words(variation)}",
     "discretisation": _grid_name,
     "whole_trip": lambda _: "whole-trip optimum",
+    "first_composition": lambda name: f"{controller_name(name)}, own composition",
 }
 
 

@@ -38,7 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--table", default="", metavar="FILE", help="table of the runs")
     parser.add_argument("--unknowns", default="", metavar="FILE", help="bounds and priors")
-    parser.add_argument("--workers", type=int, metavar="N", help="processes, one per core by default")
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes, one per core by default"
+    )
     parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster")
     parser.add_argument("--best", type=int, default=5, metavar="N", help="candidates to show")
     options = parser.parse_args(arguments)
@@ -111,7 +113,8 @@ class _Progress:
         planned = max(1, stage.generations) * stage.population + bool(stage.generations)
         self._best = float("inf")
         self._console.print(
-            f"stage {stage.name}: {planned} candidates, {planned * len(stage.strategies)} runs", style="bold"
+            f"stage {stage.name}: {planned} candidates, {planned * len(stage.strategies)} runs",
+            style="bold",
         )
 
     def performed(self, evaluation: Evaluation) -> None:

@@ -47,9 +47,7 @@ class Evaluation:
         return canonical_json(vars(self))
 
 
-def inputs_of(
-    candidate: Candidate, strategy: str, duration_s: float | None = None
-) -> RunInputs:
+def inputs_of(candidate: Candidate, strategy: str, duration_s: float | None = None) -> RunInputs:
     """Return the run of a strategy on the trip of a candidate.
 
     Args:
@@ -125,7 +123,9 @@ class EvaluationTable:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             cut = self.path.exists() and not self.path.read_bytes().endswith(b"\n")
             with self.path.open("a", encoding="utf-8") as file:
-                file.write(("\n" if cut and self.path.stat().st_size else "") + entry.to_json() + "\n")
+                file.write(
+                    ("\n" if cut and self.path.stat().st_size else "") + entry.to_json() + "\n"
+                )
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
+import textwrap
 from collections.abc import Iterable
 from pathlib import Path
 
 from iptm_core.parameters.loading import _sets_folder as sets_folder
 from iptm_core.routes.composition import compositions_folder
-from iptm_core.strict_mapping import shown
 from iptm_reproduction.identification.evaluations import EvaluationTable
 from iptm_reproduction.identification.objective import misfit
 from iptm_reproduction.identification.unknowns import COMPOSITION, PARAMETERS, Candidate, Unknowns
@@ -41,7 +41,7 @@ def composition_text(candidate: Candidate) -> str:
 def set_text(candidate: Candidate) -> str:
     """Return the file of the identified parameter set."""
     unknowns = candidate.unknowns
-    units = {entry.key: entry.unit for entry in (*unknowns.free, *unknowns.settled)}
+    units = {entry.key: entry.unit for entry in unknowns.free}
     reasons = _reasons(unknowns)
     lines = [
         "description: identified from the paper's strategy table, with the identified composition",
@@ -51,6 +51,8 @@ def set_text(candidate: Candidate) -> str:
     for key in sorted(candidate.section(PARAMETERS)):
         section, _, name = key.partition(".")
         full = f"{PARAMETERS}.{key}"
+        if full not in units:
+            continue  # settled: as in the base
         if section != group:
             lines += ["", f"{section}:"]
             group = section
@@ -112,6 +114,4 @@ def _number(value: float) -> str:
 
 
 def _wrapped(text: str, width: int = _WIDTH - 2) -> Iterable[str]:
-    import textwrap
-
     return textwrap.wrap(" ".join(text.split()), width)

@@ -196,7 +196,11 @@ def read_unknowns(path: Path) -> Unknowns:
         content.text("base_set"),
         tuple(_unknown(free, key) for key in free),
         tuple(_settled(settled, key) for key in settled),
-        {name: {key: entry.number(key) for key in entry} for name in weights if (entry := weights.section(name))},
+        {
+            name: {key: entry.number(key) for key in entry}
+            for name in weights
+            if (entry := weights.section(name))
+        },
     )
 
 
