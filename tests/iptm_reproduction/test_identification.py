@@ -1,4 +1,4 @@
-"""Identification: the file of the unknowns, the objective by hand, and a search that goes on where it stopped."""
+"""Identification: the file of the unknowns, the objective by hand, a search that goes on where it stopped."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_a_key_that_names_nothing_is_refused(tmp_path: Path, text: str, refusal:
 
 
 def test_a_prior_outside_its_bounds_is_refused() -> None:
-    with pytest.raises(ScenarioError, match="start is 3.0; allowed: 0 to 1"):
+    with pytest.raises(ScenarioError, match=r"start is 3\.0; allowed: 0 to 1"):
         Unknown("composition.large_grade", "1", 0.0, 1.0, 3.0, 0.1, "because")
 
 
@@ -114,8 +114,8 @@ def test_the_printed_table_itself_has_no_misfit() -> None:
 def test_the_misfit_by_hand() -> None:
     runs = printed_runs()
     pair = {name: dict(runs[name]) for name in ("reference", "aging")}
-    # Traction of the reference 15 % too high in the logarithm is one tolerance; the other rows stay.
-    scale = math.exp(0.15)
+    # Traction of the reference a quarter too high in the logarithm is one tolerance; the other rows stay.
+    scale = math.exp(0.25)
     pair["reference"][fig.TRACTION.key] *= scale
     pair["aging"][fig.TRACTION.key] *= scale
     # Cooling changes by 9.67 points too little: a quarter of the printed 19.34 % is 4.835 points.
@@ -145,17 +145,23 @@ class _Quiet:
         pass
 
     def performed(self, evaluation: Evaluation) -> None:
+        assert evaluation.figures
         self.performed_runs += 1
 
     def scored(self, stage: Stage, scored: Scored) -> None:
+        assert set(scored.runs) == set(stage.strategies)
         self.best.append(scored.score)
+
+
+def far_from_optimum(values: Mapping[str, float]) -> float:
+    """Distance of the made-up problem's candidate from its optimum."""
+    gap_km = values["parameters.gap.max_gap_m"] / 1000.0
+    return abs(values["composition.large_grade"] - 0.1) + abs(gap_km - 0.15)
 
 
 def made_up(inputs: RunInputs, values: Mapping[str, float]) -> Evaluation:
     """Instead of a trip: the printed table where grade and gap have certain values, worse elsewhere."""
-    away = abs(values["composition.large_grade"] - 0.1) + abs(
-        values["parameters.gap.max_gap_m"] / 1000.0 - 0.15
-    )
+    away = far_from_optimum(values)
     name = inputs.spec.strategy.name
     factor = math.exp(5.0 * away) * (1.0 if name == "reference" else 1.0 + away)
     figures = {key: value * factor for key, value in printed_runs()[name].items()}
@@ -193,8 +199,8 @@ def test_a_search_finds_the_optimum_and_goes_on_where_it_stopped(
     found = Search(TINY, EvaluationTable(tmp_path / "whole"), client, whole, perform=made_up).run(
         STAGES
     )
-    assert found[0].misfit < 0.1 * whole.best[0]
-    assert found[0].candidate.values["composition.large_grade"] == pytest.approx(0.1, abs=0.02)
+    assert far_from_optimum(found[0].candidate.values) < 0.04
+    assert far_from_optimum(TINY.candidate(TINY.start).values) == pytest.approx(0.08)
     assert set(found[0].runs) == set(STRATEGY_NAMES)
 
     # The same search, cut off: half of the table is there, its last line cut in the middle.

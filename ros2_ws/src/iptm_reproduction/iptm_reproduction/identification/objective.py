@@ -13,12 +13,12 @@ from collections.abc import Mapping
 
 from iptm_core.metrics.figures import Figure
 from iptm_reproduction import figures as fig
-from iptm_reproduction.check import accepted_deviation
+from iptm_reproduction.check import CHANGE_SHARE, accepted_deviation
 from iptm_reproduction.printed import printed_change, printed_value
 from iptm_reproduction.runs import REFERENCE, STRATEGIES, STRATEGY_NAMES
 
-ABSOLUTE_TOLERANCE = 0.15
-"""Deviation of an absolute figure that counts as one, of its logarithm: verdicts do not judge those."""
+ABSOLUTE_TOLERANCE = CHANGE_SHARE
+"""Deviation of an absolute figure, of its logarithm, that counts as one: the share that verdicts allow."""
 HUBER = 1.5
 """Deviation from which on the loss grows linearly."""
 

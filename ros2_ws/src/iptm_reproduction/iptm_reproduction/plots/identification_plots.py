@@ -15,9 +15,9 @@ _COLUMNS = 4
 
 @plot(
     "Misfit over each number",
-    "Every candidate that was driven with reference and proposed strategy: its misfit over each of its numbers, "
-    "between the bounds; dark: good fits, red: the identified value. A number is determined where good fits "
-    "gather.",
+    "Every candidate that was driven with reference and proposed strategy: its misfit over each of its "
+    "numbers, between the bounds; dark: good fits, red: the identified value. A number is determined where "
+    "good fits gather.",
 )
 def determined(results: Results) -> Figure:
     """Draw the misfit of all candidates over each number."""

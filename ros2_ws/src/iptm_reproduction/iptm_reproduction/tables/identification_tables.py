@@ -10,7 +10,7 @@ from iptm_reproduction.document import Cell, Row, Table, cells
 from iptm_reproduction.figures import change_text
 from iptm_reproduction.identification.spread import Determined, determined_numbers
 from iptm_reproduction.identification.unknowns import Settled, read_unknowns, shipped_unknowns
-from iptm_reproduction.printed import HEADLINE_CHANGES
+from iptm_reproduction.printed import HEADLINE_CHANGES, printed_value
 from iptm_reproduction.runs import (
     FIRST_MULTI_HORIZON,
     FIRST_REFERENCE,
@@ -30,9 +30,9 @@ def determined_table() -> Table:
         tuple(_determined_row(number) for number in found.numbers),
         note=(
             f"Good fits are the {found.good} of {found.candidates} candidates whose misfit to the rows of "
-            f"reference and proposed strategy lies below {found.threshold:.3g} (best {found.best:.3g}). A number "
-            "is pinned down if they share at most a quarter of its bounds, in part up to a half. The spread "
-            "is that of the candidates that the search has driven, so that it is a lower bound."
+            f"reference and proposed strategy is at most {found.threshold:.3g} (best {found.best:.3g}). A "
+            "number is pinned down if they spread over at most a quarter of its bounds, in part up to a half. "
+            "The spread is that of the candidates that the search has driven, so that it is a lower bound."
         ),
     )
 
@@ -83,7 +83,7 @@ def first_composition_table(results: Results) -> Table:
             (
                 Cell(f"Reference: {figure.title}"),
                 *(Cell(figure.text(value)) for value in values),
-                Cell(figure.text(_printed_reference(figure))),
+                Cell(figure.text(printed_value(REFERENCE, figure))),
             )
         )
     return Table(
@@ -92,12 +92,6 @@ def first_composition_table(results: Results) -> Table:
         ("figure", "identified", "own composition", "printed"),
         tuple(rows),
     )
-
-
-def _printed_reference(figure: fig.Figure) -> float | None:
-    from iptm_reproduction.printed import printed_value  # noqa: PLC0415
-
-    return printed_value(REFERENCE, figure)
 
 
 def _unit(unit: str) -> str:
