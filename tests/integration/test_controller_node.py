@@ -6,6 +6,7 @@ import math
 import signal
 from dataclasses import replace
 from functools import reduce
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -323,3 +324,27 @@ def test_new_trips_and_repeated_messages(launcher: Any, world: World) -> None:
     world.wait_for_details(late_messages="8")
     assert len(world.heard[Topic.COMMAND]) == 5
     assert process.stop(signal.SIGTERM) == 0
+
+
+def test_a_limit_broken_for_long_is_a_warning_once(launcher: Any, world: World) -> None:
+    start(launcher, world, temperature_warning_s=2.5)
+    world.tell_road()
+
+    def tick(time_s: float, cell_k: float) -> None:
+        world.publish(tick_messages(time_s, cell_n_temperature_k=cell_k))
+        world.wait_for_answer(time_s)
+
+    well = (Level.OK, "optimal plans")
+    hot = (Level.WARN, "cell above its highest temperature for long")
+
+    def said() -> list[tuple[Level, str]]:
+        """Every situation reported since the first answer, repetitions left out."""
+        states = [(Level(status.level), status.message) for status in world.statuses]
+        return [state for state, _ in groupby(states[states.index(well) :])]
+
+    for time_s in range(5):
+        tick(float(time_s), 320.0)
+    for time_s in range(5, 8):
+        tick(float(time_s), 308.5)
+    world.wait_for_details(cell_above_limit_s="0", ticks_optimal="8")
+    assert said() == [well, hot, well]

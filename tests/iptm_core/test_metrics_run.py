@@ -325,3 +325,12 @@ def test_limits_come_from_the_parameters() -> None:
     tight = replace(PARAMETERS, gap=replace(PARAMETERS.gap, max_gap_m=80.0))
     assert compute_metrics(run, PARAMETERS).soft_violations == 0
     assert compute_metrics(run, tight).soft_violations == 4
+
+
+def test_a_halt_breaks_no_limit_of_jerk() -> None:
+    """At standstill the deceleration is gone at once; a moving vehicle cannot do that."""
+    braking = [0.0, -0.4, -0.8, 0.0]
+    halt = make_run(speed_m_s=[1.2, 1.0, 0.4, 0.0], acceleration_m_s2=braking)
+    assert _check(halt, "acceleration_step").violations == 0
+    rolling = make_run(speed_m_s=[1.2, 1.0, 0.4, 0.4], acceleration_m_s2=braking)
+    assert _check(rolling, "acceleration_step").violations == 1

@@ -16,6 +16,7 @@ from iptm_controller.controller import Decision, Measurements
 from iptm_controller.forecast import PreviewQuality
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import plan_trajectory, situation
+from iptm_controller.node_watch import OperatorWatch
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import MessageError
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
@@ -49,6 +50,7 @@ class ControllerNode(SuiteNode):
         self._options = declare_parameters(self, ControllerNodeParameters)
         self.reject_unknown_parameters()
         self._controller = self._options.build_controller()
+        self._watch = OperatorWatch(self._options.model().values, self._options)
         self._slope: SlopePreview | None = None
         self._slope_fault = ""
         self._matcher = StampMatcher([*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW])
@@ -134,7 +136,9 @@ class ControllerNode(SuiteNode):
     def _answer(self, stamp_ns: int, values: Mapping[Topic, Any]) -> None:
         self._waiting_since_s = None
         self._held = None
-        decision = self._controller.decide(self._measurements(values))
+        measured = self._measurements(values)
+        decision = self._controller.decide(measured)
+        self._watch.update(measured, decision)
         self._publish(stamp_ns, decision)
         self._count(decision)
         self._last, self._last_ns = decision, stamp_ns
@@ -182,7 +186,10 @@ class ControllerNode(SuiteNode):
 
     def _report(self) -> None:
         level, reason = situation(
-            self._last, road_known=self._slope is not None, road_fault=self._slope_fault
+            self._last,
+            road_known=self._slope is not None,
+            road_fault=self._slope_fault,
+            watch=self._watch,
         )
         if self._last is None and self._matcher.missing() is not None:
             level, reason = Level.WARN, "inputs of a tick are incomplete"
@@ -200,6 +207,7 @@ class ControllerNode(SuiteNode):
             values[f"ticks_{rung.name.lower()}"] = self._rungs[rung]
         if self._last is not None:
             values.update(_details(self._last))
+            values.update(self._watch.values)
         self._reporter.report(self._last_ns, level, reason, values)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
 from iptm_controller.ladder import LadderOptions
+from iptm_controller.node_watch import WarningSettings
 from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import Strategy, strategy_by_name
@@ -18,7 +19,9 @@ FROM_STRATEGY = -1.0
 
 
 @dataclass(frozen=True)
-class ControllerNodeParameters(SamplingSettings, ModelSettings, SolveSettings, ControllerSettings):
+class ControllerNodeParameters(
+    WarningSettings, SamplingSettings, ModelSettings, SolveSettings, ControllerSettings
+):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
     speed_weight: float = parameter(

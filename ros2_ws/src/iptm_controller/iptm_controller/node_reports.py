@@ -6,6 +6,7 @@ import numpy as np
 
 from iptm_controller.controller import Decision
 from iptm_controller.forecast import PreviewQuality
+from iptm_controller.node_watch import OperatorWatch
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import Plan
 from iptm_core.decision_record import Rung, SolveStatus
@@ -40,8 +41,34 @@ def plan_trajectory(plan: Plan) -> PlanTrajectory:
     )
 
 
-def situation(decision: Decision | None, *, road_known: bool, road_fault: str) -> tuple[Level, str]:
-    """Return severity and one short sentence without numbers, for the diagnostics."""
+def situation(
+    decision: Decision | None,
+    *,
+    road_known: bool,
+    road_fault: str,
+    watch: OperatorWatch | None = None,
+) -> tuple[Level, str]:
+    """Return severity and one short sentence without numbers, for the diagnostics.
+
+    Args:
+        decision: the last one, None before the first.
+        road_known: a slope has been received.
+        road_fault: what is wrong with it, empty if nothing.
+        watch: what has gone on for too long, added to the situation of the decision.
+    """
+    level, reason = _of_decision(decision, road_known=road_known, road_fault=road_fault)
+    if watch is None or decision is None:
+        return level, reason
+    if not watch.warnings:
+        return level, f"{reason}, {watch.note}" if level is Level.OK and watch.note else reason
+    if level is Level.OK:
+        return Level.WARN, ", ".join(watch.warnings)
+    return level, ", ".join((reason, *watch.warnings))
+
+
+def _of_decision(
+    decision: Decision | None, *, road_known: bool, road_fault: str
+) -> tuple[Level, str]:
     if decision is None:
         return Level.OK, "waiting for state, leader and preview"
     if decision.rung in _RUNG_SITUATION:

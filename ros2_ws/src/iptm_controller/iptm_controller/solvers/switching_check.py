@@ -6,8 +6,10 @@ costates lam of the solution, the power of each step has to minimise the Hamilto
 
     H_k(P_cp) = stage cost + lam_k+1' F(x_k, u_k)
 
-not only near the power found. Where standing still, or running at the most efficient power, gives a smaller
-one, the problem is solved once more from there, and the better plan wins: one further solve at most.
+not only near the power found. Where standing still, or running at the most efficient power, promises a much
+smaller one, the problem is solved once more from there, and the better plan wins. What the Hamiltonian cannot
+see (how cooling down to the lower limit is best spread over the steps, driving that changes with the
+cooling) is tried every few solves: one further solve at most each time.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import numpy as np
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import compile_functions, find_compiler
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.layout import InputIndex, StateIndex
+from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.buffered import BufferedFunction, named_function
 from iptm_controller.solvers.interface import SolverBackend, SolveResult
@@ -29,14 +31,20 @@ from iptm_core.physics.thermal_loop import most_efficient_cooling
 from iptm_core.state import FloatArray
 
 USUAL_TEMPERATURE_K = 303.15
-WORTHWHILE_SHARE = 0.002
-"""Expected gain, relative to what the plan costs without its slacks, that a second solve is worth."""
+PROMISING_SHARE = 0.03
+"""Expected gain, relative to what the plan costs without its slacks, that a second solve is worth at once."""
+TRY_EVERY = 5
+"""A second solve that promises less is tried after so many solves without one."""
 LEAST_GAIN = 1e-4
+ANOTHER_VALLEY = 0.35
+"""Difference of the power, kW, from which on a candidate is not in the valley of the plan already."""
+AT_LIMIT_K = 0.1
+_TEMPERATURE_OFFSET_K = float(layout.STATE_OFFSET[StateIndex.CELL_1_TEMPERATURE])
 _POWER_SCALE_W = float(layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER])
 
 
 class SwitchingCheck:
-    """Wraps a back end; nothing is carried over from solve to solve."""
+    """Wraps a back end; deterministic, because it counts solves and not seconds."""
 
     def __init__(
         self, inner: SolverBackend, problem: OptimalControlProblem, *, compile_code: bool = True
@@ -55,6 +63,7 @@ class SwitchingCheck:
         self._grid = problem.grid
         limits = problem.model.limits
         lengths_s = self._grid.horizon.step_lengths_s
+        self._lengths_s = lengths_s
         previous = np.concatenate([lengths_s[:1], lengths_s[:-1]])
         self._ramps = limits.max_compressor_rate_w_s * 0.5 * (previous + lengths_s) / _POWER_SCALE_W
         self._slack_prices = np.outer(lengths_s, astuple(problem.penalties))
@@ -66,6 +75,7 @@ class SwitchingCheck:
             library = str(compile_functions([function], compiler))
             function = ca.external(function.name(), library)
         self._hamiltonian = BufferedFunction(function)
+        self._since_second = TRY_EVERY
 
     @property
     def name(self) -> str:
@@ -87,8 +97,10 @@ class SwitchingCheck:
             if usable
             else np.full(self._grid.steps, self._candidates[-1])
         )
+        self._since_second += 1
         if powers is None:
             return replace(first, time_s=time.perf_counter() - began)
+        self._since_second = 0
         start = self._with_powers(first.variables if usable else guess, powers, data)
         second = self._inner.solve(data, start)
         better = second if _is_better(second, first) else first
@@ -99,25 +111,64 @@ class SwitchingCheck:
         )
 
     def _better_powers(self, result: SolveResult, data: ProblemData) -> FloatArray | None:
-        """Return the powers that minimise the Hamiltonian step by step, None if those of the plan do."""
-        _, inputs = self._grid.split(result.variables)
-        slacks_cost = float(np.sum(inputs[:, layout.INPUTS - layout.SLACKS :] * self._slack_prices))
+        """Return the powers to start once more from, None if that is not worth a solve."""
+        states, inputs = self._grid.split(result.variables)
         own = inputs[:, InputIndex.COMPRESSOR_POWER]
         # A power is only reached through the ramp; what the ramp leaves of a candidate is judged.
-        options = [own, *(self._within_ramps(np.full_like(own, c), data) for c in self._candidates)]
+        options = np.stack(
+            [own, *(self._within_ramps(np.full_like(own, c), data) for c in self._candidates)]
+        )
+        values = self._evaluate(result, data, options)
+        cell_1_k = states[1:, StateIndex.CELL_1_TEMPERATURE] + _TEMPERATURE_OFFSET_K
+        lowest_k = data.parameters[GlobalIndex.LOWEST_TEMPERATURE]
+        due = self._since_second >= TRY_EVERY
+        if cell_1_k.min() < lowest_k + AT_LIMIT_K:
+            # The multiplier of the limit is part of the costates: they say nothing about less cooling.
+            return self._concentrated(own, values, data) if due else None
+        alike = np.abs(options[1:] - own) < ANOTHER_VALLEY
+        values[1:][alike] = np.inf
+        gains = values[0] - values[1:].min(axis=0)
+        expected = float(np.sum(np.maximum(gains, 0.0)))
+        slacks_cost = float(np.sum(inputs[:, layout.INPUTS - layout.SLACKS :] * self._slack_prices))
+        if expected > max(LEAST_GAIN, PROMISING_SHARE * abs(result.objective - slacks_cost)):
+            chosen = gains > 0.0
+        elif due and not alike.all():
+            chosen = gains >= min(float(gains.max()), 0.0)
+        else:
+            return None
+        best = options[1:][values[1:].argmin(axis=0), np.arange(own.size)]
+        return np.where(chosen, best, own)
+
+    def _evaluate(self, result: SolveResult, data: ProblemData, options: FloatArray) -> FloatArray:
+        """Return the Hamiltonian of every step for several choices of the powers, shape of ``options``."""
         given = self._hamiltonian.arguments
         given["w"][:] = result.variables
         given["p"][:] = data.parameters
         given["lam"][:] = result.costates
-        given["powers"][:] = np.concatenate(options)
+        given["powers"][:] = options.ravel()
         self._hamiltonian()
-        values = self._hamiltonian.results["hamiltonians"].reshape(len(options), -1)
-        best = values.argmin(axis=0)
-        gain = float(np.sum(values[0] - values.min(axis=0)))
-        if not gain > max(LEAST_GAIN, WORTHWHILE_SHARE * abs(result.objective - slacks_cost)):
+        return self._hamiltonian.results["hamiltonians"].reshape(options.shape).copy()
+
+    def _concentrated(
+        self, own: FloatArray, values: FloatArray, data: ProblemData
+    ) -> FloatArray | None:
+        """Return powers that do the work of the plan in fewer steps, the cheapest ones, at the best power.
+
+        Below its most efficient power the compressor wastes: a plan that may cool only a little further must
+        not spread that over the whole horizon.
+        """
+        best = self._candidates[-1]
+        running = own > 0.1 * best
+        if not running.any() or own[running].min() >= 0.95 * best:
             return None
-        chosen: FloatArray = np.take_along_axis(np.stack(options), best[None, :], axis=0)[0]
-        return self._within_ramps(chosen, data)
+        lengths_s = self._lengths_s
+        work = float(np.sum(own * lengths_s))
+        order = np.argsort((values[2] - values[1]) / lengths_s)
+        done = np.cumsum(best * lengths_s[order])
+        chosen = order[: int(np.searchsorted(done, work)) + 1]
+        powers = np.zeros_like(own)
+        powers[chosen] = best
+        return self._within_ramps(powers, data)
 
     def _within_ramps(self, powers: FloatArray, data: ProblemData) -> FloatArray:
         """Return the powers as the rate limit lets the compressor follow them from where it is."""

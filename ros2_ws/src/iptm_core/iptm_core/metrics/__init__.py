@@ -1,5 +1,6 @@
 """What a finished run achieved: energy, degradation, spacing, temperatures and kept limits."""
 
+from iptm_core.metrics.concerns import Concern
 from iptm_core.metrics.constraints import ConstraintCheck, check_constraints, gap_margins_m
 from iptm_core.metrics.figures import FIGURES, PAPER_TABLE, TRIP_FIGURES, Figure, figure_values
 from iptm_core.metrics.run_metrics import RunMetrics, compute_metrics
@@ -8,6 +9,7 @@ __all__ = [
     "FIGURES",
     "PAPER_TABLE",
     "TRIP_FIGURES",
+    "Concern",
     "ConstraintCheck",
     "Figure",
     "RunMetrics",

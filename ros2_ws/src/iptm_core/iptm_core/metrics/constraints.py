@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.gap_policy import minimum_gap_m
@@ -56,7 +57,8 @@ def check_constraints(
 ) -> tuple[ConstraintCheck, ...]:
     """Check every limit on every row of a run.
 
-    Rates are checked from row to row, so that row 0 counts as the input before the run.
+    Rates are checked from row to row, so that row 0 counts as the input before the run. Where a vehicle comes
+    to rest its deceleration ends with the motion: no command does that, and it breaks no limit.
 
     Args:
         trajectory: the run.
@@ -72,6 +74,7 @@ def check_constraints(
         run.acceleration_m_s2, limits.min_acceleration_m_s2, limits.max_acceleration_m_s2
     )
     jerk = _steps(run.acceleration_m_s2) - limits.max_jerk_m_s3 * intervals
+    jerk = np.where(_halts(run), -limits.max_jerk_m_s3 * intervals, jerk)
     compressor = _outside(
         run.compressor_power_w, limits.min_compressor_power_w, limits.max_compressor_power_w
     )
@@ -130,6 +133,13 @@ def _steps(values: FloatArray) -> FloatArray:
     """Return the magnitude of the change from the row before, shape (n,), 0 in row 0."""
     steps: FloatArray = np.abs(np.diff(values, prepend=values[:1]))
     return steps
+
+
+def _halts(run: Trajectory) -> NDArray[np.bool_]:
+    """Return the rows in which braking has ended at standstill, shape (n,)."""
+    braked = np.concatenate(([False], run.acceleration_m_s2[:-1] < 0.0))
+    halts: NDArray[np.bool_] = braked & (run.speed_m_s == 0.0) & (run.acceleration_m_s2 == 0.0)
+    return halts
 
 
 def _outside(values: FloatArray, lower: float, upper: float) -> FloatArray:

@@ -12,6 +12,7 @@ from functools import partial
 from operator import attrgetter
 
 from iptm_core.decision_record import DecisionStatistics, Rung, SolveStatus
+from iptm_core.metrics.concerns import Concern
 from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 
@@ -94,6 +95,21 @@ def _temperature_figures() -> Iterator[Figure]:
                 lambda run, value_k=value_k: value_k(run) - CELSIUS_ZERO_K,  # type: ignore[misc]
                 f"{suffix} {symbol}",
             )
+
+
+_CONCERN_LABELS = {
+    Concern.SHORT_GAP: "Longest time with the gap below s_min",
+    Concern.LONG_GAP: "Longest time with the gap above s_max",
+    Concern.SPEED: "Longest time with the speed out of limits",
+    Concern.HOT_CELL: "Longest time with a cell above T_b,max",
+    Concern.COOLING: "Longest time at full cooling without effect",
+}
+
+
+def _concern_figures() -> Iterator[Figure]:
+    for concern, label in _CONCERN_LABELS.items():
+        lasted_s = lambda run, concern=concern: run.longest_s[concern]  # noqa: E731
+        yield Figure(f"longest_{concern.value}", label, "s", 0, lasted_s)
 
 
 def _of_decisions(
@@ -183,6 +199,7 @@ _TRIP_FIGURES = (
     Figure("hard_violations", "Hard limits broken", "rows", 0, lambda run: float(run.hard_violations)),
     Figure("soft_violations", "Soft limits broken", "rows", 0, lambda run: float(run.soft_violations)),
     Figure("gap_violations", "Gap limit broken", "rows", 0, lambda run: float(run.gap_violations)),
+    *_concern_figures(),
     Figure("distance", "Distance", "km", 3, lambda run: 1e-3 * run.distance_m, "p"),
     Figure("duration", "Duration", "s", 0, lambda run: run.duration_s),
 )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from iptm_core.decision_record import DecisionSeries, DecisionStatistics
 from iptm_core.errors import StateError
+from iptm_core.metrics.concerns import Concern, longest_times_s
 from iptm_core.metrics.constraints import ConstraintCheck, check_constraints, gap_margins_m
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
@@ -119,6 +121,7 @@ class RunMetrics:
         gap: spacing.
         temperature: temperatures.
         constraints: one check per limit.
+        longest_s: for how long in a row each concern of an operator lasted at most.
         decisions: how the decisions came about; None where none were taken or recorded.
     """
 
@@ -129,6 +132,7 @@ class RunMetrics:
     gap: GapMetrics
     temperature: TemperatureMetrics
     constraints: tuple[ConstraintCheck, ...]
+    longest_s: Mapping[Concern, float]
     decisions: DecisionStatistics | None = None
 
     @property
@@ -176,6 +180,7 @@ def compute_metrics(
         gap=_gap(trajectory, parameters),
         temperature=_temperature(trajectory),
         constraints=check_constraints(trajectory, parameters),
+        longest_s=longest_times_s(trajectory, parameters),
         decisions=None if decisions is None else DecisionStatistics.of(decisions),
     )
 

@@ -1,0 +1,139 @@
+"""What has gone on for too long, for the operator: limits measured broken, futile cooling, hopeless plans."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_controller.controller import Decision, Measurements
+from iptm_controller.measurements import trusted_measurements
+from iptm_controller.ocp.layout import StateIndex
+from iptm_core.declaration import Settings, parameter
+from iptm_core.metrics.concerns import (
+    Concern,
+    FutileCooling,
+    Situation,
+    Streak,
+    broken_limits,
+    cooling_at_limit,
+)
+from iptm_core.metrics.constraints import TEMPERATURE_TOLERANCE_K
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import LeaderState, VehicleState
+
+_WARNINGS = {
+    Concern.SHORT_GAP: "gap below s_min for long",
+    Concern.LONG_GAP: "gap above s_max for long",
+    Concern.SPEED: "speed out of its limits for long",
+    Concern.HOT_CELL: "cell above its highest temperature for long",
+    Concern.COOLING: "compressor at its limit without effect",
+    Concern.PLAN: "plans never get back within limits",
+}
+COLD = "cells below their lowest temperature, which forbids cooling"
+
+
+@dataclass(frozen=True)
+class WarningSettings(Settings):
+    """After which time a situation is worth a warning."""
+
+    motion_warning_s: float = parameter(
+        10.0, "warn when gap or speed are measured out of limits for longer", "s", 0.0, 3600.0
+    )
+    temperature_warning_s: float = parameter(
+        60.0, "warn when a cell is measured above its limit for longer", "s", 0.0, 36000.0
+    )
+    cooling_warning_s: float = parameter(
+        60.0,
+        "warn when the compressor is at its limit for longer and the warmest cell, above its limit, "
+        "does not get colder",
+        "s",
+        0.0,
+        36000.0,
+    )
+    plan_warning_s: float = parameter(
+        60.0, "warn when plans end out of limits for longer", "s", 0.0, 36000.0
+    )
+
+    def after_s(self, concern: Concern) -> float:
+        """Return the time after which a concern is worth a warning, in s."""
+        times = {
+            Concern.HOT_CELL: self.temperature_warning_s,
+            Concern.COOLING: self.cooling_warning_s,
+            Concern.PLAN: self.plan_warning_s,
+        }
+        return times.get(concern, self.motion_warning_s)
+
+
+class OperatorWatch:
+    """Follows the trip tick by tick.
+
+    Attributes:
+        lasted_s: for how long each concern has lasted now, in s.
+        note: what is worth a word though it is no fault, empty for nothing.
+    """
+
+    def __init__(self, parameters: ModelParameters, settings: WarningSettings) -> None:
+        self._parameters = parameters
+        self._settings = settings
+        self._streaks = {concern: Streak() for concern in Concern}
+        self._cooling = FutileCooling()
+        self.lasted_s: dict[Concern, float] = dict.fromkeys(Concern, 0.0)
+        self.note = ""
+
+    def update(self, measured: Measurements, decision: Decision) -> None:
+        """Take a tick into account; one without a plausible state or leader says nothing."""
+        trusted = trusted_measurements(measured)
+        if trusted.state is not None and trusted.leader is not None:
+            self._watch_trip(trusted.state, trusted.leader)
+            ends_outside = self._ends_outside(decision)
+            if ends_outside is not None:
+                self._count(Concern.PLAN, trusted.state.time_s, holds=ends_outside)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Reasons to warn, without numbers; empty if there is none."""
+        return tuple(
+            text
+            for concern, text in _WARNINGS.items()
+            if self.lasted_s[concern] > self._settings.after_s(concern)
+        )
+
+    @property
+    def values(self) -> Mapping[str, object]:
+        """Times that the concerns have lasted, by the key of a diagnostic value."""
+        return {f"{concern.value}_s": lasted for concern, lasted in self.lasted_s.items()}
+
+    def _watch_trip(self, state: VehicleState, leader: LeaderState) -> None:
+        at = Situation.at(state, leader)
+        for concern, broken in broken_limits(at, self._parameters).items():
+            self._count(concern, state.time_s, holds=bool(broken))
+        at_limit = bool(cooling_at_limit(at, self._parameters))
+        self.lasted_s[Concern.COOLING] = self._cooling.update(
+            state.time_s, at.warmest_cell_k, at_limit=at_limit
+        )
+        coldest_k = min(state.cell_1_temperature_k, state.cell_n_temperature_k)
+        lowest_k = self._parameters.limits.min_temperature_k - TEMPERATURE_TOLERANCE_K
+        self.note = COLD if coldest_k < lowest_k else ""
+
+    def _count(self, concern: Concern, time_s: float, *, holds: bool) -> None:
+        self.lasted_s[concern] = self._streaks[concern].update(time_s, holds=holds)
+
+    def _ends_outside(self, decision: Decision) -> bool | None:
+        """Return whether the last node of the plan breaks a watched limit, None without a plan."""
+        plan, forecast = decision.plan, decision.forecast
+        if plan is None or forecast is None:
+            return None
+        last = plan.states[-1]
+        positions, speeds = forecast.motion.at(np.array([plan.start_s + plan.node_times_s[-1]]))
+        end = Situation(
+            gap_m=float(positions[0] - last[StateIndex.POSITION]),
+            speed_m_s=float(last[StateIndex.SPEED]),
+            leader_speed_m_s=float(speeds[0]),
+            warmest_cell_k=float(
+                max(last[StateIndex.CELL_1_TEMPERATURE], last[StateIndex.CELL_N_TEMPERATURE])
+            ),
+            compressor_power_w=float(last[StateIndex.LAST_COMPRESSOR_POWER]),
+        )
+        return any(bool(broken) for broken in broken_limits(end, self._parameters).values())

@@ -1,0 +1,159 @@
+"""The command behind ``scripts/campaign``: random runs, computed or found, judged, and a page about them."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.logging import RichHandler
+
+from iptm_controller.ocp.compilation import CACHE_VARIABLE
+from iptm_core.errors import IptmError
+from iptm_studies.campaign import Campaign
+from iptm_studies.cli import EXIT_FAILED_RUNS, EXIT_INTERRUPTED, EXIT_REFUSED
+from iptm_studies.cluster import ClusterOptions
+from iptm_studies.execution import execute, survey
+from iptm_studies.progress import clock_text, progress_display
+from iptm_studies.random_cars.draws import TWIN, random_study
+from iptm_studies.random_cars.page import JudgedRun, campaign_page, verdict_lines
+from iptm_studies.random_cars.verdicts import judge
+from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies.store import ResultStore, default_store_folder
+
+FOLDER = "campaign"
+PAGE = "random-cars.md"
+RUNS = 300
+SEED = 1
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    options = _parser().parse_args(arguments)
+    console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
+    logging.basicConfig(
+        level=logging.WARNING,
+        format="%(message)s",
+        handlers=[RichHandler(console=console, show_time=False, show_path=False)],
+        force=True,
+    )
+    try:
+        return _run(options, console)
+    except IptmError as error:
+        console.print(f"error: {error}", style="red")
+        return EXIT_REFUSED
+    except KeyboardInterrupt:
+        console.print("stopped; the same command goes on from what is stored")
+        return EXIT_INTERRUPTED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="campaign", description=__doc__)
+    parser.add_argument(
+        "--runs", type=int, default=RUNS, metavar="N", help=f"number of runs, {RUNS} by default"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=SEED, metavar="S", help=f"seed of all draws, {SEED} by default"
+    )
+    parser.add_argument(
+        "--duration-s", type=float, metavar="T", help="length of all trips instead of those drawn"
+    )
+    parser.add_argument(
+        "--without-twins",
+        action="store_true",
+        help="leave out the warm twins of cold runs, and the verdict on traction energy with them",
+    )
+    parser.add_argument("--store", default="", metavar="DIR", help="folder of the results")
+    parser.add_argument(
+        "--output",
+        default="",
+        metavar="DIR",
+        help=f"folder of {PAGE}, that of the results by default",
+    )
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes, one per core by default"
+    )
+    parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster")
+    parser.add_argument(
+        "--dry-run", action="store_true", help="show the runs that would be computed"
+    )
+    return parser
+
+
+def _run(options: argparse.Namespace, console: Console) -> int:
+    study = random_study(
+        options.runs, options.seed, options.duration_s, with_twins=not options.without_twins
+    )
+    campaign = Campaign([study])
+    store = ResultStore(Path(options.store) if options.store else default_store_folder() / FOLDER)
+    if options.dry_run:
+        for inputs in survey(campaign, store):
+            print(f"{inputs.address:30} {inputs.spec.describe()}")
+        return 0
+    began = time.perf_counter()
+    with _compiling_into(store.folder / "compiled"), progress_display(console) as display:
+        computed = execute(
+            campaign, store, ClusterOptions(options.scheduler, options.workers), display
+        )
+    console.print(
+        f"{computed} runs computed, {campaign.finished - computed} found in {store.folder}, "
+        f"{len(campaign.failures)} failed, in {clock_text(time.perf_counter() - began)}"
+    )
+    runs = judged_runs(campaign, store)
+    page = (Path(options.output) if options.output else store.folder) / PAGE
+    page.parent.mkdir(parents=True, exist_ok=True)
+    page.write_text(campaign_page(_command(options), runs), encoding="utf-8")
+    for line in verdict_lines(runs):
+        print(line)
+    print(page)
+    good = all(run.judgement is not None and not run.judgement.breaches for run in runs)
+    return 0 if good else EXIT_FAILED_RUNS
+
+
+@contextmanager
+def _compiling_into(folder: Path) -> Iterator[None]:
+    """Keep machine code beside the results, out of the user's cache: hardly any car occurs twice."""
+    chosen = os.environ.get(CACHE_VARIABLE)
+    os.environ[CACHE_VARIABLE] = chosen or str(folder.absolute())
+    try:
+        yield
+    finally:
+        if chosen is None:
+            del os.environ[CACHE_VARIABLE]
+
+
+def judged_runs(campaign: Campaign, store: ResultStore) -> list[JudgedRun]:
+    """Judge the runs of a campaign of random cars, each beside its twin if there is one."""
+    keys = {
+        state.case.name: str(state.key) for state in campaign.cases if state.metrics is not None
+    }
+    judged = []
+    for state in campaign.cases:
+        name, spec = state.case.name, state.case.spec
+        if name.endswith(TWIN):
+            continue
+        if name not in keys:
+            judged.append(JudgedRun(name, spec, None, state.reason))
+            continue
+        twin_key = keys.get(f"{name}_{TWIN}")
+        twin = None if twin_key is None else store.load(twin_key)
+        found = judge(store.load(keys[name]), resolve_inputs(spec), twin)
+        judged.append(JudgedRun(name, spec, found))
+    return judged
+
+
+def _command(options: argparse.Namespace) -> str:
+    command = f"scripts/campaign --runs {options.runs} --seed {options.seed}"
+    if options.duration_s is not None:
+        command += f" --duration-s {options.duration_s:g}"
+    return command + (" --without-twins" if options.without_twins else "")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,192 @@
+"""Random runs as data: what is drawn, from which distribution, and one generator for each run.
+
+Run i of a seed is the same however many runs are asked for, so that a longer campaign finds the runs of a
+shorter one in the store. A draw that `load_parameters` or the run specification refuses is repeated: whatever
+they accept is a legal car.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from iptm_controller.settings import ControllerSettings
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.parameters import available_parameter_sets
+from iptm_core.routes.cycles import CYCLE_NAMES
+from iptm_studies.run_inputs import RunInputs, resolve_inputs
+from iptm_studies.run_spec import RunSpec
+from iptm_studies.study import Case, Study
+
+MAX_TRIES = 500
+OVERRIDE_SHARE = 0.5
+"""Probability that a parameter outside ``ALWAYS`` differs from that of its set."""
+WARM_K = 308.15
+TWIN = "warm_twin"
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Any number between two bounds."""
+
+    low: float
+    high: float
+
+    def draw(self, random: Generator) -> Any:
+        """Return a value, with three decimals: nobody needs more to write it down."""
+        return round(float(random.uniform(self.low, self.high)), 3)
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """One of several values; the first one with a probability of its own, the others alike."""
+
+    values: tuple[Any, ...]
+    first: float
+
+    def draw(self, random: Generator) -> Any:
+        """Return one of the values."""
+        if len(self.values) == 1 or random.random() < self.first:
+            return self.values[0]
+        return self.values[1 + int(random.integers(len(self.values) - 1))]
+
+
+Draw = Uniform | OneOf
+_DEFAULT = ControllerSettings()
+
+
+def _default_first(default: str, *others: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys((default, *others)))
+
+
+SETTINGS: Mapping[str, Draw] = {
+    "parameter_set": OneOf(available_parameter_sets(), 0.4),
+    "strategy": OneOf(_default_first(_DEFAULT.strategy, *STRATEGIES), 0.5),
+    "horizon": OneOf(
+        _default_first(
+            _DEFAULT.horizon,
+            "15x1",
+            "3x1+5x5",
+            "8x1",
+            "30x1",
+            "3x1+12x5",
+            "5x1+5x2+4x5",
+            "3x1+3x15",
+        ),
+        0.4,
+    ),
+    "cycle": OneOf((*CYCLE_NAMES, "smooth"), 1.0 / (1 + len(CYCLE_NAMES))),
+    "slope": OneOf(("large", "flat", "small"), 0.4),
+    "duration_s": OneOf((600.0, 450.0, 300.0), 0.4),
+}
+"""What is drawn for every run, by the name of the setting."""
+
+ALWAYS: Mapping[str, Draw] = {
+    "body.mass_kg": Uniform(800.0, 3500.0),
+    "environment.ambient_temperature_k": Uniform(263.15, 318.15),
+    "environment.initial_cell_temperature_k": Uniform(253.15, 318.15),
+}
+"""Parameters that differ in every run."""
+
+SOMETIMES: Mapping[str, Draw] = {
+    "body.drag_coefficient": Uniform(0.2, 0.6),
+    "body.frontal_area_m2": Uniform(1.8, 4.0),
+    "body.rolling_resistance": Uniform(0.007, 0.02),
+    "powertrain.regenerative_efficiency": Uniform(0.0, 0.9),
+    "cooling.auxiliary_power_w": Uniform(50.0, 500.0),
+    "gap.standstill_gap_m": Uniform(2.0, 8.0),
+    "gap.time_headway_s": Uniform(0.8, 2.5),
+    "gap.max_gap_m": Uniform(60.0, 200.0),
+    "gap.initial_gap_m": Uniform(5.0, 50.0),
+    "limits.min_acceleration_m_s2": Uniform(-4.0, -2.0),
+    "limits.max_acceleration_m_s2": Uniform(1.5, 3.0),
+    "limits.max_jerk_m_s3": Uniform(0.5, 2.0),
+    "limits.max_speed_m_s": Uniform(30.0, 45.0),
+    "limits.max_compressor_power_w": Uniform(2000.0, 6000.0),
+    "limits.max_compressor_rate_w_s": Uniform(100.0, 500.0),
+    "limits.max_temperature_k": Uniform(308.15, 318.15),
+}
+"""Parameters that differ in some runs."""
+
+
+def random_study(
+    runs: int, seed: int, duration_s: float | None = None, *, with_twins: bool = True
+) -> Study:
+    """Draw a campaign.
+
+    A run of the default strategy on a cold day gets a twin: the same trip of the same car at 35 degC with the
+    temperature limits taken away, beside which its traction energy stands.
+
+    Args:
+        runs: number of runs, without the twins.
+        seed: seed of all draws.
+        duration_s: length of all trips; None for those drawn.
+        with_twins: cold runs get their twin.
+
+    Raises:
+        ScenarioError: numbers out of range, or no legal car was found.
+    """
+    if runs < 1:
+        raise ScenarioError(f"runs is {runs}; allowed: at least 1")
+    if seed < 0:
+        raise ScenarioError(f"seed is {seed}; allowed: 0 or more")
+    cases: list[Case] = []
+    for number in range(1, runs + 1):
+        inputs = _draw_run(np.random.default_rng([seed, number]), duration_s)
+        name = f"{number:04d}"
+        cases.append(Case(name, {"run": number}, inputs.spec))
+        if with_twins and has_twin(inputs):
+            cases.append(Case(f"{name}_{TWIN}", {"run": number}, warm_twin(inputs.spec)))
+    return Study(
+        name=f"random_{seed}",
+        title="Random cars",
+        about=f"{runs} random legal cars, climates, cycles and grids, seed {seed}.",
+        cases=tuple(cases),
+    )
+
+
+def has_twin(inputs: RunInputs) -> bool:
+    """Return whether a run has the default strategy, and air or cells begin below the lower limit."""
+    environment = inputs.parameters.environment
+    coldest_k = min(environment.ambient_temperature_k, environment.initial_cell_temperature_k)
+    cold = coldest_k < inputs.parameters.limits.min_temperature_k
+    return cold and inputs.spec.strategy.name == _DEFAULT.strategy
+
+
+def warm_twin(spec: RunSpec) -> RunSpec:
+    """Return the same run at 35 degC with the temperature limits taken away."""
+    warm = {
+        "environment.ambient_temperature_k": WARM_K,
+        "environment.initial_cell_temperature_k": WARM_K,
+        "limits.min_temperature_k": 253.15,
+        "limits.max_temperature_k": 353.15,
+    }
+    return replace(spec, overrides=tuple({**dict(spec.overrides), **warm}.items()))
+
+
+def _draw_run(random: Generator, duration_s: float | None) -> RunInputs:
+    settings = {name: draw.draw(random) for name, draw in SETTINGS.items()}
+    settings["strategy"] = STRATEGIES[settings["strategy"]]
+    if duration_s is not None:
+        settings["duration_s"] = duration_s
+    for _ in range(MAX_TRIES):
+        overrides = {key: draw.draw(random) for key, draw in ALWAYS.items()}
+        for key, draw in SOMETIMES.items():
+            if random.random() < OVERRIDE_SHARE:
+                overrides[key] = draw.draw(random)
+        try:
+            return resolve_inputs(RunSpec(**settings, overrides=tuple(overrides.items())))
+        except IptmError as error:
+            refusal = str(error)
+    raise ScenarioError(
+        f"no legal car in {MAX_TRIES} draws with {_plain(settings)}; the last one: {refusal}"
+    )
+
+
+def _plain(settings: Mapping[str, Any]) -> dict[str, Any]:
+    return {**settings, "strategy": asdict(settings["strategy"])["name"]}

@@ -1,0 +1,248 @@
+"""What must hold in every run of a campaign, how it is measured, and why it did not hold."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from iptm_controller.horizon import Horizon
+from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.metrics import gap_margins_m
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
+from iptm_studies.random_cars.bounds import (
+    BoolArray,
+    avoidably_below_s_min,
+    below_s_min,
+    episodes,
+    fully_cooled_k,
+)
+from iptm_studies.run import Run
+from iptm_studies.run_inputs import RunInputs
+
+OVERHEATED_BY_K = 0.5
+OVERHEATED_FOR_S = 60.0
+COLD_COMPRESSOR_KJ = 1.0
+COLD_TRACTION_PERCENT = 3.0
+SMALL_TRIP_J = 1e5
+
+Fallback = tuple[Rung, SolveStatus]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One thing that must hold.
+
+    Attributes:
+        title: what is looked for.
+        rule: how its amount is measured.
+        unit: unit of the amount.
+        limit: largest amount that is no breach; infinite for what is only told.
+    """
+
+    title: str
+    rule: str
+    unit: str
+    limit: float = 0.0
+
+
+VERDICTS: Mapping[str, Verdict] = {
+    "collision": Verdict("Collision", "rows with a gap of 0 or less", "rows"),
+    "s_min": Verdict(
+        "Gap below s_min, avoidable",
+        "rows of episodes below s_min (by over 1 cm) that braking alone would have avoided: from the state "
+        "in one of the rows before, at most a horizon back, full deceleration within the jerk limit, the "
+        "leader as it drove",
+        "rows",
+    ),
+    "s_min_leader": Verdict(
+        "Gap below s_min, not avoidable",
+        "the other rows below s_min; those with which a trip begins do not count",
+        "rows",
+        np.inf,
+    ),
+    "hard": Verdict(
+        "Hard limit broken", "rows beyond bounds or rates of acceleration and compressor", "rows"
+    ),
+    "cold_compressor": Verdict(
+        "Compressor in the cold",
+        "energy of the compressor in intervals that begin with both cells below T_b,min",
+        "kJ",
+        COLD_COMPRESSOR_KJ,
+    ),
+    "cold_traction": Verdict(
+        "Traction energy in the cold",
+        "default strategy, air or cells first below T_b,min: excess over the same trip of the same car "
+        "at 35 °C without temperature limits",
+        "%",
+        COLD_TRACTION_PERCENT,
+    ),
+    "fallback": Verdict("Fallback", "ticks whose command is not that of a fresh solution", "ticks"),
+    "too_hot": Verdict(
+        "Cell too hot, avoidable",
+        f"longest time in a row with a cell over {OVERHEATED_BY_K:g} K above T_b,max where the compressor at "
+        "its most useful power from the start on would have kept it below that",
+        "s",
+        OVERHEATED_FOR_S,
+    ),
+    "too_hot_anyway": Verdict(
+        "Cell too hot, not avoidable",
+        f"longest time in a row with a cell over {OVERHEATED_BY_K:g} K above T_b,max, with full cooling, too",
+        "s",
+        np.inf,
+    ),
+}
+"""What is judged, by key, in the order of the table."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What was found in one run.
+
+    Attributes:
+        amounts: amount by key of the verdict; without those that do not apply.
+        causes: why, for amounts above zero.
+        ticks: decisions of the run.
+        fallbacks: fallback ticks by rung and status of the solve.
+    """
+
+    amounts: Mapping[str, float]
+    causes: Mapping[str, str]
+    ticks: int
+    fallbacks: Counter[Fallback] = field(default_factory=Counter)
+
+    @property
+    def breaches(self) -> tuple[str, ...]:
+        """Keys of the verdicts that did not hold."""
+        return tuple(key for key, amount in self.amounts.items() if amount > VERDICTS[key].limit)
+
+
+def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgement:
+    """Judge a run of a closed loop.
+
+    Args:
+        run: the run.
+        inputs: what it was made from.
+        warm_twin: the same trip on a hot day without temperature limits, None if there is none.
+    """
+    trip, parameters = run.trajectory, run.parameters
+    amounts: dict[str, float] = {}
+    causes: dict[str, str] = {}
+
+    margins_m = gap_margins_m(trip, parameters)
+
+    def note_rows(key: str, rows: BoolArray) -> None:
+        amounts[key] = float(np.count_nonzero(rows))
+        if rows.any():
+            causes[key] = (
+                f"{-margins_m[rows].min():.1f} m below s_min, gap {trip.gap_m[rows].min():.1f} m, "
+                + _circumstances(run, rows)
+            )
+
+    note_rows("collision", trip.gap_m <= 0.0)
+    horizon = Horizon.parse(inputs.spec.horizon)
+    avoidable = avoidably_below_s_min(trip, parameters, horizon.duration_s)
+    note_rows("s_min", avoidable)
+    note_rows("s_min_leader", below_s_min(trip, parameters) & ~avoidable)
+
+    broken = [check for check in run.metrics.constraints if check.hard and check.key != "collision"]
+    amounts["hard"] = float(sum(check.violations for check in broken))
+    causes["hard"] = ", ".join(
+        f"{check.label} by {check.worst_excess:.3g} {check.unit} at {check.worst_time_s:g} s"
+        for check in broken
+        if check.violations
+    )
+
+    warmest_k = np.maximum(trip.cell_1_temperature_k, trip.cell_n_temperature_k)
+    cold = np.concatenate(([False], warmest_k[:-1] < parameters.limits.min_temperature_k))
+    energy_j = np.concatenate(([0.0], trip.compressor_power_w[1:] * trip.intervals_s)) * cold
+    amounts["cold_compressor"] = 1e-3 * float(energy_j.sum())
+    if amounts["cold_compressor"] > COLD_COMPRESSOR_KJ:
+        running = energy_j > 1.0
+        causes["cold_compressor"] = (
+            f"up to {trip.compressor_power_w[running].max():.0f} W, " + _circumstances(run, running)
+        )
+
+    if warm_twin is not None:
+        here_j, there_j = (one.metrics.energy.traction_j for one in (run, warm_twin))
+        amounts["cold_traction"] = 100.0 * (here_j - there_j) / max(abs(there_j), SMALL_TRIP_J)
+        causes["cold_traction"] = f"{1e-3 * here_j:.0f} kJ instead of {1e-3 * there_j:.0f} kJ"
+
+    fallbacks = _fallbacks(run)
+    amounts["fallback"] = float(fallbacks.total())
+    causes["fallback"] = ", ".join(
+        f"{count} x {fallback_text(cause)}" for cause, count in fallbacks.most_common()
+    )
+    _judge_heat(run, inputs, warmest_k, amounts, causes)
+    return Judgement(amounts, causes, run.ticks, fallbacks)
+
+
+def fallback_text(cause: Fallback) -> str:
+    """Return rung and status of a fallback in words."""
+    return " after ".join(part.name.lower().replace("_", " ") for part in cause)
+
+
+def _judge_heat(
+    run: Run,
+    inputs: RunInputs,
+    warmest_k: FloatArray,
+    amounts: dict[str, float],
+    causes: dict[str, str],
+) -> None:
+    allowed_k = run.parameters.limits.max_temperature_k + OVERHEATED_BY_K
+    hot = warmest_k > allowed_k
+    amounts["too_hot"] = amounts["too_hot_anyway"] = 0.0
+    if _longest_s(run.trajectory, hot) <= OVERHEATED_FOR_S:
+        return
+    cooled_k = fully_cooled_k(
+        run.trajectory, run.parameters, inputs.route, inputs.spec.plant_step_s
+    )
+    helped = hot & (cooled_k <= allowed_k)
+    amounts["too_hot"] = _longest_s(run.trajectory, helped)
+    amounts["too_hot_anyway"] = _longest_s(run.trajectory, hot & ~helped)
+    highest = f"up to {warmest_k.max() - CELSIUS_ZERO_K:.1f} °C"
+    best = f"{cooled_k[hot].max() - CELSIUS_ZERO_K:.1f} °C with full cooling"
+    causes["too_hot"] = causes["too_hot_anyway"] = f"{highest}, {best}"
+
+
+def _longest_s(run: Trajectory, flags: BoolArray) -> float:
+    return max(
+        (float(run.time_s[last] - run.time_s[first]) for first, last in episodes(flags)),
+        default=0.0,
+    )
+
+
+def _fallbacks(run: Run) -> Counter[Fallback]:
+    if run.decisions is None:
+        return Counter()
+    pairs = zip(run.decisions.rung.tolist(), run.decisions.status.tolist(), strict=True)
+    return Counter(
+        (Rung(rung), SolveStatus(status)) for rung, status in pairs if rung != Rung.OPTIMAL
+    )
+
+
+def _circumstances(run: Run, rows: BoolArray) -> str:
+    """Return when rows begin, how warm the cells were in them, and how they were decided."""
+    trip = run.trajectory
+    warmest_k = np.maximum(trip.cell_1_temperature_k, trip.cell_n_temperature_k)[rows]
+    parts = [
+        f"from {trip.time_s[rows][0]:g} s",
+        f"cells at {warmest_k.min() - CELSIUS_ZERO_K:.0f} to {warmest_k.max() - CELSIUS_ZERO_K:.0f} °C",
+    ]
+    if run.decisions is not None:
+        # The decision of a row's interval was taken in the row before.
+        deciding = rows[1:]
+        outcomes = Counter(
+            (Rung(rung), SolveStatus(status))
+            for rung, status in zip(
+                run.decisions.rung[deciding].tolist(),
+                run.decisions.status[deciding].tolist(),
+                strict=True,
+            )
+        )
+        parts += [f"{count} x {fallback_text(cause)}" for cause, count in outcomes.most_common()]
+    return ", ".join(parts)

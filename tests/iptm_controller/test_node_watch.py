@@ -1,0 +1,124 @@
+"""When the operator is warned: after the stated time, with the reason, until it is over."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.iptm_controller.scenes import NOW_S, PARAMETERS, make_scene, plain_solver
+
+from iptm_controller.controller import Controller, ControllerOptions, Decision
+from iptm_controller.node_reports import situation
+from iptm_controller.node_watch import COLD, OperatorWatch, WarningSettings
+from iptm_controller.ocp.layout import StateIndex
+from iptm_core.decision_record import Rung
+from iptm_core.errors import ParameterError
+from iptm_core.metrics import Concern
+from iptm_interfaces.diagnostics import Level
+
+HOT_K = PARAMETERS.limits.max_temperature_k + 2.0
+FULL_W = PARAMETERS.limits.max_compressor_power_w
+SETTINGS = WarningSettings(
+    motion_warning_s=5.0, temperature_warning_s=8.0, cooling_warning_s=6.0, plan_warning_s=7.0
+)
+
+
+@pytest.fixture(scope="module")
+def good() -> Decision:
+    controller = Controller(
+        PARAMETERS, ControllerOptions(), plain_solver("3x1+5x5", compile_code=False)
+    )
+    return controller.decide(make_scene())
+
+
+def told(decision: Decision, seconds: int, **scene: float) -> Iterator[tuple[Level, str]]:
+    """What is said tick by tick of a scene that lasts."""
+    watch = OperatorWatch(PARAMETERS, SETTINGS)
+    for second in range(seconds):
+        watch.update(make_scene(time_s=NOW_S + second, **scene), decision)
+        yield situation(decision, road_known=True, road_fault="", watch=watch)
+
+
+def test_all_is_well(good: Decision) -> None:
+    assert set(told(good, 100)) == {(Level.OK, "optimal plans")}
+
+
+@pytest.mark.parametrize(
+    ("scene", "after_s", "reason"),
+    [
+        ({"gap_m": 3.0}, 5, "gap below s_min for long"),
+        ({"gap_m": 500.0}, 5, "gap above s_max for long"),
+        (
+            {"speed_m_s": 60.0, "leader_speed_m_s": 60.0, "gap_m": 119.0},
+            5,
+            "speed out of its limits for long",
+        ),
+        ({"cell_1_temperature_k": HOT_K}, 8, "cell above its highest temperature for long"),
+    ],
+)
+def test_a_measured_limit_broken_for_long_is_a_warning(
+    good: Decision, scene: dict[str, float], after_s: int, reason: str
+) -> None:
+    said = list(told(good, 20, **scene))
+    assert said[: after_s + 1] == [(Level.OK, "optimal plans")] * (after_s + 1)
+    assert said[after_s + 1 :] == [(Level.WARN, reason)] * (19 - after_s)
+
+
+def test_a_compressor_at_its_limit_without_effect_is_a_warning(good: Decision) -> None:
+    scene = {"cell_n_temperature_k": HOT_K, "compressor_power_w": FULL_W}
+    said = list(told(good, 20, **scene))
+    assert said[6] == (Level.OK, "optimal plans")
+    assert said[7] == (Level.WARN, "compressor at its limit without effect")
+    assert said[9][1] == (
+        "cell above its highest temperature for long, compressor at its limit without effect"
+    )
+
+
+@pytest.mark.parametrize(
+    ("state", "value"), [(StateIndex.CELL_N_TEMPERATURE, HOT_K), (StateIndex.POSITION, 1e4)]
+)
+def test_plans_that_never_get_back_within_limits_are_a_warning(
+    good: Decision, state: StateIndex, value: float
+) -> None:
+    assert good.plan is not None
+    states = good.plan.states.copy()
+    states[:-1, state] = value
+    recovering = replace(good, plan=replace(good.plan, states=states))
+    assert set(told(recovering, 20)) == {(Level.OK, "optimal plans")}
+    states = good.plan.states.copy()
+    states[-1, state] = value
+    hopeless = replace(good, plan=replace(good.plan, states=np.array(states)))
+    said = list(told(hopeless, 20))
+    assert said[7] == (Level.OK, "optimal plans")
+    assert said[8] == (Level.WARN, "plans never get back within limits")
+
+
+def test_a_cold_pack_is_worth_a_word_and_no_warning(good: Decision) -> None:
+    said = set(told(good, 100, cell_1_temperature_k=280.0, cell_n_temperature_k=280.0))
+    assert said == {(Level.OK, f"optimal plans, {COLD}")}
+
+
+def test_a_fallback_keeps_its_severity_and_tells_both(good: Decision) -> None:
+    *_, (level, reason) = told(replace(good, rung=Rung.SAFE_LAW), 20, gap_m=3.0)
+    assert level is Level.ERROR
+    assert reason.startswith("no usable solution")
+    assert reason.endswith("gap below s_min for long")
+
+
+def test_a_warning_ends_with_its_cause(good: Decision) -> None:
+    watch = OperatorWatch(PARAMETERS, SETTINGS)
+    for second in range(10):
+        watch.update(make_scene(time_s=NOW_S + second, gap_m=3.0), good)
+    assert watch.warnings
+    assert watch.values[f"{Concern.SHORT_GAP.value}_s"] == 9.0
+    watch.update(replace(make_scene(time_s=NOW_S + 10.0), leader=None), good)
+    assert watch.warnings, "a tick without a measurement ends nothing"
+    watch.update(make_scene(time_s=NOW_S + 11.0), good)
+    assert not watch.warnings
+
+
+def test_stated_times_have_ranges() -> None:
+    with pytest.raises(ParameterError, match=r"motion_warning_s is -1.*3600"):
+        WarningSettings(motion_warning_s=-1.0)

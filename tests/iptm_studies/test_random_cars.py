@@ -1,0 +1,279 @@
+"""Random cars: what is drawn, what could have been avoided, what is judged, and the command."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iptm_controller.settings import ControllerSettings
+from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.errors import ScenarioError
+from iptm_core.parameters import load_parameters
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_studies.campaign import Campaign
+from iptm_studies.cli import EXIT_REFUSED
+from iptm_studies.execution import admit
+from iptm_studies.random_cars import cli, draws
+from iptm_studies.random_cars.bounds import avoidably_below_s_min, below_s_min, fully_cooled_k
+from iptm_studies.random_cars.cli import PAGE, main
+from iptm_studies.random_cars.draws import ALWAYS, TWIN, OneOf, Uniform, has_twin, random_study
+from iptm_studies.random_cars.verdicts import judge
+from iptm_studies.run import Run, perform_run
+from iptm_studies.run_inputs import RunInputs, resolve_inputs
+from iptm_studies.run_spec import RunSpec
+from iptm_studies.store import ResultStore
+
+PARAMETERS = load_parameters(
+    overrides={
+        "gap.standstill_gap_m": 5.0,
+        "gap.time_headway_s": 1.0,
+        "limits.min_acceleration_m_s2": -2.0,
+        "limits.max_acceleration_m_s2": 2.0,
+        "limits.max_jerk_m_s3": 2.0,
+    }
+).values
+Make = Callable[..., Run]
+
+
+def trip(**columns: object) -> Trajectory:
+    """A trip of a row per second with the given columns, at 30 degC and 100 m behind a standing leader."""
+    rows = max(np.size(column) for column in columns.values())
+    calm = dict.fromkeys(TRAJECTORY_COLUMNS, np.zeros(rows))
+    calm["time_s"] = np.arange(float(rows))
+    calm["leader_position_m"] = np.full(rows, 100.0)
+    for name in TRAJECTORY_COLUMNS:
+        if name.endswith("temperature_k"):
+            calm[name] = np.full(rows, 303.15)
+    return Trajectory.from_arrays({**calm, **columns})  # type: ignore[dict-item]
+
+
+# --- what is drawn
+
+
+def test_a_longer_campaign_begins_like_a_shorter_one() -> None:
+    short, long = random_study(3, 7), random_study(6, 7)
+    assert long.cases[: len(short.cases)] == short.cases
+    assert random_study(3, 8).cases != short.cases
+
+
+def test_runs_are_legal_and_differ() -> None:
+    study = random_study(40, 3)
+    runs = [case.spec for case in study.cases if not case.name.endswith(TWIN)]
+    assert len(runs) == 40
+    for spec in runs:
+        inputs = resolve_inputs(spec)  # refuses what is not legal
+        assert 300.0 <= inputs.route.duration_s <= 600.0
+        for key, draw in ALWAYS.items():
+            assert isinstance(draw, Uniform)
+            assert draw.low <= dict(spec.overrides)[key] <= draw.high
+    default = ControllerSettings()
+    strategies = Counter(spec.strategy.name for spec in runs)
+    assert strategies.most_common(1)[0][0] == default.strategy
+    assert len(strategies) > 3
+    assert Counter(spec.horizon for spec in runs).most_common(1)[0][0] == default.horizon
+    for name in ("cycle", "slope", "parameter_set"):
+        assert len({getattr(spec, name) for spec in runs}) >= 3
+
+
+def test_cold_runs_have_a_warm_twin() -> None:
+    cases = {case.name: case.spec for case in random_study(16, 3).cases}
+    runs = [name for name in cases if not name.endswith(TWIN)]
+    for name in runs:
+        twin = cases.get(f"{name}_{TWIN}")
+        assert (twin is not None) == has_twin(resolve_inputs(cases[name]))
+        if twin is not None:
+            assert dict(twin.overrides)["environment.ambient_temperature_k"] == 308.15
+            changed = {
+                key
+                for key, value in twin.overrides
+                if dict(cases[name].overrides).get(key) != value
+            }
+            assert {key.split(".")[0] for key in changed} == {"environment", "limits"}
+    assert 0 < len(cases) - len(runs) < len(runs)
+
+
+@pytest.mark.parametrize(("runs", "seed"), [(0, 1), (1, -1)])
+def test_numbers_out_of_range_are_refused(runs: int, seed: int) -> None:
+    with pytest.raises(ScenarioError, match="allowed"):
+        random_study(runs, seed)
+
+
+# --- what could have been avoided
+
+
+def approach(wall_m: float, appears_s: int = 0) -> Trajectory:
+    """The host keeps 20 m/s; a leader that went as fast is taken for a wall from one second on."""
+    seconds = np.arange(20.0)
+    position = 20.0 * seconds
+    before = seconds < appears_s
+    return trip(
+        position_m=position,
+        speed_m_s=np.full(20, 20.0),
+        leader_position_m=np.where(before, position + 60.0, wall_m),
+        leader_speed_m_s=np.where(before, 20.0, 0.0),
+    )
+
+
+def test_a_wall_that_was_seen_in_time_is_avoidable() -> None:
+    """From 20 m/s and 380 m away, the 100 m to a stop leave more than the 5 m that are asked for."""
+    run = approach(380.0)
+    below = below_s_min(run, PARAMETERS)
+    assert below.any()
+    assert not below[0]
+    assert np.array_equal(avoidably_below_s_min(run, PARAMETERS, 60.0), below)
+
+
+def test_a_wall_out_of_nowhere_is_not_avoidable() -> None:
+    """Braking for 5 s leaves 10 m/s and 35 m to the wall, where s_min is 5 + 10 + 25 m; 8 s are enough."""
+    run = approach(170.0, appears_s=8)
+    below = below_s_min(run, PARAMETERS)
+    assert np.flatnonzero(below)[0] == 8
+    assert not avoidably_below_s_min(run, PARAMETERS, 5.0).any()
+    assert avoidably_below_s_min(run, PARAMETERS, 8.0).any()
+
+
+def test_rows_with_which_a_trip_begins_do_not_count() -> None:
+    run = trip(leader_position_m=[3.0, 4.0, 4.9, 6.0, 4.0, 6.0])
+    assert below_s_min(run, PARAMETERS).tolist() == [False, False, False, False, True, False]
+
+
+def test_full_cooling_cools_more(short_run: Run, short_inputs: RunInputs) -> None:
+    cooled_k = fully_cooled_k(short_run.trajectory, short_run.parameters, short_inputs.route, 0.05)
+    warmest_k = np.maximum(
+        short_run.trajectory.cell_1_temperature_k, short_run.trajectory.cell_n_temperature_k
+    )
+    assert cooled_k.shape == warmest_k.shape
+    assert cooled_k[0] == warmest_k[0]
+    assert cooled_k[-1] < warmest_k[-1] + 1e-6
+
+
+# --- what is judged
+
+
+@pytest.fixture
+def judged(make_run: Make, short_inputs: RunInputs) -> Callable[..., dict[str, float]]:
+    """Give the function that judges a trip."""
+
+    def amounts(trajectory: Trajectory, twin: Trajectory | None = None) -> dict[str, float]:
+        run = make_run(short_inputs)
+        pair = [
+            None if one is None else replace(run, trajectory=one, decisions=None)
+            for one in (trajectory, twin)
+        ]
+        assert pair[0] is not None
+        return dict(judge(pair[0], short_inputs, pair[1]).amounts)
+
+    return amounts
+
+
+def test_a_calm_trip_has_no_fault(judged: Callable[..., dict[str, float]]) -> None:
+    assert set(judged(trip(time_s=np.arange(9.0))).values()) == {0.0}
+
+
+def test_rows_of_a_collision(judged: Callable[..., dict[str, float]]) -> None:
+    assert judged(trip(leader_position_m=[15.0, 15.0, 0.0, -1.0, 15.0]))["collision"] == 2.0
+
+
+def test_compressor_energy_counts_where_both_cells_are_cold(
+    judged: Callable[..., dict[str, float]],
+) -> None:
+    run = trip(
+        time_s=[0.0, 1.0, 2.0, 4.0],
+        cell_1_temperature_k=[290.0, 290.0, 290.0, 290.0],
+        cell_n_temperature_k=[290.0, 299.0, 290.0, 290.0],
+        compressor_power_w=[9000.0, 100.0, 200.0, 4000.0],
+    )
+    assert judged(run)["cold_compressor"] == pytest.approx(0.1 + 2 * 4.0)
+
+
+def test_traction_energy_stands_beside_that_of_the_twin(
+    judged: Callable[..., dict[str, float]],
+) -> None:
+    cold, warm = (trip(traction_power_w=np.full(5, power)) for power in (9e4, 6e4))
+    assert judged(cold, warm)["cold_traction"] == pytest.approx(50.0)
+    assert "cold_traction" not in judged(cold)
+
+
+def test_fallbacks_have_their_cause(make_run: Make, short_inputs: RunInputs) -> None:
+    run = make_run(short_inputs)
+    assert run.decisions is not None
+    found = judge(run, short_inputs)
+    expected = Counter(
+        (Rung(rung), SolveStatus(status))
+        for rung, status in zip(run.decisions.rung, run.decisions.status, strict=True)
+        if rung != Rung.OPTIMAL
+    )
+    assert found.fallbacks == expected
+    assert found.amounts["fallback"] == expected.total() > 0
+    assert found.ticks == 5
+    assert "fallback" in found.breaches
+
+
+def test_cells_too_hot_are_charged_only_with_what_cooling_would_have_helped(
+    make_run: Make,
+) -> None:
+    """The cells begin at 45 degC and nothing cools them; full cooling gets them below 40.5 degC in time."""
+    spec = RunSpec(
+        cycle="smooth",
+        duration_s=900.0,
+        overrides=(("environment.initial_cell_temperature_k", 318.15),),
+    )
+    inputs = resolve_inputs(spec)
+    hot = np.full(901, 318.15)
+    run = replace(
+        make_run(inputs),
+        trajectory=trip(cell_1_temperature_k=hot, cell_n_temperature_k=hot),
+        decisions=None,
+    )
+    amounts = judge(run, inputs).amounts
+    assert amounts["too_hot"] > 60.0
+    assert amounts["too_hot_anyway"] > 60.0
+    assert amounts["too_hot"] + amounts["too_hot_anyway"] == pytest.approx(900.0, abs=2.0)
+
+
+# --- the command
+
+
+@pytest.fixture
+def small_problems(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Grids that compile in no time, and no cluster to start."""
+
+    def execute_here(campaign: Campaign, store: ResultStore, *_: object) -> int:
+        missing = admit(campaign, store)
+        for inputs in missing:
+            run = perform_run(inputs)
+            store.save(run)
+            campaign.finish(run)
+        return len(missing)
+
+    small = {**draws.SETTINGS, "horizon": OneOf(("2x1",), 1.0)}
+    monkeypatch.setattr(draws, "SETTINGS", small)
+    monkeypatch.setattr(cli, "execute", execute_here)
+
+
+@pytest.mark.usefixtures("small_problems")
+def test_the_command_computes_once_and_writes_the_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--runs", "2", "--seed", "2", "--duration-s", "20", "--workers", "1"]
+    arguments += ["--without-twins", "--store", str(tmp_path / "kept")]
+    main(arguments)
+    assert "2 runs computed, 0 found" in capsys.readouterr().err
+    main([*arguments, "--output", str(tmp_path / "docs")])
+    said = capsys.readouterr()
+    assert "0 runs computed, 2 found" in said.err
+    assert "Collision" in said.out
+    page = (tmp_path / "docs" / PAGE).read_text(encoding="utf-8")
+    assert page == (tmp_path / "kept" / PAGE).read_text(encoding="utf-8")
+    assert "2 runs, 40 ticks" in page
+    assert str(tmp_path) not in page
+
+
+def test_the_command_refuses(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--runs", "0"]) == EXIT_REFUSED
+    assert "runs is 0; allowed" in capsys.readouterr().err
