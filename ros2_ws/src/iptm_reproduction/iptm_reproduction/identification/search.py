@@ -55,8 +55,8 @@ class Stage:
 
 
 STAGES = (
-    Stage("reference", ("reference",), 4, 8, 0.5),
-    Stage("pair", ("reference", "aging"), 6, 8, 0.3),
+    Stage("reference", ("reference",), 1, 6, 0.4),
+    Stage("pair", ("reference", "aging"), 3, 8, 0.4),
     Stage("table", tuple(STRATEGY_NAMES), 0, 3),
 )
 """The reference alone fixes the absolute rows; the aging strategy most of the relative ones."""
