@@ -24,7 +24,12 @@ setup(
     zip_safe=False,
     maintainer="iptm maintainers",
     maintainer_email="maintainers@iptm.example.org",
-    entry_points={"console_scripts": ["reproduce = iptm_reproduction.cli:main"]},
+    entry_points={
+        "console_scripts": [
+            "identify = iptm_reproduction.identification.cli:main",
+            "reproduce = iptm_reproduction.cli:main",
+        ]
+    },
     description="The paper's results beside this project's: statements, tables, figures, one page",
     license="Apache-2.0",
 )

@@ -8,7 +8,7 @@ COOLING = FIGURES["cooling_energy"]
 TRACTION = FIGURES["traction_energy_battery"]
 TOTAL = FIGURES["battery_energy"]
 """The printed total is labelled the integral of P_b and equals traction plus cooling to the last digit. Both
-hold if traction is what the pack gives for it: what is fed back counts with the efficiency of regeneration."""
+hold if traction is what the pack gives for it, with what is fed back counted as the pack receives it."""
 MOTOR_TRACTION = FIGURES["traction_energy"]
 MOTOR_TOTAL = FIGURES["total_energy_printed"]
 """The other reading: what is fed back counts in full."""

@@ -16,7 +16,12 @@ from iptm_reproduction.identification.evaluations import Evaluation, EvaluationT
 from iptm_reproduction.identification.objective import deviations, misfit
 from iptm_reproduction.identification.search import STAGES, Scored, Search, Stage
 from iptm_reproduction.identification.shipping import ship
-from iptm_reproduction.identification.unknowns import Candidate, read_unknowns, shipped_unknowns
+from iptm_reproduction.identification.unknowns import (
+    Candidate,
+    Unknowns,
+    read_unknowns,
+    shipped_unknowns,
+)
 from iptm_studies.cli import EXIT_INTERRUPTED, EXIT_REFUSED
 from iptm_studies.cluster import ClusterOptions, connected
 from iptm_studies.progress import clock_text
@@ -80,14 +85,14 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     return 0
 
 
-def _stored(table: EvaluationTable, unknowns: object) -> list[Scored]:
+def _stored(table: EvaluationTable, unknowns: Unknowns) -> list[Scored]:
     """Return the candidates of a table that were driven with every strategy, the best first."""
     every = set(STAGES[-1].strategies)
     found = []
     for values, runs in table.by_candidate():
         if every <= set(runs):
             fit = misfit(runs)
-            found.append(Scored(Candidate(unknowns, values), fit, fit, runs))  # type: ignore[arg-type]
+            found.append(Scored(Candidate(unknowns, values), fit, fit, runs))
     return sorted(found, key=lambda scored: scored.misfit)
 
 

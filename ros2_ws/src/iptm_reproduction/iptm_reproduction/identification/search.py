@@ -13,7 +13,7 @@ from typing import Protocol
 import cma
 import distributed
 import numpy as np
-from distributed import Client
+from distributed import Client, Future
 
 from iptm_core.errors import IptmError
 from iptm_core.state import FloatArray
@@ -163,7 +163,7 @@ class Search:
     def _score(self, stage: Stage, candidates: Iterable[Candidate]) -> list[Scored]:
         wanted = list(candidates)
         figures: list[dict[str, Mapping[str, float]]] = [{} for _ in wanted]
-        waiting = {}
+        waiting: dict[Future, list[tuple[int, str]]] = {}
         for place, candidate in enumerate(wanted):
             for name in stage.strategies:
                 try:

@@ -31,7 +31,7 @@ def determined_table() -> Table:
         note=(
             f"Good fits are the {found.good} of {found.candidates} candidates whose misfit to the rows of "
             f"reference and proposed strategy is at most {found.threshold:.3g} (best {found.best:.3g}). A "
-            "number is pinned down if they spread over at most a quarter of its bounds, in part up to a half. "
+            "number is pinned down if they spread over at most a quarter of its bounds, in part up to half. "
             "The spread is that of the candidates that the search has driven, so that it is a lower bound."
         ),
     )
