@@ -55,9 +55,9 @@ class Stage:
 
 
 STAGES = (
-    Stage("reference", ("reference",), 1, 6, 0.4),
-    Stage("pair", ("reference", "aging"), 3, 8, 0.4),
-    Stage("table", tuple(STRATEGY_NAMES), 0, 3),
+    Stage("reference", ("reference",), 1, 4, 0.4),
+    Stage("pair", ("reference", "aging"), 2, 6, 0.4),
+    Stage("table", tuple(STRATEGY_NAMES), 0, 2),
 )
 """The reference alone fixes the absolute rows; the aging strategy most of the relative ones."""
 
