@@ -13,7 +13,8 @@ from rosgraph_msgs.msg import Clock
 
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
-from iptm_core.state import Command, VehicleState
+from iptm_core.settings import ThermalModel
+from iptm_core.state import Command, FullChannelState, VehicleState
 from iptm_interfaces.codecs import (
     decode_battery,
     decode_powers,
@@ -137,15 +138,18 @@ def start(launcher: Any, *arguments: str, **parameters: object) -> Any:
     return launcher.start_node(MODULE, *arguments, parameters={**defaults, **parameters})
 
 
-def test_lock_step_follows_the_pure_plant_bit_for_bit(launcher: Any, peer: Any) -> None:
+@pytest.mark.parametrize("thermal_model", list(ThermalModel))
+def test_lock_step_follows_the_pure_plant_bit_for_bit(
+    launcher: Any, peer: Any, thermal_model: ThermalModel
+) -> None:
     driver = Driver(peer, lively)
-    process = start(launcher, duration_s=80.0)
+    process = start(launcher, duration_s=80.0, thermal_model=thermal_model.value)
     driver.wait(lambda: driver.has_all(80 * S), "the final state")
     assert driver.ticks == [tick * S for tick in range(81)]
 
     parameters = load_parameters().values
     route = build_route("nycc", "large", initial_gap_m=15.0)
-    plant = Plant(parameters, route.slope.slope_at)
+    plant = Plant(parameters, route.slope.slope_at, thermal_model=thermal_model)
     step = plant.observe(plant.initial_state())
     for tick in range(81):
         stamp_ns = tick * S
@@ -176,7 +180,13 @@ def check_plots(driver: Driver, stamp_ns: int, step: PlantStep) -> None:
     assert battery.pack_current_a == pytest.approx(step.pack_current_a, rel=1e-6)
     assert battery.pack_voltage_v == pytest.approx(step.pack_voltage_v, rel=1e-6)
     assert battery.cell_voltages_v[0] == pytest.approx(step.cell_1_voltage_v, rel=1e-6)
-    assert battery.cell_voltages_v[1] == pytest.approx(step.cell_n_voltage_v, rel=1e-6)
+    assert battery.cell_voltages_v[-1] == pytest.approx(step.cell_n_voltage_v, rel=1e-6)
+    state = step.state
+    cells_k = [state.cell_1_temperature_k, state.cell_n_temperature_k]
+    if isinstance(state, FullChannelState):
+        cells_k = state.cells.temperatures_k.tolist()
+    assert battery.cell_temperatures_k == pytest.approx(cells_k, abs=1e-5)
+    assert len(battery.cell_voltages_v) == len(cells_k)
 
 
 def test_waits_for_the_peers_and_says_for_whom(launcher: Any, peer: Any) -> None:

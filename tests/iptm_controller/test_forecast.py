@@ -57,7 +57,7 @@ def test_full_preview_is_followed_exactly(
     positions, speeds = forecast.motion.at(preview.times_s)
     np.testing.assert_allclose(positions, preview.positions_m, atol=1e-9)
     np.testing.assert_allclose(speeds, preview.speeds_m_s, atol=1e-12)
-    assert forecast.known_s == HORIZON_S
+    assert forecast.known_s == 60.0
 
 
 def test_short_preview_goes_on_at_its_last_speed(

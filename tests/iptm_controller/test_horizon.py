@@ -99,3 +99,18 @@ def test_phase_refuses_what_is_no_length(step_s: float) -> None:
 def test_horizon_needs_a_phase() -> None:
     with pytest.raises(ParameterError, match="at least one"):
         Horizon(())
+
+
+def test_thermal_phases_are_written_with_a_t() -> None:
+    horizon = Horizon.parse("3x1 + 5x5+10x30t")
+    assert str(horizon) == "3x1+5x5+10x30t"
+    assert [phase.thermal for phase in horizon.phases] == [False, False, True]
+    assert (horizon.steps, horizon.motion_steps) == (18, 8)
+    assert (horizon.duration_s, horizon.motion_duration_s) == (328.0, 28.0)
+    assert Horizon.parse("15x1").motion_duration_s == 15.0
+
+
+@pytest.mark.parametrize("text", ["10x30t", "3x1t+5x5"])
+def test_the_motion_comes_before_thermal_phases(text: str) -> None:
+    with pytest.raises(ParameterError, match="allowed: thermal phases last"):
+        Horizon.parse(text)

@@ -23,7 +23,8 @@ def plan_from(start_s: float, horizon: str = "3x1+2x5") -> Plan:
     inputs = np.zeros((grid.steps, layout.INPUTS))
     inputs[:, 0] = 0.1 * (1 + np.arange(grid.steps))
     inputs[:, 1] = 100.0 * (1 + np.arange(grid.steps))
-    return Plan(start_s, grid.node_times_s, np.zeros((grid.steps + 1, layout.STATES)), inputs)
+    states = np.zeros((grid.steps + 1, layout.STATES))
+    return Plan(start_s, grid.node_times_s, states, inputs, grid.motion_steps)
 
 
 def step_of(command: Command) -> int:

@@ -47,7 +47,7 @@ def random_plan(horizon: Horizon, seed: int, state: VehicleState) -> Plan:
                 power,
             ]
         )
-    return Plan(state.time_s, horizon.node_times_s, np.array(rows), inputs)
+    return Plan(state.time_s, horizon.node_times_s, np.array(rows), inputs, horizon.motion_steps)
 
 
 def integral(plan: Plan, start_s: float, end_s: float) -> FloatArray:

@@ -113,7 +113,7 @@ def test_the_second_start_keeps_the_ramp() -> None:
     ramp = PARAMETERS.limits.max_compressor_rate_w_s
     assert second.max() > 500.0
     changes = np.abs(np.diff(second, prepend=0.0))
-    assert (changes <= ramp * np.array([1.0, 1.0, 1.0, 3.0, 5.0, 5.0, 5.0, 5.0]) + 1e-9).all()
+    assert (changes <= ramp * np.array([1.0, 1.0, 1.0, 1.75, 5.0, 5.0, 5.0, 5.0]) + 1e-9).all()
     table = inner.guesses[1].copy()
     held = np.append(
         table[: -layout.STATES].reshape(-1, BLOCK)[1:, StateIndex.LAST_COMPRESSOR_POWER],

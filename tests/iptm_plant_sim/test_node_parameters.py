@@ -3,6 +3,7 @@
 import pytest
 
 from iptm_core.errors import ParameterError, RouteError
+from iptm_core.state import FullChannelState
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 
 
@@ -14,6 +15,16 @@ def test_trip_has_the_length_of_the_cycle_unless_told_otherwise() -> None:
 def test_overrides_reach_the_model() -> None:
     trip = PlantNodeParameters(parameter_overrides="body.mass_kg=2000").build_trip()
     assert trip.parameters.body.mass_kg == 2000.0
+
+
+def test_all_cells_of_a_channel_are_simulated_if_wanted() -> None:
+    usual = PlantNodeParameters(duration_s=1.0).build_trip()
+    assert not isinstance(usual.step.state, FullChannelState)
+    state = (
+        PlantNodeParameters(duration_s=1.0, thermal_model="full_channel").build_trip().step.state
+    )
+    assert isinstance(state, FullChannelState)
+    assert state.cells.temperatures_k.shape == (228,)
 
 
 def test_errors_are_the_projects_own() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from iptm_core.decision_record import DECISION_COLUMNS, DecisionSeries
 from iptm_core.errors import ScenarioError, StoreError
+from iptm_core.settings import ThermalModel
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_reproduction.chapters import compose
 from iptm_reproduction.check import CheckedClaim, Verdict
@@ -27,6 +28,7 @@ from iptm_reproduction.report import (
     write_report,
 )
 from iptm_studies.campaign import Campaign, plan_campaign
+from iptm_studies.channel_record import CellError, ChannelRecord, HottestCell
 from iptm_studies.execution import survey
 from iptm_studies.run import Run, RunRecord
 from iptm_studies.run_inputs import RunInputs
@@ -36,7 +38,7 @@ from iptm_studies.study import ShortTrip
 from iptm_studies.study_loading import available_studies
 from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
 
-PICTURES = 20
+PICTURES = 21
 TRIP = ShortTrip(duration_s=200.0)
 
 
@@ -97,6 +99,31 @@ def made_run(inputs: RunInputs) -> Run:
             versions={"python": "3.11.0", "casadi": "3.7.0"},
             fingerprint=inputs.fingerprint,
         ),
+        channel=made_channel(rng)
+        if inputs.spec.thermal_model is ThermalModel.FULL_CHANNEL
+        else None,
+    )
+
+
+def made_channel(rng: np.random.Generator) -> ChannelRecord:
+    """Ten cells of which the ninth is the hottest."""
+    rising = tuple(float(value) for value in np.sort(rng.random(10)))
+    profile = tuple(300.0 + value for value in rising)
+    return ChannelRecord(
+        mean_temperatures_k=profile,
+        max_temperatures_k=profile,
+        capacity_losses=tuple(1e-6 * (1.0 + value) for value in rising),
+        hottest_shares=(0.0,) * 8 + (0.75, 0.25),
+        peak=HottestCell(9, 50.0, 312.5, 0.5),
+        largest_excess=HottestCell(9, 60.0, 310.0, 0.625),
+        line_rms_k=rising,
+        line_max_k=rising,
+        line=CellError(0.25, 1.5),
+        two_cell_1=CellError(0.125, 0.5),
+        two_cell_n=CellError(0.375, 0.875),
+        two_cell_losses=(1e-6, 2e-6),
+        profile_times_s=(10.0, 20.0),
+        profiles_k=(profile, profile),
     )
 
 
@@ -229,6 +256,18 @@ def test_strategy_table_gives_found_and_printed(full: Document) -> None:
     assert cooling[2].verdict is None
     assert all(cell.verdict is not None for cell in cooling[3:])
     assert all(re.fullmatch(r"[\d .]+ \([+-][\d.]+ %\)", cell.text) for cell in cooling[3:])
+
+
+def test_the_channel_table_says_where_the_hottest_cell_is(full: Document) -> None:
+    table = tables(full)["channel"]
+    rows = {row[0].text: [cell.text for cell in row[1:]] for row in table.rows}
+    assert table.head[1:] == ("Reference", "Aging, MH 3+5", "Aging and cost to go, MH 3+5")
+    assert rows["hottest cell of the trip [°C]"] == ["39.35 (cell 9, 50 s)"] * 3
+    assert rows["line against every cell, RMS / largest [K]"] == ["0.250 / 1.500"] * 3
+    saving = tables(full)["channel-saving"]
+    assert [row[0].text for row in saving.rows] == ["two cells"] * 3 + ["full channel"] * 3
+    assert saving.rows[0][-1].text == "–"
+    assert re.fullmatch(r"[+-][\d.]+ %", saving.rows[-1][-1].text)
 
 
 def test_verdict_table_counts_every_statement(full: Document) -> None:

@@ -21,6 +21,7 @@ ALLOWED = {
         "iptm_v2x_bridge",
         "iptm_controller",
         "iptm_recording",
+        "iptm_studies",
     },
     "iptm_studies": {"iptm_core", "iptm_plant_sim", "iptm_v2x_bridge", "iptm_controller"},
     "iptm_reproduction": {"iptm_core", "iptm_controller", "iptm_studies"},

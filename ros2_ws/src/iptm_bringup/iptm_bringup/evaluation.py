@@ -10,6 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+from iptm_bringup.comparison import Comparison
 from iptm_bringup.monitor import messages_by_stamp, stamp_ns_of
 from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.scenario_files import scenario_text
@@ -50,6 +51,7 @@ class RunResults:
         problems: why the run does not count as good, empty if it does.
         warnings: what the nodes complained about while it ran.
         information: what the run depended on: revision, versions, time of the start.
+        comparison: the same trip under another strategy, None if none was asked for.
     """
 
     prepared: PreparedScenario
@@ -61,6 +63,7 @@ class RunResults:
     problems: tuple[str, ...]
     warnings: tuple[str, ...]
     information: RunInformation
+    comparison: Comparison | None = None
 
     @property
     def speed_up(self) -> float:
@@ -196,6 +199,12 @@ def results_json(results: RunResults) -> str:
             {"key": key, "label": figure.label, "value": values.get(key), "unit": figure.unit}
             for key, figure in FIGURES.items()
         ],
+        "compared_with": None
+        if results.comparison is None
+        else {
+            "strategy": results.comparison.strategy,
+            "figures": figure_values(results.comparison.metrics),
+        },
         "metrics": asdict(metrics),
         "wall_time_s": results.wall_time_s,
         "speed_up": results.speed_up,

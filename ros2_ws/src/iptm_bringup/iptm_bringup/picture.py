@@ -106,12 +106,14 @@ def _panels(results: RunResults) -> list[tuple[_Draw, float]]:
 def _headline(results: RunResults) -> str:
     scenario = results.prepared.scenario
     energy, loss = results.metrics.energy, results.metrics.degradation
+    comparison = results.comparison
+    worth = "" if comparison is None else f"\n{comparison.headline(results.metrics)}"
     return (
         f"{results.prepared.route.name}: strategy {scenario.strategy}, horizon {scenario.horizon} s,"
         f" {scenario.solver}\n"
         f"cooling {1e-3 * energy.cooling_j:.0f} kJ, traction {1e-3 * energy.traction_j:.0f} kJ,"
         f" degradation {1e5 * loss.cell_1:.4f} / {1e5 * loss.cell_n:.4f} ×10⁻⁵,"
-        f" inconsistency {1e7 * loss.inconsistency:.3f} ×10⁻⁷"
+        f" inconsistency {1e7 * loss.inconsistency:.3f} ×10⁻⁷{worth}"
     )
 
 

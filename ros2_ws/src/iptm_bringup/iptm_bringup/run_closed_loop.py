@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from iptm_bringup.comparison import NO_COMPARISON
 from iptm_bringup.run_folder import default_output
 from iptm_bringup.runner import RunOptions, run
 from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
@@ -20,6 +21,7 @@ from iptm_bringup.scenario_files import (
     with_node_parameters,
 )
 from iptm_bringup.tables import TABLES_WIDTH
+from iptm_controller.strategy import STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import IptmError
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
@@ -65,6 +67,12 @@ def build_parser() -> argparse.ArgumentParser:
         choices=["none", "lz4", "zstd"],
         default="none",
         help="of the bag (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--against",
+        choices=[NO_COMPARISON, *STRATEGIES],
+        default=NO_COMPARISON,
+        help="drive the same trip with this strategy, too, without ROS, and compare (default: %(default)s)",
     )
     parser.add_argument(
         "--set",
@@ -131,6 +139,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             record=not parsed.no_record,
             picture=not parsed.no_picture,
             compression=parsed.compression,
+            against=parsed.against,
         )
         return run(prepared, options, console, Console(stderr=True))
     except IptmError as error:

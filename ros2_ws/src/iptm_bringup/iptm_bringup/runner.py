@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import rclpy
@@ -15,6 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 from rich.text import Text
 
+from iptm_bringup.comparison import NO_COMPARISON, drive_comparison
 from iptm_bringup.composition import (
     RECORDER,
     Listeners,
@@ -59,12 +60,14 @@ class RunOptions:
         record: whether to record a bag.
         picture: whether to draw the run.
         compression: of the bag: none, lz4 or zstd.
+        against: strategy to compare with, driven without ROS after the run; "none" for no comparison.
     """
 
     output: Path
     record: bool = True
     picture: bool = True
     compression: str = "none"
+    against: str = NO_COMPARISON
 
 
 def run(prepared: PreparedScenario, options: RunOptions, console: Console, errors: Console) -> int:
@@ -205,6 +208,10 @@ def _report(
             unclean_ends(supervisor),
             tuple(monitor.warnings),
         )
+        if options.against != NO_COMPARISON:
+            with console.status(f"driving the same trip with strategy {options.against} ..."):
+                comparison = drive_comparison(prepared, options.against)
+            results = replace(results, comparison=comparison)
     except IptmError as error:
         errors.print(f"run_closed_loop: {error}", markup=False, highlight=False, soft_wrap=True)
         return EXIT_RUN_FAILED

@@ -25,6 +25,8 @@ from iptm_recording.bag_info import decisions_table
 
 TABLES_WIDTH = 124
 """Columns that both tables need side by side."""
+COMPARISON_WIDTH = 24
+"""Columns that a comparison adds."""
 
 
 def print_results(results: RunResults, output: Path, console: Console) -> None:
@@ -36,8 +38,10 @@ def print_results(results: RunResults, output: Path, console: Console) -> None:
         console: where to print.
     """
     console.print()
+    if results.comparison is not None:
+        console.print(Text(results.comparison.headline(results.metrics), "bold green"))
     tables = (figures_table(results), details_table(results))
-    if console.width >= TABLES_WIDTH:
+    if console.width >= TABLES_WIDTH + COMPARISON_WIDTH * (results.comparison is not None):
         console.print(_side_by_side(*tables))
     else:
         console.print(*tables)
@@ -55,11 +59,23 @@ def figures_table(results: RunResults) -> Table:
     table.add_column("value", justify="right")
     table.add_column("unit")
     values = figure_values(results.metrics)
+    comparison = results.comparison
+    others = figure_values(comparison.metrics) if comparison else {}
+    changes = comparison.changes(results.metrics) if comparison else {}
+    if comparison:
+        table.add_column(comparison.strategy, justify="right")
+        table.add_column("change", justify="right")
     paper = [key for key in TRIP_FIGURES if key in PAPER_TABLE]
     for section in (paper, [key for key in TRIP_FIGURES if key not in PAPER_TABLE]):
         for key in section:
             figure = FIGURES[key]
-            table.add_row(figure.label, figure.precise_text(values.get(key)), figure.unit)
+            row = [figure.label, figure.precise_text(values.get(key)), figure.unit]
+            if comparison:
+                change = (
+                    f"{100.0 * changes[key]:+.1f} %" if figure.compared and key in changes else ""
+                )
+                row += [figure.precise_text(others.get(key)), change]
+            table.add_row(*row)
         table.add_section()
     return table
 

@@ -27,6 +27,7 @@ from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation, TemperatureValue
+from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, LeaderState, VehicleState
@@ -155,7 +156,12 @@ class Controller:
             else None
         )
         self._shifter = PlanShifter(horizon)
-        self._forecaster = LeaderForecaster(horizon.duration_s, options.max_preview_age_s)
+        self._forecaster = LeaderForecaster(horizon.motion_duration_s, options.max_preview_age_s)
+        self._traction = (
+            TractionForecaster(parameters, self._grid)
+            if horizon.motion_steps < horizon.steps
+            else None
+        )
         self._ladder = FallbackLadder(parameters, options.tick_s, options.ladder)
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
         self._last_trusted: VehicleState | None = None
@@ -196,6 +202,12 @@ class Controller:
         value = NO_VALUE
         if self._valuation is not None:
             value = self._valuation.value(state, forecast.motion)
+        thermal = None
+        if self._traction is not None:
+            self._traction.remember(state, measured.slope)
+            thermal = self._traction.samples(
+                state, forecast.motion, forecast.known_s, measured.slope
+            )
         data = self._builder.build(
             state,
             forecast.motion,
@@ -203,6 +215,7 @@ class Controller:
             sample_positions_m(guess, self._grid.sample_times_s),
             forecast.known_s,
             value,
+            thermal,
         )
         result = self.backend.solve(data, variables_from_plan(guess, self._grid, state))
         if not result.status.usable:

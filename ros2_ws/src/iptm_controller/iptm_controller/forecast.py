@@ -148,7 +148,7 @@ class LeaderForecaster:
         known_s = 0.0
         if quality in {PreviewQuality.FULL, PreviewQuality.SHORT}:
             future = self._follow_preview(leader, preview)
-            known_s = min(float(preview.times_s[-1]) - leader.time_s, self._horizon_s)
+            known_s = float(preview.times_s[-1]) - leader.time_s
         else:
             future = LeaderMotion(
                 np.array([leader.time_s]),

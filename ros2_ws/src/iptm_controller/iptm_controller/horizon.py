@@ -1,7 +1,8 @@
 """Prediction horizons as data: a list of phases, each a number of equal steps.
 
 ``15x1`` is the paper's single horizon (SH), ``3x1+5x5`` its proposed multi-horizon (MH): both are the
-same code with another list.
+same code with another list. Phases with a ``t`` behind are thermal, such as the last one of
+``3x1+5x5+10x30t``: their steps carry on cell temperatures and compressor power, the motion is foreseen.
 """
 
 from __future__ import annotations
@@ -17,15 +18,16 @@ from iptm_core.state import FloatArray
 
 MAX_STEP_S = 60.0
 MAX_NODES = 20000
-_PHASE = re.compile(r"^\s*(\d+)\s*[x*]\s*([0-9]*\.?[0-9]+)\s*(?:s)?\s*$")
+_PHASE = re.compile(r"^\s*(\d+)\s*[x*]\s*([0-9]*\.?[0-9]+)\s*(?:s)?\s*(t?)\s*$")
 
 
 @dataclass(frozen=True)
 class HorizonPhase:
-    """``steps`` equal steps of ``step_s`` seconds."""
+    """``steps`` equal steps of ``step_s`` seconds; of a thermal phase the motion is not optimised."""
 
     steps: int
     step_s: float
+    thermal: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.steps <= MAX_NODES:
@@ -54,10 +56,15 @@ class Horizon:
             raise ParameterError(
                 f"horizon step lengths are {lengths} s; allowed: lengths that do not shrink with time"
             )
+        kinds = [phase.thermal for phase in self.phases]
+        if kinds[0] or kinds != sorted(kinds):
+            raise ParameterError(
+                f"horizon '{self}' has a thermal phase before one of motion; allowed: thermal phases last"
+            )
 
     @classmethod
     def parse(cls, text: str) -> Horizon:
-        """Read a horizon such as ``3x1+5x5`` (steps x seconds, joined by ``+``).
+        """Read a horizon such as ``3x1+5x5`` (steps x seconds, joined by ``+``, thermal ones with a ``t``).
 
         Raises:
             ParameterError: the text is not of this form or a value is out of range.
@@ -68,18 +75,30 @@ class Horizon:
             if match is None:
                 raise ParameterError(
                     f"horizon '{text}' cannot be read at '{part}'; allowed: '<steps>x<seconds>' "
-                    "parts joined by '+', such as '3x1+5x5'"
+                    "parts joined by '+', such as '3x1+5x5', thermal ones with a 't' behind"
                 )
-            phases.append(HorizonPhase(int(match[1]), float(match[2])))
+            phases.append(HorizonPhase(int(match[1]), float(match[2]), bool(match[3])))
         return cls(tuple(phases))
 
     def __str__(self) -> str:
-        return "+".join(f"{phase.steps}x{phase.step_s:g}" for phase in self.phases)
+        return "+".join(
+            f"{phase.steps}x{phase.step_s:g}{'t' if phase.thermal else ''}" for phase in self.phases
+        )
 
     @property
     def steps(self) -> int:
         """Number of steps N."""
         return sum(phase.steps for phase in self.phases)
+
+    @property
+    def motion_steps(self) -> int:
+        """Number of steps in which the motion is optimised; they come first."""
+        return sum(phase.steps for phase in self.phases if not phase.thermal)
+
+    @property
+    def motion_duration_s(self) -> float:
+        """Length of the part of the horizon in which the motion is optimised."""
+        return float(self.node_times_s[self.motion_steps])
 
     @property
     def step_lengths_s(self) -> FloatArray:

@@ -27,11 +27,15 @@ _PREVIEW_SITUATION = {
 
 
 def plan_trajectory(plan: Plan) -> PlanTrajectory:
-    """Return the plan as published: inputs hold from their node on, the last node repeats the last ones."""
-    inputs = np.vstack([plan.inputs, plan.inputs[-1]])
-    states = plan.states
+    """Return the plan as published: inputs hold from their node on, the last node repeats the last ones.
+
+    It ends with the motion: of thermal steps there is no position to publish.
+    """
+    steps = plan.motion_steps
+    inputs = np.vstack([plan.inputs[:steps], plan.inputs[steps - 1]])
+    states = plan.states[: steps + 1]
     return PlanTrajectory(
-        times_s=plan.start_s + plan.node_times_s,
+        times_s=plan.start_s + plan.node_times_s[: steps + 1],
         positions_m=states[:, StateIndex.POSITION],
         speeds_m_s=states[:, StateIndex.SPEED],
         cell_1_temperatures_k=states[:, StateIndex.CELL_1_TEMPERATURE],

@@ -125,11 +125,12 @@ class OperatorWatch:
         plan, forecast = decision.plan, decision.forecast
         if plan is None or forecast is None:
             return None
-        last = plan.states[-1]
-        positions, speeds = forecast.motion.at(np.array([plan.start_s + plan.node_times_s[-1]]))
+        moving, last = plan.states[plan.motion_steps], plan.states[-1]
+        end_s = plan.start_s + plan.node_times_s[plan.motion_steps]
+        positions, speeds = forecast.motion.at(np.array([end_s]))
         end = Situation(
-            gap_m=float(positions[0] - last[StateIndex.POSITION]),
-            speed_m_s=float(last[StateIndex.SPEED]),
+            gap_m=float(positions[0] - moving[StateIndex.POSITION]),
+            speed_m_s=float(moving[StateIndex.SPEED]),
             leader_speed_m_s=float(speeds[0]),
             warmest_cell_k=float(
                 max(last[StateIndex.CELL_1_TEMPERATURE], last[StateIndex.CELL_N_TEMPERATURE])

@@ -31,12 +31,14 @@ class Plan:
         node_times_s: times relative to ``start_s``, shape (N + 1,).
         states: order of ``StateIndex``, absolute positions, shape (N + 1, 6).
         inputs: order of ``InputIndex``, shape (N, 6).
+        motion_steps: steps in which the motion is optimised; later positions and speeds mean nothing.
     """
 
     start_s: float
     node_times_s: FloatArray
     states: FloatArray
     inputs: FloatArray
+    motion_steps: int
 
     def covers(self, time_s: float) -> bool:
         """Return whether a trip time lies inside the plan."""
@@ -71,6 +73,7 @@ def plan_from_variables(variables: FloatArray, grid: ProblemGrid, state: Vehicle
         node_times_s=grid.horizon.node_times_s,
         states=states,
         inputs=scaled_inputs * layout.INPUT_SCALE,
+        motion_steps=grid.horizon.motion_steps,
     )
 
 
@@ -93,6 +96,7 @@ class PlanShifter:
         self._horizon = horizon
         self._lengths_s = horizon.step_lengths_s
         self._nodes_s = horizon.node_times_s
+        self._motion_steps = horizon.motion_steps
 
     def cold_start(self, state: VehicleState) -> Plan:
         """Return a plan that keeps speed and compressor power as they are."""
@@ -107,7 +111,12 @@ class PlanShifter:
     def shift(self, plan: Plan, state: VehicleState) -> Plan:
         """Return the plan as seen from a later state."""
         moved_s = state.time_s - plan.start_s
-        inputs = self._average_inputs(plan.inputs, moved_s)
+        held = plan.inputs.copy()
+        held[self._motion_steps :, InputIndex.ACCELERATION] = held[
+            self._motion_steps - 1, InputIndex.ACCELERATION
+        ]
+        inputs = self._average_inputs(held, moved_s)
+        inputs[self._motion_steps :, InputIndex.ACCELERATION] = 0.0
         times = np.minimum(self._nodes_s + moved_s, self._nodes_s[-1])
         temperatures = np.column_stack(
             [
@@ -146,7 +155,7 @@ class PlanShifter:
         states[0, StateIndex.LAST_COMPRESSOR_POWER] = state.compressor_power_w
         states[1:, StateIndex.LAST_ACCELERATION] = acceleration
         states[1:, StateIndex.LAST_COMPRESSOR_POWER] = inputs[:, InputIndex.COMPRESSOR_POWER]
-        return Plan(state.time_s, self._nodes_s, states, inputs)
+        return Plan(state.time_s, self._nodes_s, states, inputs, self._motion_steps)
 
 
 def sample_positions_m(plan: Plan, sample_times_s: FloatArray) -> FloatArray:

@@ -42,6 +42,19 @@ class PreviewMode(str, Enum):
         return str(self.value)
 
 
+class ThermalModel(str, Enum):
+    """Which cells of a coolant channel the simulated vehicle has."""
+
+    TWO_CELL = "two_cell"
+    """The first and the last one; the others lie evenly between them."""
+    FULL_CHANNEL = "full_channel"
+    """All of them. Others are told the first and the last one."""
+
+    def __str__(self) -> str:
+        """Return the bare word, as it is written in a file."""
+        return str(self.value)
+
+
 @dataclass(frozen=True)
 class RoadSettings(Settings):
     """Leader and road."""
@@ -160,7 +173,12 @@ class SamplingSettings(Settings):
 
 @dataclass(frozen=True)
 class IntegrationSettings(Settings):
-    """Accuracy of the simulated vehicle."""
+    """Detail and accuracy of the simulated vehicle."""
+
+    thermal_model: ThermalModel = parameter(
+        ThermalModel.TWO_CELL,
+        "cells of a coolant channel that are simulated: the first and the last one, or all of them",
+    )
 
     integration_step_s: float = parameter(
         0.05, "longest integration step inside a period", "s", 1e-3, 1.0

@@ -6,10 +6,12 @@ All values are SI: metres along the road, m/s, kelvin, watts, seconds since the 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from iptm_core.errors import StateError
 
 FloatArray = NDArray[np.float64]
 
@@ -39,6 +41,66 @@ class VehicleState:
     cell_n_temperature_k: float
     cell_1_capacity_loss: float
     cell_n_capacity_loss: float
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelCells:
+    """Every cell of a coolant channel, in the order in which the coolant reaches them.
+
+    Attributes:
+        temperatures_k: cell temperatures (T_bc,i), shape (N_c,).
+        capacity_losses: capacity losses as fractions of nominal (Q_loss,i), shape (N_c,).
+    """
+
+    temperatures_k: FloatArray = field(repr=False)
+    capacity_losses: FloatArray = field(repr=False)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ChannelCells) and all(
+            np.array_equal(values, getattr(other, name)) for name, values in vars(self).items()
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # arrays have none either
+
+    @classmethod
+    def between(cls, state: VehicleState, count: int) -> ChannelCells:
+        """Return cells that lie evenly between the first and the last cell of a state."""
+        return cls(
+            *(
+                np.linspace(first, last, count, dtype=np.float64)
+                for first, last in (
+                    (state.cell_1_temperature_k, state.cell_n_temperature_k),
+                    (state.cell_1_capacity_loss, state.cell_n_capacity_loss),
+                )
+            )
+        )
+
+
+@dataclass(frozen=True)
+class FullChannelState(VehicleState):
+    """A vehicle state that knows every cell; its cells 1 and N_c are the first and the last of them.
+
+    Attributes:
+        cells: all cells of a coolant channel.
+
+    Raises:
+        StateError: cell 1 or N_c differs from the first or the last cell.
+    """
+
+    cells: ChannelCells
+
+    def __post_init__(self) -> None:
+        temperatures, losses = self.cells.temperatures_k, self.cells.capacity_losses
+        for name, value, place in (
+            ("cell_1_temperature_k", temperatures, 0),
+            ("cell_n_temperature_k", temperatures, -1),
+            ("cell_1_capacity_loss", losses, 0),
+            ("cell_n_capacity_loss", losses, -1),
+        ):
+            if getattr(self, name) != value[place]:
+                raise StateError(
+                    f"state: {name} is {getattr(self, name)}; allowed: that of the cell, {value[place]}"
+                )
 
 
 @dataclass(frozen=True)

@@ -133,7 +133,8 @@ _SPECS = (
     TopicSpec(
         Topic.PLANT_BATTERY, BatteryState, "plant", PACK_FRAME, "V, A, degC",
         "pack voltage and current (negative when discharging, as ROS defines it); "
-        "cell_voltage[2], cell_temperature[2] are cell 1 and cell N of a coolant channel",
+        "cell_voltage, cell_temperature: cell 1 and cell N of a coolant channel; all its cells where "
+        "the plant has them (thermal_model full_channel)",
     ),
     TopicSpec(
         Topic.PLANT_CELL_1_TEMPERATURE, Temperature, "plant", PACK_FRAME, "degC",

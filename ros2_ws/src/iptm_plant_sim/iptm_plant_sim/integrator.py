@@ -20,7 +20,7 @@ from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.ops import Scalar, maximum
 from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
 from iptm_core.physics.resistance import cell_resistance_ohm
-from iptm_core.state import FloatArray
+from iptm_core.state import ChannelCells, FloatArray
 from iptm_plant_sim.motion import Motion
 
 _CELLS = 4
@@ -44,6 +44,8 @@ class IntervalResult:
         coolant_outlet_k: channel outlet temperature at the end.
         cell_1_voltage_v: terminal voltage of cell 1 at the end.
         cell_n_voltage_v: terminal voltage of cell N_c at the end.
+        pack_voltage_v: terminal voltage of the pack at the end.
+        channel: all cells of a channel at the end; None where only two are integrated.
     """
 
     cells: CellPair
@@ -59,11 +61,36 @@ class IntervalResult:
     coolant_outlet_k: float
     cell_1_voltage_v: float
     cell_n_voltage_v: float
+    pack_voltage_v: float
+    channel: ChannelCells | None = None
 
     @property
     def finite(self) -> bool:
         """False if the pack could not deliver the power asked for at some stage."""
         return bool(np.isfinite(self.battery_energy_j + self.charge_c + self.pack_current_a))
+
+
+class PackedFunction:
+    """A CasADi function of one vector to one vector, on memory of its own.
+
+    Attributes:
+        arguments: write the values of the next call into it.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self.arguments = np.zeros(function.size1_in(0))
+        self._results = np.zeros(function.size1_out(0))
+        # CasADi's stubs do not know that a memoryview carries its own size.
+        buffer: Any
+        buffer, self._evaluate = function.buffer()
+        buffer.set_arg(0, self.arguments.data)
+        buffer.set_res(0, self._results.data)
+        self._buffer = buffer
+
+    def __call__(self) -> FloatArray:
+        """Evaluate; the next call overwrites what is returned."""
+        self._evaluate()
+        return self._results
 
 
 class IntervalIntegrator:
@@ -77,15 +104,7 @@ class IntervalIntegrator:
             sub_steps: number of Runge-Kutta steps n per interval.
         """
         self._n = sub_steps
-        self._function = _build(parameters, sub_steps)
-        self._arguments = np.zeros(self._function.size1_in(0))
-        self._results = np.zeros(self._function.size1_out(0))
-        # CasADi's stubs do not know that a memoryview carries its own size.
-        buffer: Any
-        buffer, self._evaluate = self._function.buffer()
-        buffer.set_arg(0, self._arguments.data)
-        buffer.set_res(0, self._results.data)
-        self._buffer = buffer
+        self._function = PackedFunction(_build(parameters, sub_steps))
 
     def integrate(
         self, cells: CellPair, compressor_power_w: float, motion: Motion, slopes_rad: FloatArray
@@ -98,7 +117,7 @@ class IntervalIntegrator:
             motion: the motion, laid out for the same number of sub-steps.
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
         """
-        n, x = self._n, self._arguments
+        n, x = self._n, self._function.arguments
         x[0] = cells.cell_1_temperature_k
         x[1] = cells.cell_n_temperature_k
         x[2] = cells.cell_1_capacity_loss
@@ -108,8 +127,7 @@ class IntervalIntegrator:
         x[5 + n : 5 + 2 * n] = motion.accelerations_m_s2
         x[5 + 2 * n : 6 + 4 * n] = slopes_rad
         x[6 + 4 * n :] = motion.speeds_m_s.ravel()
-        self._evaluate()
-        values = self._results.tolist()
+        values = self._function().tolist()
         return IntervalResult(CellPair(*values[:_CELLS]), *values[_CELLS:])
 
 
@@ -172,6 +190,9 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
         ]
 
     end = rates_at(n - 1, 2, state)
+    voltage_1, voltage_n = (
+        cell_voltage_v(end.cell_current_a, state[i], state[2 + i], parameters) for i in (0, 1)
+    )
     outputs = [
         *state,
         *quadratures,
@@ -179,8 +200,9 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
         end.cell_current_a,
         end.coolant.inlet_k,
         end.coolant.outlet_k,
-        _cell_voltage_v(end.cell_current_a, state[0], state[2], parameters),
-        _cell_voltage_v(end.cell_current_a, state[1], state[3], parameters),
+        voltage_1,
+        voltage_n,
+        0.5 * (voltage_1 + voltage_n) * parameters.pack.cells_in_series,
     ]
     return ca.Function("interval", [arguments], [ca.vertcat(*outputs)], {"cse": True})
 
@@ -193,7 +215,7 @@ def _pack_heat_w(current_a: Scalar, cells: list[Scalar], parameters: ModelParame
     return 0.5 * (heat_1 + heat_n) * (pack.cells_in_series * pack.parallel)
 
 
-def _cell_voltage_v(
+def cell_voltage_v(
     current_a: Scalar, temperature_k: Scalar, capacity_loss: Scalar, parameters: ModelParameters
 ) -> Scalar:
     """Terminal voltage of one cell in the sense of eq. (7): source less entropic and ohmic part."""

@@ -59,7 +59,7 @@ class PlantNodeParameters(
         """
         model = self.model().values
         route = self.trip_route(model.gap.initial_gap_m)
-        plant = Plant(model, route.slope.slope_at, self.integration_step_s)
+        plant = Plant(model, route.slope.slope_at, self.integration_step_s, self.thermal_model)
         trip = Trip(plant, route.duration_s, self.period_s)
         trip.warm_up()
         return trip

@@ -7,6 +7,7 @@ import math
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FullChannelState
 from iptm_interfaces.codecs import (
     BatteryReading,
     encode_acceleration,
@@ -19,6 +20,7 @@ from iptm_interfaces.codecs import (
 )
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import OBSERVATION_TOPICS, STATE_TOPICS, Topic
+from iptm_plant_sim.integrator import cell_voltage_v
 from iptm_plant_sim.plant import PlantStep
 
 _COUNTED = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
@@ -35,6 +37,7 @@ class PlantPublishers:
             node: the plant node.
             parameters: model parameters; the pack's capacity is published.
         """
+        self._parameters = parameters
         pack, cell = parameters.pack, parameters.cell
         self._design_capacity_ah = cell.nominal_capacity_ah * pack.parallel
         self._publishers = {
@@ -77,13 +80,28 @@ class PlantPublishers:
 
     def _reading(self, step: PlantStep) -> BatteryReading:
         state = step.state
-        mean_loss = 0.5 * (state.cell_1_capacity_loss + state.cell_n_capacity_loss)
+        losses = (state.cell_1_capacity_loss, state.cell_n_capacity_loss)
+        temperatures_k = (state.cell_1_temperature_k, state.cell_n_temperature_k)
+        voltages_v = (step.cell_1_voltage_v, step.cell_n_voltage_v)
+        if isinstance(state, FullChannelState):
+            cells = state.cells
+            losses = tuple(cells.capacity_losses.tolist())
+            temperatures_k = tuple(cells.temperatures_k.tolist())
+            voltages_v = tuple(
+                cell_voltage_v(
+                    step.cell_current_a,
+                    cells.temperatures_k,
+                    cells.capacity_losses,
+                    self._parameters,
+                ).tolist()
+            )
+        mean_loss = sum(losses) / len(losses)
         return BatteryReading(
             time_s=state.time_s,
             pack_voltage_v=step.pack_voltage_v,
             pack_current_a=step.pack_current_a,
-            cell_voltages_v=(step.cell_1_voltage_v, step.cell_n_voltage_v),
-            cell_temperatures_k=(state.cell_1_temperature_k, state.cell_n_temperature_k),
+            cell_voltages_v=voltages_v,
+            cell_temperatures_k=temperatures_k,
             charge_ah=math.nan,  # the model has no state of charge
             capacity_ah=self._design_capacity_ah * (1.0 - mean_loss),
             design_capacity_ah=self._design_capacity_ah,

@@ -11,21 +11,26 @@ import numpy as np
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.power_thermal import CellPair
-from iptm_core.settings import IntegrationSettings
+from iptm_core.settings import IntegrationSettings, ThermalModel
 from iptm_core.state import (
+    ChannelCells,
     Command,
     FloatArray,
+    FullChannelState,
     IntervalPowers,
     PlantObservation,
     VehicleState,
 )
 from iptm_plant_sim.actuators import ActuatorReport, Clamp, limit_command
+from iptm_plant_sim.channel_integrator import ChannelIntegrator
 from iptm_plant_sim.integrator import IntervalIntegrator, IntervalResult
 from iptm_plant_sim.motion import Motion, plan_motion
 
 DEFAULT_STEP_S = IntegrationSettings.integration_step_s
 """Keeps each interval's energies and capacity loss within 0.1 %; the kinks set the error, not the order."""
 _POWER_BISECTIONS = 40
+_TEMPERATURES = ("cell_1_temperature_k", "cell_n_temperature_k", "cells.temperatures_k")
+_CAPACITY_LOSSES = ("cell_1_capacity_loss", "cell_n_capacity_loss", "cells.capacity_losses")
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,7 @@ class Plant:
         parameters: ModelParameters,
         slope_at: Callable[[FloatArray], FloatArray],
         step_s: float = DEFAULT_STEP_S,
+        thermal_model: ThermalModel = IntegrationSettings.thermal_model,
     ) -> None:
         """Set up a vehicle on a road.
 
@@ -78,6 +84,8 @@ class Plant:
             parameters: the model parameters.
             slope_at: road slope in rad (positive uphill) at positions in m, shape (n,) to (n,).
             step_s: longest integration step inside an interval.
+            thermal_model: which cells of a coolant channel are integrated. With all of them, states are
+                `FullChannelState`.
 
         Raises:
             StateError: the step is not a positive number.
@@ -88,6 +96,9 @@ class Plant:
         self._slope_at = slope_at
         self._step_s = step_s
         self._integrators: dict[int, IntervalIntegrator] = {}
+        self._channel: ChannelIntegrator | None = None
+        if thermal_model is ThermalModel.FULL_CHANNEL:
+            self._channel = ChannelIntegrator(parameters)
 
     def initial_state(
         self,
@@ -104,7 +115,7 @@ class Plant:
             speed_m_s: speed.
             time_s: time of the trip.
             cell_1_temperature_k: temperature of cell 1; by default the parameters' initial temperature.
-            cell_n_temperature_k: temperature of cell N_c; likewise.
+            cell_n_temperature_k: temperature of cell N_c; likewise. The cells between lie evenly.
 
         Raises:
             StateError: a value is not finite or outside its physical range.
@@ -126,6 +137,9 @@ class Plant:
             cell_1_capacity_loss=loss,
             cell_n_capacity_loss=loss,
         )
+        if self._channel is not None:
+            cells = ChannelCells.between(state, self.parameters.pack.cells_per_channel)
+            state = FullChannelState(**vars(state), cells=cells)
         self.check(state)
         return state
 
@@ -135,21 +149,19 @@ class Plant:
         Raises:
             StateError: a value is not finite, or speed, temperature or capacity loss is out of range.
         """
-        for item in fields(state):
-            value = getattr(state, item.name)
-            if not math.isfinite(value):
-                raise StateError(f"state: {item.name} is {value}; allowed: finite numbers")
-        top = self.parameters.limits.max_speed_m_s
-        for name, low, high in (
-            ("speed_m_s", 0.0, top),
-            ("cell_1_temperature_k", 200.0, 400.0),
-            ("cell_n_temperature_k", 200.0, 400.0),
-            ("cell_1_capacity_loss", 1e-9, 0.9),
-            ("cell_n_capacity_loss", 1e-9, 0.9),
-        ):
-            value = getattr(state, name)
-            if not low <= value <= high:
-                raise StateError(f"state: {name} is {value}; allowed: {low} to {high}")
+        values = {item.name: np.asarray(getattr(state, item.name)) for item in fields(VehicleState)}
+        if isinstance(state, FullChannelState):
+            values |= {f"cells.{name}": array for name, array in vars(state.cells).items()}
+        ranges = {
+            "speed_m_s": (0.0, self.parameters.limits.max_speed_m_s),
+            **dict.fromkeys(_TEMPERATURES, (200.0, 400.0)),
+            **dict.fromkeys(_CAPACITY_LOSSES, (1e-9, 0.9)),
+        }
+        for name, value in values.items():
+            low, high = ranges.get(name, (-math.inf, math.inf))
+            wrong = value[~(np.isfinite(value) & (low <= value) & (value <= high))]
+            if wrong.size:
+                raise StateError(f"state: {name} is {wrong[0]}; allowed: {low} to {high}")
 
     def advance(self, state: VehicleState, command: Command, duration_s: float = 1.0) -> PlantStep:
         """Carry out a command for one interval.
@@ -192,6 +204,12 @@ class Plant:
         return max(2, math.ceil(duration_s / self._step_s - 1e-9))
 
     def _integrate(self, state: VehicleState, command: Command, motion: Motion) -> IntervalResult:
+        slopes = np.asarray(self._slope_at(motion.positions_m), dtype=float)
+        power_w = command.compressor_power_w
+        if self._channel is not None:
+            if not isinstance(state, FullChannelState):
+                raise StateError("state knows two cells; allowed: a state of the full channel")
+            return self._channel.integrate(state.cells, power_w, motion, slopes)
         count = motion.lengths_s.size
         integrator = self._integrators.get(count)
         if integrator is None:
@@ -202,8 +220,7 @@ class Plant:
             state.cell_1_capacity_loss,
             state.cell_n_capacity_loss,
         )
-        slopes = np.asarray(self._slope_at(motion.positions_m), dtype=float)
-        return integrator.integrate(cells, command.compressor_power_w, motion, slopes)
+        return integrator.integrate(cells, power_w, motion, slopes)
 
     def _drive(
         self, state: VehicleState, command: Command, duration_s: float
@@ -260,8 +277,9 @@ class Plant:
             cell_1_capacity_loss=cells.cell_1_capacity_loss,
             cell_n_capacity_loss=cells.cell_n_capacity_loss,
         )
+        if result.channel is not None:
+            end = FullChannelState(**vars(end), cells=result.channel)
         per_second = 1.0 / duration_s if duration_s > 0.0 else 0.0
-        in_series = self.parameters.pack.cells_in_series
         auxiliary_w = self.parameters.cooling.auxiliary_power_w
         return PlantStep(
             state=end,
@@ -277,7 +295,7 @@ class Plant:
             charge_c=result.charge_c,
             cell_current_a=result.cell_current_a,
             pack_current_a=result.pack_current_a,
-            pack_voltage_v=0.5 * (result.cell_1_voltage_v + result.cell_n_voltage_v) * in_series,
+            pack_voltage_v=result.pack_voltage_v,
             cell_1_voltage_v=result.cell_1_voltage_v,
             cell_n_voltage_v=result.cell_n_voltage_v,
             coolant_inlet_temperature_k=result.coolant_inlet_k,

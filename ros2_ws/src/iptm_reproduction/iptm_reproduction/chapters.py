@@ -28,6 +28,7 @@ from iptm_reproduction.parts import (
     verdicts,
 )
 from iptm_reproduction.plots import (
+    channel_plots,
     comparison_plots,
     identification_plots,
     model_plots,
@@ -49,11 +50,13 @@ from iptm_reproduction.runs import (
     STRATEGIES,
     STUDIES,
     WEIGHTED,
+    channel_run,
     horizons,
     lengthened,
     sampled,
     weighted,
 )
+from iptm_reproduction.tables import channel_tables
 from iptm_reproduction.tables.analysis_tables import (
     cooling_table,
     discretisation_table,
@@ -317,6 +320,25 @@ CHAPTERS = (
                 "Conclusions under other parameters",
                 "All runs with other parameters",
             ),
+        ),
+    ),
+    Chapter(
+        "full-channel",
+        "Beyond the paper: the full channel",
+        (
+            table(
+                "channel-saving",
+                "The saving with two cells and with the full channel",
+                channel_tables.saving_table,
+                (channel_run("reference"),),
+            ),
+            table(
+                "channel",
+                "Every cell of the channel, and the price of two",
+                channel_tables.channel_table,
+                (channel_run("reference"),),
+            ),
+            picture(channel_plots.full_channel),
         ),
     ),
     Chapter(

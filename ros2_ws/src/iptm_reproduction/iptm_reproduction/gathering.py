@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import RunMetrics, figure_values
+from iptm_core.settings import ThermalModel
 from iptm_reproduction.runs import MissingRun, ReportRun, Results
 from iptm_studies.campaign import Campaign
 from iptm_studies.run import RunRecord
@@ -131,6 +132,7 @@ def _command(campaign: Campaign) -> str:
 def _run(store: ResultStore, case: _Finished) -> ReportRun:
     inputs = resolve_inputs(case.spec)
     whole = case.spec.kind is RunKind.WHOLE_TRIP
+    full_channel = case.spec.thermal_model is ThermalModel.FULL_CHANNEL
     return ReportRun(
         address=case.address,
         values=figure_values(case.metrics),
@@ -139,6 +141,7 @@ def _run(store: ResultStore, case: _Finished) -> ReportRun:
         strategy=case.spec.strategy,
         load=lambda: store.load(case.key).trajectory,
         whole_trip=store.load(case.key).whole_trip if whole else None,
+        channel=store.load(case.key).channel if full_channel else None,
     )
 
 

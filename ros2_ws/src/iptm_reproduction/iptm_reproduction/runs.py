@@ -18,6 +18,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route
 from iptm_core.trajectory import Trajectory
 from iptm_reproduction.figures import relative_change
+from iptm_studies.channel_record import ChannelRecord
 from iptm_studies.whole_trip import WholeTripRecord
 
 STUDIES = {
@@ -32,6 +33,7 @@ STUDIES = {
     "weighting_scale": "Scale of the weights",
     "whole_trip": "Whole trip as one problem",
     "first_composition": "This project's own composition",
+    "full_channel": "The full channel",
 }
 """Names of the studies that addresses begin with, and their titles."""
 
@@ -67,6 +69,10 @@ SHORT_STEP_COUNTS = (3, 5)
 LONG_STEP_COUNTS = (5, 10, 12, 15, 20)
 
 _MOST_NAMES = 6
+_MULTI_HORIZON_NAMES = {
+    "multi_horizon": "Aging, MH 3+5",
+    "multi_horizon_cost_to_go": "Aging and cost to go, MH 3+5",
+}
 
 
 def weighted(*strategies: str) -> tuple[str, ...]:
@@ -91,6 +97,17 @@ def lengthened(*short_steps: int) -> tuple[str, ...]:
     )
 
 
+def channel_run(controller: str, plant: str = "full_channel") -> str:
+    """Return the run of a controller on a plant with all cells of a channel, or with two."""
+    return f"full_channel/{plant}/{controller}"
+
+
+def channel_controllers(results: Results) -> tuple[str, ...]:
+    """Return the controllers that drove a plant with all cells, in the order of the study."""
+    runs = [run.address.split("/") for run in results.study("full_channel")]
+    return tuple(name for _, plant, name in runs if plant == "full_channel")
+
+
 def name_of(address: str) -> str:
     """Return a run in words; the address itself if its study is unknown."""
     study, *parts = address.split("/")
@@ -110,7 +127,7 @@ def names_of(addresses: Sequence[str]) -> str:
 
 def controller_name(part: str) -> str:
     """Return a strategy, or a strategy with a horizon, in words."""
-    return "Aging, MH 3+5" if part == "multi_horizon" else STRATEGY_NAMES.get(part, part)
+    return _MULTI_HORIZON_NAMES.get(part, STRATEGY_NAMES.get(part, part))
 
 
 def words(part: str) -> str:
@@ -138,6 +155,7 @@ _NAMES: dict[str, Callable[..., str]] = {
     "discretisation": _grid_name,
     "whole_trip": lambda _: "whole-trip optimum",
     "first_composition": lambda name: f"{controller_name(name)}, own composition",
+    "full_channel": lambda plant, name: f"{controller_name(name)}, {words(plant)}",
 }
 
 
@@ -153,6 +171,7 @@ class ReportRun:
         strategy: cost terms with their weights.
         load: reads its trajectory; called at most once.
         whole_trip: how a whole trip was solved; None for a closed loop.
+        channel: what all cells of a coolant channel went through; None where the plant has but two.
     """
 
     address: str
@@ -162,6 +181,7 @@ class ReportRun:
     strategy: Strategy
     load: Callable[[], Trajectory] = field(repr=False, compare=False)
     whole_trip: WholeTripRecord | None = None
+    channel: ChannelRecord | None = None
 
     @cached_property
     def trajectory(self) -> Trajectory:

@@ -12,20 +12,27 @@ from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import LeaderState, PlantObservation, SlopePreview, VehicleState
+from iptm_core.state import LeaderState, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_core.trip_time import NS_PER_S
-from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant import Plant, PlantStep
 from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.source import CycleSource
 
 
 @dataclass(frozen=True)
 class ClosedLoopRun:
-    """A finished trip: what happened, and how the decisions came about."""
+    """A finished trip.
+
+    Attributes:
+        trajectory: what happened.
+        decisions: how the decisions came about.
+        steps: all that the simulated vehicle knows at every instant.
+    """
 
     trajectory: Trajectory
     decisions: DecisionSeries
+    steps: tuple[PlantStep, ...]
 
 
 def run_closed_loop(
@@ -53,7 +60,7 @@ def run_closed_loop(
     bridge = V2xBridge(source, bridge_settings)
     slope = source.slope_ahead()
     step = plant.observe(plant.initial_state())
-    observed: list[tuple[PlantObservation, LeaderState]] = []
+    observed: list[tuple[PlantStep, LeaderState]] = []
     records: list[DecisionRecord] = []
     for tick in range(ticks):
         leader, measured = _measure(bridge, slope, step.state, tick, tick_s)
@@ -67,7 +74,9 @@ def run_closed_loop(
     observed.append((step, leader))
     trajectory = Trajectory.from_ticks(observed)
     return ClosedLoopRun(
-        trajectory, DecisionSeries.from_records(trajectory.time_s[:-1].tolist(), records)
+        trajectory,
+        DecisionSeries.from_records(trajectory.time_s[:-1].tolist(), records),
+        tuple(step for step, _ in observed),
     )
 
 

@@ -21,7 +21,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.provenance import installed_version
 
 _PACKAGES = (iptm_core, iptm_plant_sim, iptm_v2x_bridge, iptm_controller)
-_STUDY_MODULES = ("closed_loop.py", "run.py", "whole_trip.py")
+_STUDY_MODULES = ("channel_record.py", "closed_loop.py", "run.py", "whole_trip.py")
 _LIBRARIES = ("casadi", "numpy")
 
 

@@ -21,8 +21,10 @@ from iptm_core.errors import ScenarioError
 from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.provenance import git_revision, versions
+from iptm_core.settings import ThermalModel
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
+from iptm_studies.channel_record import ChannelRecord, channel_record
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run_inputs import RunInputs
@@ -65,6 +67,8 @@ class Run:
         decisions: how the decisions came about; None for a whole trip.
         whole_trip: how a whole trip was solved; None for a closed loop.
         record: where the result comes from.
+        channel: what all cells of a coolant channel went through; None where the plant has but two, and
+            for a whole trip.
     """
 
     key: str
@@ -74,6 +78,7 @@ class Run:
     decisions: DecisionSeries | None
     whole_trip: WholeTripRecord | None
     record: RunRecord
+    channel: ChannelRecord | None = None
 
     @property
     def ticks(self) -> int:
@@ -110,11 +115,12 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
 
     spec, route = inputs.spec, inputs.route
     began = time.perf_counter()
-    plant = Plant(inputs.parameters, route.slope.slope_at, spec.plant_step_s)
+    plant = Plant(inputs.parameters, route.slope.slope_at, spec.plant_step_s, spec.thermal_model)
     controller = Controller(inputs.parameters, controller_options(spec, route.duration_s))
     loop = run_closed_loop(route, plant, controller, spec.bridge_settings(), on_tick=progress)
     trajectory: Trajectory = loop.trajectory
     decisions: DecisionSeries | None = loop.decisions
+    channel: ChannelRecord | None = None
     whole_trip: WholeTripRecord | None = None
     if spec.kind is RunKind.WHOLE_TRIP:
         # What the closed loop of the same strategy drove is the first guess.
@@ -122,6 +128,9 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
             route, plant, spec.strategy, trajectory, spec.tick_s, on_solve=progress
         )
         decisions = None
+    elif spec.thermal_model is ThermalModel.FULL_CHANNEL:
+        two_cells = Plant(inputs.parameters, route.slope.slope_at, spec.plant_step_s)
+        channel = channel_record(loop.steps, two_cells, spec.tick_s)
     return Run(
         key=inputs.key,
         spec=spec,
@@ -129,6 +138,7 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
         trajectory=trajectory,
         decisions=decisions,
         whole_trip=whole_trip,
+        channel=channel,
         record=RunRecord(
             wall_time_s=time.perf_counter() - began,
             compiled=controller.backend.compiled,

@@ -88,6 +88,7 @@ def run_key(inputs: RunInputs) -> str:
         "preview": asdict(spec.bridge_settings()),
         "tick_s": spec.tick_s,
         "plant_step_s": spec.plant_step_s,
+        "thermal_model": spec.thermal_model.value,
         "code": inputs.fingerprint,
     }
     return hashlib.sha256(canonical_json(content).encode()).hexdigest()[:KEY_LENGTH]

@@ -23,6 +23,7 @@ from iptm_core.settings import (
     ModelSettings,
     PreviewSettings,
     SamplingSettings,
+    ThermalModel,
     TripSettings,
 )
 from iptm_core.strict_mapping import StrictMapping
@@ -99,6 +100,7 @@ class RunSpec(Settings):
         preview: predictions of the leader.
         tick_s: sampling time of the loop.
         plant_step_s: longest integration step of the plant.
+        thermal_model: cells that the plant has.
 
     Raises:
         IptmError: a value is unknown or out of range.
@@ -116,6 +118,7 @@ class RunSpec(Settings):
     preview: PreviewSpec = field(default_factory=PreviewSpec)
     tick_s: float = declared(SamplingSettings, "period_s", minimum=1e-3)
     plant_step_s: float = declared(IntegrationSettings, "integration_step_s", maximum=10.0)
+    thermal_model: ThermalModel = declared(IntegrationSettings, "thermal_model")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -135,6 +138,7 @@ class RunSpec(Settings):
         """Plain values, ready for JSON; ``from_dict`` is the inverse."""
         content = asdict(self)
         content["kind"] = self.kind.value
+        content["thermal_model"] = self.thermal_model.value
         content["overrides"] = dict(self.overrides)
         return content
 
@@ -173,6 +177,8 @@ class RunSpec(Settings):
         parts = [where, what, self.strategy.name]
         if self.parameter_set != REPRODUCED_SET:
             parts.append(self.parameter_set)
+        if self.thermal_model is not ThermalModel.TWO_CELL:
+            parts.append(str(self.thermal_model))
         parts += [f"{key}={value:g}" for key, value in self.overrides]
         if self.preview != PreviewSpec():
             usual = asdict(PreviewSpec())

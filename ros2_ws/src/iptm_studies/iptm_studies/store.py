@@ -27,6 +27,7 @@ from iptm_core.errors import IptmError, StoreError
 from iptm_core.metrics import figure_values
 from iptm_core.parameters import flat_to_parameters, to_flat_dict
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_studies.channel_record import ChannelRecord
 from iptm_studies.run import Run, RunRecord
 from iptm_studies.run_inputs import KEY_LENGTH
 from iptm_studies.run_spec import RunSpec, canonical_json
@@ -197,6 +198,7 @@ def write_run(path: Path, run: Run) -> None:
         "spec": run.spec.to_dict(),
         "parameters": to_flat_dict(run.parameters),
         "whole_trip": None if run.whole_trip is None else asdict(run.whole_trip),
+        "channel": None if run.channel is None else asdict(run.channel),
         "record": asdict(run.record),
         # For other readers of the file; here the figures are worked out anew.
         "figures": figure_values(run.metrics),
@@ -254,6 +256,7 @@ def _run(content: dict[str, Any], table: pa.Table) -> Run:
         ),
         decisions=decisions,
         whole_trip=whole_trip,
+        channel=None if content["channel"] is None else ChannelRecord.from_dict(content["channel"]),
         record=RunRecord(**content["record"]),
     )
 

@@ -193,7 +193,7 @@ def _plan_of(run: Trajectory, horizon: Horizon) -> Plan:
     inputs = np.zeros((horizon.steps, layout.INPUTS))
     inputs[:, InputIndex.ACCELERATION] = run.acceleration_m_s2[1:]
     inputs[:, InputIndex.COMPRESSOR_POWER] = run.compressor_power_w[1:]
-    return Plan(0.0, horizon.node_times_s, states, inputs)
+    return Plan(0.0, horizon.node_times_s, states, inputs, horizon.steps)
 
 
 def _drive(

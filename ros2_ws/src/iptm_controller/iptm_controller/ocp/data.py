@@ -17,11 +17,11 @@ from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
-LONGEST_CHANGE_S = 5.0
+LONGEST_CHANGE_S = 2.5
 SLOPE_DIFFERENCE_M = 25.0
 COLD_COMPRESSOR_PRICE_1_KW = 100.0
 """Cost per kilowatt and second of a compressor that runs although the cells are at their lower limit."""
-COLD_MARGIN_K = 0.3
+COLD_MARGIN_K = 0.1
 """The price is full at the lower limit and zero by so much above it."""
 
 
@@ -62,6 +62,7 @@ class ProblemDataBuilder:
         expected_positions_m: FloatArray,
         known_s: float = math.inf,
         value: TemperatureValue = NO_VALUE,
+        thermal_samples: FloatArray | None = None,
     ) -> ProblemData:
         """Assemble the problem of one tick.
 
@@ -74,6 +75,7 @@ class ProblemDataBuilder:
             known_s: how far ahead the leader's motion is known and not a guess. The braking reserve
                 is asked for at the last node up to there, at the first one if there is none.
             value: what a kelvin costs at the end of the horizon.
+            thermal_samples: parameters of the samples of thermal steps, where the horizon has any.
         """
         grid, origin_m = self._grid, state.position_m
         steps = np.empty((grid.steps, layout.STEP_PARAMETERS))
@@ -82,7 +84,8 @@ class ProblemDataBuilder:
         steps[:, StepIndex.LEADER_SPEED] = node_speed
         steps[:, StepIndex.RATE_INTERVAL] = self._rate_intervals_s
         steps[:, StepIndex.END_OF_PREVIEW] = 0.0
-        known_nodes = int(np.searchsorted(self._node_times_s[1:], known_s + 1e-6, side="right"))
+        motion_nodes = self._node_times_s[1 : grid.horizon.motion_steps + 1]
+        known_nodes = int(np.searchsorted(motion_nodes, known_s + 1e-6, side="right"))
         steps[max(known_nodes, 1) - 1, StepIndex.END_OF_PREVIEW] = 1.0
         times = state.time_s + grid.sample_times_s
         recent, speeds = leader.at(np.concatenate([times, times - REFERENCE_WINDOW_S]))
@@ -108,6 +111,8 @@ class ProblemDataBuilder:
         ) / REFERENCE_WINDOW_S
         samples[:, SampleIndex.LEADER_POSITION] = recent[: times.size] - origin_m
         samples[:, SampleIndex.LEADER_SPEED] = speeds[: times.size]
+        if thermal_samples is not None:
+            samples[grid.motion_samples :] = thermal_samples
         parameters = grid.parameters(self._globals(state, value), steps, samples)
         return ProblemData(self._scaled_state(state), parameters)
 

@@ -22,6 +22,8 @@ from iptm_core.state import FloatArray
 
 MIDPOINT_UP_TO_S = 1.0
 SECONDS_PER_SAMPLE = 2.5
+POWER_LEVELS = 3
+"""Samples of a thermal step: its traction powers, sorted, in so many groups of equal duration."""
 
 
 def sample_count(step_s: float) -> int:
@@ -48,6 +50,7 @@ class StageKind:
         variables: place of the blocks ``x_k, u_k``.
         rows: place of the blocks ``dynamics_k, limits_k``.
         parameters: place of the parameters of the steps.
+        thermal: the motion of the steps is foreseen, not optimised.
     """
 
     step_s: float
@@ -56,6 +59,7 @@ class StageKind:
     variables: slice
     rows: slice
     parameters: slice
+    thermal: bool
 
     @property
     def count(self) -> int:
@@ -74,7 +78,9 @@ class ProblemGrid:
     Attributes:
         horizon: the steps.
         stages: one kind per phase.
-        sample_times_s: times of all quadrature samples from the first node on, in order.
+        sample_times_s: times of all quadrature samples from the first node on, in order; the samples of
+            a thermal step are no instants, they all stand at its middle.
+        motion_samples: number of samples in which the motion is optimised; they come first.
     """
 
     def __init__(self, horizon: Horizon) -> None:
@@ -82,7 +88,7 @@ class ProblemGrid:
         kinds: list[StageKind] = []
         step, offset = 0, layout.GLOBALS
         for phase in horizon.phases:
-            samples = sample_count(phase.step_s)
+            samples = POWER_LEVELS if phase.thermal else sample_count(phase.step_s)
             last = step + phase.steps
             end = offset + phase.steps * layout.step_parameter_count(samples)
             kinds.append(
@@ -93,6 +99,7 @@ class ProblemGrid:
                     variables=slice(layout.BLOCK * step, layout.BLOCK * last),
                     rows=slice(layout.ROWS * step, layout.ROWS * last),
                     parameters=slice(offset, end),
+                    thermal=phase.thermal,
                 )
             )
             step, offset = last, end
@@ -108,11 +115,14 @@ class ProblemGrid:
         ]
         self.sample_times_s: FloatArray = np.concatenate(
             [
-                start + quadrature(kind.samples)[0] * kind.step_s
+                start
+                + (np.full(kind.samples, 0.5) if kind.thermal else quadrature(kind.samples)[0])
+                * kind.step_s
                 for kind in kinds
                 for start in horizon.node_times_s[kind.steps]
             ]
         )
+        self.motion_samples = sum(kind.samples * kind.count for kind in kinds if not kind.thermal)
         own, sampled = np.arange(layout.STEP_PARAMETERS), np.arange(layout.SAMPLE_PARAMETERS)
         starts = np.array([place.start for place in self.step_parameters])
         self._step_slots = starts[:, None] + own

@@ -95,6 +95,16 @@ class SampleIndex(IntEnum):
     LEADER_SPEED = 6
 
 
+class ThermalSampleIndex(IntEnum):
+    """Parameters of one sample of a thermal step: a share of the step spent at one traction power.
+
+    They take the first places of ``SampleIndex``; the others are not used.
+    """
+
+    TRACTION_POWER = 0
+    SPEED = 1
+
+
 STATES = len(StateIndex)
 INPUTS = len(InputIndex)
 LIMITS = len(LimitIndex)

@@ -17,6 +17,7 @@ from iptm_controller.ocp.stage import (
     StageExpressions,
     build_stage,
 )
+from iptm_controller.ocp.thermal_stage import build_thermal_stage
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.power_thermal import Smoothing
@@ -47,7 +48,9 @@ class OptimalControlProblem:
     def stage_expressions(self) -> list[StageExpressions]:
         """Return the symbolic stages, one per kind of the grid."""
         return [
-            build_stage(kind.step_s, kind.samples, self.model, self.smoothing, self.penalties)
+            (build_thermal_stage if kind.thermal else build_stage)(
+                kind.step_s, kind.samples, self.model, self.smoothing, self.penalties
+            )
             for kind in self.grid.stages
         ]
 

@@ -16,7 +16,7 @@ import casadi as ca
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import quadrature
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, StateIndex, StepIndex
-from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.model import LimitParameters, ModelParameters
 from iptm_core.physics.braking import braking_reserve_m
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.gap_policy import minimum_gap_m
@@ -53,7 +53,7 @@ class PenaltyWeights:
     """
 
     gap_short_1_m: float = 1e4
-    gap_long_1_m: float = 500.0
+    gap_long_1_m: float = 20.0
     speed_1_m_s: float = 2000.0
     temperature_1_k: float = 200.0
 
@@ -118,16 +118,8 @@ def build_stage(
         acceleration,
         power,
     )
-    slack_cost = step_s * (
-        penalties.gap_short_1_m * inputs[InputIndex.GAP_SHORT]
-        + penalties.gap_long_1_m * inputs[InputIndex.GAP_LONG]
-        + penalties.speed_1_m_s * inputs[InputIndex.SPEED_EXCESS]
-        + penalties.temperature_1_k * inputs[InputIndex.TEMPERATURE_EXCESS]
-    )
-    temperature_cost = g[GlobalIndex.CELL_1_PRICE] * (step.cell_1_k - state[2]) + g[
-        GlobalIndex.CELL_N_PRICE
-    ] * (step.cell_n_k - state[3])
-    compressor_cost = step_s * g[GlobalIndex.COMPRESSOR_PRICE] * u[InputIndex.COMPRESSOR_POWER]
+    change_1_k = step.cell_1_k - state[StateIndex.CELL_1_TEMPERATURE]
+    change_n_k = step.cell_n_k - state[StateIndex.CELL_N_TEMPERATURE]
     limits = _limits(parameters, state, inputs, next_state, step, p, g)
     return StageExpressions(
         state=x,
@@ -135,9 +127,58 @@ def build_stage(
         step_parameters=p,
         global_parameters=g,
         next_state=(next_state - layout.STATE_OFFSET) / layout.STATE_SCALE,
-        cost=step.cost + temperature_cost + compressor_cost + slack_cost,
+        cost=step.cost
+        + price_cost(step_s, change_1_k, change_n_k, power, g)
+        + slack_cost(step_s, inputs, penalties),
         limits=limits,
     )
+
+
+def slack_cost(step_s: float, inputs: ca.SX, penalties: PenaltyWeights) -> ca.SX:
+    """Return what the slacks of a step cost."""
+    rate: ca.SX = (
+        penalties.gap_short_1_m * inputs[InputIndex.GAP_SHORT]
+        + penalties.gap_long_1_m * inputs[InputIndex.GAP_LONG]
+        + penalties.speed_1_m_s * inputs[InputIndex.SPEED_EXCESS]
+        + penalties.temperature_1_k * inputs[InputIndex.TEMPERATURE_EXCESS]
+    )
+    return step_s * rate
+
+
+def price_cost(
+    step_s: float, change_1_k: ca.SX, change_n_k: ca.SX, power_w: ca.SX, g: ca.SX
+) -> ca.SX:
+    """Return the share of a step in the cost to go, and the price of a compressor that runs in the cold.
+
+    The price of a temperature at the end of the horizon is, up to a constant, the sum of the prices of its
+    changes: so all stages are alike.
+    """
+    kilowatts = power_w / layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER]
+    cost: ca.SX = (
+        g[GlobalIndex.CELL_1_PRICE] * change_1_k
+        + g[GlobalIndex.CELL_N_PRICE] * change_n_k
+        + step_s * g[GlobalIndex.COMPRESSOR_PRICE] * kilowatts
+    )
+    return cost
+
+
+def temperature_rows(
+    end_1_k: ca.SX,
+    end_n_k: ca.SX,
+    outlet_k: ca.SX,
+    inputs: ca.SX,
+    bounds: LimitParameters,
+    g: ca.SX,
+) -> list[ca.SX]:
+    """Return the rows CELL_1_MIN to OUTLET_MAX of a step (paper eqs. 16g to 16i).
+
+    Cooling reaches cell 1 first: what keeps it above the lower limit keeps the others.
+    """
+    slack = inputs[InputIndex.TEMPERATURE_EXCESS]
+    return [
+        end_1_k - g[GlobalIndex.LOWEST_TEMPERATURE] + slack,
+        *(bounds.max_temperature_k - each_k + slack for each_k in (end_1_k, end_n_k, outlet_k)),
+    ]
 
 
 @dataclass(frozen=True)
@@ -252,7 +293,6 @@ def _limits(
         floor = -maximum(-floor, gap_policy.standstill_gap_m - gap_inside, GAP_SMOOTHING_M)
     at_end = p[StepIndex.END_OF_PREVIEW]
     speed_slack = inputs[InputIndex.SPEED_EXCESS]
-    temperature_slack = inputs[InputIndex.TEMPERATURE_EXCESS]
     acceleration_change = inputs[InputIndex.ACCELERATION] - state[StateIndex.LAST_ACCELERATION]
     power_change = inputs[InputIndex.COMPRESSOR_POWER] - state[StateIndex.LAST_COMPRESSOR_POWER]
     rows = [
@@ -266,16 +306,14 @@ def _limits(
         gap_policy.max_gap_m - gap + inputs[InputIndex.GAP_LONG],
         speed - bounds.min_speed_m_s + speed_slack,
         bounds.max_speed_m_s - speed + speed_slack,
-        # Cooling reaches cell 1 first: what keeps it above the lower limit keeps the others.
-        next_state[StateIndex.CELL_1_TEMPERATURE]
-        - g[GlobalIndex.LOWEST_TEMPERATURE]
-        + temperature_slack,
+        *temperature_rows(
+            next_state[StateIndex.CELL_1_TEMPERATURE],
+            next_state[StateIndex.CELL_N_TEMPERATURE],
+            step.outlet_k,
+            inputs,
+            bounds,
+            g,
+        ),
     ]
-    temperatures = (
-        next_state[StateIndex.CELL_1_TEMPERATURE],
-        next_state[StateIndex.CELL_N_TEMPERATURE],
-        step.outlet_k,
-    )
-    rows.extend(bounds.max_temperature_k - each_k + temperature_slack for each_k in temperatures)
     limits: ca.SX = ca.vertcat(*rows)
     return limits

@@ -23,7 +23,7 @@ import numpy as np
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import compile_functions, find_compiler
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex
+from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex, StepIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.buffered import BufferedFunction, named_function
 from iptm_controller.solvers.interface import SolverBackend, SolveResult
@@ -64,8 +64,7 @@ class SwitchingCheck:
         limits = problem.model.limits
         lengths_s = self._grid.horizon.step_lengths_s
         self._lengths_s = lengths_s
-        previous = np.concatenate([lengths_s[:1], lengths_s[:-1]])
-        self._ramps = limits.max_compressor_rate_w_s * 0.5 * (previous + lengths_s) / _POWER_SCALE_W
+        self._rate_1_s = limits.max_compressor_rate_w_s / _POWER_SCALE_W
         self._slack_prices = np.outer(lengths_s, astuple(problem.penalties))
         power_w, _ = most_efficient_cooling(USUAL_TEMPERATURE_K, problem.model)
         self._candidates = np.array([limits.min_compressor_power_w, power_w]) / _POWER_SCALE_W
@@ -174,7 +173,9 @@ class SwitchingCheck:
         """Return the powers as the rate limit lets the compressor follow them from where it is."""
         followed = np.empty_like(powers)
         last = float(data.initial_state[StateIndex.LAST_COMPRESSOR_POWER])
-        for step, (wanted, ramp) in enumerate(zip(powers, self._ramps, strict=True)):
+        _, steps, _ = self._grid.split_parameters(data.parameters)
+        ramps = self._rate_1_s * steps[:, StepIndex.RATE_INTERVAL]
+        for step, (wanted, ramp) in enumerate(zip(powers, ramps, strict=True)):
             last = min(max(wanted, last - ramp), last + ramp)
             followed[step] = last
         return followed

@@ -99,7 +99,7 @@ def power_thermal_rates(
     channel: Channel,
     smoothing: Smoothing = EXACT,
 ) -> PowerThermalRates:
-    """Evaluate the coupled electrical, thermal and ageing model at one instant.
+    """Evaluate the coupled electrical, thermal and ageing model at one instant of a motion.
 
     Args:
         speed_m_s: vehicle speed v.
@@ -111,10 +111,35 @@ def power_thermal_rates(
         channel: reduced coolant channel, from ``reduce_channel``.
         smoothing: widths of the kinks; exact by default.
     """
-    pack, cell = parameters.pack, parameters.cell
     traction = electric_traction_power_w(
         speed_m_s, acceleration_m_s2, slope_rad, parameters, smoothing
     )
+    return rates_at_traction_power(
+        traction, speed_m_s, compressor_power_w, cells, parameters, channel, smoothing
+    )
+
+
+def rates_at_traction_power(
+    traction: Scalar,
+    speed_m_s: Scalar,
+    compressor_power_w: Scalar,
+    cells: CellPair,
+    parameters: ModelParameters,
+    channel: Channel,
+    smoothing: Smoothing = EXACT,
+) -> PowerThermalRates:
+    """Evaluate the model where the traction power is known and the motion behind it is not.
+
+    Args:
+        traction: traction power P_tra in W.
+        speed_m_s: vehicle speed, for the air through the condenser.
+        compressor_power_w: compressor power P_cp.
+        cells: states of the two modelled cells.
+        parameters: the model parameters.
+        channel: reduced coolant channel, from ``reduce_channel``.
+        smoothing: widths of the kinks; exact by default.
+    """
+    pack, cell = parameters.pack, parameters.cell
     terminal = battery_power_w(
         traction,
         compressor_power_w,

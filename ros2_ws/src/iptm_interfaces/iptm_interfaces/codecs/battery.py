@@ -14,12 +14,14 @@ from iptm_interfaces.codecs.named_values import decode_named_values, encode_name
 from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_s
 from iptm_interfaces.topics import PACK_FRAME, Topic
 
-_CELLS = 2
+_FEWEST_CELLS = 2
 
 
 @dataclass(frozen=True)
 class BatteryReading:
-    """Terminal values of the pack and of cells 1 and N_c of a coolant channel.
+    """Terminal values of the pack and of cells of a coolant channel.
+
+    The cells are the first and the last one, or all of them in the order of the coolant.
 
     The message holds 32-bit floats: good for plots, not for control. What is not measured is NaN.
 
@@ -28,8 +30,8 @@ class BatteryReading:
         pack_voltage_v: terminal voltage.
         pack_current_a: positive when discharging (sign of the paper; the message has the
             opposite sign).
-        cell_voltages_v: of cell 1 and cell N_c.
-        cell_temperatures_k: of cell 1 and cell N_c.
+        cell_voltages_v: of the cells.
+        cell_temperatures_k: of the cells.
         charge_ah: charge left.
         capacity_ah: capacity at present, aged.
         design_capacity_ah: nominal capacity.
@@ -38,8 +40,8 @@ class BatteryReading:
     time_s: float
     pack_voltage_v: float
     pack_current_a: float
-    cell_voltages_v: tuple[float, float]
-    cell_temperatures_k: tuple[float, float]
+    cell_voltages_v: tuple[float, ...]
+    cell_temperatures_k: tuple[float, ...]
     charge_ah: float = math.nan
     capacity_ah: float = math.nan
     design_capacity_ah: float = math.nan
@@ -99,28 +101,23 @@ def decode_battery(message: BatteryState) -> BatteryReading:
 
     Raises:
         MessageError: voltage, current, a cell voltage or a cell temperature is not finite, or
-            there are not exactly two cells.
+            there are less than two cells.
     """
     topic = Topic.PLANT_BATTERY
     for name, cells in (
         ("cell_voltage", message.cell_voltage),
         ("cell_temperature", message.cell_temperature),
     ):
-        if len(cells) != _CELLS:
-            reject(topic, f"{name} has {len(cells)} entries; allowed: 2 (cell 1 and cell N)")
+        if len(cells) < _FEWEST_CELLS:
+            reject(topic, f"{name} has {len(cells)} entries; allowed: 2 or more (cell 1 to cell N)")
         for value in cells:
             finite(topic, name, value)
-    cell_1_c, cell_n_c = message.cell_temperature
-    cell_1_v, cell_n_v = message.cell_voltage
     return BatteryReading(
         time_s=s_from_ns(ns_from_time(message.header.stamp)),
         pack_voltage_v=finite(topic, "voltage", message.voltage),
         pack_current_a=-finite(topic, "current", message.current),
-        cell_voltages_v=(float(cell_1_v), float(cell_n_v)),
-        cell_temperatures_k=(
-            float(cell_1_c) + CELSIUS_ZERO_K,
-            float(cell_n_c) + CELSIUS_ZERO_K,
-        ),
+        cell_voltages_v=tuple(map(float, message.cell_voltage)),
+        cell_temperatures_k=tuple(float(t) + CELSIUS_ZERO_K for t in message.cell_temperature),
         charge_ah=message.charge,
         capacity_ah=message.capacity,
         design_capacity_ah=message.design_capacity,

@@ -1,0 +1,126 @@
+"""One thermal step: cell temperatures and compressor power at foreseen traction powers.
+
+Beyond some tens of seconds nobody needs the motion of the car, but what it does to the pack: the traction
+power is a parameter of the step, given as a few levels that each hold for an equal share of it. Powers
+and aging rates are averaged over the levels and not computed from a mean, because both are convex in the
+current. Position and speed go on at constant speed, so that all stages of a horizon are alike; nothing
+depends on them, and the rows that limit the motion are constants.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.layout import (
+    GlobalIndex,
+    InputIndex,
+    StateIndex,
+    StepIndex,
+    ThermalSampleIndex,
+)
+from iptm_controller.ocp.stage import (
+    DEFAULT_PENALTIES,
+    DEFAULT_SMOOTHING,
+    NOT_ASKED_FOR_M,
+    PenaltyWeights,
+    StageExpressions,
+    price_cost,
+    slack_cost,
+    temperature_rows,
+)
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.power_thermal import (
+    CellPair,
+    PowerThermalRates,
+    Smoothing,
+    rates_at_traction_power,
+)
+
+
+def build_thermal_stage(
+    step_s: float,
+    levels: int,
+    parameters: ModelParameters,
+    smoothing: Smoothing = DEFAULT_SMOOTHING,
+    penalties: PenaltyWeights = DEFAULT_PENALTIES,
+) -> StageExpressions:
+    """Write down a thermal step: the explicit midpoint rule on the rates averaged over the levels.
+
+    Args:
+        step_s: step length.
+        levels: number of traction powers.
+        parameters: pack, cooling and limits.
+        smoothing: widths of the smoothed kinks of the model.
+        penalties: prices of the soft limits.
+    """
+    x = ca.SX.sym("x", layout.STATES)
+    u = ca.SX.sym("u", layout.INPUTS)
+    p = ca.SX.sym("p", layout.step_parameter_count(levels))
+    g = ca.SX.sym("g", layout.GLOBALS)
+    state = x * layout.STATE_SCALE + layout.STATE_OFFSET
+    inputs = u * layout.INPUT_SCALE
+    channel = reduce_channel(parameters.cooling, parameters.pack)
+    power = inputs[InputIndex.COMPRESSOR_POWER]
+    start_1 = state[StateIndex.CELL_1_TEMPERATURE]
+    start_n = state[StateIndex.CELL_N_TEMPERATURE]
+    samples = ca.reshape(p[layout.STEP_PARAMETERS :], layout.SAMPLE_PARAMETERS, levels)
+    traction = samples[ThermalSampleIndex.TRACTION_POWER, :]
+    speed = ca.sum2(samples[ThermalSampleIndex.SPEED, :]) / levels
+
+    def rates(traction_w: ca.SX, cell_1_k: ca.SX, cell_n_k: ca.SX) -> PowerThermalRates:
+        losses = g[GlobalIndex.CELL_1_LOSS], g[GlobalIndex.CELL_N_LOSS]
+        cells = CellPair(cell_1_k, cell_n_k, *losses)
+        return rates_at_traction_power(
+            traction_w, speed, power, cells, parameters, channel, smoothing
+        )
+
+    first = rates(ca.sum2(traction) / levels, start_1, start_n)
+    middle_1 = start_1 + 0.5 * step_s * first.cell_1_temperature_rate_k_s
+    middle_n = start_n + 0.5 * step_s * first.cell_n_temperature_rate_k_s
+    each = [rates(traction[level], middle_1, middle_n) for level in range(levels)]
+    share_s = step_s / levels
+    end_1 = start_1 + share_s * sum(one.cell_1_temperature_rate_k_s for one in each)
+    end_n = start_n + share_s * sum(one.cell_n_temperature_rate_k_s for one in each)
+    reference_k = g[GlobalIndex.REFERENCE_TEMPERATURE]
+    errors = (middle_1 - reference_k) ** 2 + (middle_n - reference_k) ** 2
+    cost = step_s * g[GlobalIndex.TEMPERATURE_WEIGHT] * errors
+    for one in each:
+        aging = one.cell_1_capacity_loss_rate_1_s + one.cell_n_capacity_loss_rate_1_s
+        cost += share_s * g[GlobalIndex.ENERGY_WEIGHT] * one.battery_power_w
+        cost += share_s * g[GlobalIndex.AGING_WEIGHT] * aging
+    # The motion has no meaning here: its input is held at zero.
+    cost += 0.5 * step_s * u[InputIndex.ACCELERATION] ** 2
+    cost += price_cost(step_s, end_1 - start_1, end_n - start_n, power, g)
+    cost += slack_cost(step_s, inputs, penalties)
+    acceleration = inputs[InputIndex.ACCELERATION]
+    next_state = ca.vertcat(
+        state[StateIndex.POSITION] + step_s * state[StateIndex.SPEED],
+        state[StateIndex.SPEED],
+        end_1,
+        end_n,
+        acceleration,
+        power,
+    )
+    bounds = parameters.limits
+    change = power - state[StateIndex.LAST_COMPRESSOR_POWER]
+    short, far, fast = (
+        NOT_ASKED_FOR_M + inputs[index]
+        for index in (InputIndex.GAP_SHORT, InputIndex.GAP_LONG, InputIndex.SPEED_EXCESS)
+    )
+    rows = [
+        acceleration,
+        change / (bounds.max_compressor_rate_w_s * p[StepIndex.RATE_INTERVAL]),
+        *(short, short, short, far, fast, fast),
+        *temperature_rows(end_1, end_n, each[-1].coolant.outlet_k, inputs, bounds, g),
+    ]
+    return StageExpressions(
+        state=x,
+        inputs=u,
+        step_parameters=p,
+        global_parameters=g,
+        next_state=(next_state - layout.STATE_OFFSET) / layout.STATE_SCALE,
+        cost=cost,
+        limits=ca.vertcat(*rows),
+    )

@@ -1,0 +1,195 @@
+"""Integration of all cells of a coolant channel over one interval of prescribed motion.
+
+What is fast is common to all cells, and what is many is slow. So motion and current are evaluated at every
+sub-step and integrated with Simpson's rule, while the cells take one explicit midpoint step for many
+sub-steps, at the means over the currents. Both get finer together; the order is two. Heat, cooling and
+change of temperature balance to rounding, whatever the step.
+
+As for two cells, a step is unrolled once into an expression graph of the functions of `iptm_core.physics`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.aging import capacity_loss_rate_1_s
+from iptm_core.physics.battery_power import battery_power_w
+from iptm_core.physics.cell_thermal import cell_temperature_rate_k_s
+from iptm_core.physics.chiller import chiller_line
+from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_resistance_ohm
+from iptm_core.physics.full_channel import FullChannel, mean_cell_heat_w
+from iptm_core.physics.ops import Scalar, maximum
+from iptm_core.physics.power_thermal import CellPair, electric_traction_power_w
+from iptm_core.physics.resistance import cell_resistance_ohm
+from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
+from iptm_core.state import ChannelCells, FloatArray
+from iptm_plant_sim.integrator import IntervalResult, PackedFunction, cell_voltage_v
+from iptm_plant_sim.motion import Motion
+
+SUB_STEPS_PER_CELL_STEP = 20
+"""One second at the default integration step, a hundredth of the time constant of a cell."""
+
+_SIMPSON = ca.DM([1.0, 4.0, 1.0]) / 6.0
+_QUADRATURES = 6
+
+
+class ChannelIntegrator:
+    """Integrates intervals of any number of sub-steps for one parameter set."""
+
+    def __init__(self, parameters: ModelParameters) -> None:
+        """Set up the channel.
+
+        Args:
+            parameters: the model parameters.
+        """
+        self._parameters = parameters
+        self._cells = parameters.pack.cells_per_channel
+        self._steps: dict[int, PackedFunction] = {}
+
+    def integrate(
+        self, cells: ChannelCells, compressor_power_w: float, motion: Motion, slopes_rad: FloatArray
+    ) -> IntervalResult:
+        """Integrate one interval.
+
+        Args:
+            cells: all cells at the start.
+            compressor_power_w: compressor power, held over the interval.
+            motion: the motion, laid out for n sub-steps.
+            slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
+        """
+        both = 2 * self._cells
+        state: FloatArray = np.concatenate((cells.temperatures_k, cells.capacity_losses))
+        quadratures: FloatArray = np.zeros(_QUADRATURES)
+        end: FloatArray = np.empty(0)
+        for first in range(0, motion.lengths_s.size, SUB_STEPS_PER_CELL_STEP):
+            cut = slice(first, first + SUB_STEPS_PER_CELL_STEP)
+            lengths_s = motion.lengths_s[cut]
+            step = self._step(lengths_s.size)
+            np.concatenate(
+                (
+                    state,
+                    (compressor_power_w,),
+                    lengths_s,
+                    motion.accelerations_m_s2[cut],
+                    slopes_rad[2 * first : 2 * (first + lengths_s.size) + 1],
+                    motion.speeds_m_s[cut].ravel(),
+                ),
+                out=step.arguments,
+            )
+            values = step()
+            state = values[:both].copy()
+            quadratures += values[both : both + _QUADRATURES]
+            end = values[both + _QUADRATURES :]
+        temperatures, losses = state[: self._cells], state[self._cells :]
+        ends = CellPair(
+            *(float(values[place]) for values in (temperatures, losses) for place in (0, -1))
+        )
+        result = IntervalResult(ends, *quadratures.tolist(), *end.tolist())
+        return replace(result, channel=ChannelCells(temperatures, losses))
+
+    def _step(self, sub_steps: int) -> PackedFunction:
+        if sub_steps not in self._steps:
+            self._steps[sub_steps] = PackedFunction(_build(self._parameters, sub_steps))
+        return self._steps[sub_steps]
+
+
+@lru_cache(maxsize=16)
+def _build(parameters: ModelParameters, n: int) -> ca.Function:
+    """One step of the cells over n sub-steps, on packed arguments and results.
+
+    Arguments: temperatures and capacity losses of all cells, compressor power, and lengths (n,),
+    accelerations (n,), slopes (2 n + 1,) and speeds (3 n,) of the sub-steps. Results: cells, quadratures
+    and values at the end, in the order of `IntervalResult`.
+    """
+    pack, cell, cooling = parameters.pack, parameters.cell, parameters.cooling
+    channel = FullChannel.of(cooling, pack)
+    count = channel.cells
+    arguments = ca.SX.sym("arguments", 2 * count + 2 + 7 * n)
+    before, losses_before, compressor, lengths, accelerations, slopes, speeds = ca.vertsplit(
+        arguments, np.cumsum([0, count, count, 1, n, n, 2 * n + 1, 3 * n]).tolist()
+    )
+    instants = [(step, stage) for step in range(n) for stage in range(3)]
+    traction = electric_traction_power_w(
+        speeds,
+        ca.vertcat(*(accelerations[step] for step, _ in instants)),
+        ca.vertcat(*(slopes[2 * step + stage] for step, stage in instants)),
+        parameters,
+    )
+    battery = battery_power_w(
+        traction, compressor, cooling.auxiliary_power_w, pack, parameters.powertrain
+    )
+    chiller = chiller_line(compressor, speeds, parameters.chiller, cooling, parameters.environment)
+    weights = ca.vec(ca.mtimes(_SIMPSON, lengths.T))
+    length = ca.dot(ca.DM.ones(n), lengths)
+    # An interval of no length, where only the end counts, has means all the same.
+    shares = ca.if_else(length > 0.0, weights / length, 1.0 / (3 * n))
+
+    def mean_of(cells: Scalar) -> Scalar:
+        return ca.dot(ca.DM.ones(count), cells) / count
+
+    def pack_currents(at: Scalar, aged: Scalar, power: Scalar) -> Scalar:
+        resistance = pack_resistance_ohm(mean_of(cell_resistance_ohm(at, aged, cell)), pack)
+        return pack_current_a(power, resistance, mean_of(at), cell, pack)
+
+    def coolant_loop(at: Scalar) -> CoolantLoop:
+        equivalent = channel.equivalent_cell_k(at)
+        return solve_coolant_loop(equivalent, equivalent, chiller, channel.outlet, cooling)
+
+    def means(at: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+        """Pack currents at the instants; means of heat, temperature rates and cooling rate over them."""
+        pack_current = pack_currents(at, losses_before, battery)
+        current = cell_current_a(pack_current, pack)
+        heat = mean_cell_heat_w(
+            ca.dot(shares, current),
+            ca.dot(shares, current * current),
+            cell_resistance_ohm(at, losses_before, cell),
+            at,
+            cell,
+        )
+        loop = coolant_loop(at)
+        # The coolant is linear in the cooling rate, and so may be averaged over the instants.
+        coolant = channel.coolant_k(ca.dot(shares, loop.inlet_k), at)[:-1]
+        rates = cell_temperature_rate_k_s(heat, at, ca.vertcat(*coolant), cell, cooling)
+        return pack_current, heat, rates, ca.dot(shares, loop.cooling_rate_w)
+
+    middle = before + 0.5 * length * means(before)[2]
+    currents, heat, rates, cooling_rate = means(middle)
+    # The aging rate is not linear in the current: every cell at the middle of every sub-step.
+    lost = sum(
+        lengths[step]
+        * capacity_loss_rate_1_s(
+            cell_current_a(currents[3 * step + 1], pack),
+            middle,
+            losses_before,
+            parameters.aging,
+            cell,
+        )
+        for step in range(n)
+    )
+    temperatures, losses = before + length * rates, losses_before + lost
+    current = pack_currents(temperatures, losses, battery[-1])
+    loop = coolant_loop(temperatures)
+    voltages = cell_voltage_v(cell_current_a(current, pack), temperatures, losses, parameters)
+    results = [
+        temperatures,
+        losses,
+        ca.dot(weights, traction),
+        ca.dot(weights, traction - maximum(traction, 0.0)),
+        ca.dot(weights, battery),
+        length * cooling_rate,
+        length * mean_of(heat) * (pack.cells_in_series * pack.parallel),
+        ca.dot(weights, currents),
+        current,
+        cell_current_a(current, pack),
+        loop.inlet_k[-1],
+        loop.outlet_k[-1],
+        voltages[0],
+        voltages[-1],
+        mean_of(voltages) * pack.cells_in_series,
+    ]
+    return ca.Function("channel_step", [arguments], [ca.vertcat(*results)], {"cse": True})

@@ -1,0 +1,59 @@
+"""What a run is worth against another strategy on the same trip."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from iptm_bringup.comparison import Comparison, drive_comparison
+from iptm_bringup.scenario import Scenario, prepare
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.errors import ParameterError
+from iptm_core.metrics import FIGURES
+from iptm_studies.run import perform_run
+from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies.run_spec import RunSpec
+
+SCENARIO = Scenario(cycle="nycc", duration_s=60.0)
+
+
+@pytest.fixture(scope="module")
+def comparison() -> Comparison:
+    return drive_comparison(prepare(SCENARIO), "reference")
+
+
+def test_it_is_the_run_that_a_study_makes(comparison: Comparison) -> None:
+    """The same trip by another path: run specification, inputs, worker."""
+    spec = RunSpec(cycle="nycc", duration_s=60.0)
+    from_study = perform_run(resolve_inputs(spec.with_strategy(STRATEGIES["reference"]))).metrics
+    for key in ("cooling_energy", "traction_energy", "cell_1_degradation", "smallest_gap"):
+        figure = FIGURES[key]
+        assert figure.compute(comparison.metrics) == figure.compute(from_study)
+
+
+def test_changes_and_headline_by_hand(comparison: Comparison) -> None:
+    base = comparison.metrics
+    better = replace(
+        base,
+        degradation=replace(
+            base.degradation,
+            cell_1=0.75 * base.degradation.cell_1,
+            cell_n=0.75 * base.degradation.cell_n,
+        ),
+        energy=replace(base.energy, cooling_j=1.1 * base.energy.cooling_j),
+    )
+    changes = comparison.changes(better)
+    assert changes["cell_1_degradation"] == pytest.approx(-0.25)
+    assert changes["cooling_energy"] == pytest.approx(0.1)
+    assert comparison.headline(better) == (
+        "against the reference: 25.0 % of battery aging saved, cooling energy +10.0 %, "
+        "traction energy +0.0 %"
+    )
+    worse = Comparison("aging", better).headline(base)
+    assert worse.startswith("against the aging: 33.3 % of battery aging lost")
+
+
+def test_an_unknown_strategy_is_refused() -> None:
+    with pytest.raises(ParameterError, match="'ageing'; allowed: "):
+        drive_comparison(prepare(SCENARIO), "ageing")

@@ -1,0 +1,132 @@
+"""Thermal steps: true to the exact model over their length, and without any wish about the motion."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.iptm_controller.scenes import PARAMETERS, SCENES, checking_solver, make_scene
+
+from iptm_controller.controller import Controller, ControllerOptions, Measurements
+from iptm_controller.horizon import Horizon
+from iptm_controller.node_reports import plan_trajectory
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.grid import POWER_LEVELS
+from iptm_controller.ocp.layout import GlobalIndex, LimitIndex
+from iptm_controller.ocp.thermal_stage import build_thermal_stage
+from iptm_core.decision_record import Rung
+from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.power_thermal import CellPair, rates_at_traction_power
+from iptm_core.state import FloatArray
+
+GRID = "3x1+5x5+6x30t"
+AGING_WEIGHT = 1e9
+
+
+def run_step(
+    step_s: float, cells_k: tuple[float, float], power_w: float, traction_w: FloatArray
+) -> tuple[FloatArray, float, FloatArray]:
+    """Return cell temperatures at the end of a thermal step, its aging cost, and its rows."""
+    stage = build_thermal_stage(step_s, POWER_LEVELS, PARAMETERS)
+    function = ca.Function(
+        "step",
+        [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters],
+        [stage.next_state, stage.cost, stage.limits],
+    )
+    state = np.array([0.0, 20.0, *cells_k, 0.0, power_w])
+    samples = np.zeros((POWER_LEVELS, layout.SAMPLE_PARAMETERS))
+    samples[:, 0], samples[:, 1] = traction_w, 20.0
+    shared = np.zeros(layout.GLOBALS)
+    shared[[GlobalIndex.CELL_1_LOSS, GlobalIndex.CELL_N_LOSS]] = 1e-3
+    shared[GlobalIndex.AGING_WEIGHT] = AGING_WEIGHT
+    shared[GlobalIndex.REFERENCE_TEMPERATURE] = 299.15
+    shared[GlobalIndex.LOWEST_TEMPERATURE] = PARAMETERS.limits.min_temperature_k
+    own = np.zeros(layout.STEP_PARAMETERS)
+    own[2] = step_s
+    following, cost, rows = function(
+        (state - layout.STATE_OFFSET) / layout.STATE_SCALE,
+        np.array([0.0, power_w, 0.0, 0.0, 0.0, 0.0]) / layout.INPUT_SCALE,
+        np.concatenate([own, samples.ravel()]),
+        shared,
+    )
+    physical = following.full().ravel() * layout.STATE_SCALE + layout.STATE_OFFSET
+    return physical[2:4], float(cost), rows.full().ravel()
+
+
+def integrate(
+    step_s: float, cells_k: tuple[float, float], power_w: float, traction_w: FloatArray
+) -> tuple[FloatArray, float]:
+    """Integrate the exact model finely, the powers in turns of a tenth of a second."""
+    channel = reduce_channel(PARAMETERS.cooling, PARAMETERS.pack)
+    now, lost, dt = np.array(cells_k), 0.0, 0.1
+    for index in range(round(step_s / dt)):
+        rates = rates_at_traction_power(
+            float(traction_w[index % traction_w.size]),
+            20.0, power_w, CellPair(*now, 1e-3, 1e-3), PARAMETERS, channel,
+        )  # fmt: skip
+        change = [rates.cell_1_temperature_rate_k_s, rates.cell_n_temperature_rate_k_s]
+        now = now + dt * np.array(change)
+        lost += dt * (rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s)
+    return now, AGING_WEIGHT * lost
+
+
+@settings(max_examples=25)
+@given(
+    step_s=st.sampled_from([15.0, 30.0]),
+    cell_1=st.floats(298.15, 312.0),
+    spread=st.floats(0.0, 4.0),
+    power_w=st.one_of(st.just(0.0), st.floats(600.0, 3000.0)),
+    traction_w=st.lists(st.floats(-20e3, 40e3), min_size=3, max_size=3),
+)
+def test_a_step_is_as_good_as_many_small_ones(
+    step_s: float, cell_1: float, spread: float, power_w: float, traction_w: list[float]
+) -> None:
+    """Temperatures within 3 % of their change; aging within 2 % and what the smoothed |I| adds at rest."""
+    powers = np.sort(np.array(traction_w))
+    cells = (cell_1, cell_1 + spread)
+    found, cost, _ = run_step(step_s, cells, power_w, powers)
+    exact, exact_cost = integrate(step_s, cells, power_w, powers)
+    np.testing.assert_allclose(found, exact, atol=0.03 + 0.03 * np.abs(exact - cells).max())
+    assert cost == pytest.approx(exact_cost, rel=0.02, abs=0.06 * step_s)
+
+
+def test_averaging_the_power_would_be_wrong() -> None:
+    """Levels of 40, 0 and -10 kW age more than their mean of 10 kW does: what the levels are for."""
+    _, levels, _ = run_step(30.0, (300.0, 301.0), 0.0, np.array([-10e3, 0.0, 40e3]))
+    _, mean, _ = run_step(30.0, (300.0, 301.0), 0.0, np.full(3, 10e3))
+    assert levels > 1.3 * mean
+
+
+def test_nothing_is_asked_of_the_motion() -> None:
+    _, _, rows = run_step(30.0, (300.0, 301.0), 0.0, np.zeros(3))
+    assert (rows[LimitIndex.GAP_MIN : LimitIndex.SPEED_MAX + 1] == 1.0).all()
+    assert rows[LimitIndex.ACCELERATION_RATE] == 0.0
+
+
+@pytest.fixture(scope="module")
+def controller() -> Controller:
+    options = ControllerOptions(horizon=Horizon.parse(GRID))
+    return Controller(PARAMETERS, options, checking_solver(GRID))
+
+
+@pytest.mark.parametrize("name", sorted(SCENES))
+def test_a_thermal_phase_leaves_the_driving_alone(controller: Controller, name: str) -> None:
+    measured: Measurements = SCENES[name]
+    decision = controller.decide(measured)
+    assert decision.rung is Rung.OPTIMAL
+    assert decision.reason == ""
+    short = Controller(PARAMETERS, ControllerOptions(), checking_solver()).decide(measured)
+    assert decision.command.acceleration_m_s2 == pytest.approx(
+        short.command.acceleration_m_s2, abs=0.15
+    )
+
+
+def test_the_published_plan_ends_with_the_motion(controller: Controller) -> None:
+    decision = controller.decide(make_scene())
+    assert decision.plan is not None
+    trajectory = plan_trajectory(decision.plan)
+    assert trajectory.times_s[-1] - trajectory.times_s[0] == pytest.approx(28.0)
+    assert decision.plan.node_times_s[-1] == pytest.approx(208.0)
+    assert len(trajectory.positions_m) == len(trajectory.compressor_powers_w) == 9
