@@ -26,6 +26,7 @@ from iptm_reproduction.identification.shipping import (
     evaluations_text,
     set_text,
 )
+from iptm_reproduction.identification.spread import determined_numbers, remaining_shares
 from iptm_reproduction.identification.unknowns import (
     Unknown,
     Unknowns,
@@ -228,5 +229,42 @@ def test_what_is_shipped_reads_back_as_the_candidate(tmp_path: Path, client: Cli
         best.candidate
     )
     rows = evaluations_text(table, TINY).splitlines()
-    assert rows[0] == "misfit,strategies,composition.large_grade,parameters.gap.max_gap_m"
+    head = "misfit,strategies,composition.large_grade,parameters.gap.max_gap_m,deviation.reference."
+    assert rows[0].startswith(head)
+    assert rows[0].count("deviation.") == 12
     assert np.all(np.diff([float(row.split(",")[0]) for row in rows[1:]]) >= 0.0)
+
+
+def test_a_number_without_influence_keeps_its_prior_and_one_with_influence_does_not() -> None:
+    steps = np.random.default_rng(3).normal(size=(40, 3))
+    # One row falls by 4 tolerances per standard deviation of the first number, the second matters little, the
+    # third not at all.
+    rows = steps @ np.array([[-4.0, 0.0], [0.0, 0.5], [0.0, 0.0]])
+    left = remaining_shares(steps, rows)
+    assert left[0] == pytest.approx(1.0 / math.sqrt(17.0), rel=0.05)
+    assert left[1] == pytest.approx(1.0 / math.sqrt(1.25), rel=0.05)
+    assert left[2] == pytest.approx(1.0, rel=0.01)
+
+
+def test_two_numbers_that_act_alike_are_not_told_apart() -> None:
+    steps = np.random.default_rng(4).normal(size=(40, 2))
+    left = remaining_shares(steps, steps @ np.array([[5.0], [5.0]]))
+    assert np.all(left > 0.6)
+
+
+def test_a_few_evaluations_determine_nothing_that_they_did_not_vary() -> None:
+    steps = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0]])
+    left = remaining_shares(steps, steps @ np.array([[3.0], [3.0]]))
+    assert left[0] < 0.5
+    assert left[1] == pytest.approx(1.0)
+
+
+def test_the_shipped_numbers_lie_within_their_bounds_and_are_among_the_good_fits() -> None:
+    spread = determined_numbers()
+    assert [number.unknown.key for number in spread.numbers] == [
+        unknown.key for unknown in UNKNOWNS.free
+    ]
+    for number in spread.numbers:
+        assert number.unknown.low <= number.value <= number.unknown.high
+        assert number.low <= number.value <= number.high
+        assert 0.0 < number.share <= 1.0

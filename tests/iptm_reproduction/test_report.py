@@ -38,7 +38,7 @@ from iptm_studies.study import ShortTrip
 from iptm_studies.study_loading import available_studies
 from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
 
-PICTURES = 21
+PICTURES = 22
 TRIP = ShortTrip(duration_s=200.0)
 
 

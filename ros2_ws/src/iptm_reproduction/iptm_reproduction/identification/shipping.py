@@ -11,13 +11,13 @@ from pathlib import Path
 from iptm_core.parameters.loading import _sets_folder as sets_folder
 from iptm_core.routes.composition import compositions_folder
 from iptm_reproduction.identification.evaluations import EvaluationTable
-from iptm_reproduction.identification.objective import misfit
+from iptm_reproduction.identification.objective import deviations, misfit
 from iptm_reproduction.identification.unknowns import COMPOSITION, PARAMETERS, Candidate, Unknowns
 
 COMPOSITION_NAME = "comprehensive_identified"
 SET_NAME = "paper_identified"
 EVALUATIONS_NAME = "evaluations.csv"
-MISFIT, STRATEGY_COUNT = "misfit", "strategies"
+MISFIT, STRATEGY_COUNT, DEVIATION = "misfit", "strategies", "deviation"
 _HEADER = "# Written by `scripts/identify ship`: fitted to the paper's strategy table alone; do not edit.\n"
 _WIDTH = 110
 
@@ -68,16 +68,20 @@ def set_text(candidate: Candidate) -> str:
 
 
 def evaluations_text(table: EvaluationTable, unknowns: Unknowns) -> str:
-    """Return the candidates that were driven with the aging strategy, as CSV: numbers and misfit."""
+    """Return the candidates that were driven with the aging strategy, as CSV: misfit, numbers, deviations."""
     keys = [unknown.key for unknown in unknowns.free]
     rows = []
+    names: list[str] = []
     for values, runs in table.by_candidate():
         if {"reference", "aging"} <= set(runs) and set(keys) <= set(values):
             pair = {name: runs[name] for name in ("reference", "aging")}
-            rows.append((misfit(pair), len(runs), *(values[key] for key in keys)))
+            found = deviations(pair)
+            names = [f"{DEVIATION}.{strategy}.{figure}" for strategy, figure in found]
+            numbers = (values[key] for key in keys)
+            rows.append((misfit(pair), len(runs), *numbers, *found.values()))
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow((MISFIT, STRATEGY_COUNT, *keys))
+    writer.writerow((MISFIT, STRATEGY_COUNT, *keys, *names))
     for row in sorted(rows):
         writer.writerow([f"{value:.5g}" for value in row])
     return buffer.getvalue()

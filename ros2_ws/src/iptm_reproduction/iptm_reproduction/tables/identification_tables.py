@@ -26,13 +26,14 @@ def determined_table() -> Table:
     return Table(
         "determined",
         "Numbers that the paper does not print",
-        ("number", "bounds", "identified", "good fits", "share of the bounds", "pinned down"),
+        ("number", "bounds", "identified", "left open", "of the prior", "good fits", "pinned down"),
         tuple(_determined_row(number) for number in found.numbers),
         note=(
-            f"Good fits are the {found.good} of {found.candidates} candidates whose misfit to the rows of "
-            f"reference and proposed strategy is at most {found.threshold:.3g} (best {found.best:.3g}). A "
-            "number is pinned down if they spread over at most a quarter of its bounds, in part up to half. "
-            "The spread is that of the candidates that the search has driven, so that it is a lower bound."
+            "Left open is the standard deviation that the strategy table leaves to a number, by the linear "
+            f"sensitivities of {found.candidates} candidates that were driven with reference and proposed "
+            "strategy; beside it, what part of the prior's that is. A number is pinned down up to a third of "
+            f"its prior, in part up to two thirds. Good fits are the {found.good} candidates with a misfit "
+            f"up to {found.threshold:.3g} (best {found.best:.3g}); others may exist that were not driven."
         ),
     )
 
@@ -43,8 +44,9 @@ def _determined_row(number: Determined) -> Row:
         unknown.key,
         f"{unknown.low:g} to {unknown.high:g} {_unit(unknown.unit)}".rstrip(),
         f"{number.value:g}",
-        f"{number.low:g} to {number.high:g}",
+        f"± {number.deviation:.2g}",
         f"{100.0 * number.share:.0f} %",
+        f"{number.low:g} to {number.high:g}",
         number.judgement,
     )
 
