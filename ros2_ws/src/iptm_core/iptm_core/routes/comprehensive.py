@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -96,7 +96,7 @@ def hilly_road(
     )
 
 
-@cache
+@lru_cache(maxsize=32)
 def comprehensive_cycle(composition: RouteComposition | None = None) -> ComprehensiveCycle:
     """Join the parts.
 

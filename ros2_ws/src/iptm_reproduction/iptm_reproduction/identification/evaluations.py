@@ -7,13 +7,15 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.errors import StoreError
 from iptm_core.metrics import figure_values
-from iptm_core.routes import build_route
+from iptm_core.routes import Route, build_route
+from iptm_core.routes.composition import RouteComposition
 from iptm_reproduction.identification.unknowns import Candidate
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run import perform_run
@@ -62,10 +64,13 @@ def inputs_of(candidate: Candidate, strategy: str, duration_s: float | None = No
         strategy=candidate.strategy(strategy_by_name(strategy)),
         horizon=HORIZON,
     )
-    route = build_route(
-        composition, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s
-    )
+    route = _route(composition, parameters.gap.initial_gap_m, duration_s)
     return RunInputs(spec, parameters, route, code_fingerprint(), f"{_NAME}/{strategy}")
+
+
+@lru_cache(maxsize=32)
+def _route(composition: RouteComposition, initial_gap_m: float, duration_s: float | None) -> Route:
+    return build_route(composition, initial_gap_m=initial_gap_m, duration_s=duration_s)
 
 
 def evaluate(inputs: RunInputs, values: Mapping[str, float]) -> Evaluation:
