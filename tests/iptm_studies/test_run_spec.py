@@ -94,7 +94,7 @@ def test_preview_covers_the_horizon_and_its_own_age() -> None:
 
 
 def test_description_names_what_is_unusual() -> None:
-    assert RunSpec().describe() == "comprehensive_identified, 15x1, aging"
+    assert RunSpec().describe() == "comprehensive, 15x1, aging"
     text = VARIED.describe()
     for part in ("12 s", "whole trip", "textbook_cell", "gap.max_gap_m=80", "latency_s=2.0"):
         assert part in text

@@ -18,6 +18,7 @@ from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.parameters import DEFAULT_SET
 from iptm_core.settings import (
     IntegrationSettings,
     ModelSettings,
@@ -30,7 +31,8 @@ from iptm_core.strict_mapping import StrictMapping
 
 REPRODUCED_CYCLE = "comprehensive_identified"
 REPRODUCED_SET = "paper_identified"
-"""Trip and parameter set of every run that does not state its own: what the reproduction is made with."""
+"""Trip and parameter set of every case of a study that does not state its own: the reproduction is made with
+them."""
 
 SHORTEST_PREVIEW_S = 60.0
 PREVIEW_RESERVE_S = 30.0
@@ -107,10 +109,10 @@ class RunSpec(Settings):
     """
 
     kind: RunKind = parameter(RunKind.CLOSED_LOOP, "what is done with the route")
-    cycle: str = declared(TripSettings, "cycle", default=REPRODUCED_CYCLE)
+    cycle: str = declared(TripSettings, "cycle", default="comprehensive")
     slope: str = declared(TripSettings, "slope")
     duration_s: float | None = declared(TripSettings, "duration_s", default=None)
-    parameter_set: str = declared(ModelSettings, "parameter_set", default=REPRODUCED_SET)
+    parameter_set: str = declared(ModelSettings, "parameter_set")
     overrides: tuple[tuple[str, float], ...] = ()
     strategy: Strategy = field(default_factory=lambda: strategy_by_name("aging"))
     horizon: str = declared(ControllerSettings, "horizon", default="15x1")
@@ -175,7 +177,7 @@ class RunSpec(Settings):
         where = self.cycle if self.duration_s is None else f"{self.cycle} {self.duration_s:g} s"
         what = "whole trip" if self.kind is RunKind.WHOLE_TRIP else self.horizon
         parts = [where, what, self.strategy.name]
-        if self.parameter_set != REPRODUCED_SET:
+        if self.parameter_set != DEFAULT_SET:
             parts.append(self.parameter_set)
         if self.thermal_model is not ThermalModel.TWO_CELL:
             parts.append(str(self.thermal_model))
