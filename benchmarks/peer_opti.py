@@ -23,7 +23,12 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.grid import StageKind, quadrature
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, StateIndex, StepIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.ocp.stage import GAP_SMOOTHING_M, LONGEST_UNWATCHED_S, NOT_ASKED_FOR_M
+from iptm_controller.ocp.stage import (
+    GAP_SMOOTHING_M,
+    LONGEST_UNWATCHED_S,
+    NOT_ASKED_FOR_M,
+    cold_cost,
+)
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolveResult, SolverOptions
 from iptm_core.decision_record import SolveStatus
@@ -139,10 +144,9 @@ class OptiPeer:
             opti.subject_to(gap - long <= gap_policy.max_gap_m)
             opti.subject_to(speed + fast >= limits.min_speed_m_s)
             opti.subject_to(speed - fast <= limits.max_speed_m_s)
-            opti.subject_to(WARM_K + after[2] + warm >= shared[GlobalIndex.LOWEST_TEMPERATURE])
             for temperature_k in (WARM_K + after[2], WARM_K + after[3], outlet_k):
                 opti.subject_to(temperature_k - warm <= limits.max_temperature_k)
-            cost += stage_cost
+            cost += stage_cost + cold_cost(length, WARM_K + after[2], shared)
             cost += shared[GlobalIndex.CELL_1_PRICE] * (after[2] - now[2])
             cost += shared[GlobalIndex.CELL_N_PRICE] * (after[3] - now[3])
             cost += length * (

@@ -137,11 +137,13 @@ class RecordingBackend:
         """Whether the wrapped back end runs machine code."""
         return self._inner.compiled
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
         """Solve one problem; see ``SolverBackend``."""
         self.guesses.append(guess.copy())
         self.data.append(data)
-        return self._inner.solve(data, guess)
+        return self._inner.solve(data, guess, most_iterations=most_iterations)
 
 
 class _Relay:

@@ -171,7 +171,7 @@ def run_stage(
     samples: int | None = None,
     end_of_horizon: bool = False,
     prices: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    lowest_k: float = PARAMETERS.limits.min_temperature_k,
+    lowest_k: float = 0.0,
 ) -> tuple[FloatArray, float, FloatArray]:
     """Return the result of one step of the optimal control problem, in physical units.
 

@@ -31,7 +31,10 @@ class FailingBackend:
         self.name = inner.name
         self.failure: SolveStatus | None = None
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
+        del most_iterations
         if self.failure is None:
             return self._inner.solve(data, guess)
         nothing = np.full(guess.shape, np.nan)

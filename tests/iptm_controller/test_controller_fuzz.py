@@ -36,7 +36,10 @@ class Echo:
     name = "echo"
     compiled = False
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
+        del most_iterations
         finite = bool(np.isfinite(guess).all() and np.isfinite(data.parameters).all())
         status = SolveStatus.SOLVED if finite else SolveStatus.NUMERICAL_ERROR
         return SolveResult(status, status.name, guess.copy(), 0.0, 1, 0.0, 0.0)

@@ -71,7 +71,7 @@ def test_globals(steady: LeaderMotion) -> None:
         GlobalIndex.CELL_1_PRICE: 0.0,
         GlobalIndex.CELL_N_PRICE: 0.0,
         GlobalIndex.COMPRESSOR_PRICE: 0.0,
-        GlobalIndex.LOWEST_TEMPERATURE: 298.15,
+        GlobalIndex.LOWEST_TEMPERATURE: 298.25,
     }
     assert len(expected) == layout.GLOBALS
     for index, value in expected.items():

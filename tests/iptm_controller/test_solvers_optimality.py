@@ -44,7 +44,7 @@ SLACK_ROWS = {
     InputIndex.GAP_SHORT: [LimitIndex.GAP_MIN, LimitIndex.GAP_FLOOR, LimitIndex.GAP_BRAKING],
     InputIndex.GAP_LONG: [LimitIndex.GAP_MAX],
     InputIndex.SPEED_EXCESS: [LimitIndex.SPEED_MIN, LimitIndex.SPEED_MAX],
-    InputIndex.TEMPERATURE_EXCESS: list(range(LimitIndex.CELL_1_MIN, LimitIndex.OUTLET_MAX + 1)),
+    InputIndex.TEMPERATURE_EXCESS: list(range(LimitIndex.CELL_1_MAX, LimitIndex.OUTLET_MAX + 1)),
 }
 
 
@@ -115,8 +115,8 @@ def test_the_reference_solver_finds_nothing_better(name: str, strategy: str) -> 
     assert default.status is SolveStatus.SOLVED
     assert elsewhere.status is SolveStatus.SOLVED
     assert from_ours.status is SolveStatus.SOLVED
-    assert default.objective <= elsewhere.objective + INSIDE + 1e-5 * abs(elsewhere.objective)
-    assert default.objective == pytest.approx(from_ours.objective, rel=1e-5, abs=INSIDE)
+    assert default.objective <= elsewhere.objective + INSIDE + 1e-4 * abs(elsewhere.objective)
+    assert default.objective == pytest.approx(from_ours.objective, rel=1e-4, abs=INSIDE)
     difference = np.abs(inputs_of(default.variables) - inputs_of(from_ours.variables))
     assert difference[0].max() < 0.1
 
@@ -144,7 +144,7 @@ def test_no_feasible_plan_nearby_is_better(name: str, strategy: str) -> None:
     result = checking_solver("3x1+5x5").solve(data, guess)
     rollout = Rollout(transcription_of("3x1+5x5"), data)
     best = inputs_of(result.variables)
-    tolerance = 1e-3 + 1e-5 * abs(result.objective)
+    tolerance = 1e-3 + 1e-4 * abs(result.objective)
     # The roll-out agrees with what the solver says, so the two costs may be compared.
     assert rollout.cost(best) == pytest.approx(result.objective, abs=tolerance)
     for change in changes(best.shape[0]):

@@ -144,7 +144,6 @@ def test_limits_are_those_of_the_paper(
         LimitIndex.GAP_MAX: policy.max_gap_m - (leader_m - position) + far,
         LimitIndex.SPEED_MIN: end_speed - limits.min_speed_m_s + fast,
         LimitIndex.SPEED_MAX: limits.max_speed_m_s - end_speed + fast,
-        LimitIndex.CELL_1_MIN: cell_1 - limits.min_temperature_k + warm,
         LimitIndex.CELL_1_MAX: limits.max_temperature_k - cell_1 + warm,
         LimitIndex.CELL_N_MAX: limits.max_temperature_k - cell_n + warm,
     }
@@ -209,3 +208,24 @@ def test_the_gap_inside_a_long_step_counts(step_s: float, watched: bool) -> None
     )
     if not watched:
         assert limits[LimitIndex.GAP_FLOOR] == pytest.approx(floor)
+
+
+def test_cell_1_below_its_lowest_temperature_costs_more_than_a_kelvin_is_worth() -> None:
+    """0.5 K below for 5 s at a worth of 8 per kelvin: (1 + 0.5 * 8) * 0.5 K * 5 s; no row, no slack."""
+    state = make_state(cell_1_temperature_k=300.0, cell_n_temperature_k=300.0, speed_m_s=20.0)
+    prices = (2.0, 6.0, 0.0)
+    following, free, rows = run_stage(state, 0.0, 0.0, 5.0, prices=prices)
+    _, cost, same_rows = run_stage(
+        state, 0.0, 0.0, 5.0, prices=prices, lowest_k=float(following[2]) + 0.5
+    )
+    assert cost - free == pytest.approx(5.0 * 0.5 * 5.0, rel=1e-3)
+    np.testing.assert_array_equal(rows, same_rows)
+
+
+def test_prices_count_the_change_of_each_cell_and_the_running_compressor() -> None:
+    state = make_state(speed_m_s=20.0)
+    following, base, _ = run_stage(state, 0.0, 1000.0, 1.0)
+    _, cost, _ = run_stage(state, 0.0, 1000.0, 1.0, prices=(3.0, 7.0, 11.0))
+    change_1 = following[2] - state.cell_1_temperature_k
+    change_n = following[3] - state.cell_n_temperature_k
+    assert cost - base == pytest.approx(3.0 * change_1 + 7.0 * change_n + 11.0, rel=1e-6)

@@ -44,7 +44,10 @@ class Counting:
         self.answers: list[SolveResult] = []
         self._spoil = spoil
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
+        del most_iterations
         self.guesses.append(guess.copy())
         answer = plain_solver(GRID).solve(data, guess)
         count = len(self.answers)

@@ -42,7 +42,6 @@ def run_step(
     shared[[GlobalIndex.CELL_1_LOSS, GlobalIndex.CELL_N_LOSS]] = 1e-3
     shared[GlobalIndex.AGING_WEIGHT] = AGING_WEIGHT
     shared[GlobalIndex.REFERENCE_TEMPERATURE] = 299.15
-    shared[GlobalIndex.LOWEST_TEMPERATURE] = PARAMETERS.limits.min_temperature_k
     own = np.zeros(layout.STEP_PARAMETERS)
     own[2] = step_s
     following, cost, rows = function(

@@ -256,7 +256,10 @@ class Interrupted:
         self.name = inner.name
         self._calls = 0
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
+        del most_iterations
         result = self._inner.solve(data, guess)
         self._calls += 1
         if self._calls in self._failing:

@@ -21,8 +21,8 @@ LONGEST_CHANGE_S = 2.5
 SLOPE_DIFFERENCE_M = 25.0
 COLD_COMPRESSOR_PRICE_1_KW = 100.0
 """Cost per kilowatt and second of a compressor that runs although the cells are at their lower limit."""
-COLD_MARGIN_K = 0.1
-"""The price is full at the lower limit and zero by so much above it."""
+COLD_MARGIN_K = 0.05
+"""The price is full at the lower limit and zero by so much above it; plans keep cell 1 twice as far."""
 
 
 @dataclass(frozen=True)
@@ -135,17 +135,20 @@ class ProblemDataBuilder:
         """Return the lower temperature limit as a reason not to cool, and never one to heat.
 
         Both parts depend on what is measured and not on what is planned. Cells at the limit put a price on
-        running the compressor, which as an exact penalty switches it off. From above the limit, cell 1
-        may be cooled down to it; from below, it may stay as it is, less a margin for what
-        charging takes from a cell without any cooling.
+        running the compressor, which as an exact penalty switches it off. From above, cell 1 may be cooled
+        down to a margin; from below, it may stay as it is, less a margin for what charging takes from a cell
+        without any cooling.
 
         Returns:
             Price per kilowatt and second, lowest temperature in K.
         """
         coldest = min(state.cell_1_temperature_k, state.cell_n_temperature_k)
-        free_k = self._limits.min_temperature_k + COLD_MARGIN_K
-        share = min(max((free_k - coldest) / COLD_MARGIN_K, 0.0), 1.0)
-        return COLD_COMPRESSOR_PRICE_1_KW * share, min(free_k, coldest) - COLD_MARGIN_K
+        above = coldest - self._limits.min_temperature_k
+        share = min(max(1.0 - above / COLD_MARGIN_K, 0.0), 1.0)
+        planned_k = self._limits.min_temperature_k + 2.0 * COLD_MARGIN_K
+        if share > 0.0:
+            planned_k = min(planned_k, coldest - COLD_MARGIN_K)
+        return COLD_COMPRESSOR_PRICE_1_KW * share, planned_k
 
     @staticmethod
     def _scaled_state(state: VehicleState) -> FloatArray:

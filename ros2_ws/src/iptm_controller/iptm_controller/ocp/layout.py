@@ -44,10 +44,9 @@ class LimitIndex(IntEnum):
     GAP_MAX = 5
     SPEED_MIN = 6
     SPEED_MAX = 7
-    CELL_1_MIN = 8
-    CELL_1_MAX = 9
-    CELL_N_MAX = 10
-    OUTLET_MAX = 11
+    CELL_1_MAX = 8
+    CELL_N_MAX = 9
+    OUTLET_MAX = 10
 
 
 class GlobalIndex(IntEnum):

@@ -39,6 +39,9 @@ DEFAULT_SMOOTHING = Smoothing(
 )
 LONGEST_UNWATCHED_S = 2.5
 GAP_SMOOTHING_M = 0.3
+COLD_PRICE_1_K_S = 1.0
+COLD_PRICE_SHARE_1_S = 0.5
+COLD_SMOOTHING_K = 0.02
 NOT_ASKED_FOR_M = 1.0
 """Value of the row of the braking reserve where it is not asked for: satisfied, and of order one."""
 
@@ -72,7 +75,7 @@ class StageExpressions:
         global_parameters: symbol shared by all steps.
         next_state: expression, shape (6,).
         cost: scalar expression.
-        limits: expression, shape (12,), order of ``LimitIndex``.
+        limits: expression, shape (11,), order of ``LimitIndex``.
     """
 
     state: ca.SX
@@ -120,7 +123,7 @@ def build_stage(
     )
     change_1_k = step.cell_1_k - state[StateIndex.CELL_1_TEMPERATURE]
     change_n_k = step.cell_n_k - state[StateIndex.CELL_N_TEMPERATURE]
-    limits = _limits(parameters, state, inputs, next_state, step, p, g)
+    limits = _limits(parameters, state, inputs, next_state, step, p)
     return StageExpressions(
         state=x,
         inputs=u,
@@ -129,6 +132,7 @@ def build_stage(
         next_state=(next_state - layout.STATE_OFFSET) / layout.STATE_SCALE,
         cost=step.cost
         + price_cost(step_s, change_1_k, change_n_k, power, g)
+        + cold_cost(step_s, step.cell_1_k, g)
         + slack_cost(step_s, inputs, penalties),
         limits=limits,
     )
@@ -162,23 +166,25 @@ def price_cost(
     return cost
 
 
-def temperature_rows(
-    end_1_k: ca.SX,
-    end_n_k: ca.SX,
-    outlet_k: ca.SX,
-    inputs: ca.SX,
-    bounds: LimitParameters,
-    g: ca.SX,
-) -> list[ca.SX]:
-    """Return the rows CELL_1_MIN to OUTLET_MAX of a step (paper eqs. 16g to 16i).
+def cold_cost(step_s: float, end_1_k: ca.SX, g: ca.SX) -> ca.SX:
+    """Return what it costs to plan cell 1, which cooling reaches first, below its lowest temperature.
 
-    Cooling reaches cell 1 first: what keeps it above the lower limit keeps the others.
+    Just enough that no cooling pays there: over a few seconds more than a kelvin is worth at the end of the
+    horizon. To heat the cells for it never pays.
     """
+    worth_1_k = g[GlobalIndex.CELL_1_PRICE] + g[GlobalIndex.CELL_N_PRICE]
+    price_1_k_s = COLD_PRICE_1_K_S + COLD_PRICE_SHARE_1_S * worth_1_k
+    below_k = maximum(g[GlobalIndex.LOWEST_TEMPERATURE] - end_1_k, 0.0, COLD_SMOOTHING_K)
+    cost: ca.SX = step_s * price_1_k_s * below_k
+    return cost
+
+
+def temperature_rows(
+    end_1_k: ca.SX, end_n_k: ca.SX, outlet_k: ca.SX, inputs: ca.SX, bounds: LimitParameters
+) -> list[ca.SX]:
+    """Return the rows CELL_1_MAX to OUTLET_MAX of a step (paper eqs. 16g to 16i)."""
     slack = inputs[InputIndex.TEMPERATURE_EXCESS]
-    return [
-        end_1_k - g[GlobalIndex.LOWEST_TEMPERATURE] + slack,
-        *(bounds.max_temperature_k - each_k + slack for each_k in (end_1_k, end_n_k, outlet_k)),
-    ]
+    return [bounds.max_temperature_k - each_k + slack for each_k in (end_1_k, end_n_k, outlet_k)]
 
 
 @dataclass(frozen=True)
@@ -275,7 +281,6 @@ def _limits(
     next_state: ca.SX,
     step: _StepIntegrals,
     p: ca.SX,
-    g: ca.SX,
 ) -> ca.SX:
     """Return the inequality rows at the end of the step: paper eqs. 16b to 16i, and the braking reserve."""
     bounds, gap_policy = parameters.limits, parameters.gap
@@ -312,7 +317,6 @@ def _limits(
             step.outlet_k,
             inputs,
             bounds,
-            g,
         ),
     ]
     limits: ca.SX = ca.vertcat(*rows)

@@ -25,6 +25,7 @@ from iptm_controller.ocp.stage import (
     NOT_ASKED_FOR_M,
     PenaltyWeights,
     StageExpressions,
+    cold_cost,
     price_cost,
     slack_cost,
     temperature_rows,
@@ -93,6 +94,7 @@ def build_thermal_stage(
     # The motion has no meaning here: its input is held at zero.
     cost += 0.5 * step_s * u[InputIndex.ACCELERATION] ** 2
     cost += price_cost(step_s, end_1 - start_1, end_n - start_n, power, g)
+    cost += cold_cost(step_s, end_1, g)
     cost += slack_cost(step_s, inputs, penalties)
     acceleration = inputs[InputIndex.ACCELERATION]
     next_state = ca.vertcat(
@@ -113,7 +115,7 @@ def build_thermal_stage(
         acceleration,
         change / (bounds.max_compressor_rate_w_s * p[StepIndex.RATE_INTERVAL]),
         *(short, short, short, far, fast, fast),
-        *temperature_rows(end_1, end_n, each[-1].coolant.outlet_k, inputs, bounds, g),
+        *temperature_rows(end_1, end_n, each[-1].coolant.outlet_k, inputs, bounds),
     ]
     return StageExpressions(
         state=x,

@@ -101,12 +101,16 @@ class SolverBackend(Protocol):
     def compiled(self) -> bool:
         """True if the problem runs as machine code, False on CasADi's virtual machine."""
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
         """Solve one problem.
 
         Args:
             data: numbers of the problem.
             guess: initial iterate in scaled units, order of the grid.
+            most_iterations: bound on the iterations of this solve, where it is less than that of the
+                options; back ends that cannot change it between solves keep theirs.
 
         Returns:
             The outcome; failures are reported in it, nothing is raised.

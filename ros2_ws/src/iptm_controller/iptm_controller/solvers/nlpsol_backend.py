@@ -120,8 +120,11 @@ class NlpsolBackend:
         given["lbg"][:], given["ubg"][:] = bounds.rows_low, bounds.rows_high
         return solver
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
-        """Solve one problem; see ``SolverBackend``."""
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
+        """Solve one problem; see ``SolverBackend``. The bound on the iterations is that of the options."""
+        del most_iterations
         solver = self._solver
         start = time.perf_counter()
         if not self._can_start(data, guess):

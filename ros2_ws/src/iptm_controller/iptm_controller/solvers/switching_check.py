@@ -33,6 +33,8 @@ from iptm_core.state import FloatArray
 USUAL_TEMPERATURE_K = 303.15
 PROMISING_SHARE = 0.03
 """Expected gain, relative to what the plan costs without its slacks, that a second solve is worth at once."""
+SECOND_ITERATIONS = 40
+"""Iterations that a second solve beside a usable plan may take: it bounds the time of a tick."""
 TRY_EVERY = 5
 """A second solve that promises less is tried after so many solves without one."""
 LEAST_GAIN = 1e-4
@@ -86,10 +88,16 @@ class SwitchingCheck:
         """Whether the wrapped back end runs machine code."""
         return self._inner.compiled
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+    def forget(self) -> None:
+        """Make a second try due with the next solve, as it is with the first."""
+        self._since_second = TRY_EVERY
+
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
         """Solve one problem; see ``SolverBackend``."""
         began = time.perf_counter()
-        first = self._inner.solve(data, guess)
+        first = self._inner.solve(data, guess, most_iterations=most_iterations)
         usable = first.status.usable
         powers = (
             self._better_powers(first, data)
@@ -101,7 +109,8 @@ class SwitchingCheck:
             return replace(first, time_s=time.perf_counter() - began)
         self._since_second = 0
         start = self._with_powers(first.variables if usable else guess, powers, data)
-        second = self._inner.solve(data, start)
+        most = SECOND_ITERATIONS if usable else most_iterations
+        second = self._inner.solve(data, start, most_iterations=most)
         better = second if _is_better(second, first) else first
         return replace(
             better,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 
@@ -59,12 +60,17 @@ class RiccatiBackend:
             program = _load(library, [function.name() for function in program.functions])
         self._method = _method(program)
 
-    def solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
         """Solve one problem; see ``SolverBackend``."""
         start = time.perf_counter()
         first = guess.copy()
         first[: layout.STATES] = data.initial_state
-        found = self._method.run(first, data.parameters, self.options)
+        options = self.options
+        if most_iterations is not None and most_iterations < options.max_iterations:
+            options = replace(options, max_iterations=most_iterations)
+        found = self._method.run(first, data.parameters, options)
         status = _status(found)
         reason = STATUS_TEXT[status]
         if status is not SolveStatus.SOLVED:
