@@ -67,7 +67,7 @@ def trips_table(results: Results) -> Table:
         reference = cost_to_go_run("reference", trip)
         rows.append(
             (
-                Cell(words(trip)),
+                Cell(run.route.name),
                 Cell(controller_name(controller), strong=run.address == reference),
                 *change_cells(results, run.address, reference, _CHANGED),
                 *figure_cells(results, run.address, _MARKS),
