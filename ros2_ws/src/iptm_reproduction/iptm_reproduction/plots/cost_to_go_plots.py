@@ -22,7 +22,8 @@ _SHOWN = "multi_horizon_cost_to_go"
 @plot(
     "The price of a kelvin",
     "What a kelvin more costs, in the unit of the cost: the price that the controller puts on the end of its "
-    "horizon at every tick, and the costates of the temperatures in the whole trip solved as one problem.",
+    "horizon at every tick, and the costates of the temperatures in the whole trip solved as one problem. These "
+    "jump where cell 1 leaves its lower temperature limit, until when a kelvin more in it was welcome.",
     needs=(cost_to_go_run(_SHOWN), OPTIMUM),
 )
 def temperature_price(results: Results) -> Figure:
@@ -53,7 +54,7 @@ def temperature_price(results: Results) -> Figure:
             )
     for panel, title in zip(panels, ("both cells", "cell 1", "cell N"), strict=True):
         labelled(panel, "", "cost [1/K]", title)
-        panel.set_ylim(bottom=0.0)
+        panel.axhline(0.0, color="black", linewidth=0.7)
     labelled(panels[-1], "time [s]", "cost [1/K]")
     legend_below(figure, panels[0], 2)
     return figure
