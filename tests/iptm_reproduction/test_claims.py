@@ -118,7 +118,7 @@ def test_causes_and_remarks_belong_to_claims_and_chapters() -> None:
         assert text.endswith(".")
     assert "pays only after – s on this trip" in reasons["settles-near-30"]
     assert (
-        "– kJ of – kJ for the reference; printed 8 049.01 kJ of 187 082.68 kJ"
+        "– kJ of – kJ for the reference here, printed 8 049.01 kJ of 187 082.68 kJ"
         in (reasons["headline-total"])
     )
 

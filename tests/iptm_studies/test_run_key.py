@@ -8,6 +8,7 @@ import pytest
 
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.parameters import DEFAULT_SET
 from iptm_studies import fingerprint, run_inputs
 from iptm_studies.fingerprint import code_fingerprint, normalised_source, source_files
 from iptm_studies.run_inputs import resolve_inputs
@@ -58,11 +59,12 @@ def test_names_do_not_count(changes: dict[str, Any]) -> None:
 def test_a_set_counts_with_its_values(tmp_path: Path) -> None:
     """Another chiller set leaves the runs of the default set alone, and a copy gives the same key."""
     copy = tmp_path / "copy.yaml"
-    copy.write_text("base: paper_calibrated\n", encoding="utf-8")
+    copy.write_text(f"base: {DEFAULT_SET}\n", encoding="utf-8")
     assert key_of(replace(BASE, parameter_set=str(copy))) == key_of(BASE)
     other = tmp_path / "other.yaml"
     other.write_text(
-        "base: paper_calibrated\nchiller: {gate_power_w: {value: 501, unit: W, source: chosen}}\n",
+        f"base: {DEFAULT_SET}\n"
+        "chiller: {gate_power_w: {value: 501, unit: W, source: chosen}}\n",
         encoding="utf-8",
     )
     assert key_of(replace(BASE, parameter_set=str(other))) != key_of(BASE)

@@ -4,11 +4,13 @@ import pytest
 
 from iptm_controller.horizon import Horizon
 from iptm_studies.campaign import plan_campaign
+from iptm_studies.run_spec import REPRODUCED_CYCLE
 from iptm_studies.study_loading import available_studies, load_study
 
 CONVENTIONAL = ("reference_energy", "reference_aging", "reference_energy_aging")
 
 
+OWN_COMPOSITION = ("first_composition", "cost_to_go")
 OTHER_TRIPS = {"cost_to_go": ("wltc_class3b", "us06", "udds", "hwfet")}
 
 
@@ -22,10 +24,9 @@ def test_every_study_says_what_it_shows(name: str) -> None:
     assert study.title
     assert len(study.about.split()) > 8
     assert study.cases
-    assert {case.spec.cycle for case in study.cases} == {
-        "comprehensive",
-        *OTHER_TRIPS.get(name, ()),
-    }
+    own = "comprehensive" if name in OWN_COMPOSITION else REPRODUCED_CYCLE
+    assert {case.spec.cycle for case in study.cases} == {own, *OTHER_TRIPS.get(name, ())}
+    assert {case.spec.slope for case in study.cases} == {"as_designed"}
     assert {case.spec.duration_s for case in study.cases} == {None}
 
 

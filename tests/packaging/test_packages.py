@@ -16,6 +16,7 @@ PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/package.xml"))
 # Import name -> (key in package.xml, name on the package index). ROS packages are their own key.
 LIBRARIES = {
     "casadi": ("python3-casadi-pip", "casadi"),
+    "cma": ("python3-cma-pip", "cma"),
     "dask": ("python3-dask-pip", "dask"),
     "distributed": ("python3-distributed-pip", "distributed"),
     "jinja2": ("python3-jinja2", "jinja2"),

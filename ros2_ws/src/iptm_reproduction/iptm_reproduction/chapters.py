@@ -31,6 +31,7 @@ from iptm_reproduction.plots import (
     channel_plots,
     comparison_plots,
     cost_to_go_plots,
+    identification_plots,
     model_plots,
     power_plots,
     sensitivity_plots,
@@ -38,6 +39,8 @@ from iptm_reproduction.plots import (
 )
 from iptm_reproduction.printed import PAPER, PARAMETER_TABLES
 from iptm_reproduction.runs import (
+    FIRST_MULTI_HORIZON,
+    FIRST_REFERENCE,
     HORIZONS_S,
     MULTI_HORIZON,
     OPTIMUM,
@@ -63,6 +66,11 @@ from iptm_reproduction.tables.analysis_tables import (
     optimum_table,
     payback_table,
 )
+from iptm_reproduction.tables.identification_tables import (
+    determined_table,
+    first_composition_table,
+    settled_table,
+)
 from iptm_reproduction.tables.paper_tables import (
     formulation_table,
     headline_table,
@@ -79,6 +87,13 @@ from iptm_reproduction.tables.robustness_tables import (
 from iptm_reproduction.tables.study_tables import reliability_table, run_table, weight_table
 
 TITLE = "Reproduction of the paper"
+IDENTIFICATION_TEXT = (
+    "The paper gives neither the order of its segments, nor their slopes, nor several parameters. They are "
+    "fitted to its strategy table alone (`scripts/identify`): the absolute figures of the reference and the "
+    "changes of the other strategies. Everything else on this page (the headline on the multi-horizon grid, "
+    "weights, horizons, sampling times, temperatures and spacing) is what the fit is tested on. The trip "
+    "ships as cycle `comprehensive_identified`, the parameters as set `paper_identified`."
+)
 
 
 def compose(gathered: Gathered) -> Document:
@@ -150,6 +165,23 @@ CHAPTERS = (
             *(_without_runs(partial(parameter_table, printed)) for printed in PARAMETER_TABLES),
             _without_runs(omitted_parameter_table),
             _without_runs(formulation_table),
+        ),
+    ),
+    Chapter(
+        "identification",
+        "What the paper pins down",
+        (
+            text(lambda _: IDENTIFICATION_TEXT),
+            _without_runs(determined_table),
+            picture(identification_plots.determined),
+            _without_runs(settled_table),
+            table(
+                "first-composition",
+                "Headline on the identified trip and on this project's own composition",
+                first_composition_table,
+                (MULTI_HORIZON, REFERENCE),
+                (FIRST_MULTI_HORIZON, FIRST_REFERENCE),
+            ),
         ),
     ),
     Chapter(

@@ -13,12 +13,11 @@ from iptm_reproduction.runs import MissingRun, ReportRun, Results
 from iptm_studies.campaign import Campaign
 from iptm_studies.run import RunRecord
 from iptm_studies.run_inputs import resolve_inputs
-from iptm_studies.run_spec import RunKind, RunSpec
+from iptm_studies.run_spec import REPRODUCED_CYCLE, RunKind, RunSpec
 from iptm_studies.store import ResultStore
 from iptm_studies.study import SMALL
 
 COMMAND = "scripts/reproduce run"
-_CYCLE = "comprehensive"
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ class _Finished:
 
     @property
     def drives_whole_cycle(self) -> bool:
-        return self.spec.cycle == _CYCLE and self.spec.duration_s is None
+        return self.spec.cycle == REPRODUCED_CYCLE and self.spec.duration_s is None
 
 
 def gather(store: ResultStore, campaign: Campaign) -> Gathered:

@@ -33,6 +33,7 @@ STUDIES = {
     "discretisation": "Long steps against fine steps",
     "weighting_scale": "Scale of the weights",
     "whole_trip": "Whole trip as one problem",
+    "first_composition": "This project's own composition",
     "full_channel": "The full channel",
     "cost_to_go": "The cost to go",
 }
@@ -53,6 +54,10 @@ REFERENCE, REF_ENERGY, REF_AGING, REF_ENERGY_AGING, VICE, PROPOSED = STRATEGIES
 """The benchmark of the paper, its conventional strategies, its "vice benchmark", and its proposal."""
 MULTI_HORIZON = "long_horizon/3+5"
 """The proposed strategy on 3 x 1 s + 5 x 5 s: the run of the paper's headline."""
+FIRST_REFERENCE, FIRST_AGING, FIRST_MULTI_HORIZON = (
+    f"first_composition/{name}" for name in ("reference", "aging", "multi_horizon")
+)
+"""The runs of the headline on the composition that was used before the paper's was identified."""
 OPTIMUM = "whole_trip/aging"
 """The whole trip as one problem, known in advance: what can be saved at most."""
 
@@ -162,6 +167,7 @@ _NAMES: dict[str, Callable[..., str]] = {
     "omitted_parameters": lambda variation, name: f"{controller_name(name)}, {words(variation)}",
     "discretisation": _grid_name,
     "whole_trip": lambda _: "whole-trip optimum",
+    "first_composition": lambda name: f"{controller_name(name)}, own composition",
     "full_channel": lambda plant, name: f"{controller_name(name)}, {words(plant)}",
     "cost_to_go": lambda trip, name, preview: (
         f"{controller_name(name)}, {words(trip)}, {words(preview)}"

@@ -29,6 +29,11 @@ from iptm_core.settings import (
 )
 from iptm_core.strict_mapping import StrictMapping
 
+REPRODUCED_CYCLE = "comprehensive_identified"
+REPRODUCED_SET = "paper_identified"
+"""Trip and parameter set of every case of a study that does not state its own: the reproduction is made with
+them."""
+
 SHORTEST_PREVIEW_S = 60.0
 PREVIEW_RESERVE_S = 30.0
 

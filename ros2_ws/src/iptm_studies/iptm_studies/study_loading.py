@@ -20,7 +20,13 @@ from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
-from iptm_studies.run_spec import PreviewSpec, RunSpec, SolverSpec
+from iptm_studies.run_spec import (
+    REPRODUCED_CYCLE,
+    REPRODUCED_SET,
+    PreviewSpec,
+    RunSpec,
+    SolverSpec,
+)
 from iptm_studies.study import DEFAULT_CRITERION, Case, Label, Selection, Study
 
 MAX_CASES = 10_000
@@ -210,7 +216,7 @@ def build_spec(settings: Mapping[str, Any], folder: Path) -> RunSpec:
     for key, suffix in _FILES.items():
         if str(arguments.get(key, "")).lower().endswith(suffix):
             arguments[key] = str(folder / arguments[key])
-    return RunSpec(**arguments)
+    return RunSpec(**{"cycle": REPRODUCED_CYCLE, "parameter_set": REPRODUCED_SET, **arguments})
 
 
 def read_selection(strategy: Any) -> Selection | None:

@@ -118,14 +118,19 @@ def load_cycle(name: str) -> DrivingCycle:
     return DrivingCycle(name, table.columns["time_s"], speeds, _SOURCES[name])
 
 
-def smooth_cycle(duration_s: int) -> DrivingCycle:
+def smooth_cycle(
+    duration_s: int, low_m_s: float = LOW_SPEED_M_S, high_m_s: float = HIGH_SPEED_M_S
+) -> DrivingCycle:
     """Build the smooth cycle.
 
-    Cosine ramps lead from standstill to 60 km/h and back (peak 0.29 m/s^2); between them speed
-    swings as a cosine between 60 and 120 km/h, in whole periods of about four minutes.
+    Cosine ramps lead from standstill to the low speed and back (60 km/h: peak 0.29 m/s^2); between them
+    speed swings as a cosine between the low and the high one, in whole periods of about four minutes.
 
     Args:
-        duration_s: whole seconds, at least 360; below 0.3 m/s^2 throughout for all of them.
+        duration_s: whole seconds, at least 360; below 0.3 m/s^2 throughout for all of them at 60 and
+            120 km/h.
+        low_m_s: lowest speed between the ramps.
+        high_m_s: highest speed.
 
     Returns:
         The cycle, standing at its first and last sample.
@@ -140,11 +145,14 @@ def smooth_cycle(duration_s: int) -> DrivingCycle:
     times = np.arange(int(duration_s) + 1, dtype=np.float64)
     cruise = duration_s - 2.0 * RAMP_TIME_S
     period = cruise / max(1, round(cruise / _WAVE_TIME_S))
-    swing = 0.5 * (HIGH_SPEED_M_S - LOW_SPEED_M_S)
-    waves = LOW_SPEED_M_S + swing * (1.0 - np.cos(2.0 * np.pi * (times - RAMP_TIME_S) / period))
+    swing = 0.5 * (high_m_s - low_m_s)
+    waves = low_m_s + swing * (1.0 - np.cos(2.0 * np.pi * (times - RAMP_TIME_S) / period))
     to_end = np.minimum(times, duration_s - times)
-    ramp = 0.5 * LOW_SPEED_M_S * (1.0 - np.cos(np.pi * to_end / RAMP_TIME_S))
+    ramp = 0.5 * low_m_s * (1.0 - np.cos(np.pi * to_end / RAMP_TIME_S))
     speeds = np.where(to_end < RAMP_TIME_S, ramp, waves)
     return DrivingCycle(
-        "smooth", times, speeds, "made for this project: slow ramps between 60 and 120 km/h"
+        "smooth",
+        times,
+        speeds,
+        f"made for this project: slow ramps between {3.6 * low_m_s:g} and {3.6 * high_m_s:g} km/h",
     )

@@ -22,8 +22,10 @@ from iptm_core.state import FloatArray
 PEAK_GRADES = {"small": 0.02, "large": 0.06}
 """Steepest grade (rise over run) of the two kinds of hills."""
 
+MAIN_WAVELENGTH_M = 2000.0
+"""Length of a hill where nothing else is asked for."""
+
 _LOWEST_HARMONIC = 5
-_MAIN_WAVELENGTH_M = 2000.0
 _HARMONIC_RATIOS = (1.0, 1.6, 2.6)
 _WEIGHTS = (1.0, 0.5, 0.25)
 _GOLDEN_RATIO = 0.5 * (1.0 + 5.0**0.5)
@@ -37,9 +39,10 @@ class Hills:
 
     Attributes:
         start_m: position of the start of the stretch.
-        length_m: its length, at least 50 m; its hills are about 2 km long, shorter on short stretches.
+        length_m: its length, at least 50 m; it holds at least five hills.
         peak_grade: steepest grade, rise over run.
         variant: integer >= 0 that chooses the phases, hence the shape.
+        wavelength_m: length of a hill, at most a fifth of the stretch.
 
     Raises:
         RouteError: a value outside its range.
@@ -49,6 +52,7 @@ class Hills:
     length_m: float
     peak_grade: float
     variant: int = 0
+    wavelength_m: float = MAIN_WAVELENGTH_M
     _scale_rad: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -63,6 +67,10 @@ class Hills:
             raise RouteError(f"hills of grade {self.peak_grade}; allowed: 0 to 0.3")
         if self.variant < 0:
             raise RouteError(f"hills of variant {self.variant}; allowed: an integer >= 0")
+        if not (np.isfinite(self.wavelength_m) and self.wavelength_m >= _MIN_LENGTH_M):
+            raise RouteError(
+                f"hills of length {self.wavelength_m} m; allowed: at least {_MIN_LENGTH_M:g} m"
+            )
         count = 8 * _NODES_PER_SHORTEST_WAVE * self.wave_numbers[-1]
         dense = np.linspace(0.0, 1.0, count, dtype=np.float64)
         highest = float(np.max(np.abs(self._shape(dense))))
@@ -71,7 +79,7 @@ class Hills:
     @property
     def wave_numbers(self) -> tuple[int, ...]:
         """Number of waves of each harmonic over the stretch (k_i)."""
-        lowest = max(_LOWEST_HARMONIC, round(self.length_m / _MAIN_WAVELENGTH_M))
+        lowest = max(_LOWEST_HARMONIC, round(self.length_m / self.wavelength_m))
         return tuple(round(lowest * ratio) for ratio in _HARMONIC_RATIOS)
 
     def slope_at(self, position_m: ArrayLike) -> FloatArray:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from iptm_core.errors import RouteError
+from iptm_core.routes.composition import RouteComposition, composition_names, load_composition
 from iptm_core.routes.comprehensive import RouteSegment, comprehensive_cycle, hilly_road
 from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle, smooth_cycle
 from iptm_core.routes.hills import PEAK_GRADES
@@ -15,7 +16,7 @@ from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.routes.user_csv import read_user_cycle
 
-ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", "comprehensive")
+ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", *composition_names())
 """Cycle names that `build_route` knows; the path of a CSV file is welcome as well."""
 
 SLOPE_CHOICES = ("as_designed", "flat", *PEAK_GRADES)
@@ -46,7 +47,7 @@ class Route:
 
 
 def build_route(
-    cycle: str | Path = "wltc_class3b",
+    cycle: str | Path | RouteComposition = "wltc_class3b",
     slope: str = "as_designed",
     *,
     initial_gap_m: float,
@@ -55,9 +56,10 @@ def build_route(
     """Build a route from a driving cycle and a choice of slope.
 
     Args:
-        cycle: one of `ROUTE_CYCLES`, or the path of a CSV file (see `iptm_core.routes.user_csv`).
+        cycle: one of `ROUTE_CYCLES`, the path of a CSV file (see `iptm_core.routes.user_csv`), or a
+            composition of the comprehensive cycle.
         slope: ``"as_designed"`` takes the road that belongs to the cycle (alternating hills for the
-            comprehensive cycle, the columns of a CSV file, level for the published cycles, which
+            comprehensive cycles, the columns of a CSV file, level for the published cycles, which
             are made for a dynamometer); ``"flat"``, ``"small"`` (2 % at the steepest) and
             ``"large"`` (6 %) replace it.
         initial_gap_m: distance from the host to the leader at t = 0.
@@ -80,7 +82,7 @@ def build_route(
     trace, segments, profile = _designed(cycle)
     if slope != "as_designed":
         segments = tuple(replace(segment, slope_kind=slope) for segment in segments)
-        profile = hilly_road(segments, len(segments))
+        profile = hilly_road(segments, len(segments), RouteComposition(slope))
     return Route(
         name=f"{trace.name}, slope {slope}",
         leader=LeaderMotion.from_cycle(trace, initial_gap_m),
@@ -91,15 +93,19 @@ def build_route(
     )
 
 
-def _designed(cycle: str | Path) -> tuple[DrivingCycle, tuple[RouteSegment, ...], SlopeProfile]:
+def _designed(
+    cycle: str | Path | RouteComposition,
+) -> tuple[DrivingCycle, tuple[RouteSegment, ...], SlopeProfile]:
+    if isinstance(cycle, str) and cycle in composition_names():
+        cycle = load_composition(cycle)
+    if isinstance(cycle, RouteComposition):
+        whole = comprehensive_cycle(cycle)
+        return whole.cycle, whole.segments, whole.slope_profile()
     if isinstance(cycle, Path) or cycle.lower().endswith(".csv"):
         trace, measured = read_user_cycle(Path(cycle))
         if measured is None:
             return trace, _single_segment(trace, "flat"), SlopeProfile.flat()
         return trace, _single_segment(trace, "measured"), measured
-    if cycle == "comprehensive":
-        whole = comprehensive_cycle()
-        return whole.cycle, whole.segments, whole.slope_profile()
     if cycle == "smooth":
         trace = smooth_cycle(SMOOTH_ROUTE_DURATION_S)
     elif cycle in CYCLE_NAMES:

@@ -52,14 +52,15 @@ class SlopeProfile:
         return cls(np.zeros(1), np.zeros(1))
 
     @classmethod
-    def from_hills(cls, stretches: Sequence[Hills]) -> SlopeProfile:
+    def from_hills(cls, stretches: Sequence[Hills], mean_climb: float = 0.0) -> SlopeProfile:
         """Sample generated hills on their own grids and join them.
 
         Args:
             stretches: hills in the order of the road; each starts where the one before ends.
+            mean_climb: grade of the road under the hills, rise over run.
 
         Returns:
-            The profile; level road before the first and after the last stretch.
+            The profile; the road climbs evenly before the first and after the last stretch.
         """
         positions: FloatArray = np.zeros(0)
         slopes: FloatArray = np.zeros(0)
@@ -70,8 +71,8 @@ class SlopeProfile:
             positions = np.append(positions, grid[keep])
             slopes = np.append(slopes, hills.slope_at(grid[keep]))
         if positions.size == 0:
-            return cls.flat()
-        return cls(positions, slopes)
+            return cls(np.zeros(1), np.array([np.arctan(mean_climb)]))
+        return cls(positions, slopes + np.arctan(mean_climb))
 
     @classmethod
     def from_elevations(cls, positions_m: ArrayLike, elevations_m: ArrayLike) -> SlopeProfile:

@@ -1,0 +1,138 @@
+"""The command behind ``scripts/identify``: search, show what was found, ship it under its names."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from iptm_core.errors import IptmError
+from iptm_reproduction.identification.evaluations import Evaluation, EvaluationTable
+from iptm_reproduction.identification.objective import deviations, misfit
+from iptm_reproduction.identification.search import STAGES, Scored, Search, Stage
+from iptm_reproduction.identification.shipping import ship
+from iptm_reproduction.identification.unknowns import (
+    Candidate,
+    Unknowns,
+    read_unknowns,
+    shipped_unknowns,
+)
+from iptm_studies.cli import EXIT_INTERRUPTED, EXIT_REFUSED
+from iptm_studies.cluster import ClusterOptions, connected
+from iptm_studies.progress import clock_text
+from iptm_studies.store import default_store_folder
+
+TABLE_NAME = "identification.jsonl"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="identify", description=__doc__)
+    parser.add_argument(
+        "command",
+        nargs="?",
+        default="search",
+        choices=("search", "show", "ship"),
+        help="search: go on with the search (default); show: the best candidates; ship: write the best one "
+        "as composition comprehensive_identified and set paper_identified",
+    )
+    parser.add_argument("--table", default="", metavar="FILE", help="table of the runs")
+    parser.add_argument("--unknowns", default="", metavar="FILE", help="bounds and priors")
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes, one per core by default"
+    )
+    parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster")
+    parser.add_argument("--best", type=int, default=5, metavar="N", help="candidates to show")
+    options = parser.parse_args(arguments)
+    console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
+    logging.basicConfig(level=logging.WARNING, format="%(message)s")
+    try:
+        return _run(options, console)
+    except IptmError as error:
+        console.print(f"error: {error}", style="red")
+        return EXIT_REFUSED
+    except KeyboardInterrupt:
+        console.print("stopped; the same command goes on from what is stored")
+        return EXIT_INTERRUPTED
+
+
+def _run(options: argparse.Namespace, console: Console) -> int:
+    unknowns = read_unknowns(Path(options.unknowns) if options.unknowns else shipped_unknowns())
+    path = Path(options.table) if options.table else default_store_folder() / TABLE_NAME
+    table = EvaluationTable(path)
+    if options.command == "search":
+        cluster = ClusterOptions(options.scheduler, options.workers)
+        with connected(cluster) as client:
+            progress = _Progress(console)
+            found = Search(unknowns, table, client, progress).run()
+        console.print(f"{len(table)} runs in {path}")
+        _show(found[: options.best])
+        return 0
+    found = _stored(table, unknowns)
+    if not found:
+        console.print(f"{path} holds no candidate with all six strategies; run the search first")
+        return EXIT_REFUSED
+    if options.command == "show":
+        _show(found[: options.best])
+        return 0
+    for written in ship(found[0].candidate, table):
+        console.print(str(written))
+    return 0
+
+
+def _stored(table: EvaluationTable, unknowns: Unknowns) -> list[Scored]:
+    """Return the candidates of a table that were driven with every strategy, the best first."""
+    every = set(STAGES[-1].strategies)
+    found = []
+    for values, runs in table.by_candidate():
+        if every <= set(runs):
+            fit = misfit(runs)
+            found.append(Scored(Candidate(unknowns, values), fit, fit, runs))
+    return sorted(found, key=lambda scored: scored.misfit)
+
+
+def _show(found: Sequence[Scored]) -> None:
+    for number, scored in enumerate(found, start=1):
+        print(f"{number}. misfit {scored.misfit:.3f}")
+        for key, value in scored.candidate.values.items():
+            print(f"     {key:48} {value:g}")
+        for (strategy, figure), value in deviations(scored.runs).items():
+            print(f"     deviation of {strategy:24} {figure:24} {value:+.2f}")
+
+
+class _Progress:
+    """Prints a line per run and candidate."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._began = time.perf_counter()
+        self._runs = 0
+        self._best = float("inf")
+
+    def started(self, stage: Stage) -> None:
+        planned = max(1, stage.generations) * stage.population + bool(stage.generations)
+        self._best = float("inf")
+        self._console.print(
+            f"stage {stage.name}: {planned} candidates, {planned * len(stage.strategies)} runs",
+            style="bold",
+        )
+
+    def performed(self, evaluation: Evaluation) -> None:
+        self._runs += 1
+        clock = clock_text(time.perf_counter() - self._began)
+        self._console.print(
+            f"[{self._runs}] {evaluation.strategy}, {evaluation.wall_s:.0f} s, at {clock}"
+        )
+
+    def scored(self, stage: Stage, scored: Scored) -> None:
+        self._best = min(self._best, scored.score)
+        self._console.print(f"{stage.name}: {scored.score:.3f}, best {self._best:.3f}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,211 @@
+"""The search: CMA-ES over the unknowns, cheap stages first, every run looked up before it is performed.
+
+The optimiser is started with a fixed seed and told the same answers in the same order, so that a search that
+is started again goes the same way: through the table first, then on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import cma
+import distributed
+import numpy as np
+from distributed import Client, Future
+
+from iptm_core.errors import IptmError
+from iptm_core.state import FloatArray
+from iptm_reproduction.identification.evaluations import (
+    Evaluation,
+    EvaluationTable,
+    evaluate,
+    inputs_of,
+)
+from iptm_reproduction.identification.objective import misfit
+from iptm_reproduction.identification.unknowns import Candidate, Unknowns
+from iptm_reproduction.runs import STRATEGY_NAMES
+from iptm_studies.run_inputs import RunInputs
+
+SEED = 1
+FAILED = 1e3
+"""Score of a candidate whose runs lead nowhere."""
+PRIOR_SHARE = 0.02
+"""Loss of a candidate one standard deviation of the prior away in every number."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of the search.
+
+    Attributes:
+        name: short name.
+        strategies: what each candidate is driven with.
+        generations: generations of the optimiser; 0 drives the best of the stage before.
+        population: candidates of a generation, or of those driven.
+        step: first step of the optimiser, in standard deviations of the prior.
+    """
+
+    name: str
+    strategies: tuple[str, ...]
+    generations: int
+    population: int
+    step: float = 1.0
+
+
+STAGES = (
+    Stage("reference", ("reference",), 1, 4, 0.4),
+    Stage("pair", ("reference", "aging"), 2, 6, 0.4),
+    Stage("table", tuple(STRATEGY_NAMES), 0, 2),
+)
+"""The reference alone fixes the absolute rows; the aging strategy most of the relative ones."""
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A candidate and how far it is from the table.
+
+    Attributes:
+        candidate: its numbers.
+        score: misfit and prior; `FAILED` where a run failed.
+        misfit: misfit alone.
+        runs: figures by strategy.
+    """
+
+    candidate: Candidate
+    score: float
+    misfit: float
+    runs: Mapping[str, Mapping[str, float]]
+
+
+class Observer(Protocol):
+    """Is told how the search goes on."""
+
+    def started(self, stage: Stage) -> None:
+        """A stage begins."""
+
+    def performed(self, evaluation: Evaluation) -> None:
+        """A run was performed."""
+
+    def scored(self, stage: Stage, scored: Scored) -> None:
+        """A candidate is known."""
+
+
+Perform = Callable[[RunInputs, Mapping[str, float]], Evaluation]
+
+
+class Search:
+    """A search over stages."""
+
+    def __init__(
+        self,
+        unknowns: Unknowns,
+        table: EvaluationTable,
+        client: Client,
+        observer: Observer,
+        *,
+        duration_s: float | None = None,
+        perform: Perform = evaluate,
+    ) -> None:
+        """Prepare a search.
+
+        Args:
+            unknowns: what is searched for.
+            table: where runs are looked up and kept.
+            client: cluster that performs them.
+            observer: told about every run and candidate.
+            duration_s: length of the trip, None for all of it.
+            perform: performs a run on a worker.
+        """
+        self._unknowns = unknowns
+        self._table = table
+        self._client = client
+        self._observer = observer
+        self._duration_s = duration_s
+        self._perform = perform
+
+    def run(self, stages: Sequence[Stage] = STAGES) -> list[Scored]:
+        """Go through the stages; returns the candidates of the last one, the best first."""
+        center, best = self._unknowns.start, list[Scored]()
+        for stage in stages:
+            self._observer.started(stage)
+            if stage.generations:
+                best = self._optimise(stage, center)
+            else:
+                chosen = [scored.candidate for scored in best[: stage.population]]
+                best = _ranked(self._score(stage, chosen))
+            center = self._unknowns.places(best[0].candidate.values)
+        return best
+
+    def _optimise(self, stage: Stage, center: FloatArray) -> list[Scored]:
+        unknowns = self._unknowns
+        strategy = cma.CMAEvolutionStrategy(
+            list(center),
+            stage.step,
+            {
+                "bounds": [0.0, 1.0],
+                "CMA_stds": list(unknowns.spreads),
+                "popsize": stage.population,
+                "seed": SEED,
+                "verbose": -9,
+            },
+        )
+        # The center itself is known before the first step away from it.
+        every = self._score(stage, [unknowns.candidate(center)])
+        for _ in range(stage.generations):
+            asked = strategy.ask()
+            scored = self._score(stage, [unknowns.candidate(np.asarray(x)) for x in asked])
+            strategy.tell(asked, [entry.score for entry in scored])
+            every += scored
+        return _ranked(every)
+
+    def _score(self, stage: Stage, candidates: Iterable[Candidate]) -> list[Scored]:
+        wanted = list(candidates)
+        figures: list[dict[str, Mapping[str, float]]] = [{} for _ in wanted]
+        waiting: dict[Future, list[tuple[int, str]]] = {}
+        for place, candidate in enumerate(wanted):
+            for name in stage.strategies:
+                try:
+                    inputs = inputs_of(candidate, name, self._duration_s)
+                except IptmError:
+                    continue  # numbers that contradict each other make no trip
+                known = self._table.find(inputs.key)
+                if known is None:
+                    future = self._client.submit(
+                        self._perform, inputs, dict(candidate.values), key=inputs.key, pure=False
+                    )
+                    waiting.setdefault(future, []).append((place, name))
+                else:
+                    figures[place][name] = known.figures
+        for future in distributed.as_completed(list(waiting)):
+            if future.status == "finished":
+                evaluation: Evaluation = future.result()
+                self._table.add(evaluation)
+                self._observer.performed(evaluation)
+                for place, name in waiting[future]:
+                    figures[place][name] = evaluation.figures
+            future.release()
+        scored = [
+            self._scored(stage, candidate, runs)
+            for candidate, runs in zip(wanted, figures, strict=True)
+        ]
+        for entry in scored:
+            self._observer.scored(stage, entry)
+        return scored
+
+    def _scored(
+        self, stage: Stage, candidate: Candidate, runs: Mapping[str, Mapping[str, float]]
+    ) -> Scored:
+        if set(runs) != set(stage.strategies):
+            return Scored(candidate, FAILED, FAILED, runs)
+        fit = misfit(runs)
+        unknowns = self._unknowns
+        away = (unknowns.places(candidate.values) - unknowns.start) / unknowns.spreads
+        return Scored(candidate, fit + PRIOR_SHARE * float(np.mean(away**2)), fit, runs)
+
+
+def _ranked(scored: Iterable[Scored]) -> list[Scored]:
+    """Return the candidates, each once, the best first."""
+    different = {tuple(entry.candidate.values.items()): entry for entry in scored}
+    return sorted(different.values(), key=lambda entry: entry.score)

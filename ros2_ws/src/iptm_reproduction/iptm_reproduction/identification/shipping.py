@@ -1,0 +1,121 @@
+"""Writes an identified candidate as a composition and a parameter set, with where each number comes from."""
+
+from __future__ import annotations
+
+import csv
+import io
+import textwrap
+from collections.abc import Iterable
+from pathlib import Path
+
+from iptm_core.parameters.loading import _sets_folder as sets_folder
+from iptm_core.routes.composition import compositions_folder
+from iptm_reproduction.identification.evaluations import EvaluationTable
+from iptm_reproduction.identification.objective import deviations, misfit
+from iptm_reproduction.identification.unknowns import COMPOSITION, PARAMETERS, Candidate, Unknowns
+
+COMPOSITION_NAME = "comprehensive_identified"
+SET_NAME = "paper_identified"
+EVALUATIONS_NAME = "evaluations.csv"
+MISFIT, STRATEGY_COUNT, DEVIATION = "misfit", "strategies", "deviation"
+_HEADER = "# Written by `scripts/identify ship`: fitted to the paper's strategy table alone; do not edit.\n"
+_WIDTH = 110
+
+
+def composition_text(candidate: Candidate) -> str:
+    """Return the file of the identified composition."""
+    composition = candidate.composition(COMPOSITION_NAME)
+    reasons = _reasons(candidate.unknowns)
+    lines = [
+        "description: the composition identified from the paper's strategy table",
+        f"order: [{', '.join(composition.order)}]",
+        f"first_slope: {composition.first_slope}",
+    ]
+    for key, value in composition.to_dict().items():
+        if key not in {"order", "first_slope"}:
+            lines += [f"# {text}" for text in _wrapped(reasons.get(f"{COMPOSITION}.{key}", ""))]
+            lines.append(f"{key}: {_number(value)}")
+    return _HEADER + "\n".join(lines) + "\n"
+
+
+def set_text(candidate: Candidate) -> str:
+    """Return the file of the identified parameter set."""
+    unknowns = candidate.unknowns
+    units = {entry.key: entry.unit for entry in unknowns.free}
+    reasons = _reasons(unknowns)
+    lines = [
+        "description: identified from the paper's strategy table, with the identified composition",
+        f"base: {unknowns.base_set}",
+    ]
+    group = ""
+    for key in sorted(candidate.section(PARAMETERS)):
+        section, _, name = key.partition(".")
+        full = f"{PARAMETERS}.{key}"
+        if full not in units:
+            continue  # settled: as in the base
+        if section != group:
+            lines += ["", f"{section}:"]
+            group = section
+        lines += [
+            f"  {name}:",
+            f"    value: {_number(candidate.values[full])}",
+            f'    unit: "{units[full]}"',
+            "    source: derived",
+            "    note: >",
+            *(f"      {text}" for text in _wrapped(f"{reasons[full]}", _WIDTH - 6)),
+        ]
+    return _HEADER + "\n".join(lines) + "\n"
+
+
+def evaluations_text(table: EvaluationTable, unknowns: Unknowns) -> str:
+    """Return the candidates that were driven with the aging strategy, as CSV: misfit, numbers, deviations."""
+    keys = [unknown.key for unknown in unknowns.free]
+    rows = []
+    names: list[str] = []
+    for values, runs in table.by_candidate():
+        if {"reference", "aging"} <= set(runs) and set(keys) <= set(values):
+            pair = {name: runs[name] for name in ("reference", "aging")}
+            found = deviations(pair)
+            names = [f"{DEVIATION}.{strategy}.{figure}" for strategy, figure in found]
+            numbers = (values[key] for key in keys)
+            rows.append((misfit(pair), len(runs), *numbers, *found.values()))
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow((MISFIT, STRATEGY_COUNT, *keys, *names))
+    for row in sorted(rows):
+        writer.writerow([f"{value:.5g}" for value in row])
+    return buffer.getvalue()
+
+
+def ship(candidate: Candidate, table: EvaluationTable) -> tuple[Path, ...]:
+    """Write the identified composition and set where the suite finds them, and the evaluations beside.
+
+    Returns:
+        The files.
+    """
+    files = {
+        compositions_folder() / f"{COMPOSITION_NAME}.yaml": composition_text(candidate),
+        sets_folder() / f"{SET_NAME}.yaml": set_text(candidate),
+        Path(__file__).parent / EVALUATIONS_NAME: evaluations_text(table, candidate.unknowns),
+    }
+    for path, text in files.items():
+        path.write_text(text, encoding="utf-8")
+    return tuple(files)
+
+
+def _reasons(unknowns: Unknowns) -> dict[str, str]:
+    """Return a remark for every number: how it was searched for, or why it was not."""
+    remarks = {
+        entry.key: f"identified between {entry.low:g} and {entry.high:g}; {entry.reason}"
+        for entry in unknowns.free
+    }
+    return remarks | {entry.key: entry.reason for entry in unknowns.settled}
+
+
+def _number(value: float) -> str:
+    text = f"{value:.6g}"
+    return text if any(mark in text for mark in ".e") else f"{text}.0"
+
+
+def _wrapped(text: str, width: int = _WIDTH - 2) -> Iterable[str]:
+    return textwrap.wrap(" ".join(text.split()), width)
