@@ -22,8 +22,8 @@ _SHOWN = "multi_horizon_cost_to_go"
 @plot(
     "The price of a kelvin",
     "What a kelvin more costs, in the unit of the cost: the price that the controller puts on the end of its "
-    "horizon at every tick, and the costates of the temperatures in the whole trip solved as one problem. These "
-    "jump where cell 1 leaves its lower temperature limit, until when a kelvin more in it was welcome.",
+    "horizon at every tick, and the costates of the temperatures in the whole trip solved as one problem. "
+    "These jump where cell 1 leaves its lower temperature limit, until when a kelvin more in it was welcome.",
     needs=(cost_to_go_run(_SHOWN), OPTIMUM),
 )
 def temperature_price(results: Results) -> Figure:
