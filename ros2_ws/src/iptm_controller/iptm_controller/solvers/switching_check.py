@@ -35,7 +35,7 @@ PROMISING_SHARE = 0.03
 """Expected gain, relative to what the plan costs without its slacks, that a second solve is worth at once."""
 SECOND_ITERATIONS = 40
 """Iterations that a second solve beside a usable plan may take: it bounds the time of a tick."""
-TRY_EVERY = 5
+TRY_EVERY = 10
 """A second solve that promises less is tried after so many solves without one."""
 LEAST_GAIN = 1e-4
 ANOTHER_VALLEY = 0.35
@@ -66,16 +66,23 @@ class SwitchingCheck:
         limits = problem.model.limits
         lengths_s = self._grid.horizon.step_lengths_s
         self._lengths_s = lengths_s
+        self._rate_slots = [
+            place.start + StepIndex.RATE_INTERVAL for place in self._grid.step_parameters
+        ]
         self._rate_1_s = limits.max_compressor_rate_w_s / _POWER_SCALE_W
         self._slack_prices = np.outer(lengths_s, astuple(problem.penalties))
         power_w, _ = most_efficient_cooling(USUAL_TEMPERATURE_K, problem.model)
-        self._candidates = np.array([limits.min_compressor_power_w, power_w]) / _POWER_SCALE_W
+        self._candidates = np.array([[limits.min_compressor_power_w], [power_w]]) / _POWER_SCALE_W
         function = _hamiltonians(problem, len(self._candidates) + 1)
         compiler = find_compiler() if compile_code else None
         if compiler is not None:
             library = str(compile_functions([function], compiler))
             function = ca.external(function.name(), library)
         self._hamiltonian = BufferedFunction(function)
+        # Own and candidate powers, and their Hamiltonians, in the memory of the function.
+        shape = (len(self._candidates) + 1, self._grid.steps)
+        self._options = self._hamiltonian.arguments["powers"].reshape(shape)
+        self._values = self._hamiltonian.results["hamiltonians"].reshape(shape)
         self._since_second = TRY_EVERY
 
     @property
@@ -102,7 +109,7 @@ class SwitchingCheck:
         powers = (
             self._better_powers(first, data)
             if usable
-            else np.full(self._grid.steps, self._candidates[-1])
+            else np.full(self._grid.steps, self._candidates[-1, 0])
         )
         self._since_second += 1
         if powers is None:
@@ -120,42 +127,45 @@ class SwitchingCheck:
 
     def _better_powers(self, result: SolveResult, data: ProblemData) -> FloatArray | None:
         """Return the powers to start once more from, None if that is not worth a solve."""
-        states, inputs = self._grid.split(result.variables)
-        own = inputs[:, InputIndex.COMPRESSOR_POWER]
+        variables = result.variables
+        table = variables[: -layout.STATES].reshape(-1, layout.BLOCK)
+        own = table[:, layout.STATES + InputIndex.COMPRESSOR_POWER]
         # A power is only reached through the ramp; what the ramp leaves of a candidate is judged.
-        options = np.stack(
-            [own, *(self._within_ramps(np.full_like(own, c), data) for c in self._candidates)]
-        )
-        values = self._evaluate(result, data, options)
-        cell_1_k = states[1:, StateIndex.CELL_1_TEMPERATURE] + _TEMPERATURE_OFFSET_K
-        lowest_k = data.parameters[GlobalIndex.LOWEST_TEMPERATURE]
-        due = self._since_second >= TRY_EVERY
-        if cell_1_k.min() < lowest_k + AT_LIMIT_K:
-            # The multiplier of the limit is part of the costates: they say nothing about less cooling.
-            return self._concentrated(own, values, data) if due else None
-        alike = np.abs(options[1:] - own) < ANOTHER_VALLEY
-        values[1:][alike] = np.inf
-        gains = values[0] - values[1:].min(axis=0)
-        expected = float(np.sum(np.maximum(gains, 0.0)))
-        slacks_cost = float(np.sum(inputs[:, layout.INPUTS - layout.SLACKS :] * self._slack_prices))
-        if expected > max(LEAST_GAIN, PROMISING_SHARE * abs(result.objective - slacks_cost)):
-            chosen = gains > 0.0
-        elif due and not alike.all():
-            chosen = gains >= min(float(gains.max()), 0.0)
-        else:
-            return None
-        best = options[1:][values[1:].argmin(axis=0), np.arange(own.size)]
-        return np.where(chosen, best, own)
-
-    def _evaluate(self, result: SolveResult, data: ProblemData, options: FloatArray) -> FloatArray:
-        """Return the Hamiltonian of every step for several choices of the powers, shape of ``options``."""
+        last = data.initial_state[StateIndex.LAST_COMPRESSOR_POWER]
+        reach = self._ramps(data).cumsum()
+        self._options[0] = own
+        np.maximum(self._candidates, last - reach, out=self._options[1:])
+        np.minimum(self._options[1:], last + reach, out=self._options[1:])
         given = self._hamiltonian.arguments
-        given["w"][:] = result.variables
+        given["w"][:] = variables
         given["p"][:] = data.parameters
         given["lam"][:] = result.costates
-        given["powers"][:] = options.ravel()
         self._hamiltonian()
-        return self._hamiltonian.results["hamiltonians"].reshape(options.shape).copy()
+        due = self._since_second >= TRY_EVERY
+        coldest_k = _TEMPERATURE_OFFSET_K + min(
+            float(table[1:, StateIndex.CELL_1_TEMPERATURE].min()),
+            float(variables[StateIndex.CELL_1_TEMPERATURE - layout.STATES]),
+        )
+        if coldest_k < data.parameters[GlobalIndex.LOWEST_TEMPERATURE] + AT_LIMIT_K:
+            # What it costs to go below the limit is part of the costates: they say nothing of less cooling.
+            return self._concentrated(own, self._values, data) if due else None
+        alike = np.abs(self._options[1:] - own) < ANOTHER_VALLEY
+        gains = np.where(alike, -np.inf, self._values[0] - self._values[1:])
+        best = gains.max(axis=0)
+        expected = float(best[best > 0.0].sum())
+        if expected > LEAST_GAIN and expected > PROMISING_SHARE * self._cost(result, table):
+            chosen = best > 0.0
+        elif due and not alike.all():
+            chosen = best >= min(float(best.max()), 0.0)
+        else:
+            return None
+        powers = self._options[1:][gains.argmax(axis=0), np.arange(own.size)]
+        return np.where(chosen, powers, own)
+
+    def _cost(self, result: SolveResult, table: FloatArray) -> float:
+        """Return the magnitude of what a plan costs without its slacks."""
+        slacks = table[:, layout.BLOCK - layout.SLACKS :]
+        return abs(result.objective - float(np.sum(slacks * self._slack_prices)))
 
     def _concentrated(
         self, own: FloatArray, values: FloatArray, data: ProblemData
@@ -165,7 +175,7 @@ class SwitchingCheck:
         Below its most efficient power the compressor wastes: a plan that may cool only a little further must
         not spread that over the whole horizon.
         """
-        best = self._candidates[-1]
+        best = float(self._candidates[-1, 0])
         running = own > 0.1 * best
         if not running.any() or own[running].min() >= 0.95 * best:
             return None
@@ -182,12 +192,15 @@ class SwitchingCheck:
         """Return the powers as the rate limit lets the compressor follow them from where it is."""
         followed = np.empty_like(powers)
         last = float(data.initial_state[StateIndex.LAST_COMPRESSOR_POWER])
-        _, steps, _ = self._grid.split_parameters(data.parameters)
-        ramps = self._rate_1_s * steps[:, StepIndex.RATE_INTERVAL]
-        for step, (wanted, ramp) in enumerate(zip(powers, ramps, strict=True)):
+        for step, (wanted, ramp) in enumerate(zip(powers, self._ramps(data), strict=True)):
             last = min(max(wanted, last - ramp), last + ramp)
             followed[step] = last
         return followed
+
+    def _ramps(self, data: ProblemData) -> FloatArray:
+        """Return the largest change of the power into every step, shape (N,)."""
+        ramps: FloatArray = self._rate_1_s * data.parameters[self._rate_slots]
+        return ramps
 
     def _with_powers(
         self, variables: FloatArray, powers: FloatArray, data: ProblemData
