@@ -73,6 +73,7 @@ LONG_STEP_COUNTS = (5, 10, 12, 15, 20)
 _MOST_NAMES = 6
 _MULTI_HORIZON_NAMES = {
     "multi_horizon": "Aging, MH 3+5",
+    "whole_trip": "whole-trip optimum",
     "multi_horizon_cost_to_go": "Aging and cost to go, MH 3+5",
     "long_horizon_cost_to_go": "Aging and cost to go, MH 3+12 and 8 × 15 s",
     "thermal_phase_cost_to_go": "Aging and cost to go, MH 3+5 and 10 × 30 s thermal",
@@ -111,8 +112,12 @@ def cost_to_go_run(
     trip: str = "comprehensive",
     preview: str = "perfect",
 ) -> str:
-    """Return the run of a controller in the study of the cost to go."""
+    """Return the run of a controller in the study of the cost to go, or of its whole-trip optimum."""
     return f"cost_to_go/{trip}/{controller}/{preview}"
+
+
+COST_TO_GO_OPTIMUM = cost_to_go_run("whole_trip")
+"""The whole trip of that study as one problem."""
 
 
 def channel_controllers(results: Results) -> tuple[str, ...]:

@@ -27,12 +27,12 @@ from iptm_reproduction.runs import (
     STRATEGY_NAMES,
     Results,
     controller_name,
-    cost_to_go_run,
     words,
 )
 
 _MULTI = "multi_horizon"
 _COST_TO_GO = "multi_horizon_cost_to_go"
+_COST_TO_GO_RUN = f"imperfect_previews/perfect/{_COST_TO_GO}"
 CONTROLLER_COLOURS = {**STRATEGY_COLOURS, _MULTI: "#0b4d1a", _COST_TO_GO: "#08306b"}
 _PRINTED = {"facecolor": "white", "edgecolor": PAPER_COLOUR, "hatch": "////"}
 
@@ -103,12 +103,12 @@ def headline(results: Results) -> Figure:
     "Part of the possible saving of degradation: nothing for the reference, everything for the whole trip "
     "solved as one problem.",
     needs=(REFERENCE, OPTIMUM),
-    wanted=(*STRATEGIES, MULTI_HORIZON, cost_to_go_run()),
+    wanted=(*STRATEGIES, MULTI_HORIZON, _COST_TO_GO_RUN),
 )
 def saving_shares(results: Results) -> Figure:
     """Draw which part of the possible saving of degradation each controller reaches."""
     runs = dict(zip(STRATEGY_NAMES, STRATEGIES, strict=True))
-    runs |= {_MULTI: MULTI_HORIZON, _COST_TO_GO: cost_to_go_run()}
+    runs |= {_MULTI: MULTI_HORIZON, _COST_TO_GO: _COST_TO_GO_RUN}
     reference, optimum = (results.value(run, fig.DEGRADATION) for run in (REFERENCE, OPTIMUM))
     figure, (panel,) = new_figure(2.8)
     for place, (controller, run) in enumerate(runs.items()):

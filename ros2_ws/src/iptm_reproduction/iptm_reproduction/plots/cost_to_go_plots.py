@@ -14,7 +14,7 @@ from iptm_reproduction.plots.style import (
     new_figure,
     plot,
 )
-from iptm_reproduction.runs import OPTIMUM, Results, controller_name, cost_to_go_run
+from iptm_reproduction.runs import COST_TO_GO_OPTIMUM, Results, controller_name, cost_to_go_run
 
 _SHOWN = "multi_horizon_cost_to_go"
 
@@ -22,8 +22,9 @@ _SHOWN = "multi_horizon_cost_to_go"
 @plot(
     "The price of a kelvin",
     "What a kelvin more costs, in the unit of the cost: the price that the controller puts on the end of its "
-    "horizon at every tick, and the costates of the temperatures in the whole trip solved as one problem.",
-    needs=(cost_to_go_run(_SHOWN), OPTIMUM),
+    "horizon at every tick, and the costates of the temperatures in the whole trip solved as one problem. "
+    "These jump where cell 1 leaves its lower temperature limit, until when a kelvin more in it was welcome.",
+    needs=(cost_to_go_run(_SHOWN), COST_TO_GO_OPTIMUM),
 )
 def temperature_price(results: Results) -> Figure:
     """Draw the price of both cell temperatures and the costates of the whole trip, over the trip."""
@@ -39,7 +40,7 @@ def temperature_price(results: Results) -> Figure:
                 linewidth=LINE,
                 label=f"price, {controller_name(_SHOWN)}",
             )
-    record = results[OPTIMUM].whole_trip
+    record = results[COST_TO_GO_OPTIMUM].whole_trip
     if record is not None:
         found = record.costates
         costates = (np.array(found.cell_1_1_k), np.array(found.cell_n_1_k))
@@ -53,7 +54,7 @@ def temperature_price(results: Results) -> Figure:
             )
     for panel, title in zip(panels, ("both cells", "cell 1", "cell N"), strict=True):
         labelled(panel, "", "cost [1/K]", title)
-        panel.set_ylim(bottom=0.0)
+        panel.axhline(0.0, color="black", linewidth=0.7)
     labelled(panels[-1], "time [s]", "cost [1/K]")
     legend_below(figure, panels[0], 2)
     return figure

@@ -34,12 +34,14 @@ def change_cells(results: Results, run: str, base: str, figures: Iterable[Figure
     return tuple(change_cell(results, run, base, figure) for figure in figures)
 
 
-def share_cell(results: Results, run: str) -> Cell:
+def share_cell(
+    results: Results, run: str, reference: str = REFERENCE, optimum: str = OPTIMUM
+) -> Cell:
     """Return the part of the possible saving of degradation that a run reaches, in percent."""
-    value, reference, optimum = (
-        results.find(address, DEGRADATION) for address in (run, REFERENCE, OPTIMUM)
+    value, nothing, everything = (
+        results.find(address, DEGRADATION) for address in (run, reference, optimum)
     )
-    if value is None or reference is None or optimum is None:
+    if value is None or nothing is None or everything is None:
         return Cell(DASH)
-    share = share_of_saving(value, reference, optimum)
+    share = share_of_saving(value, nothing, everything)
     return Cell(DASH if share is None else f"{100.0 * share:.1f} %")

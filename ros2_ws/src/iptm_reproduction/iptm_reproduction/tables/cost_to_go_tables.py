@@ -5,11 +5,10 @@ from __future__ import annotations
 from iptm_reproduction import figures as fig
 from iptm_reproduction.document import Cell, Row, Table
 from iptm_reproduction.runs import (
-    OPTIMUM,
+    COST_TO_GO_OPTIMUM,
     Results,
     controller_name,
     cost_to_go_run,
-    name_of,
     words,
 )
 from iptm_reproduction.tables import SAVING, change_cells, figure_cells, share_cell
@@ -28,9 +27,6 @@ def saving_table(results: Results) -> Table:
         if trip == _MAIN_TRIP:
             names = (Cell(controller_name(controller), strong=run.address == reference),)
             rows.append((*names, Cell(words(preview)), *_figures(results, run.address, reference)))
-    if OPTIMUM in results:
-        knows = Cell("whole trip")
-        rows.append((Cell(name_of(OPTIMUM)), knows, *_figures(results, OPTIMUM, reference)))
     return Table(
         "cost-to-go",
         "The saving with a cost to go, by horizon and by what is known of the leader",
@@ -44,7 +40,8 @@ def saving_table(results: Results) -> Table:
         tuple(rows),
         note=(
             "The reference has figures, the others their change against it. A preview of some seconds "
-            "is exact and ends there; a perfect one and one with noise reach to the end of the horizon."
+            "is exact and ends there; a perfect one and one with noise reach to the end of the horizon. The "
+            "trip and the parameters are those of the suite, not the identified ones."
         ),
     )
 
@@ -52,7 +49,7 @@ def saving_table(results: Results) -> Table:
 def _figures(results: Results, run: str, reference: str) -> Row:
     return (
         *change_cells(results, run, reference, _CHANGED),
-        share_cell(results, run),
+        share_cell(results, run, reference, COST_TO_GO_OPTIMUM),
         *figure_cells(results, run, _MARKS),
     )
 
@@ -67,7 +64,7 @@ def trips_table(results: Results) -> Table:
         reference = cost_to_go_run("reference", trip)
         rows.append(
             (
-                Cell(words(trip)),
+                Cell(run.route.name),
                 Cell(controller_name(controller), strong=run.address == reference),
                 *change_cells(results, run.address, reference, _CHANGED),
                 *figure_cells(results, run.address, _MARKS),
