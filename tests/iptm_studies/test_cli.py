@@ -88,7 +88,7 @@ def test_dry_run_shows_what_would_be_computed(
     assert main(["--small", "--store", folder, "--dry-run"]) == 0  # the default command
     text = capsys.readouterr().out
     assert "once the weights are known" in text
-    assert "comprehensive" not in text
+    assert "  comprehensive" not in text
     assert "us06 600 s" in text
 
 

@@ -204,8 +204,8 @@ def test_the_example_of_the_documentation(study_file: WriteFile) -> None:
     study = read_study(study_file(example))
     assert [case.name for case in study.cases] == [
         "80/reference",
-        "80/proposed",
+        "80/cost_to_go",
         "150/reference",
-        "150/proposed",
+        "150/cost_to_go",
     ]
     Campaign([study])
