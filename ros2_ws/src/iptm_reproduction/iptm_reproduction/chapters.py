@@ -90,10 +90,10 @@ TITLE = "Reproduction of the paper"
 IDENTIFICATION_TEXT = (
     "The paper gives neither the order of its segments, nor their slopes, nor several parameters. They are "
     "fitted to its strategy table (`scripts/identify`): the absolute figures of the reference and the "
-    "changes of the other strategies. The starting point of the fit was found by hand with an eye on the headline of "
-    "the multi-horizon grid, too, which therefore is no independent test; everything else on this page "
-    "(weights, horizons, sampling times, temperatures and spacing) is what the fit is tested on. The trip "
-    "ships as cycle `comprehensive_identified`, the parameters as set `paper_identified`."
+    "changes of the other strategies. The starting point of the fit was found by hand with an eye on the "
+    "headline of the multi-horizon grid, too, which therefore is no independent test; everything else on "
+    "this page (weights, horizons, sampling times, temperatures and spacing) is what the fit is tested on. "
+    "The trip ships as cycle `comprehensive_identified`, the parameters as set `paper_identified`."
 )
 
 
