@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from iptm_reproduction.beyond_chapters import BEYOND_THE_PAPER
 from iptm_reproduction.causes import causes, remarks
 from iptm_reproduction.check import check_topic
 from iptm_reproduction.claims import TOPICS
@@ -28,9 +29,7 @@ from iptm_reproduction.parts import (
     verdicts,
 )
 from iptm_reproduction.plots import (
-    channel_plots,
     comparison_plots,
-    cost_to_go_plots,
     identification_plots,
     model_plots,
     power_plots,
@@ -43,7 +42,6 @@ from iptm_reproduction.runs import (
     FIRST_REFERENCE,
     HORIZONS_S,
     MULTI_HORIZON,
-    OPTIMUM,
     PROPOSED,
     REFERENCE,
     SHORT_STEP_COUNTS,
@@ -51,19 +49,14 @@ from iptm_reproduction.runs import (
     STRATEGIES,
     STUDIES,
     WEIGHTED,
-    channel_run,
-    cost_to_go_run,
     horizons,
     lengthened,
     sampled,
     weighted,
 )
-from iptm_reproduction.tables import channel_tables, cost_to_go_tables
 from iptm_reproduction.tables.analysis_tables import (
     cooling_table,
     discretisation_table,
-    optimum_solve_table,
-    optimum_table,
     payback_table,
 )
 from iptm_reproduction.tables.identification_tables import (
@@ -78,11 +71,6 @@ from iptm_reproduction.tables.paper_tables import (
     parameter_table,
     ranking_text,
     strategy_table,
-)
-from iptm_reproduction.tables.robustness_tables import (
-    conclusion_table,
-    summary_text,
-    variation_table,
 )
 from iptm_reproduction.tables.study_tables import reliability_table, run_table, weight_table
 
@@ -121,27 +109,6 @@ def _cooling(key: str, runs: tuple[str, ...]) -> Part:
     """Show when the compressor runs, for those of the runs that are there."""
     build = partial(cooling_table, key=key, addresses=runs)
     return table(key, "When the compressor runs", build, any_of=runs)
-
-
-def _robustness(
-    study: str, first: str, base: str | None, conclusions: str, runs: str
-) -> tuple[Part, ...]:
-    """Show which conclusions hold whatever varies in a study, in words and as a table, and all its runs."""
-    return (
-        text(partial(summary_text, study=study)),
-        table(
-            f"conclusions-{study.replace('_', '-')}",
-            "Conclusions",
-            partial(conclusion_table, study=study, title=conclusions),
-            (first,),
-        ),
-        table(
-            study.replace("_", "-"),
-            STUDIES[study],
-            partial(variation_table, study=study, title=runs, base=base),
-            (first,),
-        ),
-    )
 
 
 CHAPTERS = (
@@ -282,87 +249,7 @@ CHAPTERS = (
             picture(comparison_plots.discretisation),
         ),
     ),
-    Chapter(
-        "optimum",
-        "Beyond the paper: the limit",
-        (
-            table(
-                "optimum-table",
-                "The whole trip as one problem",
-                optimum_table,
-                (REFERENCE, PROPOSED, OPTIMUM),
-            ),
-            picture(comparison_plots.saving_shares),
-            picture(trip_plots.optimum),
-            table("optimum-solves", "Solves of the whole trip", optimum_solve_table, (OPTIMUM,)),
-        ),
-    ),
-    Chapter(
-        "cost-to-go",
-        "Beyond the paper: the cost to go",
-        (
-            table(
-                "cost-to-go",
-                "The saving with a cost to go, by horizon and by what is known of the leader",
-                cost_to_go_tables.saving_table,
-                (cost_to_go_run("reference"),),
-            ),
-            picture(cost_to_go_plots.temperature_price),
-            table(
-                "cost-to-go-trips",
-                "The saving with a cost to go on other trips",
-                cost_to_go_tables.trips_table,
-                any_of=(cost_to_go_run("reference", "wltc_class3b"),),
-            ),
-        ),
-    ),
-    Chapter(
-        "previews",
-        "Beyond the paper: imperfect previews",
-        (
-            picture(comparison_plots.imperfect_previews),
-            *_robustness(
-                "imperfect_previews",
-                "imperfect_previews/perfect/reference",
-                "imperfect_previews/perfect/reference",
-                "Conclusions under imperfect previews",
-                "All strategies under imperfect previews",
-            ),
-        ),
-    ),
-    Chapter(
-        "omitted",
-        "Beyond the paper: parameters that the paper omits",
-        (
-            picture(comparison_plots.omitted_parameters),
-            *_robustness(
-                "omitted_parameters",
-                "omitted_parameters/as_chosen/reference",
-                None,
-                "Conclusions under other parameters",
-                "All runs with other parameters",
-            ),
-        ),
-    ),
-    Chapter(
-        "full-channel",
-        "Beyond the paper: the full channel",
-        (
-            table(
-                "channel-saving",
-                "The saving with two cells and with the full channel",
-                channel_tables.saving_table,
-                (channel_run("reference"),),
-            ),
-            table(
-                "channel",
-                "Every cell of the channel, and the price of two",
-                channel_tables.channel_table,
-                (channel_run("reference"),),
-            ),
-            picture(channel_plots.full_channel),
-        ),
-    ),
+    *BEYOND_THE_PAPER,
     Chapter(
         "reliability",
         "Reliability and origin of the runs",
