@@ -135,12 +135,11 @@ def measure(problems: int = 300, at_random: int = 8, seed: int = 1) -> dict[str,
         parameters = load_parameters(name).values
         problem = OptimalControlProblem(MULTI_HORIZON, parameters)
         solver = build_plain_solver(MULTI_HORIZON, parameters, SolverOptions())
-        check = SwitchingCheck(solver, problem)
+        check = SwitchingCheck(solver, problem, try_every=0)
         rng = np.random.default_rng(seed)
         dearer, unusable = [], 0
         for _ in range(problems):
             data, guess = draw(rng, parameters, problem.grid)
-            check.forget()
             result = check.solve(data, guess)
             powers = starts(rng, problem.grid.steps, at_random)
             if not result.status.usable:

@@ -57,3 +57,21 @@ def test_changes_and_headline_by_hand(comparison: Comparison) -> None:
 def test_an_unknown_strategy_is_refused() -> None:
     with pytest.raises(ParameterError, match="'ageing'; allowed: "):
         drive_comparison(prepare(SCENARIO), "ageing")
+
+
+def test_a_trip_without_traction_is_compared_as_far_as_it_goes(comparison: Comparison) -> None:
+    """A car that only stands takes no traction energy: there is nothing to divide by."""
+    base = comparison.metrics
+    standing = replace(base, energy=replace(base.energy, traction_j=0.0))
+    assert Comparison("reference", standing).headline(base).endswith("traction energy –")
+
+
+def test_the_plant_of_the_scenario_is_the_one_compared_with() -> None:
+    own = {"plant": {"thermal_model": "full_channel", "period_s": 0.5}}
+    scenario = Scenario(cycle="nycc", duration_s=20.0, node_parameters=own)
+    full = drive_comparison(prepare(scenario), "reference").metrics
+    usual = drive_comparison(prepare(replace(scenario, node_parameters={})), "reference").metrics
+    assert full.decisions is not None
+    assert usual.decisions is not None
+    assert (full.decisions.decisions, usual.decisions.decisions) == (40, 20)
+    assert full.degradation != usual.degradation

@@ -18,7 +18,7 @@ from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_studies.campaign import Campaign
 from iptm_studies.cli import EXIT_REFUSED
 from iptm_studies.execution import admit
-from iptm_studies.random_cars import cli, draws
+from iptm_studies.random_cars import draws
 from iptm_studies.random_cars.bounds import avoidably_below_s_min, below_s_min, fully_cooled_k
 from iptm_studies.random_cars.cli import PAGE, main
 from iptm_studies.random_cars.draws import ALWAYS, TWIN, OneOf, Uniform, has_twin, random_study
@@ -253,7 +253,7 @@ def small_problems(monkeypatch: pytest.MonkeyPatch) -> None:
 
     small = {**draws.SETTINGS, "horizon": OneOf(("2x1",), 1.0)}
     monkeypatch.setattr(draws, "SETTINGS", small)
-    monkeypatch.setattr(cli, "execute", execute_here)
+    monkeypatch.setattr("iptm_studies.cli.execute", execute_here)
 
 
 @pytest.mark.usefixtures("small_problems")

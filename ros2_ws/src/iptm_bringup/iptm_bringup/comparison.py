@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
-from iptm_bringup.scenario import PreparedScenario
+from iptm_bringup.scenario import PLANT, PreparedScenario
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import SINGLE_HORIZON
 from iptm_controller.strategy import strategy_by_name
+from iptm_core.declaration import Settings, parameter_specs
 from iptm_core.metrics import RunMetrics, compute_metrics, figure_values
-from iptm_core.settings import PreviewSettings
+from iptm_core.metrics.figures import NO_VALUE
+from iptm_core.settings import IntegrationSettings, PreviewSettings, SamplingSettings
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
+
+S = TypeVar("S", bound=Settings)
 
 NO_COMPARISON = "none"
 
@@ -38,17 +44,25 @@ class Comparison:
     def headline(self, metrics: RunMetrics) -> str:
         """Say in one line what a run saves: battery life first, then energy."""
         changes = self.changes(metrics)
-        life = -100.0 * changes["total_degradation"]
+        texts = {key: f"{100.0 * change:+.1f} %" for key, change in changes.items()}
+        life = -100.0 * changes.get("total_degradation", 0.0)
         said = "saved" if life >= 0.0 else "lost"
+        # A trip at standstill takes no traction energy that another could be compared with.
         return (
             f"against the {self.strategy}: {abs(life):.1f} % of battery aging {said}, cooling energy "
-            f"{100.0 * changes['cooling_energy']:+.1f} %, traction energy "
-            f"{100.0 * changes['traction_energy']:+.1f} %"
+            f"{texts.get('cooling_energy', NO_VALUE)}, traction energy "
+            f"{texts.get('traction_energy', NO_VALUE)}"
         )
 
 
+def given_settings(group: type[S], given: Mapping[str, Any]) -> S:
+    """Return the settings of a group as far as they are among others; the rest are defaults."""
+    names = [spec.name for spec in parameter_specs(group)]
+    return group(**{name: given[name] for name in names if name in given})
+
+
 def drive_comparison(prepared: PreparedScenario, strategy: str) -> Comparison:
-    """Drive the trip of a scenario once more.
+    """Drive the trip of a scenario once more, with the plant and the sampling time that it asks for.
 
     Args:
         prepared: leader, road, vehicle and preview of the run.
@@ -58,14 +72,18 @@ def drive_comparison(prepared: PreparedScenario, strategy: str) -> Comparison:
         IptmError: the strategy is not known, or the problem cannot be compiled.
     """
     scenario, model, route = prepared.scenario, prepared.model.values, prepared.route
+    of_plant = scenario.node_parameters.get(PLANT, {})
+    integration = given_settings(IntegrationSettings, of_plant)
+    sampling = given_settings(SamplingSettings, of_plant)
     options = ControllerOptions(
         strategy=strategy_by_name(strategy),
         horizon=SINGLE_HORIZON,
+        tick_s=sampling.period_s,
         trip_duration_s=route.duration_s,
     )
-    preview = PreviewSettings(
-        **{entry.name: getattr(scenario, entry.name) for entry in fields(PreviewSettings)}
+    preview = given_settings(PreviewSettings, vars(scenario))
+    plant = Plant(
+        model, route.slope.slope_at, integration.integration_step_s, integration.thermal_model
     )
-    plant = Plant(model, route.slope.slope_at)
     run = run_closed_loop(route, plant, Controller(model, options), preview)
     return Comparison(strategy, compute_metrics(run.trajectory, model, run.decisions))

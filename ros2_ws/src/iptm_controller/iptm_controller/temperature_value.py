@@ -1,11 +1,11 @@
 """What a kelvin in the pack costs at the end of the horizon: the cost to go of the cell temperatures.
 
-A warmer cell ages faster until the kelvin is gone. With the aging rate q of a cell, its sensitivity to
-temperature alpha = d ln q / dT (paper eq. 12) and the time tau that a kelvin lasts, both cells at once cost
+A warmer cell ages faster until the kelvin is gone. With the aging rate q of both cells, its sensitivity to
+temperature alpha = d ln q / dT (paper eq. 12, at their mean) and the time tau that a kelvin lasts, it costs
 
-    w = lambda_Q (alpha_1 q_1 + alpha_N q_N) tau,    alpha = (E_a - B c) / (z R T^2)
+    w = lambda_Q alpha q tau,    alpha = (E_a - B c) / (z R T^2)
 
-per kelvin. The rates are the means of the trip so far, before there is any the forecast of the leader's
+per kelvin of both. The rate is the mean of the trip so far, before there is any the forecast of the leader's
 motion. A kelvin lasts until the end of the trip or until it pays to cool it away, whichever is
 sooner: running the chiller ages the cells by the power that it draws, and that is worth it after the
 payback time

@@ -74,12 +74,7 @@ class StudyCommands:
         self.choosing.add_argument(
             "--store", default="", metavar="DIR", help="folder of the results"
         )
-        self.computing.add_argument(
-            "--workers", type=int, metavar="N", help="processes, one per core by default"
-        )
-        self.computing.add_argument(
-            "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"
-        )
+        add_cluster_options(self.computing)
         self.computing.add_argument(
             "--dry-run",
             action="store_true",
@@ -115,22 +110,49 @@ class StudyCommands:
         if not given or (given[0].startswith("-") and given[0] not in {"-h", "--help"}):
             given.insert(0, self._default)
         options = self._parser.parse_args(given)
-        console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
-        logging.basicConfig(
-            level=logging.WARNING,
-            format="%(message)s",
-            handlers=[RichHandler(console=console, show_time=False, show_path=False)],
-            force=True,
-        )
-        try:
-            code: int = options.command(options, console)
-        except IptmError as error:
-            console.print(f"error: {error}", style="red")
-            return EXIT_REFUSED
-        except KeyboardInterrupt:
-            console.print("stopped; the same command goes on from what is stored")
-            return EXIT_INTERRUPTED
-        return code
+        return perform_command(options.command, options)
+
+
+def perform_command(command: Command, options: argparse.Namespace) -> int:
+    """Perform a command; returns its exit code, or that of a refusal or an interruption, with one message."""
+    console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
+    logging.basicConfig(
+        level=logging.WARNING,
+        format="%(message)s",
+        handlers=[RichHandler(console=console, show_time=False, show_path=False)],
+        force=True,
+    )
+    try:
+        return command(options, console)
+    except IptmError as error:
+        console.print(f"error: {error}", style="red")
+        return EXIT_REFUSED
+    except KeyboardInterrupt:
+        console.print("stopped; the same command goes on from what is stored")
+        return EXIT_INTERRUPTED
+
+
+def add_cluster_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options on where runs are computed, the fields of `ClusterOptions`."""
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes, one per core by default"
+    )
+    parser.add_argument(
+        "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"
+    )
+
+
+def compute(
+    campaign: Campaign, store: ResultStore, cluster: ClusterOptions, console: Console
+) -> None:
+    """Compute what is missing of a campaign, with progress, and say how much that was."""
+    began = time.perf_counter()
+    with progress_display(console) as display:
+        computed = execute(campaign, store, cluster, display)
+    console.print(
+        f"{computed} runs computed, {campaign.finished - computed} found in {store.folder}, "
+        f"{len(campaign.failures)} failed, in {clock_text(time.perf_counter() - began)}"
+    )
 
 
 def chosen_store(options: argparse.Namespace) -> ResultStore:
@@ -163,13 +185,7 @@ def run_studies(options: argparse.Namespace, console: Console) -> int:
     cluster = ClusterOptions(options.scheduler, options.workers)
     if options.dry_run:
         return _dry_run(campaign, store, cluster)
-    began = time.perf_counter()
-    with progress_display(console) as display:
-        computed = execute(campaign, store, cluster, display)
-    console.print(
-        f"{computed} runs computed, {campaign.finished - computed} found in {store.folder}, "
-        f"{len(campaign.failures)} failed, in {clock_text(time.perf_counter() - began)}"
-    )
+    compute(campaign, store, cluster, console)
     complain = partial(console.print, style="red")
     for address, cause in campaign.failures.items():
         complain(f"{address} failed: {cause}")

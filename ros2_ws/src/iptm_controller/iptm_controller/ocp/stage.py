@@ -41,6 +41,7 @@ LONGEST_UNWATCHED_S = 2.5
 GAP_SMOOTHING_M = 0.3
 COLD_PRICE_1_K_S = 1.0
 COLD_PRICE_SHARE_1_S = 0.5
+"""Cost per second of a kelvin below the lowest temperature: a base, and a share of what a kelvin is worth."""
 COLD_SMOOTHING_K = 0.02
 NOT_ASKED_FOR_M = 1.0
 """Value of the row of the braking reserve where it is not asked for: satisfied, and of order one."""
@@ -103,13 +104,7 @@ def build_stage(
         smoothing: widths of the smoothed kinks of the model.
         penalties: prices of the soft limits.
     """
-    x = ca.SX.sym("x", layout.STATES)
-    u = ca.SX.sym("u", layout.INPUTS)
-    p = ca.SX.sym("p", layout.step_parameter_count(samples))
-    g = ca.SX.sym("g", layout.GLOBALS)
-    state = x * layout.STATE_SCALE + layout.STATE_OFFSET
-    inputs = u * layout.INPUT_SCALE
-
+    x, u, p, g, state, inputs = stage_symbols(samples)
     step = _integrate(step_s, samples, smoothing, parameters, state, inputs, p, g)
     acceleration = inputs[InputIndex.ACCELERATION]
     power = inputs[InputIndex.COMPRESSOR_POWER]
@@ -136,6 +131,15 @@ def build_stage(
         + slack_cost(step_s, inputs, penalties),
         limits=limits,
     )
+
+
+def stage_symbols(samples: int) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Return the symbols x, u, p and g of a stage, and its states and inputs in physical units."""
+    x = ca.SX.sym("x", layout.STATES)
+    u = ca.SX.sym("u", layout.INPUTS)
+    p = ca.SX.sym("p", layout.step_parameter_count(samples))
+    g = ca.SX.sym("g", layout.GLOBALS)
+    return x, u, p, g, x * layout.STATE_SCALE + layout.STATE_OFFSET, u * layout.INPUT_SCALE
 
 
 def slack_cost(step_s: float, inputs: ca.SX, penalties: PenaltyWeights) -> ca.SX:
@@ -246,7 +250,7 @@ def _integrate(
             smoothing,
         )
         speed_error = sample_speed - sample[SampleIndex.SPEED_REFERENCE]
-        cost += share_s * _cost_rate(rates, speed_error, sample_1, sample_n, g)
+        cost += share_s * cost_rate(rates, speed_error, sample_1, sample_n, g)
         end_1 += share_s * rates.cell_1_temperature_rate_k_s
         end_n += share_s * rates.cell_n_temperature_rate_k_s
         if step_s > LONGEST_UNWATCHED_S:
@@ -258,7 +262,7 @@ def _integrate(
     return _StepIntegrals(end_1, end_n, rates.coolant.outlet_k, cost, gaps_m)
 
 
-def _cost_rate(
+def cost_rate(
     rates: PowerThermalRates, speed_error: ca.SX, cell_1_k: ca.SX, cell_n_k: ca.SX, g: ca.SX
 ) -> ca.SX:
     """Return J1 + J2 + J3 + J4 per second (paper eq. 17)."""

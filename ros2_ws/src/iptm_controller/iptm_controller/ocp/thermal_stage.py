@@ -26,8 +26,10 @@ from iptm_controller.ocp.stage import (
     PenaltyWeights,
     StageExpressions,
     cold_cost,
+    cost_rate,
     price_cost,
     slack_cost,
+    stage_symbols,
     temperature_rows,
 )
 from iptm_core.parameters.model import ModelParameters
@@ -56,12 +58,7 @@ def build_thermal_stage(
         smoothing: widths of the smoothed kinks of the model.
         penalties: prices of the soft limits.
     """
-    x = ca.SX.sym("x", layout.STATES)
-    u = ca.SX.sym("u", layout.INPUTS)
-    p = ca.SX.sym("p", layout.step_parameter_count(levels))
-    g = ca.SX.sym("g", layout.GLOBALS)
-    state = x * layout.STATE_SCALE + layout.STATE_OFFSET
-    inputs = u * layout.INPUT_SCALE
+    x, u, p, g, state, inputs = stage_symbols(levels)
     channel = reduce_channel(parameters.cooling, parameters.pack)
     power = inputs[InputIndex.COMPRESSOR_POWER]
     start_1 = state[StateIndex.CELL_1_TEMPERATURE]
@@ -84,13 +81,8 @@ def build_thermal_stage(
     share_s = step_s / levels
     end_1 = start_1 + share_s * sum(one.cell_1_temperature_rate_k_s for one in each)
     end_n = start_n + share_s * sum(one.cell_n_temperature_rate_k_s for one in each)
-    reference_k = g[GlobalIndex.REFERENCE_TEMPERATURE]
-    errors = (middle_1 - reference_k) ** 2 + (middle_n - reference_k) ** 2
-    cost = step_s * g[GlobalIndex.TEMPERATURE_WEIGHT] * errors
-    for one in each:
-        aging = one.cell_1_capacity_loss_rate_1_s + one.cell_n_capacity_loss_rate_1_s
-        cost += share_s * g[GlobalIndex.ENERGY_WEIGHT] * one.battery_power_w
-        cost += share_s * g[GlobalIndex.AGING_WEIGHT] * aging
+    no_error = ca.SX(0.0)  # of the speed: there is no motion to judge
+    cost = share_s * sum(cost_rate(one, no_error, middle_1, middle_n, g) for one in each)
     # The motion has no meaning here: its input is held at zero.
     cost += 0.5 * step_s * u[InputIndex.ACCELERATION] ** 2
     cost += price_cost(step_s, end_1 - start_1, end_n - start_n, power, g)

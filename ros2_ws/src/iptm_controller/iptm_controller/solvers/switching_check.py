@@ -49,7 +49,12 @@ class SwitchingCheck:
     """Wraps a back end; deterministic, because it counts solves and not seconds."""
 
     def __init__(
-        self, inner: SolverBackend, problem: OptimalControlProblem, *, compile_code: bool = True
+        self,
+        inner: SolverBackend,
+        problem: OptimalControlProblem,
+        *,
+        compile_code: bool = True,
+        try_every: int = TRY_EVERY,
     ) -> None:
         """Write the Hamiltonian of a problem down and compile it.
 
@@ -57,6 +62,7 @@ class SwitchingCheck:
             inner: back end to wrap.
             problem: what it solves.
             compile_code: as machine code, where a compiler is found.
+            try_every: solves without a second one after which one is tried that promises little.
 
         Raises:
             SolverSetupError: the compiler fails.
@@ -83,7 +89,8 @@ class SwitchingCheck:
         shape = (len(self._candidates) + 1, self._grid.steps)
         self._options = self._hamiltonian.arguments["powers"].reshape(shape)
         self._values = self._hamiltonian.results["hamiltonians"].reshape(shape)
-        self._since_second = TRY_EVERY
+        self._try_every = try_every
+        self._since_second = try_every
 
     @property
     def name(self) -> str:
@@ -94,10 +101,6 @@ class SwitchingCheck:
     def compiled(self) -> bool:
         """Whether the wrapped back end runs machine code."""
         return self._inner.compiled
-
-    def forget(self) -> None:
-        """Make a second try due with the next solve, as it is with the first."""
-        self._since_second = TRY_EVERY
 
     def solve(
         self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
@@ -141,14 +144,14 @@ class SwitchingCheck:
         given["p"][:] = data.parameters
         given["lam"][:] = result.costates
         self._hamiltonian()
-        due = self._since_second >= TRY_EVERY
+        due = self._since_second >= self._try_every
         coldest_k = _TEMPERATURE_OFFSET_K + min(
             float(table[1:, StateIndex.CELL_1_TEMPERATURE].min()),
             float(variables[StateIndex.CELL_1_TEMPERATURE - layout.STATES]),
         )
         if coldest_k < data.parameters[GlobalIndex.LOWEST_TEMPERATURE] + AT_LIMIT_K:
             # What it costs to go below the limit is part of the costates: they say nothing of less cooling.
-            return self._concentrated(own, self._values, data) if due else None
+            return self._concentrated(own, self._values) if due else None
         alike = np.abs(self._options[1:] - own) < ANOTHER_VALLEY
         gains = np.where(alike, -np.inf, self._values[0] - self._values[1:])
         best = gains.max(axis=0)
@@ -167,9 +170,7 @@ class SwitchingCheck:
         slacks = table[:, layout.BLOCK - layout.SLACKS :]
         return abs(result.objective - float(np.sum(slacks * self._slack_prices)))
 
-    def _concentrated(
-        self, own: FloatArray, values: FloatArray, data: ProblemData
-    ) -> FloatArray | None:
+    def _concentrated(self, own: FloatArray, values: FloatArray) -> FloatArray | None:
         """Return powers that do the work of the plan in fewer steps, the cheapest ones, at the best power.
 
         Below its most efficient power the compressor wastes: a plan that may cool only a little further must
@@ -186,7 +187,7 @@ class SwitchingCheck:
         chosen = order[: int(np.searchsorted(done, work)) + 1]
         powers = np.zeros_like(own)
         powers[chosen] = best
-        return self._within_ramps(powers, data)
+        return powers
 
     def _within_ramps(self, powers: FloatArray, data: ProblemData) -> FloatArray:
         """Return the powers as the rate limit lets the compressor follow them from where it is."""
@@ -220,25 +221,21 @@ def _hamiltonians(problem: OptimalControlProblem, options: int) -> ca.Function:
     powers = ca.MX.sym("powers", options * grid.steps)
     costates = ca.reshape(lam, layout.STATES, grid.steps)
     tables = ca.reshape(powers, grid.steps, options)
+    functions = []
+    for index, stage in enumerate(problem.stage_expressions()):
+        costate = ca.SX.sym("costate", layout.STATES)
+        symbols = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
+        value = stage.cost + ca.dot(costate, stage.next_state)
+        name = f"hamiltonian_{index}"
+        functions.append(ca.Function(name, [*symbols, costate], [value], {"cse": True}))
+    before, after = InputIndex.COMPRESSOR_POWER, InputIndex.COMPRESSOR_POWER + 1
     values = []
-    arguments = grid.stage_arguments(w, p)
-    stages = problem.stage_expressions()
     for option in range(options):
-        for index, (kind, stage, given) in enumerate(
-            zip(grid.stages, stages, arguments, strict=True)
+        for kind, function, (x, u, *given) in zip(
+            grid.stages, functions, grid.stage_arguments(w, p), strict=True
         ):
-            costate = ca.SX.sym("costate", layout.STATES)
-            value = stage.cost + ca.dot(costate, stage.next_state)
-            symbols = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
-            function = ca.Function(
-                f"hamiltonian_{index}", [*symbols, costate], [value], {"cse": True}
-            )
-            x, u, step_parameters, shared = given
-            row = tables[kind.steps, option].T
-            u = ca.vertcat(u[0, :], row, u[2:, :])
-            values.append(
-                function.map(kind.count)(x, u, step_parameters, shared, costates[:, kind.steps])
-            )
+            inputs = ca.vertcat(u[:before, :], tables[kind.steps, option].T, u[after:, :])
+            values.append(function.map(kind.count)(x, inputs, *given, costates[:, kind.steps]))
     return named_function(
         "hamiltonian",
         {"w": w, "p": p, "lam": lam, "powers": powers},

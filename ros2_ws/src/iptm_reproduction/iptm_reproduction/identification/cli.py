@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import logging
 import sys
 import time
 from collections.abc import Sequence
@@ -11,7 +10,6 @@ from pathlib import Path
 
 from rich.console import Console
 
-from iptm_core.errors import IptmError
 from iptm_reproduction.identification.evaluations import Evaluation, EvaluationTable
 from iptm_reproduction.identification.objective import deviations, misfit
 from iptm_reproduction.identification.search import STAGES, Scored, Search, Stage
@@ -22,7 +20,7 @@ from iptm_reproduction.identification.unknowns import (
     read_unknowns,
     shipped_unknowns,
 )
-from iptm_studies.cli import EXIT_INTERRUPTED, EXIT_REFUSED
+from iptm_studies.cli import EXIT_REFUSED, add_cluster_options, perform_command
 from iptm_studies.cluster import ClusterOptions, connected
 from iptm_studies.progress import clock_text
 from iptm_studies.store import default_store_folder
@@ -43,22 +41,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--table", default="", metavar="FILE", help="table of the runs")
     parser.add_argument("--unknowns", default="", metavar="FILE", help="bounds and priors")
-    parser.add_argument(
-        "--workers", type=int, metavar="N", help="processes, one per core by default"
-    )
-    parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster")
+    add_cluster_options(parser)
     parser.add_argument("--best", type=int, default=5, metavar="N", help="candidates to show")
-    options = parser.parse_args(arguments)
-    console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
-    logging.basicConfig(level=logging.WARNING, format="%(message)s")
-    try:
-        return _run(options, console)
-    except IptmError as error:
-        console.print(f"error: {error}", style="red")
-        return EXIT_REFUSED
-    except KeyboardInterrupt:
-        console.print("stopped; the same command goes on from what is stored")
-        return EXIT_INTERRUPTED
+    return perform_command(_run, parser.parse_args(arguments))
 
 
 def _run(options: argparse.Namespace, console: Console) -> int:

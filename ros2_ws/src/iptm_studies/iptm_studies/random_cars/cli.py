@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import logging
 import os
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.logging import RichHandler
 
 from iptm_controller.ocp.compilation import CACHE_VARIABLE
-from iptm_core.errors import IptmError
 from iptm_studies.campaign import Campaign
-from iptm_studies.cli import EXIT_FAILED_RUNS, EXIT_INTERRUPTED, EXIT_REFUSED
+from iptm_studies.cli import EXIT_FAILED_RUNS, add_cluster_options, compute, perform_command
 from iptm_studies.cluster import ClusterOptions
-from iptm_studies.execution import execute, survey
-from iptm_studies.progress import clock_text, progress_display
+from iptm_studies.execution import survey
 from iptm_studies.random_cars.draws import TWIN, random_study
 from iptm_studies.random_cars.page import JudgedRun, campaign_page, verdict_lines
 from iptm_studies.random_cars.verdicts import judge
@@ -35,22 +30,7 @@ SEED = 1
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    options = _parser().parse_args(arguments)
-    console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
-    logging.basicConfig(
-        level=logging.WARNING,
-        format="%(message)s",
-        handlers=[RichHandler(console=console, show_time=False, show_path=False)],
-        force=True,
-    )
-    try:
-        return _run(options, console)
-    except IptmError as error:
-        console.print(f"error: {error}", style="red")
-        return EXIT_REFUSED
-    except KeyboardInterrupt:
-        console.print("stopped; the same command goes on from what is stored")
-        return EXIT_INTERRUPTED
+    return perform_command(_run, _parser().parse_args(arguments))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -76,10 +56,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help=f"folder of {PAGE}, that of the results by default",
     )
-    parser.add_argument(
-        "--workers", type=int, metavar="N", help="processes, one per core by default"
-    )
-    parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster")
+    add_cluster_options(parser)
     parser.add_argument(
         "--dry-run", action="store_true", help="show the runs that would be computed"
     )
@@ -96,15 +73,8 @@ def _run(options: argparse.Namespace, console: Console) -> int:
         for inputs in survey(campaign, store):
             print(f"{inputs.address:30} {inputs.spec.describe()}")
         return 0
-    began = time.perf_counter()
-    with _compiling_into(store.folder / "compiled"), progress_display(console) as display:
-        computed = execute(
-            campaign, store, ClusterOptions(options.scheduler, options.workers), display
-        )
-    console.print(
-        f"{computed} runs computed, {campaign.finished - computed} found in {store.folder}, "
-        f"{len(campaign.failures)} failed, in {clock_text(time.perf_counter() - began)}"
-    )
+    with _compiling_into(store.folder / "compiled"):
+        compute(campaign, store, ClusterOptions(options.scheduler, options.workers), console)
     runs = judged_runs(campaign, store)
     page = (Path(options.output) if options.output else store.folder) / PAGE
     page.parent.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,126 @@
+"""A store of made runs: a figure for everything, driven by no controller."""
+
+import numpy as np
+
+from iptm_core.decision_record import DECISION_COLUMNS, DecisionSeries
+from iptm_core.settings import ThermalModel
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_studies.campaign import Campaign, plan_campaign
+from iptm_studies.channel_record import CellError, ChannelRecord, HottestCell
+from iptm_studies.execution import survey
+from iptm_studies.run import Run, RunRecord
+from iptm_studies.run_inputs import RunInputs
+from iptm_studies.run_spec import RunKind
+from iptm_studies.store import ResultStore
+from iptm_studies.study import ShortTrip
+from iptm_studies.study_loading import available_studies
+from iptm_studies.whole_trip import TemperatureCostates, WholeTripRecord, WholeTripSolve
+
+TRIP = ShortTrip(duration_s=200.0)
+
+
+def made_trip(inputs: RunInputs, rng: np.random.Generator) -> Trajectory:
+    """A trip behind the leader that no controller drove; the weights and the horizon shift its figures.
+
+    Those of a whole trip as one problem are the best.
+    """
+    times = np.arange(inputs.ticks + 1.0)
+    ease = 0.85 if inputs.spec.kind is RunKind.WHOLE_TRIP else 1.0 - 0.1 * rng.random()
+    speed = ease * inputs.route.leader.speeds_at(times)
+    traction = 300.0 * speed + 4000.0 * np.gradient(speed)
+    compressor = 400.0 * ease * (traction < np.median(traction))
+    cooled = 5.0 * ease * (1.0 - np.exp(-times / 40.0))
+    columns = dict.fromkeys(TRAJECTORY_COLUMNS, 300.0) | {
+        "time_s": times,
+        "position_m": ease * inputs.route.leader.positions_at(times) - 30.0,
+        "speed_m_s": speed,
+        "acceleration_m_s2": np.zeros(times.size),
+        "compressor_power_w": compressor,
+        "cell_1_temperature_k": 308.15 - cooled,
+        "cell_n_temperature_k": 308.15 - 0.6 * cooled,
+        "cell_1_capacity_loss": 1e-3 + 1e-9 * ease * times,
+        "cell_n_capacity_loss": 1e-3 + 1.1e-9 * ease * times,
+        "traction_power_w": traction,
+        "auxiliary_power_w": np.full(times.size, 200.0),
+        "battery_power_w": traction + compressor + 200.0,
+        "leader_position_m": inputs.route.leader.positions_at(times),
+        "leader_speed_m_s": inputs.route.leader.speeds_at(times),
+    }
+    return Trajectory.from_arrays(
+        {name: np.broadcast_to(values, times.shape) for name, values in columns.items()}
+    )
+
+
+def made_run(inputs: RunInputs) -> Run:
+    rng = np.random.default_rng(int(inputs.key[:12], 16))
+    whole = inputs.spec.kind is RunKind.WHOLE_TRIP
+    times = np.arange(float(inputs.ticks))
+    columns = dict.fromkeys(DECISION_COLUMNS, np.zeros(times.size)) | {
+        "time_s": times,
+        "solve_time_s": 1e-3 * (1.0 + rng.random(times.size)),
+        "iterations": np.full(times.size, 5),
+        "cell_1_price_1_k": np.full(times.size, 1.5),
+        "cell_n_price_1_k": np.full(times.size, 4.5),
+    }
+    costates = TemperatureCostates((100.0, 200.0), (2.0, 0.0), (6.0, 0.0))
+    solves = (
+        WholeTripSolve("solved", 100, 20.0, 1.5, 1e-6, 30.0),
+        WholeTripSolve("solved", 20, 4.0, 1.4, 1e-7, None),
+    )
+    return Run(
+        key=inputs.key,
+        spec=inputs.spec,
+        parameters=inputs.parameters,
+        trajectory=made_trip(inputs, rng),
+        decisions=None if whole else DecisionSeries.from_arrays(columns),
+        whole_trip=WholeTripRecord(True, solves, 0.0, 0.0, 0.0, costates) if whole else None,
+        record=RunRecord(
+            wall_time_s=2.5,
+            compiled=True,
+            finished_at_utc="2026-01-01T00:00:00+00:00",
+            git_revision="0123456789abcdef",
+            versions={"python": "3.11.0", "casadi": "3.7.0"},
+            fingerprint=inputs.fingerprint,
+        ),
+        channel=made_channel(rng)
+        if inputs.spec.thermal_model is ThermalModel.FULL_CHANNEL
+        else None,
+    )
+
+
+def made_channel(rng: np.random.Generator) -> ChannelRecord:
+    """Ten cells of which the ninth is the hottest."""
+    rising = tuple(float(value) for value in np.sort(rng.random(10)))
+    profile = tuple(300.0 + value for value in rising)
+    return ChannelRecord(
+        mean_temperatures_k=profile,
+        max_temperatures_k=profile,
+        capacity_losses=tuple(1e-6 * (1.0 + value) for value in rising),
+        hottest_shares=(0.0,) * 8 + (0.75, 0.25),
+        peak=HottestCell(9, 50.0, 312.5, 0.5),
+        largest_excess=HottestCell(9, 60.0, 310.0, 0.625),
+        line_rms_k=rising,
+        line_max_k=rising,
+        line=CellError(0.25, 1.5),
+        two_cell_1=CellError(0.125, 0.5),
+        two_cell_n=CellError(0.375, 0.875),
+        two_cell_losses=(1e-6, 2e-6),
+        profile_times_s=(10.0, 20.0),
+        profiles_k=(profile, profile),
+    )
+
+
+def filled(store: ResultStore, names: list[str]) -> None:
+    """Store a made run for everything that the studies need."""
+    campaign = plan_campaign(names, TRIP)
+    while new := campaign.take():
+        for inputs in new:
+            run = made_run(inputs)
+            store.save(run)
+            campaign.finish(run)
+
+
+def surveyed(store: ResultStore) -> Campaign:
+    campaign = plan_campaign(available_studies(), TRIP)
+    survey(campaign, store)
+    return campaign
