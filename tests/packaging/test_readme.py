@@ -32,6 +32,7 @@ def test_messages_of_the_troubleshooting_table_are_real() -> None:
         "is not the one in the lock",
         ".venv was made for a sourced ROS 2 Jazzy, but none is sourced",
         "another set-up of this folder is running",
+        "cannot fetch a C compiler",
     ):
         assert message in printed, message
         assert message in README, message
