@@ -121,6 +121,7 @@ def two_hosts() -> Iterator[TwoHosts]:
             for host, address in ((hosts.car, CAR_ADDRESS), (hosts.hostile, HOSTILE_ADDRESS)):
                 ip("-n", host, "addr", "add", f"{address}/24", "dev", "cable")
                 ip("-n", host, "link", "set", "cable", "up")
+                ip("netns", "exec", host, "true")
         except subprocess.CalledProcessError as error:
             pytest.skip(f"network namespaces are not allowed here: {error.stderr.strip()}")
         yield hosts
