@@ -23,8 +23,9 @@ REACH_STEPS = 10
 LEAST_QUIET_S = 1.0
 """Steady time for which a trip must be silent before another time is believed, at least."""
 QUIET_INTERVALS = 3.0
-"""Likewise in usual intervals between two ticks, for slow trips."""
+"""Likewise in intervals between two ticks, the shortest of the last few, for slow trips."""
 _SETTLED_TICKS = 3
+_INTERVALS = 8
 _RIVALS = 8
 
 
@@ -62,7 +63,7 @@ class StampGate:
         self._ticks = 0
         self._heard_s = 0.0
         self._begun_s = 0.0
-        self._intervals_s = (0.0, 0.0)
+        self._intervals_s: deque[float] = deque(maxlen=_INTERVALS)
         self._before: tuple[int, int] | None = None
         self._rivals: deque[int] = deque(maxlen=_RIVALS)
         self.strays = 0
@@ -80,11 +81,18 @@ class StampGate:
     @property
     def quiet_s(self) -> float:
         """Steady time for which the trip must be silent before another time is believed."""
-        return max(LEAST_QUIET_S, QUIET_INTERVALS * min(self._intervals_s))
+        return max(LEAST_QUIET_S, QUIET_INTERVALS * min(self._intervals_s, default=0.0))
 
     def follows(self, stamp_ns: int) -> bool:
         """Return whether a stamp may be a later tick of the trip, without judging it."""
         return self._now_ns is None or _within_reach(self._now_ns, self._step_ns, stamp_ns)
+
+    def is_late(self, stamp_ns: int) -> bool:
+        """Return whether a stamp lies within reach behind the newest tick, or on it."""
+        now_ns = self._now_ns
+        return now_ns is not None and (
+            stamp_ns == now_ns or _within_reach(stamp_ns, self._step_ns, now_ns)
+        )
 
     def judge(self, stamp_ns: int) -> Verdict:
         """Judge a stamp and, unless it is a stray one, follow it."""
@@ -125,7 +133,7 @@ class StampGate:
         return verdict
 
     def _go_on(self, last_ns: int, stamp_ns: int, now_s: float) -> Verdict:
-        self._intervals_s = (self._intervals_s[1], now_s - self._heard_s)
+        self._intervals_s.append(now_s - self._heard_s)
         self._step_ns = stamp_ns - last_ns
         self._now_ns, self._heard_s = stamp_ns, now_s
         self._ticks += 1

@@ -127,10 +127,9 @@ class StampMatcher(Generic[K]):
         if not is_stamp(stamp_ns):
             self._gate.turn_away()
             return None
-        last_ns = self._gate.now_ns
-        if last_ns is not None and stamp_ns <= last_ns:
+        if self._gate.is_late(stamp_ns):
             self._counts["late"] += 1
-            if stamp_ns == last_ns:
+            if stamp_ns == self._gate.now_ns:
                 return self._put_again(slot, stamp_ns)
         values = self._pending.setdefault(stamp_ns, {})
         if slot in values:

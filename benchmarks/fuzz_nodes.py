@@ -1,0 +1,399 @@
+"""Damaged messages by the hundred thousand for the three nodes, with ordinary ticks in between.
+
+Every message begins as one that a healthy suite sends; its stamp may become any other, numbers become
+impossible, bytes are changed, cut off or made up. The messages are handed to the callbacks of the nodes'
+subscriptions in this process, or (--over-dds 1) published to nodes that are processes of their own. After
+every batch the trip must go on: a node that does not answer any more is deaf.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import random
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+
+from benchmarks.harness import resident_memory_mib, run_benchmark
+from benchmarks.start_up import scripted_messages
+from iptm_bringup.environment import environment_of_run
+from iptm_controller.node import ControllerNode
+from iptm_core.errors import ScenarioError
+from iptm_core.state import Command
+from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces import stamp_gate
+from iptm_interfaces.codecs import encode_command, ns_from_time
+from iptm_interfaces.diagnostics import status_values
+from iptm_interfaces.discovery import reserve_domain
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_plant_sim import node as plant_module
+from iptm_plant_sim.node import PlantNode
+from iptm_v2x_bridge.node import BridgeNode
+
+ORDINARY_TICKS = 3
+DEAF_AFTER_S = 60.0
+WARM_SHARE = 0.2
+"""Share of the messages after which memory is measured for the first time: caches are full by then."""
+PARAMETERS: dict[str, dict[str, object]] = {
+    "plant": {"duration_s": 1e6, "on_lost_controller": "wait", "expected_peers": 1},
+    "controller": {"horizon": "2x1+2x5", "input_timeout_s": 0.05},
+    "v2x_bridge": {"expected_peers": 1},
+}
+MODULES = {
+    "plant": "iptm_plant_sim.node",
+    "controller": "iptm_controller.node",
+    "v2x_bridge": "iptm_v2x_bridge.node",
+}
+_STAMP_AT, _BODY_AT = 4, 12  # behind the four bytes of the encoding
+_STAMPED = frozenset(Topic) - {Topic.SLOPE}
+_NUMBERS = (float("nan"), float("inf"), -float("inf"), -1.0, 0.0, 1e308, -1e308, 5e-324, 1e6)
+
+
+class Damage:
+    """Draws damaged messages from a seed."""
+
+    def __init__(self, seed: int) -> None:
+        self._chance = random.Random(seed)  # noqa: S311
+        messages = scripted_messages()
+        messages[Topic.CLOCK] = Clock()
+        messages[Topic.COMMAND] = encode_command(0, Command(0.1, 100.0))
+        self._valid = {topic: bytes(serialize_message(m)) for topic, m in messages.items()}
+        self.kinds: Counter[str] = Counter()
+        self._ways: Sequence[Callable[[Topic, bytearray, int], bytes]] = (
+            self._restamped, self._restamped, self._impossible, self._flipped, self._cut,
+            self._blown_up, self._made_up, self._large,
+        )  # fmt: skip
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """Topics of which there are messages."""
+        return tuple(self._valid)
+
+    def message(self, topic: Topic, now_ns: int) -> bytes:
+        """Return the bytes of a damaged message.
+
+        Args:
+            topic: one of `topics`.
+            now_ns: present trip time; some of the messages carry it.
+        """
+        way = self._chance.choice(self._ways)
+        self.kinds[way.__name__.strip("_")] += 1
+        data = bytearray(self._valid[topic])
+        if topic in _STAMPED and self._chance.random() < 0.5:
+            struct.pack_into("<iI", data, _STAMP_AT, *divmod(max(0, now_ns), NS_PER_S))
+        return way(topic, data, now_ns)
+
+    def _restamped(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
+        chance = self._chance
+        seconds = now_ns // NS_PER_S
+        stamp = chance.choice(
+            (
+                (seconds, 0),
+                (0, 0),
+                (max(0, seconds + chance.randrange(-40, 40)), 0),
+                (seconds, chance.getrandbits(32)),
+                (-chance.getrandbits(31) - 1, 0),
+                (2**31 - 1, chance.getrandbits(32)),
+                (chance.getrandbits(31), chance.getrandbits(30)),
+            )
+        )
+        if topic in _STAMPED:
+            struct.pack_into("<iI", data, _STAMP_AT, *stamp)
+        return bytes(data)
+
+    def _impossible(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
+        del topic, now_ns
+        if len(data) >= _BODY_AT + 8:
+            # Numbers lie on multiples of eight behind the encoding.
+            place = 4 + 8 * self._chance.randrange(1, (len(data) - 4) // 8)
+            struct.pack_into("<d", data, place, self._chance.choice(_NUMBERS))
+        return bytes(data)
+
+    def _flipped(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
+        del topic, now_ns
+        for _ in range(self._chance.randrange(1, 9)):
+            data[self._chance.randrange(len(data))] = self._chance.getrandbits(8)
+        return bytes(data)
+
+    def _cut(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
+        del topic, now_ns
+        return bytes(data[: self._chance.randrange(len(data))])
+
+    def _blown_up(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
+        """Write a size that the message does not have, wherever one may be."""
+        del topic, now_ns
+        if len(data) >= _BODY_AT + 4:
+            place = 4 * self._chance.randrange(1, len(data) // 4)
+            size = self._chance.choice((2**31 - 1, 2**32 - 1, 2**20, 65536, 300, 1))
+            struct.pack_into("<I", data, place, size)
+        return bytes(data)
+
+    def _made_up(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
+        del topic, data, now_ns
+        return self._chance.randbytes(self._chance.choice((0, 1, 3, 4, 12, 40, 400)))
+
+    def _large(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
+        """Append what no field asks for; one in a hundred is larger than any node takes."""
+        del topic, now_ns
+        rest = 2**17 if self._chance.random() < 0.01 else 200
+        return bytes(data) + bytes(rest)
+
+
+class Suite:
+    """The nodes under test, and the time of their trip."""
+
+    messages_per_batch: int
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+        self.ticks = 0
+
+    def take(self, topic: Topic, data: bytes) -> None:
+        """Hand a message to whoever listens to its topic."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """End the nodes."""
+        raise NotImplementedError
+
+    def run(self) -> None:
+        """Let the nodes work for a moment; end with an error if one of them has ended."""
+        raise NotImplementedError
+
+    def memory_mib(self) -> float:
+        """Resident memory of all nodes."""
+        raise NotImplementedError
+
+    def caught(self) -> tuple[int, str]:
+        """Return how many exceptions the nodes caught, and the last one."""
+        raise NotImplementedError
+
+    def drive_on(self) -> float:
+        """Let the trip go on for some ticks and return the wall time that it took.
+
+        Raises:
+            ScenarioError: it does not go on.
+        """
+        begin_s, wanted = time.monotonic(), self.ticks + ORDINARY_TICKS
+        while self.ticks < wanted:
+            if time.monotonic() - begin_s > DEAF_AFTER_S:
+                raise ScenarioError(
+                    f"the trip stands at {self.now_ns} ns for {DEAF_AFTER_S:g} s: a node is deaf"
+                )
+            self.run()
+        return time.monotonic() - begin_s
+
+    def on_clock(self, time_ns: int) -> None:
+        """Note a tick of the plant."""
+        if time_ns != self.now_ns:
+            self.now_ns = time_ns
+            self.ticks += 1
+
+
+class NodesHere(Suite):
+    """All nodes in this process; their waits are shortened, so that many recoveries fit into a run."""
+
+    messages_per_batch = 5000
+
+    def __init__(self) -> None:
+        super().__init__()
+        arguments = [
+            part
+            for node, parameters in PARAMETERS.items()
+            for name, value in parameters.items()
+            for part in ("-p", f"{node}:{name}:={value}")
+        ]
+        rclpy.init(args=["fuzz", "--ros-args", "--log-level", "fatal", *arguments])
+        stamp_gate.LEAST_QUIET_S, plant_module.REPEAT_S = 0.05, 0.1  # type: ignore[misc]
+        self._nodes: tuple[SuiteNode, ...] = (PlantNode(), ControllerNode(), BridgeNode())
+        self._listener = SuiteNode("listener")
+        self._listener.listen(
+            Topic.CLOCK, lambda message: self.on_clock(ns_from_time(message.clock))
+        )
+        self._callbacks: dict[str, list[Callable[[bytes], None]]] = {}
+        self._executor = EventsExecutor()
+        self._executor.add_node(self._listener)
+        for node in self._nodes:
+            self._executor.add_node(node)
+            for subscription in node.subscriptions:
+                self._callbacks.setdefault(subscription.topic_name, []).append(
+                    subscription.callback
+                )
+
+    def take(self, topic: Topic, data: bytes) -> None:
+        for callback in self._callbacks.get("/" + TOPICS[topic].name.lstrip("/"), ()):
+            callback(data)
+
+    def run(self) -> None:
+        self._executor.spin_once(timeout_sec=0.002)
+
+    def memory_mib(self) -> float:
+        gc.collect()
+        return resident_memory_mib(os.getpid())
+
+    def caught(self) -> tuple[int, str]:
+        defects = [node.health.defects for node in self._nodes]
+        last = max(defects, key=lambda defect: defect.last_s)
+        return sum(defect.count for defect in defects), last.what
+
+    def close(self) -> None:
+        for node in (self._listener, *self._nodes):
+            self._executor.remove_node(node)
+            node.destroy_node()
+        self._executor.shutdown()
+        rclpy.try_shutdown()
+
+
+class NodesOverDds(Suite):
+    """All nodes as processes of their own, as users run them."""
+
+    messages_per_batch = 10_000
+
+    def __init__(self, environment: dict[str, str]) -> None:
+        super().__init__()
+        self._values: dict[str, dict[str, str]] = {}
+        context = Context()
+        rclpy.init(context=context)
+        self._context = context
+        self._node = SuiteNode("fuzz", context=context)
+        self._executor = EventsExecutor(context=context)
+        self._executor.add_node(self._node)
+        self._publishers: dict[Topic, Any] = {}
+        self._processes = {
+            name: subprocess.Popen(
+                [sys.executable, "-m", module, "--ros-args", "--log-level", "fatal",
+                 *(part for key, value in PARAMETERS[name].items()
+                   for part in ("-p", f"{key}:={value}"))],
+                env=environment,
+                stdin=subprocess.DEVNULL,
+            )
+            for name, module in MODULES.items()
+        }  # fmt: skip
+        self._node.listen(Topic.CLOCK, lambda message: self._on_clock(message.clock))
+        self._node.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
+
+    def _on_clock(self, stamp: Any) -> None:
+        # The clocks of the campaign itself are heard, too.
+        time_ns = ns_from_time(stamp)
+        if self.now_ns < time_ns <= self.now_ns + 2 * NS_PER_S:
+            self.on_clock(time_ns)
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for status in message.status:
+            self._values[status.name] = status_values(status)
+
+    def take(self, topic: Topic, data: bytes) -> None:
+        if topic not in self._publishers:
+            self._publishers[topic] = self._node.advertise(topic)
+        self._publishers[topic].publish(data)
+
+    def run(self) -> None:
+        self._executor.spin_once(timeout_sec=0.01)
+        for name, process in self._processes.items():
+            if process.poll() is not None:
+                raise ScenarioError(f"{name} ended with code {process.returncode}")
+
+    def memory_mib(self) -> float:
+        return sum(resident_memory_mib(process.pid) for process in self._processes.values())
+
+    def caught(self) -> tuple[int, str]:
+        values = self._values.values()
+        last = [value["last_caught_error"] for value in values if value["caught_errors"] != "0"]
+        return sum(int(value["caught_errors"]) for value in values), (last or ["none"])[0]
+
+    def close(self) -> None:
+        for process in self._processes.values():
+            process.terminate()
+        for process in self._processes.values():
+            process.wait(timeout=30)
+        self._executor.remove_node(self._node)
+        self._node.destroy_node()
+        self._executor.shutdown()
+        self._context.try_shutdown()
+
+
+@contextlib.contextmanager
+def _without_remarks_of_dds() -> Iterator[None]:
+    """Keep the lines away that the decoder of DDS writes past Python, one per message it cannot read."""
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+@contextlib.contextmanager
+def _suite(*, over_dds: bool) -> Iterator[Suite]:
+    with (
+        reserve_domain() as domain,
+        tempfile.TemporaryDirectory() as folder,
+        _without_remarks_of_dds(),
+    ):
+        environment = environment_of_run(domain, Path(folder))
+        os.environ.update(environment)
+        suite = NodesOverDds(environment) if over_dds else NodesHere()
+        try:
+            yield suite
+        finally:
+            suite.close()
+
+
+def measure(messages: int = 1_000_000, seed: int = 1, over_dds: int = 0) -> dict[str, Any]:
+    """Send damaged messages and drive on in between.
+
+    Args:
+        messages: number of damaged messages.
+        seed: of the damage.
+        over_dds: 1 publishes them to processes instead of handing them over in this one.
+
+    Raises:
+        ScenarioError: a node has ended or become deaf.
+    """
+    damage, chance = Damage(seed), random.Random(seed)  # noqa: S311
+    with _suite(over_dds=bool(over_dds)) as suite:
+        suite.drive_on()
+        warm_mib, recoveries_s, begin_s = 0.0, [], time.monotonic()
+        for sent in range(messages):
+            topic = chance.choice(damage.topics)
+            suite.take(topic, damage.message(topic, suite.now_ns))
+            if sent % 100 == 0:
+                suite.run()
+            if sent % suite.messages_per_batch == 0:
+                recoveries_s.append(suite.drive_on())
+            if sent == int(WARM_SHARE * messages):
+                warm_mib = suite.memory_mib()
+        recoveries_s.append(suite.drive_on())
+        caught, last = suite.caught()
+        return {
+            "messages": messages,
+            "kinds": dict(damage.kinds),
+            "exceptions": caught,
+            "last_exception": last,
+            "trip_ticks": suite.ticks,
+            "slowest_recovery_s": max(recoveries_s),
+            "memory_growth_mib": suite.memory_mib() - warm_mib,
+            "wall_time_s": time.monotonic() - begin_s,
+        }
+
+
+if __name__ == "__main__":
+    sys.exit(run_benchmark(measure))
