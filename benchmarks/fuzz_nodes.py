@@ -12,31 +12,26 @@ import contextlib
 import gc
 import os
 import random
-import struct
 import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import rclpy
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
-from rclpy.serialization import serialize_message
-from rosgraph_msgs.msg import Clock
 
+from benchmarks.fuzz_damage import Damage
 from benchmarks.harness import resident_memory_mib, run_benchmark
-from benchmarks.start_up import scripted_messages
 from iptm_bringup.environment import environment_of_run
 from iptm_controller.node import ControllerNode
 from iptm_core.errors import ScenarioError
-from iptm_core.state import Command
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces import stamp_gate
-from iptm_interfaces.codecs import encode_command, ns_from_time
+from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.diagnostics import status_values
 from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.suite_node import SuiteNode
@@ -59,99 +54,6 @@ MODULES = {
     "controller": "iptm_controller.node",
     "v2x_bridge": "iptm_v2x_bridge.node",
 }
-_STAMP_AT, _BODY_AT = 4, 12  # behind the four bytes of the encoding
-_STAMPED = frozenset(Topic) - {Topic.SLOPE}
-_NUMBERS = (float("nan"), float("inf"), -float("inf"), -1.0, 0.0, 1e308, -1e308, 5e-324, 1e6)
-
-
-class Damage:
-    """Draws damaged messages from a seed."""
-
-    def __init__(self, seed: int) -> None:
-        self._chance = random.Random(seed)  # noqa: S311
-        messages = scripted_messages()
-        messages[Topic.CLOCK] = Clock()
-        messages[Topic.COMMAND] = encode_command(0, Command(0.1, 100.0))
-        self._valid = {topic: bytes(serialize_message(m)) for topic, m in messages.items()}
-        self.kinds: Counter[str] = Counter()
-        self._ways: Sequence[Callable[[Topic, bytearray, int], bytes]] = (
-            self._restamped, self._restamped, self._impossible, self._flipped, self._cut,
-            self._blown_up, self._made_up, self._large,
-        )  # fmt: skip
-
-    @property
-    def topics(self) -> tuple[Topic, ...]:
-        """Topics of which there are messages."""
-        return tuple(self._valid)
-
-    def message(self, topic: Topic, now_ns: int) -> bytes:
-        """Return the bytes of a damaged message.
-
-        Args:
-            topic: one of `topics`.
-            now_ns: present trip time; some of the messages carry it.
-        """
-        way = self._chance.choice(self._ways)
-        self.kinds[way.__name__.strip("_")] += 1
-        data = bytearray(self._valid[topic])
-        if topic in _STAMPED and self._chance.random() < 0.5:
-            struct.pack_into("<iI", data, _STAMP_AT, *divmod(max(0, now_ns), NS_PER_S))
-        return way(topic, data, now_ns)
-
-    def _restamped(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
-        chance = self._chance
-        seconds = now_ns // NS_PER_S
-        stamp = chance.choice(
-            (
-                (seconds, 0),
-                (0, 0),
-                (max(0, seconds + chance.randrange(-40, 40)), 0),
-                (seconds, chance.getrandbits(32)),
-                (-chance.getrandbits(31) - 1, 0),
-                (2**31 - 1, chance.getrandbits(32)),
-                (chance.getrandbits(31), chance.getrandbits(30)),
-            )
-        )
-        if topic in _STAMPED:
-            struct.pack_into("<iI", data, _STAMP_AT, *stamp)
-        return bytes(data)
-
-    def _impossible(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
-        del topic, now_ns
-        if len(data) >= _BODY_AT + 8:
-            # Numbers lie on multiples of eight behind the encoding.
-            place = 4 + 8 * self._chance.randrange(1, (len(data) - 4) // 8)
-            struct.pack_into("<d", data, place, self._chance.choice(_NUMBERS))
-        return bytes(data)
-
-    def _flipped(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
-        del topic, now_ns
-        for _ in range(self._chance.randrange(1, 9)):
-            data[self._chance.randrange(len(data))] = self._chance.getrandbits(8)
-        return bytes(data)
-
-    def _cut(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
-        del topic, now_ns
-        return bytes(data[: self._chance.randrange(len(data))])
-
-    def _blown_up(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
-        """Write a size that the message does not have, wherever one may be."""
-        del topic, now_ns
-        if len(data) >= _BODY_AT + 4:
-            place = 4 * self._chance.randrange(1, len(data) // 4)
-            size = self._chance.choice((2**31 - 1, 2**32 - 1, 2**20, 65536, 300, 1))
-            struct.pack_into("<I", data, place, size)
-        return bytes(data)
-
-    def _made_up(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
-        del topic, data, now_ns
-        return self._chance.randbytes(self._chance.choice((0, 1, 3, 4, 12, 40, 400)))
-
-    def _large(self, topic: Topic, data: bytearray, now_ns: int) -> bytes:
-        """Append what no field asks for; one in a hundred is larger than any node takes."""
-        del topic, now_ns
-        rest = 2**17 if self._chance.random() < 0.01 else 200
-        return bytes(data) + bytes(rest)
 
 
 class Suite:
@@ -236,22 +138,27 @@ class NodesHere(Suite):
                 )
 
     def take(self, topic: Topic, data: bytes) -> None:
+        """Call back whoever listens to the topic."""
         for callback in self._callbacks.get("/" + TOPICS[topic].name.lstrip("/"), ()):
             callback(data)
 
     def run(self) -> None:
+        """Let timers and the nodes' own messages run."""
         self._executor.spin_once(timeout_sec=0.002)
 
     def memory_mib(self) -> float:
+        """Memory of this process."""
         gc.collect()
         return resident_memory_mib(os.getpid())
 
     def caught(self) -> tuple[int, str]:
+        """Exceptions by the nodes' own count."""
         defects = [node.health.defects for node in self._nodes]
         last = max(defects, key=lambda defect: defect.last_s)
         return sum(defect.count for defect in defects), last.what
 
     def close(self) -> None:
+        """Destroy the nodes."""
         for node in (self._listener, *self._nodes):
             self._executor.remove_node(node)
             node.destroy_node()
@@ -275,7 +182,7 @@ class NodesOverDds(Suite):
         self._executor.add_node(self._node)
         self._publishers: dict[Topic, Any] = {}
         self._processes = {
-            name: subprocess.Popen(
+            name: subprocess.Popen(  # noqa: S603  the nodes of the suite
                 [sys.executable, "-m", module, "--ros-args", "--log-level", "fatal",
                  *(part for key, value in PARAMETERS[name].items()
                    for part in ("-p", f"{key}:={value}"))],
@@ -298,25 +205,30 @@ class NodesOverDds(Suite):
             self._values[status.name] = status_values(status)
 
     def take(self, topic: Topic, data: bytes) -> None:
+        """Publish the bytes."""
         if topic not in self._publishers:
             self._publishers[topic] = self._node.advertise(topic)
         self._publishers[topic].publish(data)
 
     def run(self) -> None:
+        """Listen for a moment."""
         self._executor.spin_once(timeout_sec=0.01)
         for name, process in self._processes.items():
             if process.poll() is not None:
                 raise ScenarioError(f"{name} ended with code {process.returncode}")
 
     def memory_mib(self) -> float:
+        """Memory of the nodes' processes."""
         return sum(resident_memory_mib(process.pid) for process in self._processes.values())
 
     def caught(self) -> tuple[int, str]:
+        """Exceptions by the nodes' diagnostics."""
         values = self._values.values()
         last = [value["last_caught_error"] for value in values if value["caught_errors"] != "0"]
         return sum(int(value["caught_errors"]) for value in values), (last or ["none"])[0]
 
     def close(self) -> None:
+        """End the processes."""
         for process in self._processes.values():
             process.terminate()
         for process in self._processes.values():
@@ -328,13 +240,18 @@ class NodesOverDds(Suite):
 
 
 @contextlib.contextmanager
-def _without_remarks_of_dds() -> Iterator[None]:
-    """Keep the lines away that the decoder of DDS writes past Python, one per message it cannot read."""
+def _without_remarks_of_dds() -> Iterator[TextIO]:
+    """Keep the lines away that the decoder of DDS writes past Python, one per message it cannot read.
+
+    Yields:
+        What stderr was, for the progress.
+    """
     kept = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     try:
-        yield
+        with os.fdopen(os.dup(kept), "w") as stream:
+            yield stream
     finally:
         os.dup2(kept, 2)
         os.close(kept)
@@ -342,17 +259,17 @@ def _without_remarks_of_dds() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _suite(*, over_dds: bool) -> Iterator[Suite]:
+def _suite(*, over_dds: bool) -> Iterator[tuple[Suite, TextIO]]:
     with (
         reserve_domain() as domain,
         tempfile.TemporaryDirectory() as folder,
-        _without_remarks_of_dds(),
+        _without_remarks_of_dds() as progress,
     ):
         environment = environment_of_run(domain, Path(folder))
         os.environ.update(environment)
         suite = NodesOverDds(environment) if over_dds else NodesHere()
         try:
-            yield suite
+            yield suite, progress
         finally:
             suite.close()
 
@@ -369,28 +286,33 @@ def measure(messages: int = 1_000_000, seed: int = 1, over_dds: int = 0) -> dict
         ScenarioError: a node has ended or become deaf.
     """
     damage, chance = Damage(seed), random.Random(seed)  # noqa: S311
-    with _suite(over_dds=bool(over_dds)) as suite:
+    with _suite(over_dds=bool(over_dds)) as (suite, progress):
         suite.drive_on()
-        warm_mib, recoveries_s, begin_s = 0.0, [], time.monotonic()
-        for sent in range(messages):
+        warm_mib, slowest_s, begin_s = suite.memory_mib(), 0.0, time.monotonic()
+        for sent in range(1, messages + 1):
             topic = chance.choice(damage.topics)
             suite.take(topic, damage.message(topic, suite.now_ns))
             if sent % 100 == 0:
                 suite.run()
-            if sent % suite.messages_per_batch == 0:
-                recoveries_s.append(suite.drive_on())
             if sent == int(WARM_SHARE * messages):
                 warm_mib = suite.memory_mib()
-        recoveries_s.append(suite.drive_on())
-        caught, last = suite.caught()
+            if sent % suite.messages_per_batch == 0 or sent == messages:
+                slowest_s = max(slowest_s, suite.drive_on())
+                growth_mib, (caught, last) = suite.memory_mib() - warm_mib, suite.caught()
+                print(
+                    f"{sent} messages, {caught} exceptions, {suite.ticks} ticks, "
+                    f"{growth_mib:+.1f} MiB, recovered within {slowest_s:.1f} s",
+                    file=progress,
+                    flush=True,
+                )
         return {
             "messages": messages,
             "kinds": dict(damage.kinds),
             "exceptions": caught,
             "last_exception": last,
             "trip_ticks": suite.ticks,
-            "slowest_recovery_s": max(recoveries_s),
-            "memory_growth_mib": suite.memory_mib() - warm_mib,
+            "slowest_recovery_s": slowest_s,
+            "memory_growth_mib": growth_mib,
             "wall_time_s": time.monotonic() - begin_s,
         }
 

@@ -48,6 +48,14 @@ class MatchedSet(Generic[K]):
     verdict: Verdict
 
 
+@dataclass
+class _Pending(Generic[K]):
+    """Values of one stamp so far, and how many of the leading ones are among them."""
+
+    values: dict[K, Any]
+    led: int = 0
+
+
 class StampMatcher(Generic[K]):
     """Collects one value per named slot for each stamp and hands out complete sets.
 
@@ -84,7 +92,7 @@ class StampMatcher(Generic[K]):
             )
         self._max_pending = max_pending
         self._gate = gate or StampGate()
-        self._pending: dict[int, dict[K, Any]] = {}
+        self._pending: dict[int, _Pending[K]] = {}
         self._again: set[K] = set()
         self._counts = dict.fromkeys(("matched", "late", "duplicate", "abandoned"), 0)
 
@@ -131,9 +139,14 @@ class StampMatcher(Generic[K]):
             self._counts["late"] += 1
             if stamp_ns == self._gate.now_ns:
                 return self._put_again(slot, stamp_ns)
-        values = self._pending.setdefault(stamp_ns, {})
+        pending = self._pending.get(stamp_ns)
+        if pending is None:
+            pending = self._pending[stamp_ns] = _Pending({})
+        values = pending.values
         if slot in values:
             self._counts["duplicate"] += 1
+        elif slot in self._leading:
+            pending.led += 1
         values[slot] = value
         if len(values) == len(self._slots):
             return self._hand_out(stamp_ns)
@@ -150,7 +163,7 @@ class StampMatcher(Generic[K]):
         return MatchedSet(stamp_ns, {}, self._gate.judge(stamp_ns))
 
     def _hand_out(self, stamp_ns: int) -> MatchedSet[K] | None:
-        values = self._pending.pop(stamp_ns)
+        values = self._pending.pop(stamp_ns).values
         verdict = self._gate.judge(stamp_ns)
         if verdict is Verdict.STRAY:
             return None
@@ -162,41 +175,44 @@ class StampMatcher(Generic[K]):
         self._counts["matched"] += 1
         return MatchedSet(stamp_ns, values, verdict)
 
-    def _led(self, stamp_ns: int) -> int:
-        return len(self._leading & self._pending[stamp_ns].keys())
-
     def _likelihood(self, stamp_ns: int) -> tuple[bool, int, int]:
         """Return what orders pending sets by how likely they become the next tick."""
         distance_ns = abs(stamp_ns - self._gate.expected_ns)
-        return self._gate.follows(stamp_ns), self._led(stamp_ns), -distance_ns
+        return self._gate.follows(stamp_ns), self._pending[stamp_ns].led, -distance_ns
 
     def _candidates(self) -> list[int]:
         """Stamps of the pending sets with a part of the leading slots, those of the trip if there are any."""
-        led = [stamp for stamp in self._pending if self._leading & self._pending[stamp].keys()]
+        led = [stamp for stamp, pending in self._pending.items() if pending.led]
         return [stamp for stamp in led if self._gate.follows(stamp)] or led
 
     @property
     def is_waiting(self) -> bool:
         """Whether a part of the leading slots of a set is there, but not all of the set."""
-        return any(self._leading & values.keys() for values in self._pending.values())
+        return any(pending.led for pending in self._pending.values())
 
     @property
     def backlog_ns(self) -> int:
-        """Time between the oldest and the newest pending set of the trip that lack no leading slot."""
+        """Time from the last set to the newest one of the trip that lacks no leading slot.
+
+        0 while there is only one such set: then the plant may be waiting for the answer.
+        """
         led = [
             stamp
-            for stamp, values in self._pending.items()
-            if self._leading <= values.keys() and self._gate.follows(stamp)
+            for stamp, pending in self._pending.items()
+            if pending.led == len(self._leading) and self._gate.follows(stamp)
         ]
-        return max(led) - min(led) if led else 0
+        if len(led) < 2:
+            return 0
+        last_ns = self._gate.now_ns
+        return max(led) - (min(led) if last_ns is None else last_ns)
 
     def missing(self) -> tuple[int, tuple[K, ...]] | None:
         """Return stamp and missing slots of the set that `take_incomplete` would hand out."""
         candidates = self._candidates()
         if not candidates:
             return None
-        stamp_ns = max(candidates, key=lambda stamp: (self._led(stamp), stamp))
-        values = self._pending[stamp_ns]
+        stamp_ns = max(candidates, key=lambda stamp: (self._pending[stamp].led, stamp))
+        values = self._pending[stamp_ns].values
         return stamp_ns, tuple(slot for slot in self._slots if slot not in values)
 
     def take_incomplete(self) -> MatchedSet[K] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import replace
 
 from rosgraph_msgs.msg import Clock
 
@@ -104,8 +105,9 @@ class BridgeNode(SuiteNode):
         if time_ns is None:
             return
         self._answer = self._bridge.answer(time_ns)
-        leader = encode_leader(self._answer.leader)
-        leader.header.stamp = time_from_ns(time_ns)  # exactly, however late the hour
+        # The stamp is that of the clock to the nanosecond, however late the hour.
+        leader = encode_leader(replace(self._answer.leader, time_s=0.0))
+        leader.header.stamp = time_from_ns(time_ns)
         self._leader_publisher.publish(leader)
         self._preview_publisher.publish(encode_leader_preview_bytes(self._answer.preview, time_ns))
 
