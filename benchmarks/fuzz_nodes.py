@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
+from unittest import mock
 
 import rclpy
 from rclpy.context import Context
@@ -121,7 +122,9 @@ class NodesHere(Suite):
             for part in ("-p", f"{node}:{name}:={value}")
         ]
         rclpy.init(args=["fuzz", "--ros-args", "--log-level", "fatal", *arguments])
-        stamp_gate.LEAST_QUIET_S, plant_module.REPEAT_S = 0.05, 0.1  # type: ignore[misc]
+        self._waits = contextlib.ExitStack()
+        self._waits.enter_context(mock.patch.object(stamp_gate, "LEAST_QUIET_S", 0.05))
+        self._waits.enter_context(mock.patch.object(plant_module, "REPEAT_S", 0.1))
         self._nodes: tuple[SuiteNode, ...] = (PlantNode(), ControllerNode(), BridgeNode())
         self._listener = SuiteNode("listener")
         self._listener.listen(
@@ -164,6 +167,7 @@ class NodesHere(Suite):
             node.destroy_node()
         self._executor.shutdown()
         rclpy.try_shutdown()
+        self._waits.close()
 
 
 class NodesOverDds(Suite):
@@ -266,12 +270,15 @@ def _suite(*, over_dds: bool) -> Iterator[tuple[Suite, TextIO]]:
         _without_remarks_of_dds() as progress,
     ):
         environment = environment_of_run(domain, Path(folder))
+        given = dict(os.environ)
         os.environ.update(environment)
         suite = NodesOverDds(environment) if over_dds else NodesHere()
         try:
             yield suite, progress
         finally:
             suite.close()
+            os.environ.clear()
+            os.environ.update(given)
 
 
 def measure(messages: int = 1_000_000, seed: int = 1, over_dds: int = 0) -> dict[str, Any]:
