@@ -241,6 +241,22 @@ def test_the_plant_says_that_commands_arrive_but_do_not_fit(plant: NodeBench) ->
     assert plant.situation == (Level.OK, "running")
 
 
+def test_a_second_controller_is_told_when_both_speak(plant: NodeBench) -> None:
+    second = SuiteNode("second")
+    second.advertise(Topic.COMMAND)
+    plant.spin_until(lambda: plant.node.count_publishers(Topic.COMMAND.value) == 2)
+
+    def told() -> bool:
+        tick = plant.stamps(Topic.PLANT_ODOMETRY)[-1]
+        for _ in range(2):
+            answer(plant, tick)
+        return plant.situation == (Level.ERROR, "more than one controller on this graph")
+
+    plant.spin_until(told)
+    second.destroy_node()
+    plant.spin_until(lambda: plant.situation[0] is not Level.ERROR)
+
+
 def test_the_plant_repeats_its_state_until_it_is_answered(plant: NodeBench) -> None:
     for tick in (0, 1):
         plant.spin_until(lambda tick=tick: plant.stamps(Topic.PLANT_ODOMETRY).count(tick) >= 3)
