@@ -187,7 +187,7 @@ def test_topic_by_relative_name(tmp_path: Path) -> None:
     [
         ("", "does not describe a bag"),
         ("- 1", "does not describe a bag"),
-        ("{", "not YAML"),
+        ("{", "not valid YAML"),
         ("rosbag2_bagfile_information: {storage_identifier: mcap}", "names no file"),
         (
             "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [no.mcap]}",
@@ -216,7 +216,7 @@ def test_split_bag(small_bag: Path, tmp_path: Path, encode: Encode) -> None:
         topic = writer.add_topic("/a", FLOAT)
         writer.write(topic, encode(99.0), 30 * 10**9)
     (tmp_path / "more" / "more_0.mcap").rename(small_bag / "small_1.mcap")
-    edit_metadata(small_bag, relative_file_paths=["small_0.mcap", "small_1.mcap"])
+    edit_metadata(small_bag, relative_file_paths=["small_0.mcap", "small_1.mcap"], message_count=41)
     with BagReader(small_bag) as reader:
         assert reader.topics["/a"].message_count == 21
         assert reader.end_ns == 30 * 10**9

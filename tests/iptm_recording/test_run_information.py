@@ -43,7 +43,7 @@ def test_file_of_the_runner(tmp_path: Path) -> None:
     ("text", "reason"),
     [
         ("- 1", "allowed: a mapping"),
-        ("{", "not YAML"),
+        ("{", "not valid YAML"),
         ("seed: many", "seed is 'many'"),
         ("seed: true", "seed is True"),
         ("parameters: [1]", "parameters are a list"),
@@ -57,7 +57,7 @@ def test_malformed_file_of_the_runner(text: str, reason: str, tmp_path: Path) ->
 
 
 def test_missing_file_of_the_runner(tmp_path: Path) -> None:
-    with pytest.raises(BagError, match="cannot read"):
+    with pytest.raises(BagError, match="no such file"):
         load_run_information(tmp_path / "no.yaml")
 
 

@@ -77,7 +77,10 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         except OSError as error:
             raise BagError(f"cannot create the bag {folder}: {error}") from None
         self._writer = Writer(
-            self._file, chunk_size=chunk_bytes, compression=COMPRESSIONS[compression]
+            self._file,
+            chunk_size=chunk_bytes,
+            compression=COMPRESSIONS[compression],
+            enable_data_crcs=True,  # texts about the run have no other checksum
         )
         try:
             self._writer.start(Profile.ROS2, library="iptm_recording")

@@ -22,6 +22,8 @@ from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 
 from iptm_core.errors import BagError
+from iptm_core.parameters.strict_yaml import parse_yaml
+from iptm_core.strict_mapping import shown
 
 # rosbag2 writes an unlimited duration as the largest 64-bit count of nanoseconds.
 UNLIMITED = QosTime(9223372036, 854775807)
@@ -109,11 +111,15 @@ def parse_profiles(text: str) -> tuple[Qos, ...]:
     Raises:
         BagError: the text is no YAML or holds no list of profiles.
     """
+    allowed = "a YAML list of QoS profiles"
+    entries = parse_yaml(text, "offered_qos_profiles", BagError)
+    if entries is not None and not isinstance(entries, list):
+        raise BagError(f"offered_qos_profiles is {shown(text)}; allowed: {allowed}")
     try:
-        return tuple(parse_qos(text))
-    except (ReaderError, KeyError, TypeError, AttributeError) as error:
+        return tuple(parse_qos(entries or []))
+    except (ReaderError, LookupError, TypeError, ValueError, AttributeError) as error:
         raise BagError(
-            f"offered_qos_profiles is {text!r} ({error}); allowed: a YAML list of QoS profiles"
+            f"offered_qos_profiles is {shown(text)} ({error!r}); allowed: {allowed}"
         ) from None
 
 

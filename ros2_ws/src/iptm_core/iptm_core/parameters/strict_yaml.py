@@ -1,27 +1,62 @@
-"""YAML as the configuration files of this project need it: YAML 1.2 scalars, no duplicate keys.
+"""YAML as the configuration files of this project need it: YAML 1.2 scalars, no duplicate keys, bounded.
 
 PyYAML's own loader follows YAML 1.1, where ``1e-4`` is a string, ``1:30`` the number 90, ``010``
 eight, ``no`` false, and where the second of two equal keys silently wins. Each of these turns a typing
 slip into a wrong number, so the loader here knows none of them.
+
+Whatever the text, reading ends soon and takes little memory: size, depth and the number of values that
+references (`*name`) stand for are bounded.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
 from iptm_core.errors import IptmError, ParameterError
 
-_MAX_BYTES = 4_000_000
+MAX_BYTES = 500_000
+_MAX_DEPTH = 50
+_MAX_VALUES = 200_000
+"""With references written out; a text of `MAX_BYTES` without any cannot reach it by much."""
 
 
 class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML ships no type information
     """Safe loader with the core schema of YAML 1.2 and without duplicate keys."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (the name PyYAML looks up)
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = 0
+        self._sizes: dict[int, int] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Compose a value, unless it lies too deep or stands for too many."""
+        mark = self.peek_event().start_mark
+        is_reference = self.check_event(yaml.AliasEvent)
+        self._depth += 1
+        if self._depth > _MAX_DEPTH:
+            self._refuse(f"nested more than {_MAX_DEPTH} deep", mark)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if is_reference and id(node) not in self._sizes:
+            self._refuse("a value contains itself", mark)
+        if not is_reference:
+            self._sizes[id(node)] = 1 + sum(
+                self._sizes.get(id(part), 0) for part in _parts_of(node)
+            )
+        if self._sizes[id(node)] > _MAX_VALUES:
+            self._refuse(f"more than {_MAX_VALUES} values, references counted", mark)
+        return node
+
+    @staticmethod
+    def _refuse(reason: str, mark: Any) -> NoReturn:
+        raise yaml.composer.ComposerError(None, None, reason, mark)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002
         """Build a mapping and refuse a key that occurs twice."""
@@ -38,6 +73,15 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML ships no t
                 )
             mapping[key] = self.construct_object(value_node, deep=deep)
         return mapping
+
+
+def _parts_of(node: Any) -> Iterator[Any]:
+    """Yield the values directly below a value."""
+    if isinstance(node, yaml.SequenceNode):
+        yield from node.value
+    elif isinstance(node, yaml.MappingNode):
+        for pair in node.value:
+            yield from pair
 
 
 _StrictLoader.add_implicit_resolver(
@@ -71,8 +115,11 @@ def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) 
         Mappings, lists, strings, numbers, booleans or None.
 
     Raises:
-        IptmError: (of class ``error``) if the text is no YAML, repeats a key or nests without end.
+        IptmError: (of class ``error``) if the text is no YAML, repeats a key, nests too deeply, or is or
+            becomes too large.
     """
+    if len(text) > MAX_BYTES:
+        raise error(f"{origin}: {len(text)} characters; at most {MAX_BYTES} are read")
     try:
         loader = _StrictLoader(text)
     except yaml.YAMLError as reason:
@@ -81,8 +128,6 @@ def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) 
         return loader.get_single_data()
     except yaml.YAMLError as reason:
         raise error(f"{origin}: not valid YAML: {_one_line(reason)}") from reason
-    except RecursionError as reason:
-        raise error(f"{origin}: not valid YAML: nested too deeply") from reason
     except ValueError as reason:
         raise error(f"{origin}: not valid YAML: {_one_line(reason)}") from reason
     finally:
@@ -97,8 +142,8 @@ def read_yaml(path: Path, error: type[IptmError] = ParameterError) -> Any:
         if not path.is_file():
             raise error(f"{path}: not a regular file")
         size = path.stat().st_size
-        if size > _MAX_BYTES:
-            raise error(f"{path}: {size} bytes; at most {_MAX_BYTES} are read")
+        if size > MAX_BYTES:
+            raise error(f"{path}: {size} bytes; at most {MAX_BYTES} are read")
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as reason:
         raise error(f"{path}: cannot be read as UTF-8 text: {reason}") from reason
