@@ -96,7 +96,8 @@ def _spoil_start(data: bytearray, rng: random.Random) -> None:
 
 def _grow_a_length(data: bytearray, rng: random.Random) -> None:
     """Change a length where a chunk, its compression or its messages state one."""
-    at = rng.choice([i for i in range(len(data) - 9) if data[i] in {5, 6, 7} and not data[i + 4]])
+    places = [i for i in range(len(data) - 9) if data[i] in {5, 6, 7} and not data[i + 4]]
+    at = rng.choice(places or range(len(data) - 9))
     data[at + 1 + rng.randrange(8)] ^= 1 << rng.randrange(8)
 
 

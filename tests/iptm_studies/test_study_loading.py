@@ -185,7 +185,7 @@ def test_too_many_cases(study_file: WriteFile) -> None:
     axis = "[" + ", ".join(f"{{labels: {{l%s: {number}}}}}" for number in range(101)) + "]"
     axes = ", ".join(axis.replace("%s", str(number)) for number in (1, 2))
     path = study_file(f"title: t\ncases: [{{name: '{{l1}}/{{l2}}', for_each: [{axes}]}}]\n")
-    with pytest.raises(ScenarioError, match="more than 10000 cases"):
+    with pytest.raises(ScenarioError, match="10201 cases; allowed: 10000"):
         read_study(path)
 
 

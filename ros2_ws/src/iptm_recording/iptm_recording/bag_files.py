@@ -14,8 +14,12 @@ from mcap.summary import Summary
 from mcap.well_known import Profile
 
 from iptm_core.errors import BagError
+from iptm_core.strict_mapping import shown
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_recording.soundness import DAMAGE, FOOTER, MAGIC, check_data_section, summary_start
+
+_COMPRESSED_SUFFIXES = (".zstd", ".lz4")
+_ONLY_INSIDE = "only the compression inside MCAP files is read"
 
 
 def find_files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
@@ -28,11 +32,18 @@ def find_files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
     Raises:
         BagError: there is no such bag, or it is stored in another way.
     """
-    if not path.exists():
-        raise BagError(f"{path} does not exist")
     if path.is_file():
         if path.suffix == ".db3":
             raise BagError(f"{path} is an SQLite bag; only MCAP is read ({_conversion_hint()})")
+        if path.suffix == ".bag":
+            raise BagError(
+                f"{path} is a ROS 1 bag; only MCAP is read"
+                f" ({_conversion_hint(' --dst-typestore ros2_jazzy')})"
+            )
+        if path.suffix in _COMPRESSED_SUFFIXES:
+            raise BagError(
+                f"{path} is compressed by rosbag2; {_ONLY_INSIDE} ({_conversion_hint()})"
+            )
         return [path]
     if not metadata:
         if any(path.glob("*.mcap")):
@@ -44,6 +55,20 @@ def find_files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
     return _listed_files(path, metadata)
 
 
+def check_exists(path: Path) -> None:
+    """Refuse a bag that is not there.
+
+    Raises:
+        BagError: it is not, or nothing can have such a name.
+    """
+    try:
+        exists = path.exists()
+    except OSError as error:
+        raise BagError(f"bag {shown(str(path))}: {error.strerror}") from None
+    if not exists:
+        raise BagError(f"{path} does not exist")
+
+
 def _listed_files(folder: Path, metadata: Mapping[str, Any]) -> list[Path]:
     storage = metadata.get("storage_identifier")
     if storage != "mcap":
@@ -53,7 +78,7 @@ def _listed_files(folder: Path, metadata: Mapping[str, Any]) -> list[Path]:
     if metadata.get("compression_mode"):
         raise BagError(
             f"{folder} is compressed by rosbag2 (mode {metadata['compression_mode']!r});"
-            " only the compression inside MCAP files is read"
+            f" {_ONLY_INSIDE} ({_conversion_hint()})"
         )
     names = metadata.get("relative_file_paths")
     if not isinstance(names, list) or not names:
@@ -65,8 +90,9 @@ def _listed_files(folder: Path, metadata: Mapping[str, Any]) -> list[Path]:
     return files
 
 
-def _conversion_hint() -> str:
-    return "convert it with: rosbags-convert --src <bag> --dst <new bag> --dst-storage mcap"
+def _conversion_hint(options: str = "") -> str:
+    command = f"rosbags-convert --src <bag> --dst <new bag> --dst-storage mcap{options}"
+    return f"convert it with: {command}"
 
 
 class BagFile:

@@ -15,7 +15,7 @@ from typing import Any, final
 from iptm_core.errors import BagError
 from iptm_core.parameters import ModelParameters, load_parameters
 from iptm_core.strict_mapping import shown
-from iptm_recording.bag_files import BagFile, find_files
+from iptm_recording.bag_files import BagFile, check_exists, find_files
 from iptm_recording.message_types import Decoder, MessageDefinition
 from iptm_recording.metadata import METADATA_FILE, read_metadata
 from iptm_recording.recorded_topics import TopicRecord, parse_profiles
@@ -65,6 +65,7 @@ class BagReader(AbstractContextManager["BagReader"]):
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        check_exists(path)
         self._metadata = read_metadata(path) if (path / METADATA_FILE).is_file() else {}
         self._files: list[BagFile] = []
         try:

@@ -18,6 +18,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.interfaces import Qos
 
 from iptm_core.errors import BagError
+from iptm_core.strict_mapping import shown
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition, message_definition
 from iptm_recording.metadata import NO_START_NS, describe_bag, metadata_text, write_metadata
 from iptm_recording.recorded_topics import TopicRecord, dump_profiles
@@ -75,7 +76,9 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         except FileExistsError:
             raise BagError(f"{folder} exists already; a bag is never overwritten") from None
         except OSError as error:
-            raise BagError(f"cannot create the bag {folder}: {error}") from None
+            raise BagError(
+                f"cannot create the bag {shown(str(folder))}: {error.strerror}"
+            ) from None
         self._writer = Writer(
             self._file,
             chunk_size=chunk_bytes,

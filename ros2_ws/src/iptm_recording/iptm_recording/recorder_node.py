@@ -20,7 +20,7 @@ from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.run_information import RunInformation
 from iptm_recording.session import RecordingSession
 from iptm_recording.subscriptions import TopicSubscriber
-from iptm_recording.timeline import Timeline, TimeSource
+from iptm_recording.timeline import CLOCK_TOPIC, Timeline, TimeSource
 
 READY_LINE = "recorder ready"
 DEFAULT_DEPTH = 10_000
@@ -63,22 +63,28 @@ class RecorderNode(SuiteNode):
         options: what to record.
 
     Raises:
-        BagError: the output exists or cannot be created.
+        BagError: the output exists or cannot be created, or the clock is excluded.
     """
 
     def __init__(self, options: RecorderOptions) -> None:
         super().__init__("recorder")
         self._options = options
+        self._clock_topic = self.resolve_topic_name(CLOCK_TOPIC)
+        selection = options.selection
+        if options.time_source is TimeSource.SIMULATED:
+            selection = _with_clock(selection, self._clock_topic)
         self._writer = BagWriter(
             options.output,
             custom_data=options.run_information.to_custom_data(),
             compression=options.compression,
         )
-        self._session = RecordingSession(self._writer, Timeline(options.time_source))
+        self._session = RecordingSession(
+            self._writer, Timeline(options.time_source), self._clock_topic
+        )
         self._topics = TopicSubscriber(
             self,
             self._session,
-            options.selection,
+            selection,
             discover=options.discover,
             depth=options.depth,
             on_error=self._fail,
@@ -156,7 +162,10 @@ class RecorderNode(SuiteNode):
         }
         level, reason = Level.OK, "recording" if is_recording else "waiting for data"
         if self._session.held_count > _MANY_HELD:
-            level, reason = Level.WARN, "waiting for /clock, messages are kept in memory"
+            level, reason = (
+                Level.WARN,
+                f"waiting for {self._clock_topic}, messages are kept in memory",
+            )
         self._diagnostics.report(self._session.now_ns or 0, level, reason, values)
 
     def _progress(self) -> str:
@@ -180,3 +189,19 @@ class RecorderNode(SuiteNode):
             self._fail(error)
             return
         print(f"{self._progress()}; closed {self._options.output}", flush=True)
+
+
+def _with_clock(selection: TopicSelection, clock_topic: str) -> TopicSelection:
+    """Return the topics wanted with the clock among them.
+
+    Raises:
+        BagError: the clock is excluded.
+    """
+    include = (*selection.include, clock_topic) if selection.include else ()
+    wanted = TopicSelection(include, selection.exclude)
+    if not wanted.takes(clock_topic):
+        raise BagError(
+            f"{clock_topic} is excluded, but the times of the bag come from it;"
+            " use --time wall to record without it"
+        )
+    return wanted

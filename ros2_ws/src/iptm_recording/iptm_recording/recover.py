@@ -18,6 +18,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap.well_known import MessageEncoding
 
 from iptm_core.errors import BagError, IptmError
+from iptm_recording.bag_files import check_exists
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_recording.metadata import read_metadata
@@ -129,11 +130,11 @@ def recover(source: Path, output: Path | None = None) -> RecoveryReport:
 
 def _mcap_files(source: Path) -> list[Path]:
     """Return the MCAP files of a bag folder in recording order, or the file itself."""
-    if not source.exists():
-        raise BagError(f"{source} does not exist")
+    check_exists(source)
     if source.is_file():
         return [source]
-    files = sorted(source.glob("*.mcap"), key=_file_number)
+    found = (path for path in source.glob("*.mcap") if path.is_file())
+    files = sorted(found, key=_file_number)
     if not files:
         raise BagError(f"{source} holds no .mcap file")
     return files

@@ -11,7 +11,7 @@ from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosHistory
 
 from iptm_core.errors import BagError
-from iptm_interfaces.topics import TOPICS, Topic, find_topic
+from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.rclpy_types import from_profile, message_class, to_profile
 from iptm_recording.recorded_topics import TopicSelection, request_for
 from iptm_recording.session import RecordingSession
@@ -127,6 +127,7 @@ class TopicSubscriber:
         self._subscribed: dict[str, _Subscribed] = {}
         self._unrecordable: set[str] = set()
         names = {topic: node.resolve_topic_name(spec.name) for topic, spec in TOPICS.items()}
+        self._specs = {name: TOPICS[topic] for topic, name in names.items()}
         self._suite = {
             name: TOPICS[topic].type_name for topic, name in names.items() if selection.takes(name)
         }
@@ -248,7 +249,7 @@ class TopicSubscriber:
         The middleware does not announce how many messages a publisher keeps; for the suite's own
         topics the table knows.
         """
-        spec = find_topic(name, self._node.get_namespace())
+        spec = self._specs.get(name)
         offered = []
         for endpoint in self._node.get_publishers_info_by_topic(name):
             qos = from_profile(endpoint.qos_profile)

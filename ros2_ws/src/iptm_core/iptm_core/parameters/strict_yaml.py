@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 import yaml
 
 from iptm_core.errors import IptmError, ParameterError
+from iptm_core.user_input import read_bounded
 
 MAX_BYTES = 500_000
 _MAX_DEPTH = 50
@@ -137,16 +138,13 @@ def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) 
 def read_yaml(path: Path, error: type[IptmError] = ParameterError) -> Any:
     """Read and parse one YAML file; errors as in ``parse_yaml``, and for an unreadable file."""
     try:
-        if not path.exists():
-            raise error(f"{path}: no such file")
-        if not path.is_file():
-            raise error(f"{path}: not a regular file")
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise error(f"{path}: {size} bytes; at most {MAX_BYTES} are read")
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as reason:
+        text = read_bounded(path, MAX_BYTES).decode("utf-8")
+    except FileNotFoundError:
+        raise error(f"{path}: no such file") from None
+    except UnicodeDecodeError as reason:
         raise error(f"{path}: cannot be read as UTF-8 text: {reason}") from reason
+    except (OSError, ValueError) as reason:  # ValueError: a null character in the path
+        raise error(f"{path}: cannot be read: {reason}") from reason
     return parse_yaml(text, str(path), error)
 
 
