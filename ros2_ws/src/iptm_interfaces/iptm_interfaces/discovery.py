@@ -6,9 +6,8 @@ announcement lost at start costs seconds. The profile shipped here repeats it tw
 
 from __future__ import annotations
 
-import fcntl
 import os
-import tempfile
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +17,7 @@ from iptm_core.errors import ScenarioError
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 """Environment variable from which Fast DDS 2.14 (Jazzy) reads its profile."""
 
+_NAME = "\0iptm_ros_domain"  # the null character makes it abstract (Linux)
 _DOMAINS = range(1, 102)  # higher ones collide with the ephemeral ports of Linux
 
 
@@ -30,8 +30,9 @@ def discovery_profile_path() -> Path:
 def reserve_domain() -> Iterator[int]:
     """Reserve a ROS domain that no other reservation on this machine holds at the same time.
 
-    Two runs in the same domain would hear each other. The reservation is a lock on a file in the
-    temporary directory and ends with the context or with the process, however that dies.
+    Two runs in the same domain would hear each other. The reservation is an abstract socket: it reaches
+    as far as the loopback device over which the runs would hear each other, is no file that anybody
+    could put a link in the place of, and ends with the context or with the process, however that dies.
 
     Yields:
         The domain id, to be given to processes as `ROS_DOMAIN_ID`.
@@ -42,13 +43,11 @@ def reserve_domain() -> Iterator[int]:
     # Starting at a place of its own keeps one process from reusing a domain that was just left.
     start = os.getpid() % len(_DOMAINS)
     for domain in [*_DOMAINS[start:], *_DOMAINS[:start]]:
-        descriptor = _lock(Path(tempfile.gettempdir()) / f"iptm_ros_domain_{domain}.lock")
-        if descriptor is None:
+        reservation = _reserved(domain)
+        if reservation is None:
             continue
-        try:
+        with reservation:
             yield domain
-        finally:
-            os.close(descriptor)
         return
     raise ScenarioError(
         f"ROS domains {_DOMAINS[0]} to {_DOMAINS[-1]} are all reserved; allowed: at most "
@@ -56,15 +55,12 @@ def reserve_domain() -> Iterator[int]:
     )
 
 
-def _lock(path: Path) -> int | None:
-    """Return the descriptor of a locked file, or None if someone else holds the lock."""
+def _reserved(domain: int) -> socket.socket | None:
+    """Return what holds a reservation, or None if someone else has it."""
+    reservation = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-    except PermissionError:  # left behind by another user
+        reservation.bind(f"{_NAME}_{domain}")
+    except OSError:
+        reservation.close()
         return None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        return None
-    return descriptor
+    return reservation
