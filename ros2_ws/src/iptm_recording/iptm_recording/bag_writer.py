@@ -173,6 +173,22 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         except (OSError, ValueError) as error:
             raise self._failed(error) from None
 
+    def add_information(self, texts: Mapping[str, str]) -> None:
+        """Store further texts about the run, or others in the place of those so far.
+
+        Args:
+            texts: by name.
+
+        Raises:
+            BagError: the file cannot be written (disk full).
+        """
+        self._custom_data.update(texts)
+        try:
+            self._writer.add_metadata(RECORD_NAME, dict(texts))
+            self._file.flush()
+        except (OSError, ValueError) as error:
+            raise self._failed(error) from None
+
     def flush(self) -> None:
         """Finish the chunk in progress, so that a kill of the process no longer loses its messages.
 

@@ -8,14 +8,19 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import yaml
+
+from iptm_core.declaration import Scalar
 from iptm_core.errors import BagError
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.process import EXIT_USER_ERROR
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_writer import BagWriter
+from iptm_recording.node_parameters import ParameterCollector, with_model
 from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.run_information import RunInformation
 from iptm_recording.session import RecordingSession
@@ -89,6 +94,12 @@ class RecorderNode(SuiteNode):
             depth=options.depth,
             on_error=self._fail,
         )
+        # A run that was started by hand is asked what it depends on.
+        self._collector = (
+            None
+            if options.run_information.parameters
+            else ParameterCollector(self, self._store_parameters)
+        )
         self._stop_time_s: float | None = None
         self._looks_since_stop = 0
         self._closed = False
@@ -129,6 +140,8 @@ class RecorderNode(SuiteNode):
                 self.finish(self.exit_code)
             return
         self._topics.look()
+        if self._collector is not None:
+            self._collector.look()
         if now_s >= self._next_adaption_s:
             self._next_adaption_s = now_s + _ADAPTION_PERIOD_S
             self._topics.adapt()
@@ -172,6 +185,13 @@ class RecorderNode(SuiteNode):
         now_ns = self._session.now_ns
         at = "" if now_ns is None else f", at {now_ns * 1e-9:.1f} s"
         return f"recorded {self._session.message_count} messages{at}"
+
+    def _store_parameters(self, by_node: Mapping[str, Mapping[str, Scalar]]) -> None:
+        text = yaml.safe_dump(with_model(by_node), sort_keys=False)
+        try:
+            self._writer.add_information({"parameters": text})
+        except BagError as error:
+            self._fail(error)
 
     def _fail(self, error: BagError) -> None:
         """Give up on an error of the disk; the bag so far can still be read or recovered."""
