@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -84,3 +85,30 @@ def test_a_run_started_by_hand_tells_its_parameters(
     parameters, is_stored = read_model_parameters(tmp_path / "bag")
     assert is_stored
     assert parameters.body.mass_kg == 1777.0
+
+
+def test_what_a_frozen_recorder_missed_is_counted(peer: Any, recorder: Any, tmp_path: Path) -> None:
+    """Nobody waits for a recorder; a publisher keeps ten messages for it."""
+    state = peer.node.create_publisher(Temperature, STATE, 10)
+    clock = peer.node.create_publisher(Clock, CLOCK, 10)
+    peer.wait_until(state.get_subscription_count, 60.0, "subscription to the state")
+    state.publish(Temperature())
+    peer.wait_until(clock.get_subscription_count, 60.0, "subscription to the clock")
+    clock.publish(Clock())
+    file = tmp_path / "bag" / "bag_0.mcap"
+    recorder.send(signal.SIGSTOP)
+    sent = 6000  # more than the sockets in between hold
+    for _ in range(sent):
+        state.publish(Temperature())
+    recorder.send(signal.SIGCONT)
+
+    for _ in range(5):  # the messages that follow tell that some before are missing
+        size = file.stat().st_size
+        state.publish(Temperature())
+        peer.wait_until(lambda size=size: file.stat().st_size > size, what="growth of the bag")
+    assert recorder.stop() == 0
+    told = sum(int(number) for number in re.findall(r"(\d+) of /", recorder.stderr))
+    with BagReader(tmp_path / "bag") as reader:
+        assert reader.topics[STATE].message_count + told == sent + 6
+        assert told > 0
+        assert "lost_messages" in reader.run_information().extra

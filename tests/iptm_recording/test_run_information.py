@@ -78,3 +78,13 @@ def test_bag_without_model_parameters_is_judged_by_the_default_set(small_bag: Pa
 def test_malformed_model_parameters(text: str) -> None:
     with pytest.raises(BagError):
         stored_model_parameters(RunInformation(parameters=text))
+
+
+def test_references_that_multiply_are_refused(tmp_path: Path) -> None:
+    """Ten lines stand for ten billion values; written out they would fill the memory."""
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 10)]
+    path = tmp_path / "bomb.yaml"
+    path.write_text("\n".join(lines))
+    with pytest.raises(BagError, match="more than 200000 values, references counted"):
+        load_run_information(path)

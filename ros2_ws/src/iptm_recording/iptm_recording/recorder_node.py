@@ -172,6 +172,7 @@ class RecorderNode(SuiteNode):
             "subscriptions": self._topics.subscribed_count,
             "subscriptions_matched": self._topics.matched_count,
             "awaited_topics": ", ".join(self._topics.awaited_topics),
+            "lost_messages": sum(self._topics.lost_counts.values()),
         }
         level, reason = Level.OK, "recording" if is_recording else "waiting for data"
         if self._session.held_count > _MANY_HELD:
@@ -179,6 +180,8 @@ class RecorderNode(SuiteNode):
                 Level.WARN,
                 f"waiting for {self._clock_topic}, messages are kept in memory",
             )
+        if self._topics.lost_counts:
+            level, reason = Level.WARN, "messages were lost: the recorder was too slow or stopped"
         self._diagnostics.report(self._session.now_ns or 0, level, reason, values)
 
     def _progress(self) -> str:
@@ -203,12 +206,18 @@ class RecorderNode(SuiteNode):
         if self._closed:
             return
         self._closed = True
+        lost = self._topics.lost_counts
         try:
+            if lost:
+                self._writer.add_information({"lost_messages": yaml.safe_dump(lost)})
             self._session.close()
         except BagError as error:
             self._fail(error)
             return
         print(f"{self._progress()}; closed {self._options.output}", flush=True)
+        if lost:
+            counts = ", ".join(f"{count} of {name}" for name, count in sorted(lost.items()))
+            print(f"recorder: {sum(lost.values())} messages lost: {counts}", file=sys.stderr)
 
 
 def _with_clock(selection: TopicSelection, clock_topic: str) -> TopicSelection:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosHistory
@@ -91,6 +93,9 @@ class _Subscribed:
     take: Callable[[bytes], None]
     request: Qos
     subscription: Subscription
+    lost: int = 0
+    lost_before: int = 0
+    """Lost by subscriptions that were replaced."""
 
 
 class TopicSubscriber:
@@ -144,6 +149,12 @@ class TopicSubscriber:
         return len(self._subscribed)
 
     @property
+    def lost_counts(self) -> dict[str, int]:
+        """Messages that were published and never reached the recorder, by topic, as the middleware counts."""
+        totals = {name: entry.lost_before + entry.lost for name, entry in self._subscribed.items()}
+        return {name: total for name, total in totals.items() if total}
+
+    @property
     def matched_count(self) -> int:
         """Topics of which messages are sure to be received by now."""
         return sum(map(self._is_matched, self._subscribed))
@@ -174,6 +185,10 @@ class TopicSubscriber:
             if offered and request != subscribed.request:
                 self._node.destroy_subscription(subscribed.subscription)
                 subscribed.request = request
+                subscribed.lost_before, subscribed.lost = (
+                    subscribed.lost_before + subscribed.lost,
+                    0,
+                )
                 subscribed.subscription = self._raw_subscription(
                     name, subscribed.type_name, subscribed.take, request
                 )
@@ -241,7 +256,19 @@ class TopicSubscriber:
         self, name: str, type_name: str, take: Callable[[bytes], None], request: Qos
     ) -> Subscription:
         kind = message_class(type_name)
-        return self._node.create_subscription(kind, name, take, to_profile(request), raw=True)
+
+        def count_lost(event: Any) -> None:
+            if name in self._subscribed:
+                self._subscribed[name].lost = event.total_count
+
+        return self._node.create_subscription(
+            kind,
+            name,
+            take,
+            to_profile(request),
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=count_lost),
+        )
 
     def _offered_qos(self, name: str) -> list[Qos]:
         """Return what the publishers of a topic offer at present.
