@@ -23,6 +23,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 from iptm_core.errors import BagError
 from iptm_recording import bag_info, compare_bags
@@ -33,10 +34,12 @@ from iptm_recording.recover import RecoveryReport, recover
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "bags" / "example_us06_120s"
-LENGTH_S = 12.0
-CHUNK_BYTES = 8 * 1024
+LENGTH_S = 8.0
+CHUNK_BYTES = 6 * 1024
 TIMEOUT_S = 60.0
 _MOST_BYTES = 3000
+_TELL_EVERY = 50
+_Figures = tuple[dict[str, Any], dict[str, Any]]
 _Corruption = Callable[[bytearray, random.Random], None]
 
 
@@ -132,6 +135,7 @@ class Original:
     folder: Path
     messages: list[RawMessage]
     custom_data: dict[str, str]
+    figures: _Figures
 
 
 @dataclass
@@ -183,7 +187,9 @@ def make_original(folder: Path, compression: str) -> Original:
             times = (message.log_time_ns, message.publish_time_ns)
             writer.write(ids[message.topic], message.data, *times)
     with BagReader(folder) as reader:
-        return Original(folder, list(reader.raw_messages()), reader.custom_data)
+        return Original(
+            folder, list(reader.raw_messages()), reader.custom_data, _read_figures(folder)
+        )
 
 
 def run(cases: int, seed: int, say: Callable[[str], None] | None = None) -> Campaign:
@@ -192,7 +198,7 @@ def run(cases: int, seed: int, say: Callable[[str], None] | None = None) -> Camp
     Args:
         cases: how many, over all compressions.
         seed: of everything random.
-        say: told about every failure.
+        say: told about every failure, and now and then how far it is.
     """
     campaign = Campaign()
     with tempfile.TemporaryDirectory() as scratch:
@@ -215,6 +221,8 @@ def run(cases: int, seed: int, say: Callable[[str], None] | None = None) -> Camp
                 if say is not None:
                     say(text)
             campaign.cases += 1
+            if say is not None and campaign.cases % _TELL_EVERY == 0:
+                say(f"{campaign.cases} bags, {len(campaign.failures)} failures so far")
             shutil.rmtree(bag.parent)
     return campaign
 
@@ -305,13 +313,14 @@ def _replay(bag: Path, original: Original) -> str:
 
 
 def _figures(bag: Path, original: Original) -> str:
-    found = read_trajectory(bag).to_arrays(), read_decisions(bag).to_arrays()
-    folder = original.folder
-    expected = read_trajectory(folder).to_arrays(), read_decisions(folder).to_arrays()
-    for columns, its_columns in zip(found, expected, strict=True):
+    for columns, its_columns in zip(_read_figures(bag), original.figures, strict=True):
         for name, values in its_columns.items():
             _checked(columns[name].tobytes() == values.tobytes(), f"other {name}")
     return "sound"
+
+
+def _read_figures(bag: Path) -> _Figures:
+    return read_trajectory(bag).to_arrays(), read_decisions(bag).to_arrays()
 
 
 def _recover(bag: Path, original: Original) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from functools import lru_cache
 
 import yaml
 from rosbags.interfaces import (
@@ -105,6 +106,7 @@ def dump_profiles(profiles: Sequence[Qos]) -> str:
     return text
 
 
+@lru_cache(maxsize=256)  # most topics of a bag have the same ones
 def parse_profiles(text: str) -> tuple[Qos, ...]:
     """Return the profiles in the YAML text of an MCAP channel, of any metadata version.
 

@@ -11,7 +11,6 @@ references (`*name`) stand for are bounded.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -26,38 +25,14 @@ _MAX_VALUES = 200_000
 """With references written out; a text of `MAX_BYTES` without any cannot reach it by much."""
 
 
-class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML ships no type information
+# libyaml's parser where PyYAML was built with it: ten times as fast.
+_Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _StrictLoader(_Parser):  # type: ignore[misc]  # PyYAML ships no type information
     """Safe loader with the core schema of YAML 1.2 and without duplicate keys."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (the name PyYAML looks up)
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self._depth = 0
-        self._sizes: dict[int, int] = {}
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        """Compose a value, unless it lies too deep or stands for too many."""
-        mark = self.peek_event().start_mark
-        is_reference = self.check_event(yaml.AliasEvent)
-        self._depth += 1
-        if self._depth > _MAX_DEPTH:
-            self._refuse(f"nested more than {_MAX_DEPTH} deep", mark)
-        node = super().compose_node(parent, index)
-        self._depth -= 1
-        if is_reference and id(node) not in self._sizes:
-            self._refuse("a value contains itself", mark)
-        if not is_reference:
-            self._sizes[id(node)] = 1 + sum(
-                self._sizes.get(id(part), 0) for part in _parts_of(node)
-            )
-        if self._sizes[id(node)] > _MAX_VALUES:
-            self._refuse(f"more than {_MAX_VALUES} values, references counted", mark)
-        return node
-
-    @staticmethod
-    def _refuse(reason: str, mark: Any) -> NoReturn:
-        raise yaml.composer.ComposerError(None, None, reason, mark)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002
         """Build a mapping and refuse a key that occurs twice."""
@@ -74,15 +49,6 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML ships no t
                 )
             mapping[key] = self.construct_object(value_node, deep=deep)
         return mapping
-
-
-def _parts_of(node: Any) -> Iterator[Any]:
-    """Yield the values directly below a value."""
-    if isinstance(node, yaml.SequenceNode):
-        yield from node.value
-    elif isinstance(node, yaml.MappingNode):
-        for pair in node.value:
-            yield from pair
 
 
 _StrictLoader.add_implicit_resolver(
@@ -122,6 +88,7 @@ def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) 
     if len(text) > MAX_BYTES:
         raise error(f"{origin}: {len(text)} characters; at most {MAX_BYTES} are read")
     try:
+        _check_bounds(text)
         loader = _StrictLoader(text)
     except yaml.YAMLError as reason:
         raise error(f"{origin}: not valid YAML: {_one_line(reason)}") from reason
@@ -133,6 +100,43 @@ def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) 
         raise error(f"{origin}: not valid YAML: {_one_line(reason)}") from reason
     finally:
         loader.dispose()
+
+
+def _check_bounds(text: str) -> None:
+    """Refuse what nests too deeply or stands for too many values, before anything is built of it.
+
+    Raises:
+        yaml.YAMLError: it does, or is no YAML.
+    """
+    counts = [0]  # of values, by the collections that are open
+    names: list[str | None] = [None]
+    sizes: dict[str, int] = {}
+    for event in yaml.parse(text, Loader=_Parser):
+        if isinstance(event, yaml.CollectionStartEvent):
+            counts.append(1)
+            names.append(event.anchor)
+            if len(counts) - 1 > _MAX_DEPTH:
+                _refuse(f"nested more than {_MAX_DEPTH} deep", event)
+            continue
+        if isinstance(event, yaml.CollectionEndEvent):
+            size, name = counts.pop(), names.pop()
+        elif isinstance(event, yaml.ScalarEvent):
+            size, name = 1, event.anchor
+        elif isinstance(event, yaml.AliasEvent):
+            if event.anchor in names:
+                _refuse("a value contains itself", event)
+            size, name = sizes.get(event.anchor, 1), None
+        else:
+            continue
+        if name is not None:
+            sizes[name] = size
+        counts[-1] += size
+        if counts[-1] > _MAX_VALUES:
+            _refuse(f"more than {_MAX_VALUES} values, references counted", event)
+
+
+def _refuse(reason: str, event: Any) -> NoReturn:
+    raise yaml.composer.ComposerError(None, None, reason, event.start_mark)
 
 
 def read_yaml(path: Path, error: type[IptmError] = ParameterError) -> Any:
