@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import re
 from pathlib import Path
 from typing import Protocol
@@ -237,3 +238,17 @@ def test_arbitrary_text_is_a_table_or_a_route_error(text: str) -> None:
 def test_oversized_field_is_a_route_error(read: Reader) -> None:
     with pytest.raises(RouteError, match="line 2: field larger than field limit"):
         read(_csv("time_s,speed_m_s", "0," + "1" * 200_000))
+
+
+def test_files_without_an_end_are_refused(tmp_path: Path) -> None:
+    """A pipe would wait for a writer for ever, a device would fill the memory."""
+    pipe, device, large = tmp_path / "pipe.csv", tmp_path / "device.csv", tmp_path / "large.csv"
+    os.mkfifo(pipe)
+    device.symlink_to("/dev/zero")
+    with large.open("wb") as file:
+        file.truncate(30_000_000)
+    for path in (pipe, device):
+        with pytest.raises(RouteError, match=r"cannot be read \(not a regular file"):
+            read_user_cycle(path)
+    with pytest.raises(RouteError, match="30000000 bytes; at most 20000000 are read"):
+        read_user_cycle(large)

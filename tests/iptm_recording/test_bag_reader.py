@@ -308,3 +308,15 @@ def test_hostile_metadata_is_one_sentence(text: str, small_bag: Path) -> None:
     with pytest.raises(BagError) as caught:
         BagReader(small_bag)
     assert "\n" not in str(caught.value)
+
+
+def test_bags_of_other_kinds_name_the_way_out(tmp_path: Path) -> None:
+    for name in ("run.bag", "run_0.mcap.zstd"):
+        (tmp_path / name).write_bytes(b"#ROSBAG V2.0\n")
+        with pytest.raises(BagError, match="rosbags-convert --src"):
+            BagReader(tmp_path / name)
+
+
+def test_a_name_no_file_can_have(tmp_path: Path) -> None:
+    with pytest.raises(BagError, match="too long"):
+        BagReader(tmp_path / ("x" * 300))

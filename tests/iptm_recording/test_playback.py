@@ -98,3 +98,14 @@ def test_nothing_to_play(small_bag: Path, tmp_path: Path) -> None:
     ):
         with pytest.raises(BagError, match=message):
             played(options)
+
+
+def test_own_clock_replaces_a_clock_of_another_name(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        for name in ("/car_9/clock", "/x"):
+            type_name = "rosgraph_msgs/msg/Clock" if "clock" in name else "std_msgs/msg/Float64"
+            writer.write(writer.add_topic(name, type_name), bytes([0, 1, 0, 0]) + bytes(8), S)
+    with BagReader(tmp_path / "bag") as reader:
+        own = Playback(reader, PlaybackOptions(tmp_path / "bag", clock_hz=10.0))
+        assert own.clock_topic == "/car_9/clock"
+        assert [topic.name for topic in own.topics] == ["/x"]

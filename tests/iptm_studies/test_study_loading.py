@@ -189,6 +189,16 @@ def test_too_many_cases(study_file: WriteFile) -> None:
         read_study(path)
 
 
+def test_a_product_of_axes_is_refused_before_it_is_multiplied_out(study_file: WriteFile) -> None:
+    axes = [
+        "[" + ", ".join(f"{{labels: {{l{axis}: {k}}}}}" for k in range(60)) + "]"
+        for axis in range(5)
+    ]
+    path = study_file(f"title: t\ncases: [{{name: n, for_each: [{', '.join(axes)}]}}]\n")
+    with pytest.raises(ScenarioError, match="777600000 cases; allowed: 10000"):
+        read_study(path)
+
+
 def test_unknown_studies(tmp_path: Path, study_file: WriteFile) -> None:
     with pytest.raises(ScenarioError, match="did you mean 'strategies'"):
         load_study("strategys")

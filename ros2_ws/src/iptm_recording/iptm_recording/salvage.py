@@ -11,11 +11,10 @@ from __future__ import annotations
 import mmap
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 from mcap import records as mcap_records
 from mcap.data_stream import ReadDataStream
@@ -126,7 +125,7 @@ class SalvageReader:
                 self._check_ends(data)
             self.complete = ends_with_footer and not self.damages and not self.notes
 
-    def _walk(self, data: mmap.mmap) -> Iterator[Any]:
+    def _walk(self, data: mmap.mmap) -> Generator[McapRecord, None, bool]:
         """Yield the sound records; return whether the footer was reached."""
         position = len(MAGIC)
         of_chunk: Damage | None = None  # the damaged chunk to which message indexes may belong
