@@ -73,7 +73,7 @@ class ParameterCollector:
 
     def _take(self, topic: Topic, names: list[str], future: Future) -> None:
         response = future.result()
-        if response is None:
+        if response is None or len(response.values) != len(names):
             return
         values = (parameter_value_to_python(value) for value in response.values)
         self._found[TOPICS[topic].publisher] = dict(zip(names, values, strict=True))
