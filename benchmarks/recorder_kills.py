@@ -50,6 +50,7 @@ ELSEWHERE = ("-r", "__ns:=/car_9", "-r", "/clock:=/car_9/clock")
 MOST_TICKS = 60
 TIMEOUT_S = 120.0
 _POLL_S = 0.002
+_TELL_EVERY = 10
 
 
 @dataclass
@@ -208,7 +209,7 @@ def run(kills: int, seed: int, say: Callable[[str], None] | None = None) -> Kill
     Args:
         kills: how many.
         seed: of everything random.
-        say: told about every failure.
+        say: told about every failure, and now and then how far it is.
     """
     outcome = Kills()
     for number in range(kills):
@@ -229,6 +230,8 @@ def run(kills: int, seed: int, say: Callable[[str], None] | None = None) -> Kill
             outcome.failures.append(f"kill {number}{' elsewhere' if place else ''}: {failure}")
             if say is not None:
                 say(outcome.failures[-1])
+        if say is not None and outcome.kills % _TELL_EVERY == 0:
+            say(f"{outcome.kills} kills, {len(outcome.failures)} failures so far")
     return outcome
 
 
