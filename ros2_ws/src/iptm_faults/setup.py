@@ -19,4 +19,10 @@ setup(
     maintainer_email="maintainers@iptm.example.org",
     description="Faults as data, and what they make of measurements, traffic, clock and solver",
     license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "injector = iptm_faults.node:main",
+            "controller = iptm_faults.node_controller:main",
+        ]
+    },
 )

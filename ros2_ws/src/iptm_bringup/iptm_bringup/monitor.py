@@ -18,7 +18,7 @@ from rclpy.context import Context
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
-from iptm_bringup.composition import RECORDER
+from iptm_bringup.composition import INJECTOR, RECORDER
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_core.decision_record import Rung
 from iptm_core.errors import MessageError
@@ -40,7 +40,7 @@ _SETTLE_S = 0.1  # time for the publishers to learn of the subscriptions made la
 _LOOK_PERIOD_S = 0.05
 _STAMP = struct.Struct("<4xiI")  # first field of a clock and of every header, behind the CDR prefix
 # A node that was found a moment ago has no name yet; it may be one of the run.
-_NOT_FOREIGN = {PLANT, BRIDGE, CONTROLLER, RECORDER, NAME, "_NODE_NAME_UNKNOWN_"}
+_NOT_FOREIGN = {PLANT, BRIDGE, CONTROLLER, RECORDER, INJECTOR, NAME, "_NODE_NAME_UNKNOWN_"}
 _ONLY_ONE_PUBLISHES = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
 
 

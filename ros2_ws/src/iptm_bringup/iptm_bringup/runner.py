@@ -24,6 +24,7 @@ from iptm_bringup.composition import (
     parameter_file_text,
     recorder_command,
     run_information,
+    with_faults,
 )
 from iptm_bringup.drive import Drive, DriveOutcome, DriveResult, unclean_ends
 from iptm_bringup.environment import (
@@ -34,9 +35,10 @@ from iptm_bringup.environment import (
 )
 from iptm_bringup.evaluation import evaluate, results_json
 from iptm_bringup.monitor import RunMonitor
+from iptm_bringup.process_faults import ProcessFaults
 from iptm_bringup.progress import make_progress
 from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT, PreparedScenario
+from iptm_bringup.scenario import CONTROLLER, PreparedScenario
 from iptm_bringup.supervisor import Supervisor
 from iptm_bringup.tables import print_results
 from iptm_core.declaration import Scalar
@@ -113,7 +115,8 @@ def _run_in(
             _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor),
         ):
             progress = make_progress(console, prepared.route.duration_s)
-            with Drive(supervisor, monitor, executor, progress, stop) as drive:
+            process_faults = ProcessFaults(supervisor, prepared.scenario.faults)
+            with Drive(supervisor, monitor, executor, progress, stop, process_faults) as drive:
                 start = _ProcessStarter(folder, prepared, options)
                 drive.start(start.first())
                 # Nobody else can be in a private domain.
@@ -123,7 +126,8 @@ def _run_in(
                     result = drive.run(folder.settle)
     if result.outcome is not DriveOutcome.FINISHED:
         return _report_failure(result, folder, stop, errors)
-    return _report(folder, prepared, options, monitor, supervisor, result, console, errors)
+    unclean = unclean_ends(supervisor, process_faults)
+    return _report(folder, prepared, options, monitor, unclean, result, console, errors)
 
 
 class _ProcessStarter:
@@ -134,10 +138,13 @@ class _ProcessStarter:
         self._prepared = prepared
         self._options = options
         self._namespace = prepared.scenario.full_namespace
+        self._faults = prepared.scenario.faults
 
     def first(self) -> dict[str, list[str]]:
         """Return the commands that do not depend on who listens; they take longest to start."""
-        parameters = node_parameters(self._prepared, Listeners(self._options.record))
+        parameters = with_faults(
+            node_parameters(self._prepared, Listeners(self._options.record)), self._faults
+        )
         commands = {CONTROLLER: self._node(CONTROLLER, parameters)}
         if self._options.record:
             text = yaml.safe_dump(run_information(self._prepared, parameters), sort_keys=False)
@@ -155,13 +162,14 @@ class _ProcessStarter:
             foreign_to_state=monitor.foreign_listeners(Topic.PLANT_ODOMETRY, Topic.CLOCK),
             foreign_to_preview=monitor.foreign_listeners(Topic.LEADER, Topic.LEADER_PREVIEW),
         )
-        parameters = node_parameters(self._prepared, listeners)
-        return {node: self._node(node, parameters) for node in (PLANT, BRIDGE)}
+        parameters = with_faults(node_parameters(self._prepared, listeners), self._faults)
+        nodes = [node for node in parameters if node != CONTROLLER]
+        return {node: self._node(node, parameters) for node in nodes}
 
     def _node(self, node: str, parameters: Mapping[str, Mapping[str, Scalar]]) -> list[str]:
         text = parameter_file_text(node, parameters[node])
         path = self._folder.write_log(f"{node}_parameters.yaml", text)
-        return node_command(node, path, self._namespace)
+        return node_command(node, path, self._namespace, self._faults)
 
 
 @contextmanager
@@ -192,7 +200,7 @@ def _report(
     prepared: PreparedScenario,
     options: RunOptions,
     monitor: RunMonitor,
-    supervisor: Supervisor,
+    unclean: list[str],
     result: DriveResult,
     console: Console,
     errors: Console,
@@ -205,7 +213,7 @@ def _report(
             folder.output if options.record else None,
             collect_run_information(),
             result.wall_time_s,
-            unclean_ends(supervisor),
+            unclean,
             tuple(monitor.warnings),
         )
         if options.against != NO_COMPARISON:

@@ -28,6 +28,7 @@ from iptm_core.settings import (
     RoadSettings,
     TripSettings,
 )
+from iptm_faults.fault import Fault
 
 T = TypeVar("T")
 
@@ -59,6 +60,7 @@ class Scenario(PaceSettings, PreviewSettings, ControllerSettings, ModelSettings,
         name: short name, also that of the run's folder.
         description: one line for lists.
         node_parameters: further parameters by node (one of `NODES`) and name; the nodes check them.
+        faults: what goes wrong, in the order of their beginning.
     """
 
     name: str = "custom"
@@ -74,6 +76,7 @@ class Scenario(PaceSettings, PreviewSettings, ControllerSettings, ModelSettings,
     node_parameters: Mapping[str, Mapping[str, Scalar]] = field(
         default_factory=lambda: _NO_PARAMETERS
     )
+    faults: tuple[Fault, ...] = ()
 
     @property
     def full_namespace(self) -> str:
