@@ -8,7 +8,7 @@ import pytest
 from iptm_core.state import LeaderPreview, LeaderState
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
-from iptm_faults.traffic import DRIVE_OFF_M_S2, RETURN_GAP_M, Traffic
+from iptm_faults.traffic import DRIVE_OFF_M_S2, Traffic
 
 SPEED = 20.0
 GAP = 40.0
@@ -89,14 +89,11 @@ def test_a_cut_in_farther_away_than_the_leader_is_none() -> None:
     assert leaders == [own(second) for second in range(15)]
 
 
-def test_after_a_leader_that_was_gone_one_comes_in_ahead_of_the_host() -> None:
-    traffic = Traffic([Fault(FaultKind.LEADER_GONE, start_s=5.0, duration_s=4.0, size=300.0)])
-    leaders = [
-        traffic.leader(own(second), SPEED * second + 100.0 * (second > 7)) for second in range(15)
-    ]
-    assert leaders[6].position_m == own(6).position_m + 300.0
-    assert leaders[9].position_m == pytest.approx(SPEED * 9 + 100.0 + RETURN_GAP_M)
-    assert leaders[12].position_m - leaders[9].position_m == pytest.approx(3 * SPEED)
+def test_a_leader_that_is_gone_leaves_the_next_one_to_follow() -> None:
+    leaders, previews = drive(Traffic([Fault(FaultKind.LEADER_GONE, 5.0, 4.0, size=300.0)]), 15)
+    moved = [leader.position_m - own(leader.time_s).position_m for leader in leaders]
+    assert moved == [0.0] * 5 + [300.0] * 10
+    assert previews[12].positions_m[0] == pytest.approx(leaders[12].position_m)
 
 
 def test_an_event_of_no_probability_never_happens() -> None:

@@ -9,6 +9,7 @@ import resource
 import signal
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from iptm_bringup.supervisor import Supervisor
@@ -17,11 +18,26 @@ from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 
 
+@dataclass
+class ProcessFaultRecord:
+    """What was done.
+
+    Attributes:
+        fault: the fault.
+        began_ns: trip time of its beginning.
+        ended_ns: trip time at which it was undone; None if it was not.
+    """
+
+    fault: Fault
+    began_ns: int
+    ended_ns: int | None = None
+
+
 class ProcessFaults:
     """Does to the processes of a run what its faults say; call `act` again and again.
 
     Attributes:
-        hit: faults that have begun, in order, with the steady time of their beginning.
+        records: faults that have begun, in order.
     """
 
     def __init__(
@@ -42,11 +58,11 @@ class ProcessFaults:
         self._pending = [
             fault for fault in at_places(faults, FaultPlace.PROCESS) if fault.happens()
         ]
-        self._later: list[tuple[float, Callable[[], None]]] = []
+        self._later: list[tuple[float, ProcessFaultRecord, Callable[[], None]]] = []
         self._commands: dict[str, list[str]] = {}
         self._now_called: dict[str, str] = {}
         self._excused: set[str] = set()
-        self.hit: list[tuple[float, Fault]] = []
+        self.records: list[ProcessFaultRecord] = []
 
     def note(self, commands: Mapping[str, list[str]]) -> None:
         """Learn the commands of processes that have been started."""
@@ -60,11 +76,6 @@ class ProcessFaults:
         """Return whether a process may have ended, as a fault hit it."""
         return name in self._excused
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether something is still to follow."""
-        return bool(self._later)
-
     def act(self, time_ns: int | None) -> None:
         """Do what is due.
 
@@ -72,38 +83,40 @@ class ProcessFaults:
             time_ns: newest trip time, None before the first tick.
         """
         now_s = self._steady_time_s()
-        due = [action for at_s, action in self._later if at_s <= now_s]
-        self._later = [(at_s, action) for at_s, action in self._later if at_s > now_s]
-        for action in due:
-            action()
+        due = [entry for entry in self._later if entry[0] <= now_s]
+        self._later = [entry for entry in self._later if entry[0] > now_s]
+        for _, record, undo in due:
+            undo()
+            record.ended_ns = time_ns
         if time_ns is None:
             return
         begun = [fault for fault in self._pending if fault.start_s * NS_PER_S <= time_ns]
         for fault in begun:
             self._pending.remove(fault)
-            self.hit.append((now_s, fault))
-            self._begin(fault, now_s)
+            record = ProcessFaultRecord(fault, time_ns)
+            self.records.append(record)
+            undo_later = self._begin(fault)
+            if undo_later is not None:
+                self._later.append((now_s + fault.magnitude, record, undo_later))
 
-    def _begin(self, fault: Fault, now_s: float) -> None:
+    def _begin(self, fault: Fault) -> Callable[[], None] | None:
+        """Do it; return how it is undone, None if it is not."""
         name, supervisor = self.current(fault.target), self._supervisor
         if not supervisor.is_running(name):
-            return
+            return None
         if fault.kind is FaultKind.PROCESS_FROZEN:
             supervisor.send(name, signal.SIGSTOP)
-            self._after(now_s, fault, lambda: supervisor.send(name, signal.SIGCONT))
-        elif fault.kind is FaultKind.PROCESS_DOUBLED:
+            return lambda: supervisor.send(name, signal.SIGCONT)
+        if fault.kind is FaultKind.PROCESS_DOUBLED:
             copy = self._start_again(fault.target, "copy")
-            self._after(now_s, fault, lambda: self._kill(copy))
-        elif fault.kind is FaultKind.DISK_FULL:
+            return lambda: self._kill(copy)
+        if fault.kind is FaultKind.DISK_FULL:
             _fill_disk(supervisor.pid(name))
             self._excused.add(name)
-        else:
-            self._kill(name)
-            if fault.kind is FaultKind.PROCESS_RESTARTED:
-                self._after(now_s, fault, lambda: self._restart(fault.target))
-
-    def _after(self, now_s: float, fault: Fault, action: Callable[[], None]) -> None:
-        self._later.append((now_s + fault.magnitude, action))
+            return None
+        self._kill(name)
+        restarts = fault.kind is FaultKind.PROCESS_RESTARTED
+        return (lambda: self._restart(fault.target)) if restarts else None
 
     def _kill(self, name: str) -> None:
         self._excused.add(name)

@@ -36,7 +36,7 @@ from iptm_bringup.environment import (
 from iptm_bringup.evaluation import evaluate, results_json
 from iptm_bringup.monitor import RunMonitor
 from iptm_bringup.process_faults import ProcessFaults
-from iptm_bringup.progress import make_progress
+from iptm_bringup.progress import Progress, make_progress
 from iptm_bringup.run_folder import RunFolder
 from iptm_bringup.scenario import CONTROLLER, PreparedScenario
 from iptm_bringup.supervisor import Supervisor
@@ -107,27 +107,66 @@ def _run_in(
     errors: Console,
 ) -> int:
     with domain_of_run(prepared.scenario.domain) as domain:
-        environment = environment_of_run(domain.number, folder.logs / "ros")
-        supervisor = Supervisor(environment, folder.log_path)
         console.print(_introduction(prepared, domain.number), soft_wrap=True)
-        with (
-            process_environment(environment),  # the runner takes part in the graph itself
-            _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor),
-        ):
-            progress = make_progress(console, prepared.route.duration_s)
-            process_faults = ProcessFaults(supervisor, prepared.scenario.faults)
-            with Drive(supervisor, monitor, executor, progress, stop, process_faults) as drive:
-                start = _ProcessStarter(folder, prepared, options)
-                drive.start(start.first())
-                # Nobody else can be in a private domain.
-                result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
-                if result.outcome is DriveOutcome.FINISHED:
-                    drive.start(start.then(monitor))
-                    result = drive.run(folder.settle)
+        progress = make_progress(console, prepared.route.duration_s)
+        driven = drive_processes(folder, prepared, options, domain, progress, stop)
+    result = driven.result
     if result.outcome is not DriveOutcome.FINISHED:
         return _report_failure(result, folder, stop, errors)
-    unclean = unclean_ends(supervisor, process_faults)
-    return _report(folder, prepared, options, monitor, unclean, result, console, errors)
+    return _report(folder, prepared, options, driven, console, errors)
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A run whose processes have all ended.
+
+    Attributes:
+        result: how it ended.
+        monitor: what was heard.
+        supervisor: how the processes ended.
+        process_faults: what was done to them on purpose.
+    """
+
+    result: DriveResult
+    monitor: RunMonitor
+    supervisor: Supervisor
+    process_faults: ProcessFaults
+
+
+def drive_processes(
+    folder: RunFolder,
+    prepared: PreparedScenario,
+    options: RunOptions,
+    domain: RunDomain,
+    progress: Progress,
+    stop: StopRequest,
+) -> Driven:
+    """Start the processes of a scenario, watch the trip, and end them.
+
+    Args:
+        folder: for logs and parameter files, and the bag.
+        prepared: the scenario.
+        options: output and recording.
+        domain: ROS domain of the run.
+        progress: told how far it is.
+        stop: tells that the user wants to stop.
+    """
+    environment = environment_of_run(domain.number, folder.logs / "ros")
+    supervisor = Supervisor(environment, folder.log_path)
+    process_faults = ProcessFaults(supervisor, prepared.scenario.faults)
+    with (
+        process_environment(environment),  # the runner takes part in the graph itself
+        _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor),
+        Drive(supervisor, monitor, executor, progress, stop, process_faults) as drive,
+    ):
+        start = _ProcessStarter(folder, prepared, options)
+        drive.start(start.first())
+        # Nobody else can be in a private domain.
+        result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
+        if result.outcome is DriveOutcome.FINISHED:
+            drive.start(start.then(monitor))
+            result = drive.run(folder.settle)
+    return Driven(result, monitor, supervisor, process_faults)
 
 
 class _ProcessStarter:
@@ -199,9 +238,7 @@ def _report(
     folder: RunFolder,
     prepared: PreparedScenario,
     options: RunOptions,
-    monitor: RunMonitor,
-    unclean: list[str],
-    result: DriveResult,
+    driven: Driven,
     console: Console,
     errors: Console,
 ) -> int:
@@ -209,12 +246,12 @@ def _report(
     try:
         results = evaluate(
             prepared,
-            monitor.recorded,
+            driven.monitor.recorded,
             folder.output if options.record else None,
             collect_run_information(),
-            result.wall_time_s,
-            unclean,
-            tuple(monitor.warnings),
+            driven.result.wall_time_s,
+            unclean_ends(driven.supervisor, driven.process_faults),
+            tuple(driven.monitor.warnings),
         )
         if options.against != NO_COMPARISON:
             with console.status(f"driving the same trip with strategy {options.against} ..."):

@@ -111,8 +111,8 @@ KINDS: Mapping[FaultKind, KindSpec] = MappingProxyType({
         FaultPlace.TRAFFIC, "the leader brakes to a standstill with the size, stands, then drives off with "
         "2 m/s^2 until it has its own speed again", 8.0, "m/s^2", 0.1, 20.0),
     FaultKind.LEADER_GONE: KindSpec(
-        FaultPlace.TRAFFIC, "the leader turns off, the next car is the size farther on; then one comes in at "
-        "least 100 m ahead of the host", 300.0, "m", 1.0, 5000.0),
+        FaultPlace.TRAFFIC, "the leader turns off; from then on the next car counts, which drives as it did, "
+        "the size farther on", 300.0, "m", 1.0, 5000.0),
     FaultKind.PREVIEW_LOST: KindSpec(FaultPlace.PREVIEW, "no preview arrives"),
     FaultKind.PREVIEW_FROZEN: KindSpec(
         FaultPlace.PREVIEW, "the preview of the beginning again and again, with fresh stamps"),

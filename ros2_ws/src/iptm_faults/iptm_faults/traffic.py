@@ -17,50 +17,36 @@ from iptm_faults.kinds import FaultKind, FaultPlace
 
 DRIVE_OFF_M_S2 = 2.0
 """Acceleration of a leader that drives off after a hard stop."""
-RETURN_GAP_M = 100.0
-"""Smallest gap at which a car comes in after the leader was gone."""
 
 _NS_PER_S = 1e9
 
 
 class Shift:
-    """A leader that drives as its own does, elsewhere: cut-in and gone."""
+    """A leader that drives as its own does, elsewhere: cut-in, until it goes, and gone, for good."""
 
     def __init__(self, fault: Fault) -> None:
         self._fault = fault
-        self._inside_m: float | None = None
-        self._after_m: float | None = None
+        self._shift_m: float | None = None
 
     def leader(self, own: LeaderState, host_position_m: float) -> LeaderState:
         """Return the leader that counts; ticks in increasing order of time."""
-        fault = self._fault
-        if fault.covers(_ns(own.time_s)):
-            if self._inside_m is None:
-                self._inside_m = self._entering_m(own, host_position_m)
-        elif self._inside_m is not None and self._after_m is None and own.time_s >= fault.end_s:
-            self._after_m = self._leaving_m(own, host_position_m)
-        return replace(own, position_m=own.position_m + self._shift_m(own.time_s))
+        if self._shift_m is None and self._is_there(own.time_s):
+            self._shift_m = self._fault.magnitude
+            if self._fault.kind is FaultKind.LEADER_CUT_IN:
+                self._shift_m = min(host_position_m + self._shift_m - own.position_m, 0.0)
+        return replace(own, position_m=own.position_m + self._at(own.time_s))
 
     def preview(self, own: LeaderPreview) -> LeaderPreview:
         """Return its prediction: it does not tell beforehand that it will leave."""
-        shift_m = self._shift_m(own.generated_at_s)
+        shift_m = self._at(own.generated_at_s)
         return replace(own, positions_m=own.positions_m + shift_m) if shift_m else own
 
-    def _entering_m(self, own: LeaderState, host_position_m: float) -> float:
-        if self._fault.kind is FaultKind.LEADER_GONE:
-            return self._fault.magnitude
-        return min(host_position_m + self._fault.magnitude - own.position_m, 0.0)
+    def _is_there(self, time_s: float) -> bool:
+        goes = self._fault.kind is FaultKind.LEADER_CUT_IN
+        return time_s >= self._fault.start_s and not (goes and time_s >= self._fault.end_s)
 
-    def _leaving_m(self, own: LeaderState, host_position_m: float) -> float:
-        if self._fault.kind is FaultKind.LEADER_GONE:
-            return max(host_position_m + RETURN_GAP_M - own.position_m, 0.0)
-        return 0.0
-
-    def _shift_m(self, time_s: float) -> float:
-        if time_s < self._fault.start_s:
-            return 0.0
-        shift_m = self._inside_m if time_s < self._fault.end_s else self._after_m
-        return shift_m or 0.0
+    def _at(self, time_s: float) -> float:
+        return (self._shift_m or 0.0) if self._is_there(time_s) else 0.0
 
 
 @dataclass(frozen=True)

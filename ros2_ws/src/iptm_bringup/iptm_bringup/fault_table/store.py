@@ -1,0 +1,80 @@
+"""Verdicts on disk, so that a table can be made in several sittings."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from iptm_bringup.fault_table.catalogue import Entry, Way
+from iptm_bringup.fault_table.judge import Verdict
+from iptm_interfaces.diagnostics import Level
+
+
+class VerdictStore:
+    """A folder of verdicts; a newer one replaces an older one of the same fault, way and cycle."""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = folder / "verdicts.json"
+
+    def load(self, entries: Sequence[Entry]) -> list[Verdict]:
+        """Return the verdicts on the rows of a table; those on other rows are left out."""
+        if not self._file.is_file():
+            return []
+        by_name = {entry.name: entry for entry in entries}
+        return [
+            Verdict(
+                by_name[one["fault"]],
+                Way(one["way"]),
+                one["cycle"],
+                tuple(one["said"]),
+                Level[one["level"]],
+                one["changes"],
+                _number(one["normal_after"]),
+                _number(one["smallest_gap_m"]),
+                _number(one["braking_gap_m"]),
+                tuple(one["problems"]),
+            )
+            for one in json.loads(self._file.read_text(encoding="utf-8"))
+            if one["fault"] in by_name
+        ]
+
+    def add(self, entries: Sequence[Entry], verdicts: Sequence[Verdict]) -> None:
+        """Keep verdicts."""
+        kept = {_key(one): one for one in (*self.load(entries), *verdicts)}
+        content = [
+            {
+                "fault": one.entry.name,
+                "way": one.way.value,
+                "cycle": one.cycle,
+                "said": one.said,
+                "level": one.level.name,
+                "changes": one.changes,
+                "normal_after": _plain(one.normal_after),
+                "smallest_gap_m": _plain(one.smallest_gap_m),
+                "braking_gap_m": _plain(one.braking_gap_m),
+                "problems": one.problems,
+            }
+            for one in kept.values()
+        ]
+        self._file.parent.mkdir(parents=True, exist_ok=True)
+        self._file.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def failed(entry: Entry, way: Way, cycle: str, why: str) -> Verdict:
+    """Return the verdict on a fault whose trip came to nothing."""
+    return replace(Verdict(entry, way, cycle), problems=(why,))
+
+
+def _key(verdict: Verdict) -> tuple[str, Way, str]:
+    return verdict.entry.name, verdict.way, verdict.cycle
+
+
+def _plain(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+def _number(written: float | None) -> float:
+    return math.nan if written is None else written
