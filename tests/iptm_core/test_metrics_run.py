@@ -334,3 +334,14 @@ def test_a_halt_breaks_no_limit_of_jerk() -> None:
     assert _check(halt, "acceleration_step").violations == 0
     rolling = make_run(speed_m_s=[1.2, 1.0, 0.4, 0.4], acceleration_m_s2=braking)
     assert _check(rolling, "acceleration_step").violations == 1
+
+
+def test_reaching_the_top_speed_breaks_no_limit_of_jerk() -> None:
+    """A vehicle that cannot go faster stops accelerating at once; below its top speed it cannot."""
+    top = PARAMETERS.limits.max_speed_m_s
+    accelerating = [0.0, 0.4, 0.8, 0.0]
+    speeds = [top - 1.2, top - 1.0, top - 0.4, top]
+    run = make_run(speed_m_s=speeds, acceleration_m_s2=accelerating)
+    assert _check(run, "acceleration_step").violations == 0
+    slower = make_run(speed_m_s=[*speeds[:3], top - 0.1], acceleration_m_s2=accelerating)
+    assert _check(slower, "acceleration_step").violations == 1

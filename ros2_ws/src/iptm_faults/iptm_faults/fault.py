@@ -53,7 +53,9 @@ class Fault(Settings):
     seed: int = parameter(0, "seed of everything random about it", "", 0, MAX_SEED)
     size: float | None = field(default=None, metadata={"spec": _SIZE})
     target: str = parameter(
-        "", "process that it hits; empty where the kind hits none", choices=("", *TARGETS)
+        "",
+        "process that it hits; the controller (of disk_full the recorder) unless stated",
+        choices=("", *TARGETS),
     )
 
     def __post_init__(self) -> None:

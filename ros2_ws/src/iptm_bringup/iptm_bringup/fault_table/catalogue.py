@@ -21,7 +21,8 @@ from iptm_faults.kinds import FaultPlace
 FIRST_S = 60.0
 """No fault begins before: the trip has to be under way."""
 LOOK_AHEAD_S = 60.0
-CALM_S = 25.0
+"""Where nothing comes before it, a fault has so long to find a tight moment; else as long as the calm."""
+CALM_S = 15.0
 """Trip time between what a fault is given to end in and the next one."""
 NORMAL_WITHIN = 5
 
@@ -176,11 +177,13 @@ def _groups(
     for entry in entries:
         alone = entry.alone or way is Way.HEADLESS
         last = groups[-1] if groups and not groups[-1][-1][0].alone and not alone else None
-        earliest_s = FIRST_S if last is None else _over_s(*last[-1]) + CALM_S
-        start_s = _tight_s(sound, earliest_s)
-        needed_s = start_s + entry.fault.duration_s + CALM_S
-        if last is not None and needed_s > sound.time_s[-1]:
-            last, start_s = None, _tight_s(sound, FIRST_S)
+        start_s = _tight_s(sound, FIRST_S)
+        if last is not None:
+            earliest_s = _over_s(*last[-1]) + CALM_S
+            if earliest_s + CALM_S + entry.fault.duration_s + CALM_S <= sound.time_s[-1]:
+                start_s = _tight_s(sound, earliest_s, CALM_S)
+            else:
+                last = None
         placed = (entry, replace(entry.fault, start_s=start_s))
         if last is None:
             groups.append([placed])
@@ -195,9 +198,9 @@ def _over_s(entry: Entry, fault: Fault) -> float:
     return fault.start_s + lasts_s + entry.normal_within
 
 
-def _tight_s(sound: Trajectory, earliest_s: float) -> float:
-    """Return when the host follows fastest and closest in the minute that follows: smallest time headway."""
-    rows = (sound.time_s >= earliest_s) & (sound.time_s < earliest_s + LOOK_AHEAD_S)
+def _tight_s(sound: Trajectory, earliest_s: float, within_s: float = LOOK_AHEAD_S) -> float:
+    """Return when the host follows fastest and closest from a time on: smallest time headway."""
+    rows = (sound.time_s >= earliest_s) & (sound.time_s < earliest_s + within_s)
     headway_s = sound.gap_m[rows] / (sound.speed_m_s[rows] + 1.0)
     return float(sound.time_s[rows][int(np.argmin(headway_s))])
 

@@ -127,15 +127,20 @@ def _drive_cycle(
 ) -> None:
     twin = context.driver.drive(sound_trip(cycle))
     for way in ways:
-        for plan in plan_trips(entries, way, cycle, twin.trajectory):
-            if context.stop.number is not None:
-                return
-            began_s = time.monotonic()
-            verdicts = _judged(context, plan, twin)
-            if context.stop.is_set:
-                return  # what was cut short says nothing
-            context.store.add(context.entries, verdicts)
-            _tell(context.console, plan, verdicts, time.monotonic() - began_s)
+        waiting = list(entries)
+        while waiting:
+            tried: list[Entry] = []
+            for plan in plan_trips(waiting, way, cycle, twin.trajectory):
+                began_s = time.monotonic()
+                verdicts = _judged(context, plan, twin)
+                if context.stop.is_set:
+                    return  # what was cut short says nothing
+                # A trip that one of its faults ended leaves the next ones to another trip.
+                came = [one for one in verdicts if not one.never_came] or verdicts[:1]
+                context.store.add(context.entries, came)
+                tried += [one.entry for one in came]
+                _tell(context.console, plan, came, time.monotonic() - began_s)
+            waiting = [entry for entry in waiting if entry not in tried] if tried else []
 
 
 def _judged(context: _Context, plan: PlannedTrip, twin: ObservedTrip) -> list[Verdict]:

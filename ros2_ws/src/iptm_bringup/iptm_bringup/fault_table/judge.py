@@ -48,6 +48,7 @@ class Verdict:
         smallest_gap_m: from its beginning until all was normal.
         braking_gap_m: the same with full braking from the first tick at which it could be seen.
         problems: what did not hold, empty for green.
+        never_came: whether the trip was over before.
     """
 
     entry: Entry
@@ -60,6 +61,7 @@ class Verdict:
     smallest_gap_m: float = math.nan
     braking_gap_m: float = math.nan
     problems: tuple[str, ...] = ()
+    never_came: bool = False
 
 
 def judge_trip(trip: ObservedTrip, twin: ObservedTrip) -> list[Verdict]:
@@ -79,7 +81,7 @@ def _judge(
     way, cycle = trip.plan.way, trip.plan.cycle
     if happened is None:
         why = trip.ended or "the trip was over before"
-        return Verdict(entry, way, cycle, problems=(f"never came to pass: {why}",))
+        return Verdict(entry, way, cycle, problems=(f"never came to pass: {why}",), never_came=True)
     run = trip.trajectory
     times = run.time_s
     first = int(np.searchsorted(times, happened.start_s - 1e-9))

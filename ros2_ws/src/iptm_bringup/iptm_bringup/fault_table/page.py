@@ -35,8 +35,8 @@ def faults_page(command: str, verdicts: Sequence[Verdict]) -> str:
         NOTICE,
         (
             f"Made with `{command}`: {kinds} kinds of faults, {len(verdicts)} times on {cycles}; "
-            f"{len(verdicts) - len(red)} times everything held, {len(red)} times not. How faults are stated "
-            "in a scenario, and what each kind does: [a scenario with faults](how-to/faults.md)."
+            f"{len(verdicts) - len(red)} times everything held, {len(red)} times not. What each kind does "
+            "and how it is stated in a scenario: [reference](reference/faults.md)."
         ),
         _legend(),
         "## What happened",

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from iptm_bringup.fault_table.catalogue import Entry, Way
 from iptm_bringup.fault_table.judge import Verdict
+from iptm_core.errors import StoreError
 from iptm_interfaces.diagnostics import Level
 
 
@@ -20,26 +22,24 @@ class VerdictStore:
         self._file = folder / "verdicts.json"
 
     def load(self, entries: Sequence[Entry]) -> list[Verdict]:
-        """Return the verdicts on the rows of a table; those on other rows are left out."""
+        """Return the verdicts on the rows of a table; those on other rows are left out.
+
+        Raises:
+            StoreError: the file is not one of verdicts.
+        """
         if not self._file.is_file():
             return []
         by_name = {entry.name: entry for entry in entries}
-        return [
-            Verdict(
-                by_name[one["fault"]],
-                Way(one["way"]),
-                one["cycle"],
-                tuple(one["said"]),
-                Level[one["level"]],
-                one["changes"],
-                _number(one["normal_after"]),
-                _number(one["smallest_gap_m"]),
-                _number(one["braking_gap_m"]),
-                tuple(one["problems"]),
-            )
-            for one in json.loads(self._file.read_text(encoding="utf-8"))
-            if one["fault"] in by_name
-        ]
+        try:
+            written = json.loads(self._file.read_text(encoding="utf-8"))
+            return [
+                _verdict(by_name[one["fault"]], one) for one in written if one["fault"] in by_name
+            ]
+        except (KeyError, TypeError, ValueError) as error:
+            raise StoreError(
+                f"{self._file} cannot be read ({type(error).__name__}: {error}); allowed: verdicts of "
+                "scripts/faults, or no such file"
+            ) from None
 
     def add(self, entries: Sequence[Entry], verdicts: Sequence[Verdict]) -> None:
         """Keep verdicts."""
@@ -70,6 +70,21 @@ def failed(entry: Entry, way: Way, cycle: str, why: str) -> Verdict:
 
 def _key(verdict: Verdict) -> tuple[str, Way, str]:
     return verdict.entry.name, verdict.way, verdict.cycle
+
+
+def _verdict(entry: Entry, written: Mapping[str, Any]) -> Verdict:
+    return Verdict(
+        entry,
+        Way(written["way"]),
+        written["cycle"],
+        tuple(written["said"]),
+        Level[written["level"]],
+        written["changes"],
+        _number(written["normal_after"]),
+        _number(written["smallest_gap_m"]),
+        _number(written["braking_gap_m"]),
+        tuple(written["problems"]),
+    )
 
 
 def _plain(number: float) -> float | None:

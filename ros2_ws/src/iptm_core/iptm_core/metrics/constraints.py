@@ -58,8 +58,8 @@ def check_constraints(
     """Check every limit on every row of a run.
 
     Rates are checked from row to row, so that row 0 counts as the input before the run. Where a vehicle comes
-    to rest its deceleration ends with the motion, and where it reaches its top speed its acceleration does: no
-    command does that, and it breaks no limit.
+    to rest its deceleration ends with the motion, and at its top speed its acceleration does: no command does
+    that, and it breaks no limit.
 
     Args:
         trajectory: the run.
@@ -139,7 +139,7 @@ def _steps(values: FloatArray) -> FloatArray:
 
 
 def _ends_by_itself(run: Trajectory, top_speed_m_s: float) -> NDArray[np.bool_]:
-    """Return the rows in which braking has ended at standstill or accelerating at the top speed, shape (n,)."""
+    """Return the rows in which braking ended at standstill or accelerating at top speed, shape (n,)."""
     before = np.concatenate(([0.0], run.acceleration_m_s2[:-1]))
     halted = (before < 0.0) & (run.speed_m_s == 0.0)
     topped = (before > 0.0) & (run.speed_m_s == top_speed_m_s)
