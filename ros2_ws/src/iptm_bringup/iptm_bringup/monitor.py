@@ -77,7 +77,8 @@ class RunMonitor(SuiteNode):
         first_clock_s: steady time of the first clock, None before it.
         last_clock_s: steady time of the newest clock, None before the first.
         last_sign_s: steady time of the newest clock or diagnostics of the plant, else of the start.
-        warnings: reasons that the nodes gave in their diagnostics, worse than OK, once each.
+        warnings: reasons that the nodes gave in their diagnostics since the first clock, worse than
+            OK, once each.
         statements: every status of the nodes with the trip time that it is about, in order of arrival.
         plant_reason: latest reason of the plant's diagnostics.
     """
@@ -214,11 +215,13 @@ class RunMonitor(SuiteNode):
         self._diagnostics_count += 1
         for node in (PLANT, BRIDGE, CONTROLLER, RECORDER):
             status = find_status(message, f"{self._prefix}/{node}")
-            if status is not None:
-                # A node that has just been started does not know the time yet.
-                about_ns = ns_from_time(message.header.stamp) or self.time_ns or 0
-                self.statements.append((about_ns, node, status))
-            if status is not None and status.level != Level.OK.value:
+            if status is None:
+                continue
+            # A node that has just been started does not know the time yet.
+            about_ns = ns_from_time(message.header.stamp) or self.time_ns or 0
+            self.statements.append((about_ns, node, status))
+            # Before the first tick everybody waits for somebody, which is worth no word.
+            if self.first_clock_s is not None and status.level != Level.OK.value:
                 self.warnings[f"{node}: {status.message}"] = None
         plant = find_status(message, f"{self._prefix}/{PLANT}")
         if plant is not None:

@@ -70,7 +70,8 @@ class ControllerNodeParameters(
     )
     input_timeout_s: float = parameter(
         2.0,
-        "wall time after which a tick with missing inputs is answered all the same",
+        "time after which a tick with missing inputs is answered all the same; wall time, or trip time where "
+        "that runs faster and the plant does not wait",
         "s",
         0.05,
         60.0,

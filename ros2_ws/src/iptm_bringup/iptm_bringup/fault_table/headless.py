@@ -12,7 +12,7 @@ from iptm_bringup.scenario import CONTROLLER
 from iptm_controller.controller import Controller, ControllerOptions, Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.node_reports import situation
+from iptm_controller.node_reports import Road, situation
 from iptm_controller.node_watch import OperatorWatch
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend
@@ -55,7 +55,7 @@ class HeadlessDriver:
 
         def note(tick: int, measured: Measurements, decision: Decision) -> None:
             watch.update(measured, decision)
-            level, reason = situation(decision, road_known=True, road_fault="", watch=watch)
+            level, reason = situation(decision, Road(known=True), watch)
             last = statements[-1] if statements else None
             if last is None or (last.level, last.reason) != (level, reason):
                 statements.append(Statement(float(tick), CONTROLLER, level, reason))

@@ -58,8 +58,8 @@ def check_constraints(
     """Check every limit on every row of a run.
 
     Rates are checked from row to row, so that row 0 counts as the input before the run. Where a vehicle comes
-    to rest its deceleration ends with the motion, and at its top speed its acceleration does: no command does
-    that, and it breaks no limit.
+    to rest its deceleration ends with the motion, and where it meets its top speed its acceleration: no
+    command does that, and it breaks no limit.
 
     Args:
         trajectory: the run.
@@ -76,7 +76,7 @@ def check_constraints(
     )
     jerk = _steps(run.acceleration_m_s2) - limits.max_jerk_m_s3 * intervals
     jerk = np.where(
-        _ends_by_itself(run, limits.max_speed_m_s), -limits.max_jerk_m_s3 * intervals, jerk
+        _speed_ends_acceleration(run, limits.max_speed_m_s), -limits.max_jerk_m_s3 * intervals, jerk
     )
     compressor = _outside(
         run.compressor_power_w, limits.min_compressor_power_w, limits.max_compressor_power_w
@@ -138,12 +138,12 @@ def _steps(values: FloatArray) -> FloatArray:
     return steps
 
 
-def _ends_by_itself(run: Trajectory, top_speed_m_s: float) -> NDArray[np.bool_]:
-    """Return the rows in which braking ended at standstill or accelerating at top speed, shape (n,)."""
+def _speed_ends_acceleration(run: Trajectory, top_speed_m_s: float) -> NDArray[np.bool_]:
+    """Return the rows in which braking ended at standstill or speeding up at the top speed, shape (n,)."""
     before = np.concatenate(([0.0], run.acceleration_m_s2[:-1]))
-    halted = (before < 0.0) & (run.speed_m_s == 0.0)
-    topped = (before > 0.0) & (run.speed_m_s == top_speed_m_s)
-    ends: NDArray[np.bool_] = (halted | topped) & (run.acceleration_m_s2 == 0.0)
+    halts = (before < 0.0) & (run.speed_m_s == 0.0)
+    tops = (before > 0.0) & (run.speed_m_s == top_speed_m_s)
+    ends: NDArray[np.bool_] = (halts | tops) & (run.acceleration_m_s2 == 0.0)
     return ends
 
 
