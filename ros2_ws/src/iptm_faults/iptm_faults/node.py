@@ -100,7 +100,8 @@ class InjectorNode(SuiteNode):
 
     def _hear(self, topic: Topic, name: str, callback: Callable[[bytes], None]) -> None:
         spec = TOPICS[topic]
-        self.create_subscription(spec.message_type, name, callback, spec.qos, raw=True)
+        guarded = partial(self.guard, name, callback)
+        self.create_subscription(spec.message_type, name, guarded, spec.qos, raw=True)
 
     # --- what is handed on
 

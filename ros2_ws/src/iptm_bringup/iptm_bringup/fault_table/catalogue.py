@@ -110,9 +110,10 @@ class PlannedTrip:
 
     @property
     def name(self) -> str:
-        """Name for files and progress: way, cycle and the first fault."""
-        first = self.entries[0][1]
-        return f"{self.way}_{self.cycle}_{first.kind}_{first.start_s:g}_{len(self.entries)}"
+        """Name for files and progress: way, cycle, the first fault and how many others there are."""
+        first, others = self.entries[0][1], len(self.entries) - 1
+        parts = [self.way, self.cycle, first.kind, first.target, f"and_{others}" if others else ""]
+        return "_".join(str(part) for part in parts if part)
 
 
 def read_catalogue(path: Path | None = None) -> tuple[tuple[str, ...], tuple[Entry, ...]]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_bringup.fault_table.catalogue import Entry, Said, Way
-from iptm_bringup.fault_table.observed import Happened, ObservedTrip
+from iptm_bringup.fault_table.observed import QUIET, Happened, ObservedTrip, Statement
 from iptm_core.decision_record import Rung
 from iptm_core.metrics.constraints import check_constraints
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
@@ -88,8 +88,9 @@ def _judge(
     end = min(int(np.searchsorted(times, happened.end_s - 1e-9)), len(run) - 1)
     if first >= len(run):
         return Verdict(entry, way, cycle, problems=("no tick was observed after its beginning",))
-    levels = trip.worst_levels()
-    normal = _normal_row(trip, twin, levels, end)
+    worst = trip.worst()
+    levels = [said.level for said in worst]
+    normal = _normal_row(trip, twin, worst, end)
     last = len(run) - 1 if normal is None else min(normal + LATER_TICKS, len(run) - 1)
     normal_after = math.nan if normal is None else float(times[normal] - happened.end_s)
     problems = _words(trip, entry, levels, first, end)
@@ -126,14 +127,14 @@ def _judge(
 
 
 def _normal_row(
-    trip: ObservedTrip, twin: ObservedTrip, levels: Sequence[Level], end: int
+    trip: ObservedTrip, twin: ObservedTrip, worst: Sequence[Statement], end: int
 ) -> int | None:
     """Return the first row from the end of a fault on with optimal commands and nothing to complain about."""
     times = trip.trajectory.time_s.tolist()
-    at_twin = dict(zip(twin.trajectory.time_s.tolist(), twin.worst_levels(), strict=True))
+    at_twin = dict(zip(twin.trajectory.time_s.tolist(), twin.worst(), strict=True))
     steady = 0
     for row in range(end, len(times)):
-        calm = levels[row] is Level.OK or at_twin.get(times[row], Level.OK) is not Level.OK
+        calm = worst[row].is_calm or at_twin.get(times[row], QUIET).level is not Level.OK
         good = calm and trip.rungs.get(times[row], Rung.OPTIMAL) is Rung.OPTIMAL
         steady = steady + 1 if good else 0
         if steady == STEADY_TICKS:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from iptm_bringup.fault_table.catalogue import PlannedTrip
+from iptm_controller.node_reports import is_about_limits
 from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
@@ -30,6 +31,14 @@ class Statement:
     node: str
     level: Level
     reason: str
+
+    @property
+    def is_calm(self) -> bool:
+        """Whether it complains about nothing, or only about limits that the trip still breaks."""
+        return self.level is Level.OK or (self.level is Level.WARN and is_about_limits(self.reason))
+
+
+QUIET = Statement(0.0, "", Level.OK, "")
 
 
 @dataclass(frozen=True)
@@ -69,21 +78,22 @@ class ObservedTrip:
     happened: Sequence[Happened | None]
     ended: str = ""
 
-    def levels(self, node: str) -> list[Level]:
-        """Return what a node's level was at every row; OK before it said anything."""
+    def worst(self) -> list[Statement]:
+        """Return the worst of what the nodes were saying at every row, nothing before they said anything."""
+        rows = [QUIET] * len(self.trajectory)
+        for node in sorted({said.node for said in self.statements}):
+            for row, said in enumerate(self._spoken(node)):
+                if _SEVERITY[said.level] > _SEVERITY[rows[row].level]:
+                    rows[row] = said
+        return rows
+
+    def _spoken(self, node: str) -> list[Statement]:
+        """Return what a node was saying at every row."""
         own = [said for said in self.statements if said.node == node]
-        levels, place, level = [], 0, Level.OK
+        rows, place, said = [], 0, QUIET
         for time_s in self.trajectory.time_s.tolist():
             while place < len(own) and own[place].time_s <= time_s + 1e-9:
-                level = own[place].level
+                said = own[place]
                 place += 1
-            levels.append(level)
-        return levels
-
-    def worst_levels(self) -> list[Level]:
-        """Return the worst level of all nodes at every row."""
-        nodes = sorted({said.node for said in self.statements})
-        by_node = [self.levels(node) for node in nodes]
-        if not by_node:
-            return [Level.OK] * len(self.trajectory)
-        return [max(levels, key=_SEVERITY.__getitem__) for levels in zip(*by_node, strict=True)]
+            rows.append(said)
+        return rows
