@@ -154,6 +154,12 @@ def drive_processes(
     environment = environment_of_run(domain.number, folder.logs / "ros")
     supervisor = Supervisor(environment, folder.log_path)
     process_faults = ProcessFaults(supervisor, prepared.scenario.faults)
+
+    def settle() -> None:
+        before = folder.logs
+        folder.settle()
+        process_faults.relocate(before, folder.logs)
+
     with (
         process_environment(environment),  # the runner takes part in the graph itself
         _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor),
@@ -165,7 +171,7 @@ def drive_processes(
         result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
         if result.outcome is DriveOutcome.FINISHED:
             drive.start(start.then(monitor))
-            result = drive.run(folder.settle)
+            result = drive.run(settle)
     return Driven(result, monitor, supervisor, process_faults)
 
 

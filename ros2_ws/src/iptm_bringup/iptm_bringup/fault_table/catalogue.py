@@ -26,7 +26,12 @@ CALM_S = 15.0
 """Trip time between what a fault is given to end in and the next one."""
 NORMAL_WITHIN = 5
 
-_OWN_KEYS = ("said", "quiet_in", "normal_within", "ends", "alone")
+REAL_TIME_RATE = 10.0
+"""Seconds of the trip in a second of the wall clock, where trips follow it."""
+START_UP_S = 6.0
+"""Wall time in which a process that was started takes part."""
+
+_OWN_KEYS = ("said", "quiet_in", "normal_within", "ends", "alone", "cycle")
 
 
 class Way(str, Enum):
@@ -60,6 +65,7 @@ class Entry:
         normal_within: ticks after its end after which all has to be normal.
         ends: whether the run may end with it.
         alone: whether it needs a trip of its own over ROS 2.
+        cycle: the only cycle for it, empty for all of the table.
     """
 
     fault: Fault
@@ -68,6 +74,7 @@ class Entry:
     normal_within: int = NORMAL_WITHIN
     ends: bool = False
     alone: bool = False
+    cycle: str = ""
 
     @property
     def name(self) -> str:
@@ -139,6 +146,7 @@ def read_catalogue(path: Path | None = None) -> tuple[tuple[str, ...], tuple[Ent
                 int(row.number("normal_within")) if "normal_within" in row else NORMAL_WITHIN,
                 ends=bool(row.content.get("ends", False)),
                 alone=bool(row.content.get("alone", False)),
+                cycle=row.text("cycle", ""),
             )
         )
     return cycles, tuple(entries)
@@ -166,7 +174,7 @@ def plan_trips(
     """
     fitting = [entry for entry in entries if entry.goes(way)]
     return [
-        PlannedTrip(way, cycle, tuple(group), _route(cycle, _duration_s(group, sound)))
+        PlannedTrip(way, cycle, tuple(group), _route(cycle, _duration_s(group, way, sound)))
         for group in _groups(fitting, way, sound)
     ]
 
@@ -175,16 +183,23 @@ def _groups(
     entries: Iterable[Entry], way: Way, sound: Trajectory
 ) -> list[list[tuple[Entry, Fault]]]:
     groups: list[list[tuple[Entry, Fault]]] = []
+    was_alone = False
     for entry in entries:
-        alone = entry.alone or way is Way.HEADLESS
-        last = groups[-1] if groups and not groups[-1][-1][0].alone and not alone else None
+        # In lock-step trip time may run on while a process starts: nobody knows how far.
+        of_process = entry.fault.spec.place is FaultPlace.PROCESS
+        alone = entry.alone or way is Way.HEADLESS or (of_process and way is Way.LOCK_STEP)
+        last = groups[-1] if groups and not was_alone and not alone else None
         start_s = _tight_s(sound, FIRST_S)
         if last is not None:
             earliest_s = _over_s(*last[-1]) + CALM_S
-            if earliest_s + CALM_S + entry.fault.duration_s + CALM_S <= sound.time_s[-1]:
+            if (
+                _over_s(entry, replace(entry.fault, start_s=earliest_s + CALM_S))
+                <= sound.time_s[-1]
+            ):
                 start_s = _tight_s(sound, earliest_s, CALM_S)
             else:
                 last = None
+        was_alone = alone
         placed = (entry, replace(entry.fault, start_s=start_s))
         if last is None:
             groups.append([placed])
@@ -195,7 +210,10 @@ def _groups(
 
 def _over_s(entry: Entry, fault: Fault) -> float:
     """Return when a fault has to be over and forgotten; one of a process lasts by the wall clock."""
-    lasts_s = 30.0 if fault.spec.place is FaultPlace.PROCESS else fault.duration_s
+    lasts_s = fault.duration_s
+    if fault.spec.place is FaultPlace.PROCESS:
+        wall_s = fault.magnitude if fault.spec.has_size else 0.0
+        lasts_s = REAL_TIME_RATE * (wall_s + START_UP_S)
     return fault.start_s + lasts_s + entry.normal_within
 
 
@@ -211,5 +229,9 @@ def _route(cycle: str, duration_s: float | None = None) -> Route:
     return build_route(cycle, "as_designed", initial_gap_m=gap_m, duration_s=duration_s)
 
 
-def _duration_s(entries: list[tuple[Entry, Fault]], sound: Trajectory) -> float:
-    return min(float(sound.time_s[-1]), float(np.ceil(_over_s(*entries[-1]) + CALM_S)))
+def _duration_s(entries: list[tuple[Entry, Fault]], way: Way, sound: Trajectory) -> float:
+    entry, fault = entries[-1]
+    whole_s = float(sound.time_s[-1])
+    if way is Way.LOCK_STEP and fault.spec.place is FaultPlace.PROCESS:
+        return whole_s
+    return min(whole_s, float(np.ceil(_over_s(entry, fault) + CALM_S)))

@@ -108,8 +108,15 @@ def _run(options: argparse.Namespace) -> int:
     chosen = [entry for entry in entries if not options.only or entry.fault.kind in options.only]
     ways = [Way(way) for way in options.way] or list(Way)
     began_s = time.monotonic()
-    for cycle in options.cycle or cycles:
-        _drive_cycle(context, chosen, ways, cycle)
+    own = dict.fromkeys(entry.cycle for entry in chosen if entry.cycle)
+    for cycle in options.cycle or [*cycles, *own]:
+        wanted = [
+            entry
+            for entry in chosen
+            if options.cycle or entry.cycle == cycle or (not entry.cycle and cycle in cycles)
+        ]
+        if any(entry.goes(way) for entry in wanted for way in ways):
+            _drive_cycle(context, wanted, ways, cycle)
         if stop.number is not None:
             return EXIT_SIGNAL + int(stop.number)
     verdicts = context.store.load(entries)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from iptm_bringup.environment import domain_of_run
-from iptm_bringup.fault_table.catalogue import PlannedTrip, Way
+from iptm_bringup.fault_table.catalogue import REAL_TIME_RATE, PlannedTrip, Way
 from iptm_bringup.fault_table.headless import PARAMETERS, leader_apart
 from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement
 from iptm_bringup.monitor import Snapshot, messages_by_stamp
@@ -30,8 +30,6 @@ from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.process import StopRequest
 from iptm_interfaces.topics import OBSERVATION_TOPICS, TICK_TOPICS, Topic
 
-RATE = 10.0
-"""Real time: seconds of the trip in a second of the wall clock."""
 INPUT_TIMEOUT_S = {Way.LOCK_STEP: 0.3, Way.REAL_TIME: 0.05}
 """Wall time for which the controller waits for missing inputs; half a tick in real time."""
 
@@ -58,7 +56,7 @@ def scenario_of(plan: PlannedTrip) -> Scenario:
         cycle=plan.cycle,
         duration_s=plan.route.duration_s,
         mode=LoopMode.LOCK_STEP if lock_step else LoopMode.REAL_TIME,
-        rate_factor=1.0 if lock_step else RATE,
+        rate_factor=1.0 if lock_step else REAL_TIME_RATE,
         node_parameters={"controller": {"input_timeout_s": INPUT_TIMEOUT_S[plan.way]}},
         faults=plan.faults,
     )

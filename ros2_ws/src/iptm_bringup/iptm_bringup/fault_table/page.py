@@ -6,9 +6,9 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from iptm_bringup.fault_table.catalogue import FIRST_S, Entry, Said, Way
+from iptm_bringup.fault_table.catalogue import FIRST_S, REAL_TIME_RATE, Entry, Said, Way
 from iptm_bringup.fault_table.judge import GRACE_TICKS, LATER_TICKS, STEADY_TICKS, Verdict
-from iptm_bringup.fault_table.over_ros import INPUT_TIMEOUT_S, RATE
+from iptm_bringup.fault_table.over_ros import INPUT_TIMEOUT_S
 from iptm_faults.kinds import KINDS
 
 NOTICE = "<!-- Made by scripts/faults; do not edit. -->"
@@ -85,8 +85,8 @@ def _legend() -> str:
         "the first tick at which the fault can be seen, behind the leader as it drove. Both gaps are those "
         "of the trip in which brakes left least.\n"
         f"- Faults begin where the sound trip has its smallest time headway, at {FIRST_S:g} s at the "
-        f"earliest. Over ROS 2 they follow one another in few trips. Real time runs {RATE:g} times as fast "
-        f"as the wall clock; `input_timeout_s` is {lock_s:g} s in lock-step and {real_s:g} s in real time."
+        "earliest. Over ROS 2 they follow one another in few trips. Real time runs "
+        f"{REAL_TIME_RATE:g} times as fast as the wall clock; `input_timeout_s` is {lock_s:g} s in lock-step and {real_s:g} s in real time."
     )
 
 
