@@ -86,7 +86,8 @@ def _legend() -> str:
         "of the trip in which brakes left least.\n"
         f"- Faults begin where the sound trip has its smallest time headway, at {FIRST_S:g} s at the "
         "earliest. Over ROS 2 they follow one another in few trips. Real time runs "
-        f"{REAL_TIME_RATE:g} times as fast as the wall clock; `input_timeout_s` is {lock_s:g} s in lock-step and {real_s:g} s in real time."
+        f"{REAL_TIME_RATE:g} times as fast as the wall clock; `input_timeout_s` is {lock_s:g} s in lock-step "
+        f"and {real_s:g} s in real time."
     )
 
 
