@@ -35,6 +35,7 @@ from iptm_core.settings import (
     SamplingSettings,
     TripSettings,
 )
+from iptm_faults.fault import Fault
 
 T = TypeVar("T")
 
@@ -66,6 +67,7 @@ class Scenario(PaceSettings, PreviewSettings, ControllerSettings, ModelSettings,
         name: short name, also that of the run's folder.
         description: one line for lists.
         node_parameters: further parameters by node (one of `NODES`) and name; the nodes check them.
+        faults: what goes wrong, in the order of their beginning.
     """
 
     name: str = "custom"
@@ -81,6 +83,7 @@ class Scenario(PaceSettings, PreviewSettings, ControllerSettings, ModelSettings,
     node_parameters: Mapping[str, Mapping[str, Scalar]] = field(
         default_factory=lambda: _NO_PARAMETERS
     )
+    faults: tuple[Fault, ...] = ()
 
     @property
     def full_namespace(self) -> str:

@@ -53,9 +53,11 @@ FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
 class ControllerNode(SuiteNode):
     """Matches state, leader and preview by stamp, decides, and publishes the decision."""
 
+    PARAMETERS = ControllerNodeParameters
+
     def __init__(self) -> None:
         super().__init__("controller")
-        self._options = declare_parameters(self, ControllerNodeParameters)
+        self._options = declare_parameters(self, self.PARAMETERS)
         self.reject_unknown_parameters()
         self._controller = self._options.build_controller()
         self._watch = OperatorWatch(self._options.model().values, self._options)

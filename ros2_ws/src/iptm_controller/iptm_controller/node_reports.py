@@ -9,7 +9,7 @@ import numpy as np
 from iptm_controller.collision_guard import EMERGENCY
 from iptm_controller.controller import Decision
 from iptm_controller.forecast import PreviewQuality
-from iptm_controller.node_watch import OperatorWatch
+from iptm_controller.node_watch import CONCERNS, OperatorWatch
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import Plan
 from iptm_core.decision_record import Rung, SolveStatus
@@ -36,6 +36,15 @@ _PREVIEW_SITUATION = {
         "preview malformed or contradicted, leader taken at constant speed",
     ),
 }
+
+_BREAKS = "plans break limits of "
+_LIMITS = ("gap", "speed", "temperature")
+
+
+def is_about_limits(reason: str) -> bool:
+    """Return whether a reason of a warning tells of nothing but limits that the trip breaks."""
+    parts = reason.removeprefix(_BREAKS).split(", ")
+    return all(part in CONCERNS or part in _LIMITS for part in parts)
 
 
 def plan_trajectory(plan: Plan) -> PlanTrajectory:
@@ -105,7 +114,7 @@ def _of_decision(decision: Decision | None, road: Road) -> tuple[Level, str]:
         return _RUNG_SITUATION[decision.rung]
     broken = _limits_broken(decision)
     if broken:
-        return Level.WARN, f"plans break limits of {', '.join(broken)}"
+        return Level.WARN, _BREAKS + ", ".join(broken)
     result, forecast = decision.result, decision.forecast
     if result is not None and result.status is SolveStatus.FEASIBLE:
         return Level.WARN, "solver stopped early, feasible plan used"

@@ -75,11 +75,46 @@ def episodes(flags: BoolArray) -> list[tuple[int, int]]:
 
 def _kept_by_braking(run: Trajectory, parameters: ModelParameters, start: int, last: int) -> bool:
     """Return whether braking from a row on keeps s_min up to another row, both ends included."""
+    positions, speeds = _motion_when_braking(run, parameters, start, last)
+    rows = slice(start + 1, last + 1)
+    smallest = minimum_gap_m(speeds, run.leader_speed_m_s[rows], parameters.gap, parameters.limits)
+    gaps = run.leader_position_m[rows] - positions
+    return bool(np.all(gaps >= smallest - GAP_TOLERANCE_M))
+
+
+def gaps_when_braking(
+    run: Trajectory, parameters: ModelParameters, start: int, last: int
+) -> FloatArray:
+    """Return the gaps of a car that brakes as hard as it can from a row on.
+
+    From its state in that row, the acceleration falls by the largest jerk in every interval down to its lower
+    bound and stays there until standstill. The leader moves as it did.
+
+    Args:
+        run: the run, n rows.
+        parameters: limits of the inputs.
+        start: row from which on it brakes.
+        last: last row that counts.
+
+    Returns:
+        Gaps in m of the rows from ``start`` to ``last``.
+    """
+    positions, _ = _motion_when_braking(run, parameters, start, last)
+    gaps: FloatArray = run.leader_position_m[start : last + 1] - np.concatenate(
+        ([run.position_m[start]], positions)
+    )
+    return gaps
+
+
+def _motion_when_braking(
+    run: Trajectory, parameters: ModelParameters, start: int, last: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return positions and speeds in the rows behind ``start`` up to ``last``."""
     limits = parameters.limits
     position, speed = float(run.position_m[start]), float(run.speed_m_s[start])
     acceleration = float(run.acceleration_m_s2[start])
-    for row in range(start + 1, last + 1):
-        interval_s = float(run.time_s[row] - run.time_s[row - 1])
+    positions, speeds = [], []
+    for interval_s in np.diff(run.time_s[start : last + 1]).tolist():
         acceleration = max(
             acceleration - limits.max_jerk_m_s3 * interval_s, limits.min_acceleration_m_s2
         )
@@ -89,10 +124,9 @@ def _kept_by_braking(run: Trajectory, parameters: ModelParameters, start: int, l
         elif acceleration < 0.0:
             position += speed * speed / (-2.0 * acceleration)
         speed = max(ahead, 0.0)
-        smallest = minimum_gap_m(speed, float(run.leader_speed_m_s[row]), parameters.gap, limits)
-        if run.leader_position_m[row] - position < smallest - GAP_TOLERANCE_M:
-            return False
-    return True
+        positions.append(position)
+        speeds.append(speed)
+    return np.array(positions), np.array(speeds)
 
 
 def fully_cooled_k(

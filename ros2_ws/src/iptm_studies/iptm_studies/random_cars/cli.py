@@ -17,7 +17,7 @@ from iptm_studies.campaign import Campaign
 from iptm_studies.cli import EXIT_FAILED_RUNS, add_cluster_options, compute, perform_command
 from iptm_studies.cluster import ClusterOptions
 from iptm_studies.execution import survey
-from iptm_studies.random_cars.draws import TWIN, random_study
+from iptm_studies.random_cars.draws import FAULT_SHARE, TWIN, random_study
 from iptm_studies.random_cars.page import JudgedRun, campaign_page, verdict_lines
 from iptm_studies.random_cars.verdicts import judge
 from iptm_studies.run_inputs import resolve_inputs
@@ -58,6 +58,13 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="leave out the warm twins of cold runs, and the verdict on traction energy with them",
     )
+    parser.add_argument(
+        "--fault-share",
+        type=float,
+        default=FAULT_SHARE,
+        metavar="P",
+        help=f"share of the runs with faults, {FAULT_SHARE:g} by default",
+    )
     parser.add_argument("--store", default="", metavar="DIR", help="folder of the results")
     parser.add_argument(
         "--output",
@@ -74,7 +81,11 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace, console: Console) -> int:
     study = random_study(
-        options.runs, options.seed, options.duration_s, with_twins=not options.without_twins
+        options.runs,
+        options.seed,
+        options.duration_s,
+        with_twins=not options.without_twins,
+        fault_share=options.fault_share,
     )
     campaign = Campaign([study])
     store = ResultStore(Path(options.store) if options.store else default_store_folder() / FOLDER)
@@ -131,6 +142,8 @@ def _command(options: argparse.Namespace) -> str:
     command = f"scripts/campaign --runs {options.runs} --seed {options.seed}"
     if options.duration_s is not None:
         command += f" --duration-s {options.duration_s:g}"
+    if options.fault_share != FAULT_SHARE:
+        command += f" --fault-share {options.fault_share:g}"
     return command + (" --without-twins" if options.without_twins else "")
 
 
