@@ -12,11 +12,11 @@ from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import LeaderState, SlopePreview, VehicleState
+from iptm_core.state import LeaderState
 from iptm_core.trajectory import Trajectory
 from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.plant import Plant, PlantStep
-from iptm_v2x_bridge.bridge import V2xBridge
+from iptm_v2x_bridge.bridge import TickBridge, V2xBridge
 from iptm_v2x_bridge.source import CycleSource
 
 
@@ -41,6 +41,7 @@ def run_closed_loop(
     controller: Controller,
     bridge_settings: PreviewSettings | None = None,
     on_tick: Callable[[int, Measurements, Decision], None] | None = None,
+    bridge: TickBridge | None = None,
 ) -> ClosedLoopRun:
     """Drive a route from standstill.
 
@@ -50,6 +51,8 @@ def run_closed_loop(
         controller: a fresh controller.
         bridge_settings: preview length and imperfections.
         on_tick: called after every decision with the tick, what was measured and what was decided.
+        bridge: a fresh bridge that knows the leader otherwise than from the route itself; it has settings
+            of its own.
 
     Returns:
         The trajectory and the controller's answers.
@@ -57,31 +60,26 @@ def run_closed_loop(
     tick_s = controller.options.tick_s
     ticks = round(route.duration_s / tick_s)
     source = CycleSource(route)
-    bridge = V2xBridge(source, bridge_settings)
+    answering: TickBridge = bridge or V2xBridge(source, bridge_settings)
     slope = source.slope_ahead()
     step = plant.observe(plant.initial_state())
     observed: list[tuple[PlantStep, LeaderState]] = []
     records: list[DecisionRecord] = []
     for tick in range(ticks):
-        leader, measured = _measure(bridge, slope, step.state, tick, tick_s)
+        time_ns = round(tick * tick_s * NS_PER_S)
+        answer = answering.answer(time_ns, step.state.position_m)
+        measured = Measurements(step.state, answer.leader, answer.preview, slope)
         decision = controller.decide(measured)
-        observed.append((step, leader))
+        # What happened is told by the leader itself, not by what is believed of it.
+        observed.append((step, source.leader_at(time_ns)))
         records.append(decision.record)
         if on_tick is not None:
             on_tick(tick, measured, decision)
         step = plant.advance(step.state, decision.command, tick_s)
-    leader, _ = _measure(bridge, slope, step.state, ticks, tick_s)
-    observed.append((step, leader))
+    observed.append((step, source.leader_at(round(ticks * tick_s * NS_PER_S))))
     trajectory = Trajectory.from_ticks(observed)
     return ClosedLoopRun(
         trajectory,
         DecisionSeries.from_records(trajectory.time_s[:-1].tolist(), records),
         tuple(step for step, _ in observed),
     )
-
-
-def _measure(
-    bridge: V2xBridge, slope: SlopePreview, state: VehicleState, tick: int, tick_s: float
-) -> tuple[LeaderState, Measurements]:
-    answer = bridge.answer(round(tick * tick_s * NS_PER_S))
-    return answer.leader, Measurements(state, answer.leader, answer.preview, slope)

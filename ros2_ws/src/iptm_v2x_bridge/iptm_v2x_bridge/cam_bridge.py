@@ -1,0 +1,195 @@
+"""The bridge of received messages: datagrams in, for every tick the leader and what it will do.
+
+Nobody but the messages tells where the leader is, so everything is said with caution: positions are the
+predicted ones less their 99 % bound, and a prediction ends where that bound exceeds what may pass for known.
+From there on the controller keeps its braking reserve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.settings import PreviewMode, PreviewSettings
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState
+from iptm_core.trip_time import NS_PER_S
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.messages.cam_codec import decode_datagram
+from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.knowledge import knowledge_of
+from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, Predictor
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
+from iptm_v2x_bridge.source import preview_times_s
+from iptm_v2x_bridge.stations.leader import LeaderSelector
+from iptm_v2x_bridge.stations.station import Station
+from iptm_v2x_bridge.stations.table import StationTable
+
+DEFAULT_KNOWN_BOUND_M = 1.5
+_NS_PER_MS = 1_000_000
+
+
+class CamBridge:
+    """Answers ticks in increasing order of time from the messages received before them.
+
+    An earlier tick means that a new trip has begun; everything heard before is forgotten.
+    """
+
+    def __init__(
+        self,
+        road: RoadLine,
+        settings: PreviewSettings | None = None,
+        *,
+        predictors: Sequence[Predictor] | None = None,
+        known_bound_m: float = DEFAULT_KNOWN_BOUND_M,
+        start_timestamp_ms: int = 0,
+    ) -> None:
+        """Set up a bridge.
+
+        Args:
+            road: the host's route; position 0 is where the host starts.
+            settings: length and step of the previews; the faults of a simulated link play no part.
+            predictors: from the best informed to one that always knows an answer.
+            known_bound_m: a prediction ends where the leader may be farther behind it than this.
+            start_timestamp_ms: TimestampIts at trip time 0.
+        """
+        self._road = road
+        self._settings = settings or PreviewSettings()
+        self._predictors = tuple(predictors or (ReceivedPath(), History()))
+        self._known_bound_m = known_bound_m
+        self._start_ms = start_timestamp_ms
+        self._restart()
+
+    def _restart(self) -> None:
+        self._table = StationTable(self._road)
+        self._selector = LeaderSelector()
+        self._unread = RejectionCounts()
+        self._datagrams = 0
+        self._host_position_m = 0.0
+        self._last: BridgeAnswer | None = None
+
+    def _begin(self, time_ns: int) -> None:
+        if self._last is not None and time_ns < self._last.time_ns:
+            self._restart()
+
+    def receive(self, datagram: bytes, time_ns: int) -> Rejection | None:
+        """Take a datagram in; return why not, None if its message was accepted.
+
+        Args:
+            datagram: as it came from the radio.
+            time_ns: the present, integer nanoseconds of trip time.
+        """
+        self._begin(time_ns)
+        self._datagrams += 1
+        read = decode_datagram(datagram)
+        if isinstance(read, Rejection):
+            self._unread.add(read)
+            return read
+        message, packet_timestamp_ms = read
+        return self._table.receive(
+            message, packet_timestamp_ms, self._timestamp_ms(time_ns), self._host_position_m
+        )
+
+    def count_overflow(self, datagrams: int) -> None:
+        """Count datagrams that had to be dropped unread."""
+        self._unread.add(Rejection.OVERFLOW, datagrams)
+
+    def _timestamp_ms(self, time_ns: int) -> int:
+        return self._start_ms + time_ns // _NS_PER_MS
+
+    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+        """Return the answer to one tick.
+
+        Args:
+            time_ns: the tick, integer nanoseconds of trip time.
+            host_position_m: front of the host along the road at the tick.
+        """
+        self._begin(time_ns)
+        self._host_position_m = host_position_m
+        self._table.forget_silent(self._timestamp_ms(time_ns))
+        leader = self._selector.select(
+            self._table.confirmed, host_position_m, self._timestamp_ms(time_ns) / 1000.0
+        )
+        self._last = (
+            BridgeAnswer(time_ns, None, LeaderPreview.empty(), lost=False)
+            if leader is None
+            else self._answer_with(leader, time_ns)
+        )
+        return self._last
+
+    def _answer_with(self, leader: Station, time_ns: int) -> BridgeAnswer:
+        known = knowledge_of(leader, self._road)
+        now_s = time_ns / NS_PER_S
+        # A sender's clock that is a little ahead must not put the generation into the future.
+        generated_ns = min((leader.generated_ms - self._start_ms) * _NS_PER_MS, time_ns)
+        nodes = np.union1d([generated_ns / NS_PER_S], preview_times_s(self._settings, time_ns))
+        prediction = self._predict(known, nodes, now_s)
+        positions = cautious_positions_m(prediction)
+        times = nodes[: prediction.times_s.size]
+        here = int(np.searchsorted(times, now_s - 1e-9))
+        state = LeaderState(now_s, float(positions[here]), float(prediction.speeds_m_s[here]))
+        preview = LeaderPreview.empty()
+        if self._settings.preview_mode is PreviewMode.FULL:
+            trusted = prediction.bounds_m <= self._known_bound_m
+            # The first node is the generation, where everything is known as well as it ever was.
+            count = max(int(np.argmin(trusted)) if not trusted.all() else trusted.size, 1)
+            preview = LeaderPreview(
+                generated_at_s=float(times[0]),
+                times_s=times[:count],
+                positions_m=positions[:count],
+                speeds_m_s=prediction.speeds_m_s[:count],
+            )
+        return BridgeAnswer(
+            time_ns,
+            state,
+            preview,
+            lost=False,
+            predictor=str(prediction.predictor),
+            leader_bound_m=float(prediction.bounds_m[here]),
+        )
+
+    def _predict(self, known: Knowledge, nodes: FloatArray, now_s: float) -> Prediction:
+        """Return the first prediction that reaches the present."""
+        times = nodes + self._start_ms / 1000.0
+        now = now_s + self._start_ms / 1000.0
+        for predictor in self._predictors:
+            prediction = predictor.predict(known, times)
+            if prediction is None or not prediction.times_s.size:
+                continue
+            if prediction.times_s[-1] >= now - 1e-6:
+                return prediction
+        return History().predict(known, times)
+
+    @property
+    def leader_id(self) -> int | None:
+        """Identity of the present leader."""
+        return self._selector.leader_id
+
+    @property
+    def table(self) -> StationTable:
+        """The stations."""
+        return self._table
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics: what arrived, what became of it, who leads."""
+        values: dict[str, object] = {
+            "datagrams": self._datagrams,
+            "messages_accepted": self._table.accepted,
+            "stations": len(self._table),
+            "leader_station": "none" if self.leader_id is None else self.leader_id,
+            "leader_changes": self._selector.changes,
+        }
+        if self._last is not None:
+            values["predictor"] = self._last.predictor or "none"
+            values["leader_bound_m"] = self._last.leader_bound_m
+        for counts in (self._unread, self._table.rejections):
+            values.update({f"rejected_{name}": count for name, count in counts.by_reason().items()})
+        return values
+
+
+def cautious_positions_m(prediction: Prediction) -> FloatArray:
+    """Return the predicted positions less their bounds, never decreasing: no leader drives backwards."""
+    cautious: FloatArray = np.maximum.accumulate(prediction.positions_m - prediction.bounds_m)
+    return cautious
