@@ -15,7 +15,7 @@ from iptm_v2x_bridge.messages.cam import PASSENGER_CAR, CamMessage, PredictedPat
 from iptm_v2x_bridge.messages.cam_codec import encode_cam
 from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
 from iptm_v2x_bridge.messages.its_time import delta_time_ms
-from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings
+from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings, path_times_s
 
 BEFORE_START_S = 3.0
 """The leader is heard for as long before the trip begins; it stands there."""
@@ -75,10 +75,7 @@ class CamSender:
 
     def _path(self, time_s: float) -> PredictedPath:
         settings = self._settings
-        # Evenly spaced in the tenths of a second of the wire.
-        ends = np.arange(1, settings.path_points + 1) / settings.path_points
-        ahead = np.maximum.accumulate(np.rint(10.0 * settings.path_length_s * ends)) / 10.0
-        ahead = np.unique(ahead[ahead > 0.0])
+        ahead = path_times_s(settings.path_points, settings.path_length_s)
         fronts = self._motion.positions_at(time_s + ahead) + settings.vehicle_length_m
         latitudes, longitudes, _ = self._road.locate(fronts)
         return PredictedPath(ahead, latitudes, longitudes, confidence=0.95)
