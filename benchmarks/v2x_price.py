@@ -128,6 +128,7 @@ def measure(
     duration_s: float = 0.0,
     seed: int = 1,
     quick: int = 0,
+    leader: tuple[str, ...] = tuple(SENDERS),
 ) -> dict[str, Any]:
     """Measure all cases.
 
@@ -135,12 +136,13 @@ def measure(
         cycle: driving cycle of the leader.
         duration_s: length of the trip, s; 0 for all of it.
         seed: of loss.
+        leader: known from the file, and from these messages; may be repeated.
         quick: 1 takes only the best and the worst link.
     """
     links = [(loss, delay_s) for loss in LOSSES for delay_s in DELAYS_S]
     if quick:
         links = [links[0], links[-1]]
-    cases = [Case(FILE)] + [Case(leader, *link) for leader in SENDERS for link in links]
+    cases = [Case(FILE)] + [Case(sender, *link) for sender in leader for link in links]
     rows = []
     for case in cases:
         rows.append(drive(case, cycle, duration_s or None, seed))

@@ -38,7 +38,7 @@ def test_the_leader_is_known_from_its_messages(
     route: Route, framing: Framing, start_ms: int
 ) -> None:
     wireless = radio(route, framing=framing, start_ms=start_ms)
-    for tick, answer in enumerate(answers(wireless, route, range(30, 60))):
+    for tick, answer in enumerate(answers(wireless, route, range(60))):
         truth = route.leader.state_at(float(tick))
         assert answer.leader is not None
         assert answer.predictor == "received_path"
@@ -48,8 +48,10 @@ def test_the_leader_is_known_from_its_messages(
         assert answer.preview.generated_at_s == tick
         assert answer.preview.times_s[-1] == tick + 60.0
         expected = route.leader.positions_at(answer.preview.times_s)
-        assert np.abs(answer.preview.positions_m - expected).max() < 1.0
-        assert (answer.preview.positions_m <= expected + 0.02).all()
+        errors_m = answer.preview.positions_m - expected
+        assert np.abs(errors_m).max() < 1.5
+        assert np.abs(errors_m[:20]).max() < 0.4
+        assert errors_m[:20].max() <= 0.02
     assert wireless.bridge.leader_id == 4711
 
 

@@ -19,5 +19,10 @@ setup(
     maintainer_email="maintainers@iptm.example.org",
     description="Predicted motion of the leader and slope of the road, with the faults of a link",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["bridge = iptm_v2x_bridge.node:main"]},
+    entry_points={
+        "console_scripts": [
+            "bridge = iptm_v2x_bridge.node:main",
+            "sender = iptm_v2x_bridge.node_sender:main",
+        ]
+    },
 )

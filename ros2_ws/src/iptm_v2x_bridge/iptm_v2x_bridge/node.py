@@ -19,7 +19,8 @@ from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_interfaces.watchdog import Watchdog
-from iptm_v2x_bridge.bridge import BridgeAnswer, V2xBridge
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.node_answers import node_answers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 
 CLOCK_TIMEOUT_S = 5.0
@@ -38,14 +39,13 @@ class BridgeNode(SuiteNode):
         super().__init__("v2x_bridge")
         self._options = declare_parameters(self, BridgeNodeParameters)
         self.reject_unknown_parameters()
-        source = self._options.build_source()
-        self._bridge = V2xBridge(source, self._options)
+        self._answers = node_answers(self, self._options, self._answer_if_matched)
         self._answer: BridgeAnswer | None = None
         self._unanswered_ns: int | None = None
         self._leader_publisher = self.advertise(Topic.LEADER)
         self._preview_publisher = self.advertise(Topic.LEADER_PREVIEW)
         self._slope_publisher = self.advertise(Topic.SLOPE)
-        self._slope_publisher.publish(encode_slope(source.slope_ahead()))
+        self._slope_publisher.publish(encode_slope(self._answers.slope_ahead()))
         self._reporter = DiagnosticsReporter.of_node(self, "preview")
         self._watchdog = Watchdog(CLOCK_TIMEOUT_S, lambda _: self._report()).attach(self)
         self.every(REPORT_PERIOD_S, self._report)
@@ -61,7 +61,9 @@ class BridgeNode(SuiteNode):
         self._unanswered_ns = time_ns
         if self._peers_matched():
             self._answer_clock()
-        self._report()
+        if not self._answers.missing():
+            # What is missing has a moment to arrive; the timer reports what does not.
+            self._report()
 
     def _peers_matched(self) -> bool:
         """Return whether an answer would reach everyone; once true, it stays true."""
@@ -81,11 +83,13 @@ class BridgeNode(SuiteNode):
 
     def _answer_clock(self) -> None:
         """Publish the answer to the last tick; the same tick again gets the same answer."""
-        time_ns, self._unanswered_ns = self._unanswered_ns, None
-        if time_ns is None:
+        time_ns = self._unanswered_ns
+        answer = None if time_ns is None else self._answers.answer(time_ns)
+        if time_ns is None or answer is None:
             return
-        self._answer = self._bridge.answer(time_ns)
-        self._leader_publisher.publish(encode_leader(self._answer.leader))
+        self._answer, self._unanswered_ns = answer, None
+        if self._answer.leader is not None:
+            self._leader_publisher.publish(encode_leader(self._answer.leader))
         self._preview_publisher.publish(encode_leader_preview_bytes(self._answer.preview, time_ns))
 
     def _report(self) -> None:
@@ -94,9 +98,8 @@ class BridgeNode(SuiteNode):
         values: dict[str, object] = {
             "cycle": self._options.cycle,
             "preview_mode": self._options.preview_mode.value,
-            "predictions_sent": self._bridge.sent,
-            "dropouts": self._bridge.lost,
             "seed": self._options.seed,
+            **self._answers.report(),
         }
         if answer is not None:
             values["preview_age_s"] = answer.preview_age_s
@@ -104,12 +107,20 @@ class BridgeNode(SuiteNode):
         self._reporter.report(answer.time_ns if answer else 0, level, reason, values)
 
     def _situation(self, answer: BridgeAnswer | None) -> tuple[Level, str]:
-        if answer is None and self._unanswered_ns is not None:
-            return Level.OK, "waiting for the expected peers"
+        waits = self._unanswered_ns is not None
+        missing = self._answers.missing() if waits else ""
         if answer is None:
-            return Level.OK, "waiting for the clock"
+            what = "the expected peers" if waits else "the clock"
+            return Level.OK, missing or f"waiting for {what}"
         if self._watchdog.is_silent:
             return Level.STALE, "the clock has stopped"
+        if missing:
+            return Level.WARN, missing
+        if answer.leader is None:
+            return Level.WARN, "no leader is known"
+        return self._preview_situation(answer)
+
+    def _preview_situation(self, answer: BridgeAnswer) -> tuple[Level, str]:
         if self._options.preview_mode is PreviewMode.NONE:
             return Level.OK, "leader only, no preview by choice"
         if answer.preview.times_s.size == 0:
@@ -118,6 +129,11 @@ class BridgeNode(SuiteNode):
             return Level.WARN, "the prediction held ends in the past"
         # Single losses are counted, not reported: they come and go with every tick.
         return Level.OK, "predictions arrive"
+
+    def destroy_node(self) -> None:
+        """Give the socket back, too."""
+        self._answers.close()
+        super().destroy_node()
 
 
 def main() -> None:

@@ -56,8 +56,11 @@ def east_north_m(
     Returns:
         East and north in m, shape of the points.
     """
-    latitude, origin = np.asarray(latitude_deg, np.float64), np.asarray(origin_deg[0], np.float64)
-    turns = (np.asarray(longitude_deg, np.float64) - origin_deg[1] + 180.0) % 360.0 - 180.0
+    latitude, longitude, origin, meridian_deg = (
+        np.asarray(values, dtype=np.float64)
+        for values in (latitude_deg, longitude_deg, *origin_deg)
+    )
+    turns = (longitude - meridian_deg + 180.0) % 360.0 - 180.0
     mean = np.radians(0.5 * (latitude + origin))
     flat = 1.0 - _ECCENTRICITY_2 * np.sin(mean) ** 2
     prime_vertical = EQUATORIAL_RADIUS_M / np.sqrt(flat)
@@ -129,7 +132,7 @@ class RoadLine:
         count = round(TEST_ROAD_LENGTH_M / _TEST_ROAD_SPACING_M)
         _, metres_per_degree = east_north_m(latitude + 0.5, longitude, TEST_ROAD_START_DEG)
         step = _TEST_ROAD_SPACING_M / (2.0 * float(metres_per_degree))
-        latitudes = latitude + step * np.arange(count + 1)
+        latitudes: FloatArray = latitude + step * np.arange(count + 1, dtype=np.float64)
         return cls(latitudes, np.full(count + 1, longitude))
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from iptm_core.routes.comprehensive import RouteSegment, comprehensive_cycle, hi
 from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle, smooth_cycle
 from iptm_core.routes.hills import PEAK_GRADES
 from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.routes.user_csv import read_user_cycle
 
@@ -36,6 +37,7 @@ class Route:
         duration_s: length of the trip.
         segments: stretches in driving order, covering the whole cycle without gaps.
         source: where the speed trace comes from.
+        road_line: where the road lies on Earth; a straight test road for cycles that were driven on none.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Route:
     duration_s: float
     segments: tuple[RouteSegment, ...]
     source: str
+    road_line: RoadLine = field(default_factory=RoadLine.test_road)
 
 
 def build_route(

@@ -8,6 +8,8 @@ from iptm_core.routes.road_line import RoadLine
 from iptm_v2x_bridge.prediction.predictor import Knowledge, RoadPath
 from iptm_v2x_bridge.stations.station import Station
 
+MAX_PATH_AGE_MS = 2000
+"""Not every message carries a path; an older one than this is what the leader meant to do."""
 MAX_ASIDE_M = 10.0
 """A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
 
@@ -18,9 +20,9 @@ def knowledge_of(station: Station, road: RoadLine) -> Knowledge:
 
 
 def _road_path(station: Station, road: RoadLine) -> RoadPath | None:
-    path = station.message.path
-    if path is None:
+    if station.path is None or station.generated_ms - station.path[0] > MAX_PATH_AGE_MS:
         return None
+    generated_ms, path = station.path
     length_m = station.message.front_to_rear_m
     times, places = [], []
     near_m = station.fix.position_m
@@ -35,6 +37,6 @@ def _road_path(station: Station, road: RoadLine) -> RoadPath | None:
         if abs(fix.lateral_m) > MAX_ASIDE_M:
             break
         near_m = fix.position_m
-        times.append(station.last.time_s + time_s)
+        times.append(generated_ms / 1000.0 + time_s)
         places.append(near_m - length_m)
     return RoadPath(np.array(times), np.array(places)) if times else None

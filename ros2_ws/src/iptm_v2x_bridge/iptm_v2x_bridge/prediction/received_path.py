@@ -27,8 +27,11 @@ class ReceivedPath:
         last, path = known.last, known.path
         if path is None:
             return None
-        nodes = np.concatenate([[last.time_s], path.times_s])
-        places = np.concatenate([[last.position_m], path.positions_m])
+        ahead = path.times_s > last.time_s + 0.05
+        if not ahead.any():
+            return None
+        nodes = np.concatenate([[last.time_s], path.times_s[ahead]])
+        places = np.concatenate([[last.position_m], path.positions_m[ahead]])
         steps = np.diff(places)
         if steps.min() < -BACKWARD_TOLERANCE_M:
             return None

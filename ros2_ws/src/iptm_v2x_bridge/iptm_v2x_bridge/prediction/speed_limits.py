@@ -51,7 +51,7 @@ class SpeedLimits:
     def approach_m_s(self, positions_m: FloatArray) -> FloatArray:
         """Return the speed with which each position can be passed, lower limits ahead kept in mind."""
         here = np.maximum(np.searchsorted(self.starts_m, positions_m, side="right") - 1, 0)
-        allowed = self.limits_m_s[here]
+        allowed: FloatArray = self.limits_m_s[here]
         for start, limit in zip(self.starts_m.tolist(), self.limits_m_s.tolist(), strict=True):
             ahead = start - positions_m
             reach = np.sqrt(limit**2 + 2.0 * BRAKING_M_S2 * np.maximum(ahead, 0.0))
@@ -70,7 +70,7 @@ class BoundedBySpeedLimits:
         last = known.last
         end_s = float(times_s[-1])
         count = int(np.ceil(max(end_s - last.time_s, 0.0) / _STEP_S)) + 1
-        fine = last.time_s + _STEP_S * np.arange(count + 1)
+        fine: FloatArray = last.time_s + _STEP_S * np.arange(count + 1, dtype=np.float64)
         free = self._inner.predict(known, fine)
         if free is None:
             return None

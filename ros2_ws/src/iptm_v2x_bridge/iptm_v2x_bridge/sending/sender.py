@@ -58,7 +58,7 @@ class CamSender:
         front_m = float(self._motion.positions_at(time_s)) + settings.vehicle_length_m
         latitude, longitude, heading = (float(value) for value in self._road.locate(front_m))
         acceleration = (speed - speed_before) / _ACCELERATION_WINDOW_S
-        path = self._path(time_s) if settings.foresight is Foresight.PATH else None
+        path = self._path(time_s) if self._tells_path(time_ns) else None
         return CamMessage(
             station_id=settings.station_id,
             delta_time_ms=delta_time_ms(self._start_ms + time_ns // _NS_PER_MS),
@@ -72,6 +72,13 @@ class CamSender:
             position_bound_m=POSITION_BOUND_M,
             path=path,
         )
+
+    def _tells_path(self, time_ns: int) -> bool:
+        """Return whether this message carries a path: the first one of each period does."""
+        if self._settings.foresight is Foresight.NONE:
+            return False
+        period_ns = max(round(self._settings.path_period_s * NS_PER_S), self._period_ns)
+        return time_ns % period_ns < self._period_ns
 
     def _path(self, time_s: float) -> PredictedPath:
         settings = self._settings

@@ -55,6 +55,9 @@ class SenderSettings(Settings):
     )
     path_points: int = parameter(40, "points of a predicted path", "", 1, 40)
     path_length_s: float = parameter(60.0, "how far a predicted path reaches", "s", 1.0, 480.0)
+    path_period_s: float = parameter(
+        0.5, "time between two messages that carry a path; those between carry none", "s", 0.0, 60.0
+    )
     framing: Framing = parameter(
         Framing.GEONETWORKING, "geonetworking: with its headers and BTP-B, bare: the message alone"
     )

@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from iptm_core.routes.road_line import RoadFix, RoadLine
-from iptm_v2x_bridge.messages.cam import CamMessage
+from iptm_v2x_bridge.messages.cam import CamMessage, PredictedPath
 
 HISTORY = 64
 """Observations kept of a station: six seconds at 10 Hz."""
@@ -45,7 +45,16 @@ class Observation:
 
 
 class Station:
-    """Follows one station from message to message."""
+    """Follows one station from message to message.
+
+    Attributes:
+        message: newest accepted message.
+        generated_ms: when it was generated, TimestampIts.
+        fix: its reference position as seen from the road.
+        observations: what the accepted messages said, oldest first.
+        path: newest predicted path, with the TimestampIts of its message.
+        in_lane: whether it is in the lane of the host.
+    """
 
     def __init__(self, message: CamMessage, generated_ms: int, road: RoadLine) -> None:
         self._road = road
@@ -53,6 +62,7 @@ class Station:
         self.messages = 0
         self.in_lane = False
         self.observations: deque[Observation] = deque(maxlen=HISTORY)
+        self.path: tuple[int, PredictedPath] | None = None
         self._votes = LANE_VOTES - 1
         self._take(message, generated_ms, None)
 
@@ -70,6 +80,8 @@ class Station:
                 bound_m=message.position_bound_m or 0.0,
             )
         )
+        if message.path is not None:
+            self.path = (generated_ms, message.path)
         self._vote()
 
     def update(self, message: CamMessage, generated_ms: int) -> None:
