@@ -17,7 +17,7 @@ from iptm_core.errors import RouteError
 from iptm_core.routes import SlopeProfile
 from iptm_core.routes.csv_table import parse_csv_table
 from iptm_core.routes.cycles import DrivingCycle
-from iptm_core.routes.user_csv import read_user_cycle
+from iptm_core.routes.user_csv import read_user_trip
 
 
 class Reader(Protocol):
@@ -33,7 +33,8 @@ def read(tmp_path: Path) -> Reader:
     ) -> tuple[DrivingCycle, SlopeProfile | None]:
         path = tmp_path / name
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return read_user_cycle(path)
+        trip = read_user_trip(path)
+        return trip.cycle, trip.slope
 
     return read_text
 
@@ -222,9 +223,9 @@ def test_bad_files_are_explained(read: Reader, text: str | bytes, message: str) 
 
 def test_missing_file_and_folder(tmp_path: Path) -> None:
     with pytest.raises(RouteError, match=re.escape(str(tmp_path / "no.csv")) + ": no such file"):
-        read_user_cycle(tmp_path / "no.csv")
+        read_user_trip(tmp_path / "no.csv")
     with pytest.raises(RouteError, match="cannot be read"):
-        read_user_cycle(tmp_path)
+        read_user_trip(tmp_path)
 
 
 @given(st.text(max_size=80))

@@ -135,6 +135,14 @@ class RoadLine:
         latitudes: FloatArray = latitude + step * np.arange(count + 1, dtype=np.float64)
         return cls(latitudes, np.full(count + 1, longitude))
 
+    def begun_earlier(self, way_m: float) -> RoadLine:
+        """Return the line with a straight way of so many metres in front of it."""
+        latitude, longitude, _ = self.locate(-way_m)
+        return RoadLine(
+            np.concatenate([[float(latitude)], self.latitudes_deg]),
+            np.concatenate([[float(longitude)], self.longitudes_deg]),
+        )
+
     @property
     def length_m(self) -> float:
         """Length of the line."""

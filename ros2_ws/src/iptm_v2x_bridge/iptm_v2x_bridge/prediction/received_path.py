@@ -12,7 +12,7 @@ from iptm_v2x_bridge.prediction.predictor import (
     PredictorName,
 )
 
-GROWTH = ErrorGrowth((0.0, 0.3, 1.0, 60.0), (0.05, 0.12, 0.2, 0.35))
+GROWTH = ErrorGrowth((0.0, 1.0, 60.0), (0.05, 0.3, 0.5))
 """For forty points over a minute. A sender that does not do what it says is farther off, and says so in its
 next message."""
 MAX_SPEED_M_S = 70.0
