@@ -16,6 +16,7 @@ from iptm_interfaces.topics import Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.datagrams import DatagramReader
+from iptm_v2x_bridge.messages.cam_codec import specification
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, LeaderSource
 from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
@@ -117,6 +118,7 @@ class _CamAnswers:
         self._lost_on_the_way = 0
         self._missing = ""
         self._dropped = 0
+        specification()  # compiled now, not at the first tick, which others wait for
         node.listen(Topic.PLANT_ODOMETRY, self._on_host)
         node.every(READ_PERIOD_S, self._on_read_timer)
 

@@ -18,6 +18,7 @@ from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
+from iptm_v2x_bridge.messages.cam_codec import specification
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.node_parameters import (
     LOCALHOST,
@@ -68,6 +69,7 @@ class SenderNode(SuiteNode):
         self._failed = 0
         self._last_ns: int | None = None
         self._ended: EndOfTick | None = None
+        specification()  # compiled now, not at the first tick, which others wait for
         self._start_ns = time.monotonic_ns()
         self._reporter = DiagnosticsReporter.of_node(self, "messages")
         self.every(REPORT_PERIOD_S, self._report)

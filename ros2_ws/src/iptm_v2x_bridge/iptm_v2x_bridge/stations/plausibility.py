@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from iptm_core.routes.road_line import east_north_m
+from iptm_core.routes.road_line import step_m
 from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.messages.geonetworking import TIMESTAMP_MODULUS_MS
 from iptm_v2x_bridge.messages.its_time import DELTA_MODULUS_MS, resolve_delta_ms
@@ -72,7 +72,7 @@ def contradiction(before: CamMessage, after: CamMessage, elapsed_s: float) -> Re
     change_m_s = abs(after.speed_m_s - before.speed_m_s)
     if change_m_s > MAX_ACCELERATION_M_S2 * elapsed_s + SPEED_TOLERANCE_M_S:
         return Rejection.SPEED_JUMP
-    east, north = east_north_m(
+    east, north = step_m(
         after.latitude_deg, after.longitude_deg, (before.latitude_deg, before.longitude_deg)
     )
     moved_m = math.hypot(east, north)
