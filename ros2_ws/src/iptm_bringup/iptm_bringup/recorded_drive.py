@@ -1,7 +1,7 @@
 """Recorded drives: shows what is read out of a file, and makes an example with the noise of a phone.
 
 drive_file show my_drive.gpx --picture my_drive.png
-drive_file example docs/examples/phone_drive.gpx --seed 1
+drive_file bag bags/example_us06_120s my_car.csv
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.routes.track import RecordedDrive
 from iptm_core.routes.user_csv import UserTrip, read_user_trip
 from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
+from iptm_recording.trajectory_reader import read_trajectory
 
 EXAMPLE_CYCLE = "sc03"
 EXAMPLE_PLACE_DEG = (48.40, 9.98)
@@ -42,10 +44,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     example.add_argument("file", type=Path, help=".gpx file to write")
     example.add_argument("--seed", type=int, default=1, help="of the noise (1)")
+    bag = commands.add_parser(
+        "bag", help="make a driving cycle of what a car did in a recorded bag"
+    )
+    bag.add_argument("bag", type=Path, help="bag folder or .mcap file")
+    bag.add_argument("file", type=Path, help=".csv file to write")
+    bag.add_argument("--who", choices=("host", "leader"), default="host", help="whose drive (host)")
     given = parser.parse_args(arguments)
     try:
         if given.command == "example":
             given.file.write_text(example_gpx(given.seed), encoding="utf-8")
+            return 0
+        if given.command == "bag":
+            trajectory = read_trajectory(given.bag)
+            given.file.write_text(cycle_csv(trajectory, given.who), encoding="utf-8")
             return 0
         trip = read_user_trip(given.file)
         print(description(trip))
@@ -55,6 +67,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"drive_file: {reason}", file=sys.stderr)
         return 2
     return 0
+
+
+def cycle_csv(trajectory: Trajectory, who: str) -> str:
+    """Return the drive of the host or of its leader as a cycle that others can follow."""
+    speeds = trajectory.speed_m_s if who == "host" else trajectory.leader_speed_m_s
+    rows = (
+        f"{time_s:.9g},{speed:.9g}\n"
+        for time_s, speed in zip(trajectory.time_s.tolist(), speeds.tolist(), strict=True)
+    )
+    return "time_s,speed_m_s\n" + "".join(rows)
 
 
 def description(trip: UserTrip) -> str:

@@ -1,4 +1,4 @@
-"""Parameters of the bridge node and what is built from them."""
+"""Parameters of the bridge and of the sender, and what is built from them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 import numpy as np
 
-from iptm_core.declaration import Settings, parameter
+from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import ParameterError, RouteError
 from iptm_core.routes import Route, build_route
 from iptm_core.settings import PreviewSettings, RoadSettings
@@ -17,6 +17,7 @@ from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
 from iptm_v2x_bridge.prediction.predictor import Predictor
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits, SpeedLimits
+from iptm_v2x_bridge.sending.settings import SenderSettings
 from iptm_v2x_bridge.source import CycleSource
 
 DEFAULT_CAM_PORT = 8947
@@ -132,3 +133,18 @@ class BridgeNodeParameters(CamSettings, PreviewSettings, RoadSettings):
             RouteError: the cycle or its file is not usable.
         """
         return CycleSource(self.route(self.initial_gap_m))
+
+
+@dataclass(frozen=True)
+class SenderNodeParameters(SenderSettings, RoadSettings):
+    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
+
+    initial_gap_m: float = declared(BridgeNodeParameters, "initial_gap_m")
+    to_address: str = parameter(LOCALHOST, "address that the messages are sent to")
+    to_port: int = declared(CamSettings, "cam_port", minimum=1)
+    follow_clock: bool = parameter(
+        default=True,
+        description="send on every /clock, with a mark at the end of each tick (lock-step); false sends by "
+        "the clock of the computer, from the start of the node on",
+    )
+    trip_start_timestamp_ms: int = declared(CamSettings, "trip_start_timestamp_ms")

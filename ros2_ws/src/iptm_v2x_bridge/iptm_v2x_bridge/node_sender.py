@@ -5,13 +5,10 @@ from __future__ import annotations
 import socket
 import sys
 import time
-from dataclasses import dataclass
 
 from rosgraph_msgs.msg import Clock
 
-from iptm_core.declaration import declared, parameter
 from iptm_core.errors import ParameterError
-from iptm_core.settings import RoadSettings
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
@@ -20,33 +17,13 @@ from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_v2x_bridge.messages.cam_codec import specification
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
-from iptm_v2x_bridge.node_parameters import (
-    LOCALHOST,
-    BridgeNodeParameters,
-    CamSettings,
-)
+from iptm_v2x_bridge.node_parameters import SenderNodeParameters
 from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
 from iptm_v2x_bridge.sending.sender import CamSender
-from iptm_v2x_bridge.sending.settings import SenderSettings
 
 WALL_PERIOD_S = 0.01
 REPEAT_PERIOD_S = 0.2
 REPORT_PERIOD_S = 1.0
-
-
-@dataclass(frozen=True)
-class SenderNodeParameters(SenderSettings, RoadSettings):
-    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
-
-    initial_gap_m: float = declared(BridgeNodeParameters, "initial_gap_m")
-    to_address: str = parameter(LOCALHOST, "address that the messages are sent to")
-    to_port: int = declared(CamSettings, "cam_port", minimum=1)
-    follow_clock: bool = parameter(
-        default=True,
-        description="send on every /clock, with a mark at the end of each tick (lock-step); false sends by "
-        "the clock of the computer, from the start of the node on",
-    )
-    trip_start_timestamp_ms: int = declared(CamSettings, "trip_start_timestamp_ms")
 
 
 class SenderNode(SuiteNode):
