@@ -22,7 +22,7 @@ from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam_codec import encode_cam
 from iptm_v2x_bridge.sending.sender import CamSender
-from iptm_v2x_bridge.sending.settings import Framing, SenderSettings
+from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings
 from iptm_v2x_bridge.simulated_radio import SimulatedRadio
 
 NS = 10**9
@@ -247,3 +247,27 @@ def test_a_leader_whose_clock_is_set_back_is_dropped_and_found_again(
         "older": 2 * (END_S - BEGIN_S),
         "stale": END_S - BEGIN_S,
     }
+
+
+class SilencedRadio(SimulatedRadio):
+    """Nothing is heard any more from a second of trip time on: jammed, or out of reach."""
+
+    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+        if time_ns >= BEGIN_S * NS:
+            return self.bridge.answer(time_ns, host_position_m)
+        return super().answer(time_ns, host_position_m)
+
+
+def test_a_leader_that_falls_silent_and_brakes_is_not_run_into(tmp_path: Path) -> None:
+    """The leader brakes to a halt unheard; the host halts behind where it may be by then."""
+    file = tmp_path / "halts.csv"
+    file.write_text("time_s,speed_m_s\n0,0\n12,14\n26,14\n32,0\n75,0\n")
+    gap_m = PARAMETERS.gap.initial_gap_m
+    route = build_route(str(file), initial_gap_m=gap_m, duration_s=75)
+    settings = replace(SENDER, foresight=Foresight.NONE)
+    radio = SilencedRadio(CamSender(route.leader, ROAD, settings), CamBridge(ROAD))
+    options = ControllerOptions(strategy=STRATEGIES["aging"], horizon=MULTI_HORIZON)
+    plant = Plant(PARAMETERS, route.slope.slope_at)
+    loop = run_closed_loop(route, plant, Controller(PARAMETERS, options), bridge=radio)
+    assert loop.trajectory.gap_m.min() > 0.0
+    assert loop.trajectory.speed_m_s[-1] < 0.5

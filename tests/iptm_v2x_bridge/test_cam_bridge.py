@@ -43,14 +43,14 @@ def test_the_leader_is_known_from_its_messages(
         assert answer.leader is not None
         assert answer.predictor == "received_path"
         assert answer.leader.time_s == tick
-        assert -0.2 < answer.leader.position_m - truth.position_m <= 0.0
+        assert -0.4 < answer.leader.position_m - truth.position_m <= 0.0
         assert answer.leader.speed_m_s == pytest.approx(truth.speed_m_s, abs=0.01)
         assert answer.preview.generated_at_s == tick
         assert answer.preview.times_s[-1] == tick + 60.0
         expected = route.leader.positions_at(answer.preview.times_s)
         errors_m = answer.preview.positions_m - expected
         assert np.abs(errors_m).max() < 1.5
-        assert np.abs(errors_m[:20]).max() < 0.4
+        assert np.abs(errors_m[:20]).max() < 0.6
         assert errors_m[:20].max() <= 0.02
     assert wireless.bridge.leader_id == 4711
 
@@ -88,6 +88,39 @@ def test_losses_make_the_leader_older_and_nearer(route: Route) -> None:
         if answer.leader
     ]
     assert np.mean(np.array(ahead) > 0.02) < 0.06
+
+
+def test_a_leader_that_falls_silent_is_taken_to_come_to_a_halt(route: Route) -> None:
+    """It leads on, nearer and slower the longer it is not heard, and never drives backwards."""
+    wireless = radio(route, foresight=Foresight.NONE)
+    answers(wireless, route, range(70))
+    host_m = float(route.leader.positions_at(69.0)) - 20.0
+    silent = [wireless.bridge.answer(tick * NS, host_m) for tick in range(70, 129)]
+    places = np.array([answer.leader.position_m for answer in silent if answer.leader])
+    speeds = np.array([answer.leader.speed_m_s for answer in silent if answer.leader])
+    assert places.size == 59
+    assert (np.diff(places) >= 0.0).all()
+    assert places[-1] - places[0] < 100.0
+    assert speeds[20:].max() == 0.0
+    assert wireless.bridge.leader_id == 4711
+    assert wireless.bridge.answer(135 * NS, host_m).leader is None
+
+
+def test_a_leader_that_is_heard_again_leads_at_once(route: Route) -> None:
+    """Also under another identity, as privacy has it change."""
+    wireless = radio(route, foresight=Foresight.NONE)
+    answers(wireless, route, range(40))
+    for tick in range(40, 50):
+        wireless.bridge.answer(tick * NS, 10.0)
+    renamed = CamSender(route.leader, ROAD, SenderSettings(station_id=99))
+    for _, datagram in renamed.arrivals(50 * NS, 52 * NS):
+        wireless.bridge.receive(datagram, 52 * NS)
+    answer = wireless.bridge.answer(52 * NS, float(route.leader.positions_at(52.0)) - 10.0)
+    assert wireless.bridge.leader_id == 99
+    assert answer.leader is not None
+    assert answer.leader.position_m == pytest.approx(
+        float(route.leader.positions_at(52.0)), abs=0.4
+    )
 
 
 def test_no_leader_is_no_leader() -> None:

@@ -25,7 +25,7 @@ def seen(
 
 
 def steady_path(speed_m_s: float = 20.0) -> RoadPath:
-    times = 1.5 * np.arange(1.0, 41.0)
+    times = 1.5 * np.arange(0.0, 41.0)
     return RoadPath(times, 100.0 + speed_m_s * times)
 
 
@@ -80,10 +80,10 @@ def test_untold_acceleration_is_read_off_the_last_second() -> None:
 
 
 def test_a_received_path_is_what_the_leader_does() -> None:
-    """A stop and a start of a cycle, through forty points: within a few centimetres."""
+    """Stops and starts of a cycle, through forty points."""
     motion = build_route("udds", initial_gap_m=15.0).leader
     for start_s in (0.0, 100.0, 200.0, 340.0):
-        nodes = start_s + 1.5 * np.arange(1.0, 41.0)
+        nodes = start_s + 1.5 * np.arange(0.0, 41.0)
         last = Observation(start_s, *(float(v[0]) for v in _at(motion, np.array([start_s]))), 0.0)
         known = Knowledge((last,), RoadPath(nodes, motion.positions_at(nodes)))
         told = ReceivedPath().predict(known, start_s + AHEAD)
@@ -105,12 +105,19 @@ def _at(motion: object, times: FloatArray) -> tuple[FloatArray, FloatArray]:
     ],
 )
 def test_a_path_that_no_car_drives_is_not_followed(places: list[float]) -> None:
-    path = RoadPath(np.array([1.0, 2.0, 3.0]), np.array(places))
+    path = RoadPath(np.arange(4.0), np.array([100.0, *places]))
     assert ReceivedPath().predict(Knowledge((seen(10.0),), path), AHEAD) is None
 
 
+@pytest.mark.parametrize(("behind_m", "followed"), [(0.0, True), (0.8, True), (1.2, False)])
+def test_an_older_path_counts_while_the_leader_keeps_to_it(behind_m: float, followed: bool) -> None:
+    last = Observation(4.0, 180.0 - behind_m, 20.0, 0.0)
+    told = ReceivedPath().predict(Knowledge((last,), steady_path()), 4.0 + AHEAD)
+    assert (told is not None) == followed
+
+
 def test_a_short_path_ends_where_it_ends() -> None:
-    path = RoadPath(np.array([2.0, 4.0]), np.array([120.0, 140.0]))
+    path = RoadPath(np.array([0.0, 2.0, 4.0]), np.array([100.0, 120.0, 140.0]))
     told = ReceivedPath().predict(Knowledge((seen(10.0),), path), AHEAD)
     assert told is not None
     assert told.times_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]

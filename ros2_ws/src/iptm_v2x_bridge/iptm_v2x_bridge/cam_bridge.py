@@ -1,8 +1,9 @@
 """The bridge of received messages: datagrams in, for every tick the leader and what it will do.
 
 Nobody but the messages tells where the leader is, so everything is said with caution: positions are the
-predicted ones less their 99 % bound, and a prediction ends where that bound exceeds what may pass for known.
-From there on the controller keeps its braking reserve.
+predicted ones less their 99 % bound, speeds less the rate at which it grows, and a prediction ends where the
+bound exceeds what may pass for known. From there on the controller keeps its braking reserve. A leader that
+falls silent is still there: it goes on leading, ever more cautiously, which ends as a leader that halts.
 """
 
 from __future__ import annotations
@@ -28,6 +29,10 @@ from iptm_v2x_bridge.stations.station import Station
 from iptm_v2x_bridge.stations.table import StationTable
 
 DEFAULT_KNOWN_BOUND_M = 1.5
+HOLD_MS = 60_000
+"""For so long a leader that is not heard any more still leads; the host has halted behind it by then."""
+SAME_CAR_MS = 1000
+"""A station first heard no earlier than this before the leader fell silent may be its new identity."""
 _NS_PER_MS = 1_000_000
 
 
@@ -68,6 +73,7 @@ class CamBridge:
         self._unread = RejectionCounts()
         self._datagrams = 0
         self._host_position_m = 0.0
+        self._leader: Station | None = None
         self._last: BridgeAnswer | None = None
 
     def _begin(self, time_ns: int) -> None:
@@ -109,9 +115,7 @@ class CamBridge:
         self._begin(time_ns)
         self._host_position_m = host_position_m
         self._table.forget_silent(self._timestamp_ms(time_ns))
-        leader = self._selector.select(
-            self._table.confirmed, host_position_m, self._timestamp_ms(time_ns) / 1000.0
-        )
+        leader = self._leader = self._leading(time_ns, host_position_m)
         self._last = (
             BridgeAnswer(time_ns, None, LeaderPreview.empty(), lost=False)
             if leader is None
@@ -119,17 +123,45 @@ class CamBridge:
         )
         return self._last
 
+    def _leading(self, time_ns: int, host_position_m: float) -> Station | None:
+        """Return who leads: the nearest one heard, unless a silent leader is nearer still."""
+        now_ms = self._timestamp_ms(time_ns)
+        heard = self._selector.select(self._table.confirmed, host_position_m, now_ms / 1000.0)
+        held = self._leader
+        if held is None or heard is held:
+            return heard
+        identity = held.message.station_id
+        if self._table.find(identity) is held:
+            return heard  # it is heard, and has left the lane or is not the nearest one any more
+        if now_ms - held.generated_ms > HOLD_MS:
+            return heard
+        if heard is not None:
+            same_car = heard.message.station_id == identity
+            same_car |= heard.first_ms >= held.generated_ms - SAME_CAR_MS
+            now_s = now_ms / 1000.0
+            if same_car or heard.last.moved_on_m(now_s) < self._cautiously_at_m(held, now_s):
+                return heard
+        return held
+
+    def _cautiously_at_m(self, station: Station, now_s: float) -> float:
+        """Return where a silent station is at least by now, s of TimestampIts."""
+        times = np.arange(station.last.time_s, now_s + 1.0)
+        told = History().predict(Knowledge((station.last,)), times)
+        return float(cautious_motion(told)[0][-1])
+
     def _answer_with(self, leader: Station, time_ns: int) -> BridgeAnswer:
         known = knowledge_of(leader, self._road)
         now_s = time_ns / NS_PER_S
         # A sender's clock that is a little ahead must not put the generation into the future.
         generated_ns = min((leader.generated_ms - self._start_ms) * _NS_PER_MS, time_ns)
-        nodes = np.union1d([generated_ns / NS_PER_S], preview_times_s(self._settings, time_ns))
+        # Once a second since then, so that the farthest place reached meanwhile is not forgotten.
+        since = np.arange(generated_ns, max(time_ns, generated_ns + 1), NS_PER_S) / NS_PER_S
+        nodes = np.union1d(since, preview_times_s(self._settings, time_ns))
         prediction = self._predict(known, nodes, now_s)
-        positions = cautious_positions_m(prediction)
+        positions, speeds = cautious_motion(prediction)
         times = nodes[: prediction.times_s.size]
         here = int(np.searchsorted(times, now_s - 1e-9))
-        state = LeaderState(now_s, float(positions[here]), float(prediction.speeds_m_s[here]))
+        state = LeaderState(now_s, float(positions[here]), float(speeds[here]))
         preview = LeaderPreview.empty()
         if self._settings.preview_mode is PreviewMode.FULL:
             trusted = prediction.bounds_m <= self._known_bound_m
@@ -139,7 +171,7 @@ class CamBridge:
                 generated_at_s=float(times[0]),
                 times_s=times[:count],
                 positions_m=positions[:count],
-                speeds_m_s=prediction.speeds_m_s[:count],
+                speeds_m_s=speeds[:count],
             )
         return BridgeAnswer(
             time_ns,
@@ -164,8 +196,8 @@ class CamBridge:
 
     @property
     def leader_id(self) -> int | None:
-        """Identity of the present leader."""
-        return self._selector.leader_id
+        """Identity of the present leader, heard or silent."""
+        return None if self._leader is None else self._leader.message.station_id
 
     @property
     def table(self) -> StationTable:
@@ -189,7 +221,15 @@ class CamBridge:
         return values
 
 
-def cautious_positions_m(prediction: Prediction) -> FloatArray:
-    """Return the predicted positions less their bounds, never decreasing: no leader drives backwards."""
-    cautious: FloatArray = np.maximum.accumulate(prediction.positions_m - prediction.bounds_m)
-    return cautious
+def cautious_motion(prediction: Prediction) -> tuple[FloatArray, FloatArray]:
+    """Return positions and speeds that the leader hardly falls below.
+
+    Positions are the predicted ones less their bounds, but never decrease: no leader drives backwards. Speeds
+    are lowered by twice the mean rate of the bound since the first node, its rate now if it grows with the
+    square of time, as that of an unknown acceleration does.
+    """
+    positions: FloatArray = np.maximum.accumulate(prediction.positions_m - prediction.bounds_m)
+    since = np.maximum(prediction.times_s - prediction.times_s[0], 1e-9)
+    rates = 2.0 * (prediction.bounds_m - prediction.bounds_m[0]) / since
+    speeds: FloatArray = np.maximum(prediction.speeds_m_s - rates, 0.0)
+    return positions, speeds

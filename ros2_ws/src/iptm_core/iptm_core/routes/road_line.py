@@ -201,10 +201,7 @@ class RoadLine:
                 one direction of a road that returns from the other; None looks at all of it.
         """
         if near_m is None:
-            east, north = east_north_m(
-                self.latitudes_deg, self.longitudes_deg, (latitude_deg, longitude_deg)
-            )
-            first, last = self._around_nearest(east, north)
+            first, last = self._around_nearest(latitude_deg, longitude_deg)
         else:
             first, last = (
                 int(index)
@@ -223,8 +220,11 @@ class RoadLine:
             nearest = min(nearest, seen, key=lambda entry: entry[0])
         return nearest[1]
 
-    def _around_nearest(self, east: FloatArray, north: FloatArray) -> tuple[int, int]:
-        """Return the range of the segments around the one that comes nearest to the origin."""
+    def _around_nearest(self, latitude_deg: float, longitude_deg: float) -> tuple[int, int]:
+        """Return the range of the segments around the one that comes nearest to a point."""
+        east, north = east_north_m(
+            self.latitudes_deg, self.longitudes_deg, (latitude_deg, longitude_deg)
+        )
         step_east, step_north = np.diff(east), np.diff(north)
         lengths = np.hypot(step_east, step_north)
         along = -(east[:-1] * step_east + north[:-1] * step_north) / lengths**2

@@ -133,7 +133,7 @@ def read_out(track: Track) -> RecordedDrive:
     scale_east, _ = east_north_m(origin[0], origin[1] + 1e-3, origin)
     _, scale_north = east_north_m(origin[0] + 1e-3, origin[1], origin)
     latitudes, north_rate = local_line(track.times_s, track.latitudes_deg, seconds, SPEED_WINDOW_S)
-    unwrapped = np.unwrap(track.longitudes_deg, period=360.0)
+    unwrapped: FloatArray = np.unwrap(track.longitudes_deg, period=360.0).astype(np.float64)
     longitudes, east_rate = local_line(track.times_s, unwrapped, seconds, SPEED_WINDOW_S)
     if track.speeds_m_s is not None:
         speeds = np.interp(seconds, track.times_s, track.speeds_m_s)
@@ -172,7 +172,7 @@ def _slope(track: Track, positions: FloatArray) -> tuple[SlopeProfile | None, fl
     places, index = np.unique(np.round(positions), return_inverse=True)
     heights = np.bincount(index, weights=track.heights_m) / np.bincount(index)
     count = max(2, round(float(places[-1] - places[0]) / ELEVATION_SPACING_M) + 1)
-    grid = np.linspace(float(places[0]), float(places[-1]), count)
+    grid: FloatArray = np.linspace(float(places[0]), float(places[-1]), count, dtype=np.float64)
     if places.size < 2:
         return SlopeProfile.flat(), 0.0
     _, grades = local_line(places, heights, grid, HEIGHT_WINDOW_M)

@@ -8,8 +8,8 @@ from iptm_core.routes.road_line import RoadLine
 from iptm_v2x_bridge.prediction.predictor import Knowledge, RoadPath
 from iptm_v2x_bridge.stations.station import Station
 
-MAX_PATH_AGE_MS = 2000
-"""Not every message carries a path; an older one than this is what the leader meant to do."""
+MAX_PATH_AGE_MS = 10_000
+"""Not every message carries a path, and some are lost; an older one is no prediction any more."""
 MAX_ASIDE_M = 10.0
 """A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
 
@@ -22,10 +22,10 @@ def knowledge_of(station: Station, road: RoadLine) -> Knowledge:
 def _road_path(station: Station, road: RoadLine) -> RoadPath | None:
     if station.path is None or station.generated_ms - station.path[0] > MAX_PATH_AGE_MS:
         return None
-    generated_ms, path = station.path
+    generated_ms, path, rear_m = station.path
     length_m = station.message.front_to_rear_m
-    times, places = [], []
-    near_m = station.fix.position_m
+    times, places = [generated_ms / 1000.0], [rear_m]
+    near_m = rear_m + length_m
     points = zip(
         path.times_s.tolist(),
         path.latitudes_deg.tolist(),
@@ -39,4 +39,4 @@ def _road_path(station: Station, road: RoadLine) -> RoadPath | None:
         near_m = fix.position_m
         times.append(generated_ms / 1000.0 + time_s)
         places.append(near_m - length_m)
-    return RoadPath(np.array(times), np.array(places)) if times else None
+    return RoadPath(np.array(times), np.array(places)) if len(times) > 1 else None

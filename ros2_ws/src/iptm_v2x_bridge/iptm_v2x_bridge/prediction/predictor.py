@@ -28,10 +28,11 @@ class PredictorName(str, Enum):
 
 @dataclass(frozen=True, eq=False)
 class RoadPath:
-    """The predicted path of the newest message, seen from the road.
+    """The newest predicted path, seen from the road.
 
     Attributes:
-        times_s: times, shape (n,), increasing, in the time of the observations.
+        times_s: times, shape (n,), n >= 2, increasing, in the time of the observations; the first one is when
+            the path was told.
         positions_m: rear end along the road, shape (n,).
     """
 

@@ -12,10 +12,13 @@ from iptm_v2x_bridge.prediction.predictor import (
     PredictorName,
 )
 
-GROWTH = ErrorGrowth((0.0, 1.0, 60.0), (0.05, 0.3, 0.5))
+GROWTH = ErrorGrowth((0.0, 60.0), (0.3, 0.5))
 """For forty points over a minute. A sender that does not do what it says is farther off, and says so in its
 next message."""
 MAX_SPEED_M_S = 70.0
+MAX_DEVIATION_M = 1.0
+"""A leader farther from where it said that it would be by now does something else."""
+MIN_AHEAD_S = 0.05
 BACKWARD_TOLERANCE_M = 0.5
 
 
@@ -27,8 +30,9 @@ class ReceivedPath:
         last, path = known.last, known.path
         if path is None:
             return None
-        ahead = path.times_s > last.time_s + 0.05
-        if not ahead.any():
+        ahead = path.times_s > last.time_s + MIN_AHEAD_S
+        said_m = float(np.interp(last.time_s, path.times_s, path.positions_m))
+        if not ahead.any() or abs(said_m - last.position_m) > MAX_DEVIATION_M:
             return None
         nodes = np.concatenate([[last.time_s], path.times_s[ahead]])
         places = np.concatenate([[last.position_m], path.positions_m[ahead]])

@@ -52,7 +52,7 @@ class Station:
         generated_ms: when it was generated, TimestampIts.
         fix: its reference position as seen from the road.
         observations: what the accepted messages said, oldest first.
-        path: newest predicted path, with the TimestampIts of its message.
+        path: newest predicted path: TimestampIts of its message, the path, the rear end at its beginning.
         in_lane: whether it is in the lane of the host.
     """
 
@@ -62,7 +62,7 @@ class Station:
         self.messages = 0
         self.in_lane = False
         self.observations: deque[Observation] = deque(maxlen=HISTORY)
-        self.path: tuple[int, PredictedPath] | None = None
+        self.path: tuple[int, PredictedPath, float] | None = None
         self._votes = LANE_VOTES - 1
         self._take(message, generated_ms, None)
 
@@ -81,7 +81,7 @@ class Station:
             )
         )
         if message.path is not None:
-            self.path = (generated_ms, message.path)
+            self.path = (generated_ms, message.path, self.last.position_m)
         self._vote()
 
     def update(self, message: CamMessage, generated_ms: int) -> None:
