@@ -21,8 +21,12 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
+            "bridge = iptm_core.program:main",
+            "sender = iptm_core.program:main",
+        ],
+        "iptm.programs": [
             "bridge = iptm_v2x_bridge.node:main",
             "sender = iptm_v2x_bridge.node_sender:main",
-        ]
+        ],
     },
 )
