@@ -103,7 +103,7 @@ def errors(cycle: str, every_s: float) -> dict[PredictorName, list[dict[str, Flo
     leads = np.array(LEADS_S)
     for name, (motion, predictor) in predictors.items():
         sender = CamSender(motion, road, SenderSettings())
-        for time_s in np.arange(0.0, motion.times_s[-1] - 1.0, every_s):
+        for time_s in np.arange(0.5, motion.times_s[-1] - 1.0, every_s):  # between the samples
             known = knowledge_at(sender, road, round(1000.0 * time_s))
             times = time_s + leads
             told = predictor.predict(known, times)
