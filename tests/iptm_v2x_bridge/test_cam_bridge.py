@@ -81,7 +81,8 @@ def test_losses_make_the_leader_older_and_nearer(route: Route) -> None:
     )
     found = [answer for answer in answers(wireless, route, range(5, 300)) if answer.leader]
     bounds = {round(answer.preview_age_s): answer.leader_bound_m for answer in found}
-    assert bounds[0] < bounds[1] < bounds[2] < bounds[3]
+    assert bounds[0] < bounds[1]
+    assert {answer.predictor for answer in found} == {"history", "assumed_braking"}
     ahead = [
         answer.leader.position_m - float(route.leader.positions_at(answer.time_ns / NS))
         for answer in found
@@ -99,9 +100,11 @@ def test_a_leader_that_falls_silent_is_taken_to_come_to_a_halt(route: Route) -> 
     places = np.array([answer.leader.position_m for answer in silent if answer.leader])
     speeds = np.array([answer.leader.speed_m_s for answer in silent if answer.leader])
     assert places.size == 59
-    assert (np.diff(places) >= 0.0).all()
+    # It is taken nearer when it counts as silent, after a second and a half; then it moves on to its halt.
+    assert places[1] > places[0] - 1.0
+    assert (np.diff(places[1:]) >= 0.0).all()
     assert places[-1] - places[0] < 100.0
-    assert speeds[20:].max() == 0.0
+    assert speeds[10:].max() == 0.0
     assert wireless.bridge.leader_id == 4711
     assert wireless.bridge.answer(135 * NS, host_m).leader is None
 

@@ -3,7 +3,7 @@
 Nobody but the messages tells where the leader is, so everything is said with caution: positions are the
 predicted ones less their 99 % bound, speeds less the rate at which it grows, and a prediction ends where the
 bound exceeds what may pass for known. From there on the controller keeps its braking reserve. A leader that
-falls silent is still there: it goes on leading, ever more cautiously, which ends as a leader that halts.
+falls silent is still there: it goes on leading, as one that brakes to a halt since its last message.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 from iptm_core.trip_time import NS_PER_S
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.messages.cam_codec import decode_datagram
+from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.knowledge import knowledge_of
 from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, Predictor
@@ -29,8 +30,12 @@ from iptm_v2x_bridge.stations.station import Station
 from iptm_v2x_bridge.stations.table import StationTable
 
 DEFAULT_KNOWN_BOUND_M = 1.5
+SILENT_MS = 1500
+"""A leader from which nothing has arrived for longer is reckoned to brake."""
 HOLD_MS = 60_000
-"""For so long a leader that is not heard any more still leads; the host has halted behind it by then."""
+"""For so long a leader that is not heard any more still leads; the host has halted behind it by then ..."""
+HOLD_BEFORE_OTHER_MS = 10_000
+"""... and only for so long where another one is heard farther ahead."""
 SAME_CAR_MS = 1000
 """A station first heard no earlier than this before the leader fell silent may be its new identity."""
 _NS_PER_MS = 1_000_000
@@ -133,21 +138,18 @@ class CamBridge:
         identity = held.message.station_id
         if self._table.find(identity) is held:
             return heard  # it is heard, and has left the lane or is not the nearest one any more
-        if now_ms - held.generated_ms > HOLD_MS:
+        hold_ms = HOLD_MS if heard is None else HOLD_BEFORE_OTHER_MS
+        if now_ms - held.heard_ms > hold_ms:
             return heard
         if heard is not None:
             same_car = heard.message.station_id == identity
             same_car |= heard.first_ms >= held.generated_ms - SAME_CAR_MS
             now_s = now_ms / 1000.0
-            if same_car or heard.last.moved_on_m(now_s) < self._cautiously_at_m(held, now_s):
+            braking = AssumedBraking().predict(Knowledge((held.last,)), np.array([now_s]))
+            held_at_m = float(braking.positions_m[0])
+            if same_car or heard.last.moved_on_m(now_s) < held_at_m:
                 return heard
         return held
-
-    def _cautiously_at_m(self, station: Station, now_s: float) -> float:
-        """Return where a silent station is at least by now, s of TimestampIts."""
-        times = np.arange(station.last.time_s, now_s + 1.0)
-        told = History().predict(Knowledge((station.last,)), times)
-        return float(cautious_motion(told)[0][-1])
 
     def _answer_with(self, leader: Station, time_ns: int) -> BridgeAnswer:
         known = knowledge_of(leader, self._road)
@@ -157,7 +159,8 @@ class CamBridge:
         # Once a second since then, so that the farthest place reached meanwhile is not forgotten.
         since = np.arange(generated_ns, max(time_ns, generated_ns + 1), NS_PER_S) / NS_PER_S
         nodes = np.union1d(since, preview_times_s(self._settings, time_ns))
-        prediction = self._predict(known, nodes, now_s)
+        silent = self._timestamp_ms(time_ns) - leader.heard_ms > SILENT_MS
+        prediction = self._predict(known, nodes, now_s, silent=silent)
         positions, speeds = cautious_motion(prediction)
         times = nodes[: prediction.times_s.size]
         here = int(np.searchsorted(times, now_s - 1e-9))
@@ -182,9 +185,13 @@ class CamBridge:
             leader_bound_m=float(prediction.bounds_m[here]),
         )
 
-    def _predict(self, known: Knowledge, nodes: FloatArray, now_s: float) -> Prediction:
-        """Return the first prediction that reaches the present."""
+    def _predict(
+        self, known: Knowledge, nodes: FloatArray, now_s: float, *, silent: bool
+    ) -> Prediction:
+        """Return the first prediction that reaches the present; of a silent leader, the worst."""
         times = nodes + self._start_ms / 1000.0
+        if silent:
+            return AssumedBraking().predict(known, times)
         now = now_s + self._start_ms / 1000.0
         for predictor in self._predictors:
             prediction = predictor.predict(known, times)

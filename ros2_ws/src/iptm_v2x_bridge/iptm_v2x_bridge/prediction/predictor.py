@@ -20,6 +20,7 @@ class PredictorName(str, Enum):
     LEARNT_PROFILE = "learnt_profile"
     SPEED_LIMITS = "speed_limits"
     HISTORY = "history"
+    ASSUMED_BRAKING = "assumed_braking"
 
     def __str__(self) -> str:
         """Return the bare word, as it stands in diagnostics."""

@@ -50,13 +50,16 @@ class Station:
     Attributes:
         message: newest accepted message.
         generated_ms: when it was generated, TimestampIts.
+        heard_ms: when it arrived, TimestampIts of the receiver's clock.
         fix: its reference position as seen from the road.
         observations: what the accepted messages said, oldest first.
         path: newest predicted path: TimestampIts of its message, the path, the rear end at its beginning.
         in_lane: whether it is in the lane of the host.
     """
 
-    def __init__(self, message: CamMessage, generated_ms: int, road: RoadLine) -> None:
+    def __init__(
+        self, message: CamMessage, generated_ms: int, road: RoadLine, heard_ms: int = 0
+    ) -> None:
         self._road = road
         self.first_ms = generated_ms
         self.messages = 0
@@ -64,11 +67,14 @@ class Station:
         self.observations: deque[Observation] = deque(maxlen=HISTORY)
         self.path: tuple[int, PredictedPath, float] | None = None
         self._votes = LANE_VOTES - 1
-        self._take(message, generated_ms, None)
+        self._take(message, generated_ms, heard_ms, None)
 
-    def _take(self, message: CamMessage, generated_ms: int, near_m: float | None) -> None:
+    def _take(
+        self, message: CamMessage, generated_ms: int, heard_ms: int, near_m: float | None
+    ) -> None:
         self.message = message
         self.generated_ms = generated_ms
+        self.heard_ms = max(heard_ms, generated_ms)
         self.messages += 1
         self.fix: RoadFix = self._road.project(message.latitude_deg, message.longitude_deg, near_m)
         self.observations.append(
@@ -84,9 +90,9 @@ class Station:
             self.path = (generated_ms, message.path, self.last.position_m)
         self._vote()
 
-    def update(self, message: CamMessage, generated_ms: int) -> None:
+    def update(self, message: CamMessage, generated_ms: int, heard_ms: int = 0) -> None:
         """Take the next accepted message."""
-        self._take(message, generated_ms, self.fix.position_m)
+        self._take(message, generated_ms, heard_ms, self.fix.position_m)
 
     def _vote(self) -> None:
         """Change lanes only after some messages in a row that say so."""

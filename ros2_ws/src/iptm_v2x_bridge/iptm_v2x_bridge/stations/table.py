@@ -81,7 +81,7 @@ class StationTable:
         if station is None or now_ms - station.generated_ms > STATION_TIMEOUT_MS:
             self._confirmed.pop(identity, None)
             self._newcomers.pop(identity, None)
-            self._admit(Station(message, generated_ms, self._road))
+            self._admit(Station(message, generated_ms, self._road, now_ms))
             return None
         if generated_ms <= station.generated_ms:
             equal = generated_ms == station.generated_ms
@@ -90,7 +90,7 @@ class StationTable:
         reason = contradiction(station.message, message, elapsed_s)
         if reason is not None:
             return reason
-        station.update(message, generated_ms)
+        station.update(message, generated_ms, now_ms)
         if station.is_confirmed and identity in self._newcomers:
             del self._newcomers[identity]
             self._confirm(station, host_position_m)
