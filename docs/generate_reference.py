@@ -23,7 +23,7 @@ from iptm_faults.fault import Fault
 from iptm_faults.kinds import KINDS
 from iptm_interfaces.topics import topic_table_markdown
 from iptm_plant_sim.node_parameters import PlantNodeParameters
-from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, SenderNodeParameters
 
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"
@@ -74,9 +74,10 @@ NODES = {
 
 
 def nodes_page() -> str:
-    """Parameters of the three nodes."""
+    """Parameters of the three nodes, and of the sender of messages."""
     parts = [f"# Node parameters\n\n{NOTICE}"]
-    for node, (parameters, _) in NODES.items():
+    sender = {"v2x_sender": (SenderNodeParameters, "")}
+    for node, (parameters, _) in (NODES | sender).items():
         parts.append(
             f"## `{node}`\n\n| parameter | default | unit | allowed | meaning |\n|---|---|---|---|---|\n"
         )

@@ -18,7 +18,7 @@ from iptm_core.errors import RouteError
 from iptm_core.routes import SlopeProfile
 from iptm_core.routes.csv_table import parse_csv_table
 from iptm_core.routes.cycles import DrivingCycle
-from iptm_core.routes.user_csv import read_user_cycle
+from iptm_core.routes.user_csv import read_user_trip
 
 
 class Reader(Protocol):
@@ -34,7 +34,8 @@ def read(tmp_path: Path) -> Reader:
     ) -> tuple[DrivingCycle, SlopeProfile | None]:
         path = tmp_path / name
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return read_user_cycle(path)
+        trip = read_user_trip(path)
+        return trip.cycle, trip.slope
 
     return read_text
 
@@ -223,9 +224,9 @@ def test_bad_files_are_explained(read: Reader, text: str | bytes, message: str) 
 
 def test_missing_file_and_folder(tmp_path: Path) -> None:
     with pytest.raises(RouteError, match=re.escape(str(tmp_path / "no.csv")) + ": no such file"):
-        read_user_cycle(tmp_path / "no.csv")
+        read_user_trip(tmp_path / "no.csv")
     with pytest.raises(RouteError, match="cannot be read"):
-        read_user_cycle(tmp_path)
+        read_user_trip(tmp_path)
 
 
 @given(st.text(max_size=80))
@@ -249,6 +250,6 @@ def test_files_without_an_end_are_refused(tmp_path: Path) -> None:
         file.truncate(30_000_000)
     for path in (pipe, device):
         with pytest.raises(RouteError, match=r"cannot be read \(not a regular file"):
-            read_user_cycle(path)
+            read_user_trip(path)
     with pytest.raises(RouteError, match="30000000 bytes; at most 20000000 are read"):
-        read_user_cycle(large)
+        read_user_trip(large)

@@ -17,6 +17,7 @@ PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/package.xml"))
 
 # Import name -> (key in package.xml, name on the package index). ROS packages are their own key.
 LIBRARIES = {
+    "asn1tools": ("python3-asn1tools-pip", "asn1tools"),
     "casadi": ("casadi-pip", "casadi"),
     "cma": ("python3-cma-pip", "cma"),
     "dask": ("python3-dask-pip", "dask"),

@@ -6,12 +6,12 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed"]},
+    package_data={PACKAGE: ["py.typed", "messages/cam.asn"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numpy>=1.24"],
+    install_requires=["setuptools", "asn1tools>=0.166", "numpy>=1.24"],
     extras_require={"test": ["pytest"]},
     python_requires=">=3.10",
     zip_safe=False,
@@ -20,7 +20,13 @@ setup(
     description="Predicted motion of the leader and slope of the road, with the faults of a link",
     license="Apache-2.0",
     entry_points={
-        "console_scripts": ["bridge = iptm_core.program:main"],
-        "iptm.programs": ["bridge = iptm_v2x_bridge.node:main"],
+        "console_scripts": [
+            "bridge = iptm_core.program:main",
+            "sender = iptm_core.program:main",
+        ],
+        "iptm.programs": [
+            "bridge = iptm_v2x_bridge.node:main",
+            "sender = iptm_v2x_bridge.node_sender:main",
+        ],
     },
 )

@@ -26,6 +26,8 @@ from iptm_recording.run_information import MODEL_KEY
 RECORDER = "recorder"
 INJECTOR = "fault_injector"
 COMMENT_WIDTH = 100
+LEADER_FROM_MESSAGES = "cam"
+"""Value of the bridge's parameter `leader_source` with which it hears the leader's messages."""
 
 MODULES = {
     PLANT: "iptm_plant_sim.node",
@@ -91,8 +93,13 @@ def node_parameters(
     """
     scenario = prepared.scenario
     controller, recorder, runner = 1, int(listeners.recorder), 1
+    # A bridge that hears messages listens to the odometry, too, and their sender to the clock.
+    told = scenario.node_parameters.get(BRIDGE, {}).get("leader_source")
+    wireless = int(told == LEADER_FROM_MESSAGES)
     peers: dict[str, dict[str, Scalar]] = {
-        PLANT: {"expected_peers": controller + recorder + runner + listeners.foreign_to_state},
+        PLANT: {
+            "expected_peers": controller + recorder + runner + wireless + listeners.foreign_to_state
+        },
         BRIDGE: {
             "initial_gap_m": prepared.model.values.gap.initial_gap_m,
             # The runner does not listen to previews.

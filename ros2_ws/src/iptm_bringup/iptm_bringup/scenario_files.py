@@ -22,6 +22,7 @@ from iptm_bringup.scenario import NODES, Scenario
 from iptm_core.declaration import ParameterSpec, Scalar, checked_value, parameter_specs, plain
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
+from iptm_core.routes.user_csv import USER_SUFFIXES
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 from iptm_faults.fault import faults_from, plain_faults
 
@@ -30,7 +31,7 @@ _SUFFIXES = (".yaml", ".yml")
 _OVERRIDES = "parameter_overrides"
 _NODE_PARAMETERS = "node_parameters"
 _FAULTS = "faults"
-_FILE_OF = {"cycle": (".csv",), "parameter_set": _SUFFIXES}
+_FILE_OF = {"cycle": USER_SUFFIXES, "parameter_set": _SUFFIXES}
 """Fields that may name a file, and by which suffixes that is seen."""
 
 

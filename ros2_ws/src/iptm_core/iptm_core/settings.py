@@ -60,7 +60,7 @@ class RoadSettings(Settings):
     """Leader and road."""
 
     cycle: str = parameter(
-        "wltc_class3b", "driving cycle of the leader: a name, or the path of a .csv file"
+        "wltc_class3b", "driving cycle of the leader: a name, or the path of a .csv or .gpx file"
     )
     slope: str = parameter("as_designed", "slope of the road", choices=SLOPE_CHOICES)
 

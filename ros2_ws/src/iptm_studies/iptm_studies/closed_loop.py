@@ -16,7 +16,7 @@ from iptm_core.state import LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.plant import Plant, PlantStep
-from iptm_v2x_bridge.bridge import V2xBridge
+from iptm_v2x_bridge.bridge import TickBridge, V2xBridge
 from iptm_v2x_bridge.source import CycleSource
 
 Disturb = Callable[[Measurements], tuple[LeaderState, Measurements]]
@@ -45,6 +45,7 @@ def run_closed_loop(
     bridge_settings: PreviewSettings | None = None,
     on_tick: Callable[[int, Measurements, Decision], None] | None = None,
     disturb: Disturb | None = None,
+    bridge: TickBridge | None = None,
 ) -> ClosedLoopRun:
     """Drive a route from standstill.
 
@@ -56,6 +57,8 @@ def run_closed_loop(
         on_tick: called after every decision with the tick, what was measured and what was decided.
         disturb: what faults make of every tick, see ``iptm_faults.injection``; None for none. The trajectory
             has the leader that counts and the true state.
+        bridge: a fresh bridge that knows the leader otherwise than from the route itself; it has settings
+            of its own.
 
     Returns:
         The trajectory and the controller's answers.
@@ -63,14 +66,16 @@ def run_closed_loop(
     tick_s = controller.options.tick_s
     ticks = round(route.duration_s / tick_s)
     source = CycleSource(route)
-    bridge = V2xBridge(source, bridge_settings)
+    answering: TickBridge = bridge or V2xBridge(source, bridge_settings)
     slope = source.slope_ahead()
     step = plant.observe(plant.initial_state())
 
     def measure(state: VehicleState, tick: int) -> tuple[LeaderState, Measurements]:
-        answer = bridge.answer(round(tick * tick_s * NS_PER_S))
+        time_ns = round(tick * tick_s * NS_PER_S)
+        answer = answering.answer(time_ns, state.position_m)
         measured = Measurements(state, answer.leader, answer.preview, slope)
-        return (answer.leader, measured) if disturb is None else disturb(measured)
+        # What happened is told by the leader itself, not by what is believed of it.
+        return (source.leader_at(time_ns), measured) if disturb is None else disturb(measured)
 
     observed: list[tuple[PlantStep, LeaderState]] = []
     records: list[DecisionRecord] = []

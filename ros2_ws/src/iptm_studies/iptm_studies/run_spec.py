@@ -93,7 +93,7 @@ class RunSpec(Settings):
 
     Attributes:
         kind: closed loop or whole trip.
-        cycle: driving cycle, by name or as the path of a .csv file.
+        cycle: driving cycle, by name or as the path of a .csv or .gpx file.
         slope: slope of the road.
         duration_s: length of the trip, None for the whole cycle.
         parameter_set: shipped set by name, or the path of a .yaml file.

@@ -20,6 +20,7 @@ from typing import Any
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import read_yaml
+from iptm_core.routes.user_csv import USER_SUFFIXES
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 from iptm_studies.run_spec import (
     REPRODUCED_CYCLE,
@@ -183,7 +184,7 @@ def _find(name_or_path: str | Path) -> Path:
 SETTINGS = tuple(entry.name for entry in fields(RunSpec))
 """Keys of ``run`` and ``defaults``."""
 
-_FILES = {"cycle": ".csv", "parameter_set": ".yaml"}
+_FILES = {"cycle": USER_SUFFIXES, "parameter_set": (".yaml",)}
 _BASE = "base"
 _BEST_OF = "best_of"
 _WEIGHTS = tuple(entry.name for entry in fields(Strategy) if entry.name != "name")
@@ -219,8 +220,8 @@ def build_spec(settings: Mapping[str, Any], folder: Path) -> RunSpec:
         key: _READERS[key](written) if key in _READERS else value
         for key, value in written.content.items()
     }
-    for key, suffix in _FILES.items():
-        if str(arguments.get(key, "")).lower().endswith(suffix):
+    for key, suffixes in _FILES.items():
+        if str(arguments.get(key, "")).lower().endswith(suffixes):
             arguments[key] = str(folder / arguments[key])
     return RunSpec(**{"cycle": REPRODUCED_CYCLE, "parameter_set": REPRODUCED_SET, **arguments})
 

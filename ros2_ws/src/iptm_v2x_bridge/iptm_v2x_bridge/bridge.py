@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import LeaderPreview, LeaderState
@@ -17,15 +18,19 @@ class BridgeAnswer:
 
     Attributes:
         time_ns: the tick, integer nanoseconds of trip time.
-        leader: state of the leader at the tick.
+        leader: state of the leader at the tick; None where no one is known to lead.
         preview: latest prediction received, with its own time of generation.
         lost: whether the prediction generated at this tick is lost on the way.
+        predictor: who foretold the leader from its messages; empty where no one had to.
+        leader_bound_m: by how much the leader's position was taken nearer, to be on the safe side.
     """
 
     time_ns: int
-    leader: LeaderState
+    leader: LeaderState | None
     preview: LeaderPreview
     lost: bool
+    predictor: str = ""
+    leader_bound_m: float = 0.0
 
     @property
     def preview_age_s(self) -> float:
@@ -71,6 +76,14 @@ class Receiver:
             self._latest = preview
 
 
+class TickBridge(Protocol):
+    """What answers ticks, wherever it knows the leader from."""
+
+    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+        """Return the answer to one tick, the host being at a position along the road."""
+        ...
+
+
 class V2xBridge:
     """Answers ticks in increasing order of time.
 
@@ -99,11 +112,12 @@ class V2xBridge:
         """Predictions lost in this trip."""
         return self._lost
 
-    def answer(self, time_ns: int) -> BridgeAnswer:
+    def answer(self, time_ns: int, host_position_m: float = 0.0) -> BridgeAnswer:  # noqa: ARG002
         """Return the answer to one tick.
 
         Args:
             time_ns: the tick, integer nanoseconds of trip time.
+            host_position_m: plays no part; a cycle has one leader.
         """
         if self._last is not None and time_ns == self._last.time_ns:
             return self._last

@@ -23,7 +23,8 @@ from iptm_interfaces.stamp_gate import StampGate, Verdict
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
-from iptm_v2x_bridge.bridge import BridgeAnswer, V2xBridge
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.node_answers import node_answers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 
 CLOCK_TIMEOUT_S = 5.0
@@ -43,9 +44,7 @@ class BridgeNode(SuiteNode):
         super().__init__("v2x_bridge")
         self._options = declare_parameters(self, BridgeNodeParameters)
         self.reject_unknown_parameters()
-        self._source = self._options.build_source()
-        self._bridge = V2xBridge(self._source, self._options)
-        self._bridge_before = self._bridge
+        self._answers = node_answers(self, self._options, self._answer_if_matched)
         self._gate = StampGate()
         self._turned_away_s = -math.inf
         self._answer: BridgeAnswer | None = None
@@ -53,7 +52,7 @@ class BridgeNode(SuiteNode):
         self._leader_publisher = self.advertise(Topic.LEADER)
         self._preview_publisher = self.advertise(Topic.LEADER_PREVIEW)
         self._slope_publisher = self.advertise(Topic.SLOPE)
-        self._slope_publisher.publish(encode_slope(self._source.slope_ahead()))
+        self._slope_publisher.publish(encode_slope(self._answers.slope_ahead()))
         self._reporter = DiagnosticsReporter.of_node(self, "preview")
         self._watchdog = Watchdog(CLOCK_TIMEOUT_S, lambda _: self._report()).attach(self)
         self.watch_peers(Topic.CLOCK, Topic.LEADER)
@@ -71,17 +70,17 @@ class BridgeNode(SuiteNode):
             self._report()
             return
         if verdict is Verdict.NEW_TRIP and time_ns == 0:
-            # The trip so far is kept for the case that this clock was a stray one.
-            self._bridge_before = self._bridge
-            self._bridge = V2xBridge(self._source, self._options)
+            self._answers.begin_trip()
         elif verdict is Verdict.RESUMED:
-            self._bridge = self._bridge_before
+            self._answers.resume_trip()
         self._watchdog.timeout_s = max(CLOCK_TIMEOUT_S, self._gate.quiet_s)
         self._watchdog.feed()
         self._unanswered_ns = time_ns
         if self._peers_matched():
             self._answer_clock()
-        self._report()
+        if not self._answers.missing():
+            # What is missing has a moment to arrive; the timer reports what does not.
+            self._report()
 
     def _peers_matched(self) -> bool:
         """Return whether an answer would reach everyone; once true, it stays true."""
@@ -101,15 +100,17 @@ class BridgeNode(SuiteNode):
 
     def _answer_clock(self) -> None:
         """Publish the answer to the last tick; the same tick again gets the same answer."""
-        time_ns, self._unanswered_ns = self._unanswered_ns, None
-        if time_ns is None:
+        time_ns = self._unanswered_ns
+        answer = None if time_ns is None else self._answers.answer(time_ns)
+        if time_ns is None or answer is None:
             return
-        self._answer = self._bridge.answer(time_ns)
-        # The stamp is that of the clock to the nanosecond, however late the hour.
-        leader = encode_leader(replace(self._answer.leader, time_s=0.0))
-        leader.header.stamp = time_from_ns(time_ns)
-        self._leader_publisher.publish(leader)
-        self._preview_publisher.publish(encode_leader_preview_bytes(self._answer.preview, time_ns))
+        self._answer, self._unanswered_ns = answer, None
+        if answer.leader is not None:
+            # The stamp is that of the clock to the nanosecond, however late the hour.
+            leader = encode_leader(replace(answer.leader, time_s=0.0))
+            leader.header.stamp = time_from_ns(time_ns)
+            self._leader_publisher.publish(leader)
+        self._preview_publisher.publish(encode_leader_preview_bytes(answer.preview, time_ns))
 
     def _report(self) -> None:
         answer = self._answer
@@ -117,10 +118,9 @@ class BridgeNode(SuiteNode):
         values: dict[str, object] = {
             "cycle": self._options.cycle,
             "preview_mode": self._options.preview_mode.value,
-            "predictions_sent": self._bridge.sent,
-            "dropouts": self._bridge.lost,
             "seed": self._options.seed,
             "stray_stamps": self._gate.strays,
+            **self._answers.report(),
         }
         if answer is not None:
             values["preview_age_s"] = answer.preview_age_s
@@ -128,14 +128,22 @@ class BridgeNode(SuiteNode):
         self._reporter.report(answer.time_ns if answer else 0, level, reason, values)
 
     def _situation(self, answer: BridgeAnswer | None) -> tuple[Level, str]:
-        if answer is None and self._unanswered_ns is not None:
-            return Level.WARN, "waiting for the expected peers"
+        waits = self._unanswered_ns is not None
+        missing = self._answers.missing() if waits else ""
         if answer is None:
-            return Level.WARN, "waiting for the clock"
+            what = "the expected peers" if waits else "the clock"
+            return Level.WARN, missing or f"waiting for {what}"
         if self._watchdog.is_silent:
             if self.awake.now_s() - self._turned_away_s < CLOCK_TIMEOUT_S:
                 return Level.ERROR, "clocks arrive that do not belong to the trip, and no others"
             return Level.STALE, "the clock has stopped"
+        if missing:
+            return Level.WARN, missing
+        if answer.leader is None:
+            return Level.WARN, "no leader is known"
+        return self._preview_situation(answer)
+
+    def _preview_situation(self, answer: BridgeAnswer) -> tuple[Level, str]:
         if self._options.preview_mode is PreviewMode.NONE:
             return Level.OK, "leader only, no preview by choice"
         if answer.preview.times_s.size == 0:
@@ -144,6 +152,11 @@ class BridgeNode(SuiteNode):
             return Level.WARN, "the prediction held ends in the past"
         # Single losses are counted, not reported: they come and go with every tick.
         return Level.OK, "predictions arrive"
+
+    def destroy_node(self) -> None:
+        """Give the socket back, too."""
+        self._answers.close()
+        super().destroy_node()
 
 
 def main() -> None:

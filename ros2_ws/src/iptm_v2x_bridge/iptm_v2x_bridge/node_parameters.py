@@ -1,16 +1,122 @@
-"""Parameters of the bridge node and what is built from them."""
+"""Parameters of the bridge and of the sender, and what is built from them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
-from iptm_core.declaration import parameter
+import numpy as np
+
+from iptm_core.declaration import Settings, declared, parameter
+from iptm_core.errors import ParameterError, RouteError
+from iptm_core.routes import Route, build_route
 from iptm_core.settings import PreviewSettings, RoadSettings
+from iptm_v2x_bridge.cam_bridge import DEFAULT_KNOWN_BOUND_M
+from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
+from iptm_v2x_bridge.prediction.predictor import Predictor
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits, SpeedLimits
+from iptm_v2x_bridge.sending.settings import SenderSettings
 from iptm_v2x_bridge.source import CycleSource
+
+DEFAULT_CAM_PORT = 8947
+LOCALHOST = "127.0.0.1"
+
+
+class LeaderSource(str, Enum):
+    """Where the bridge knows the leader from."""
+
+    CYCLE = "cycle"
+    """The cycle itself."""
+    CAM = "cam"
+    """Cooperative awareness messages that arrive at a UDP port."""
+
+    def __str__(self) -> str:
+        """Return the bare word, as it is written in a file."""
+        return str(self.value)
 
 
 @dataclass(frozen=True)
-class BridgeNodeParameters(PreviewSettings, RoadSettings):
+class CamSettings(Settings):
+    """The leader known from its messages."""
+
+    leader_source: LeaderSource = parameter(
+        LeaderSource.CYCLE,
+        "cycle: the leader drives the cycle; cam: it is known from the messages that arrive, and the cycle "
+        "gives the road only",
+    )
+    cam_address: str = parameter(
+        LOCALHOST, "cam: own address to listen at; 0.0.0.0 listens to the whole network"
+    )
+    cam_port: int = parameter(DEFAULT_CAM_PORT, "cam: UDP port to listen at", "", 0, 65_535)
+    cam_lock_step: bool = parameter(
+        default=True,
+        description="cam: wait at every tick for a sender that follows the clock (scripts/v2x_send); false "
+        "answers with what has arrived, as for a radio",
+    )
+    trip_start_timestamp_ms: int = parameter(
+        0,
+        "cam: TimestampIts at trip time 0; -1 takes the clock of the computer at the first tick, as for a "
+        "radio",
+        "ms",
+        -1,
+        2**53,
+    )
+    known_bound_m: float = parameter(
+        DEFAULT_KNOWN_BOUND_M,
+        "cam: a prediction ends where the leader may be farther behind it than this; from there on the "
+        "controller keeps its braking reserve",
+        "m",
+        0.1,
+        100.0,
+    )
+    earlier_drives: str = parameter(
+        "",
+        "cam: earlier drives of this road to learn from, cycles or .csv and .gpx files, separated by commas",
+    )
+    speed_limits_km_h: str = parameter(
+        "", "cam: speed limits of the road, <from metre>:<km/h> parts, e.g. '0:50, 1200:70'"
+    )
+
+    def build_predictors(self, route: Route) -> tuple[Predictor, ...]:
+        """Return the predictors, the best informed first.
+
+        Args:
+            route: the leader's start on it is that of the earlier drives.
+
+        Raises:
+            IptmError: a file or a limit is not usable.
+        """
+        found: list[Predictor] = [ReceivedPath()]
+        names = [name.strip() for name in self.earlier_drives.split(",") if name.strip()]
+        if names:
+            gap_m = route.leader.start_position_m
+            drives = [build_route(name, initial_gap_m=gap_m).leader for name in names]
+            found.append(LearntProfile([(drive.positions_m, drive.speeds_m_s) for drive in drives]))
+        if self.speed_limits_km_h.strip():
+            found.append(BoundedBySpeedLimits(History(), read_limits(self.speed_limits_km_h)))
+        return (*found, History())
+
+
+def read_limits(text: str) -> SpeedLimits:
+    """Return the speed limits that a text such as `0:50, 1200:70` states.
+
+    Raises:
+        ParameterError: it is no such text.
+    """
+    try:
+        pairs = np.array([[float(part) for part in entry.split(":")] for entry in text.split(",")])
+        return SpeedLimits(pairs[:, 0], pairs[:, 1] / 3.6)
+    except (ValueError, IndexError, RouteError) as reason:
+        raise ParameterError(
+            f"speed_limits_km_h is {text!r}; allowed: <from metre>:<km/h> parts joined by commas, metres "
+            "increasing, limits above 0"
+        ) from reason
+
+
+@dataclass(frozen=True)
+class BridgeNodeParameters(CamSettings, PreviewSettings, RoadSettings):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
     initial_gap_m: float = parameter(
@@ -27,3 +133,18 @@ class BridgeNodeParameters(PreviewSettings, RoadSettings):
             RouteError: the cycle or its file is not usable.
         """
         return CycleSource(self.route(self.initial_gap_m))
+
+
+@dataclass(frozen=True)
+class SenderNodeParameters(SenderSettings, RoadSettings):
+    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
+
+    initial_gap_m: float = declared(BridgeNodeParameters, "initial_gap_m")
+    to_address: str = parameter(LOCALHOST, "address that the messages are sent to")
+    to_port: int = declared(CamSettings, "cam_port", minimum=1)
+    follow_clock: bool = parameter(
+        default=True,
+        description="send on every /clock, with a mark at the end of each tick (lock-step); false sends by "
+        "the clock of the computer, from the start of the node on",
+    )
+    trip_start_timestamp_ms: int = declared(CamSettings, "trip_start_timestamp_ms")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +13,12 @@ from iptm_core.routes.comprehensive import RouteSegment, comprehensive_cycle, hi
 from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle, smooth_cycle
 from iptm_core.routes.hills import PEAK_GRADES
 from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.routes.user_csv import read_user_cycle
+from iptm_core.routes.user_csv import USER_SUFFIXES, read_user_trip
 
 ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", *composition_names())
-"""Cycle names that `build_route` knows; the path of a CSV file is welcome as well."""
+"""Cycle names that `build_route` knows; the path of a CSV or GPX file is welcome as well."""
 
 SLOPE_CHOICES = ("as_designed", "flat", *PEAK_GRADES)
 """Slope choices of `build_route`."""
@@ -36,6 +37,7 @@ class Route:
         duration_s: length of the trip.
         segments: stretches in driving order, covering the whole cycle without gaps.
         source: where the speed trace comes from.
+        road_line: where the road lies on Earth; a straight test road for cycles that were driven on none.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Route:
     duration_s: float
     segments: tuple[RouteSegment, ...]
     source: str
+    road_line: RoadLine = field(default_factory=RoadLine.test_road)
 
 
 def build_route(
@@ -56,7 +59,7 @@ def build_route(
     """Build a route from a driving cycle and a choice of slope.
 
     Args:
-        cycle: one of `ROUTE_CYCLES`, the path of a CSV file (see `iptm_core.routes.user_csv`), or a
+        cycle: one of `ROUTE_CYCLES`, the path of a CSV or GPX file (see `iptm_core.routes.user_csv`), or a
             composition of the comprehensive cycle.
         slope: ``"as_designed"`` takes the road that belongs to the cycle (alternating hills for the
             comprehensive cycles, the columns of a CSV file, level for the published cycles, which
@@ -79,10 +82,11 @@ def build_route(
         raise RouteError(f"initial gap is {initial_gap_m} m; allowed: a positive distance")
     if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0.0):
         raise RouteError(f"trip is {duration_s} s; allowed: a positive duration")
-    trace, segments, profile = _designed(cycle)
+    trace, segments, profile, line = _designed(cycle)
     if slope != "as_designed":
         segments = tuple(replace(segment, slope_kind=slope) for segment in segments)
         profile = hilly_road(segments, len(segments), RouteComposition(slope))
+    on_earth = {} if line is None else {"road_line": line}
     return Route(
         name=f"{trace.name}, slope {slope}",
         leader=LeaderMotion.from_cycle(trace, initial_gap_m),
@@ -90,22 +94,23 @@ def build_route(
         duration_s=float(trace.duration_s if duration_s is None else duration_s),
         segments=segments,
         source=trace.source,
+        **on_earth,
     )
 
 
 def _designed(
     cycle: str | Path | RouteComposition,
-) -> tuple[DrivingCycle, tuple[RouteSegment, ...], SlopeProfile]:
+) -> tuple[DrivingCycle, tuple[RouteSegment, ...], SlopeProfile, RoadLine | None]:
     if isinstance(cycle, str) and cycle in composition_names():
         cycle = load_composition(cycle)
     if isinstance(cycle, RouteComposition):
         whole = comprehensive_cycle(cycle)
-        return whole.cycle, whole.segments, whole.slope_profile()
-    if isinstance(cycle, Path) or cycle.lower().endswith(".csv"):
-        trace, measured = read_user_cycle(Path(cycle))
-        if measured is None:
-            return trace, _single_segment(trace, "flat"), SlopeProfile.flat()
-        return trace, _single_segment(trace, "measured"), measured
+        return whole.cycle, whole.segments, whole.slope_profile(), None
+    if isinstance(cycle, Path) or cycle.lower().endswith(USER_SUFFIXES):
+        trip = read_user_trip(Path(cycle))
+        kind = "flat" if trip.slope is None else "measured"
+        segment = _single_segment(trip.cycle, kind)
+        return trip.cycle, segment, trip.slope or SlopeProfile.flat(), trip.line
     if cycle == "smooth":
         trace = smooth_cycle(SMOOTH_ROUTE_DURATION_S)
     elif cycle in CYCLE_NAMES:
@@ -113,9 +118,9 @@ def _designed(
     else:
         raise RouteError(
             f"unknown driving cycle {cycle!r}; allowed: {', '.join(ROUTE_CYCLES)}, "
-            "or the path of a .csv file"
+            "or the path of a .csv or .gpx file"
         )
-    return trace, _single_segment(trace, "flat"), SlopeProfile.flat()
+    return trace, _single_segment(trace, "flat"), SlopeProfile.flat(), None
 
 
 def _single_segment(trace: DrivingCycle, slope_kind: str) -> tuple[RouteSegment, ...]:

@@ -3,10 +3,14 @@
 Columns, in any order: ``time_s`` (any zero), exactly one of ``speed_m_s``, ``speed_kmh`` and
 ``speed_mph``, and at most one of ``slope_percent`` (rise over run), ``slope_rad`` and
 ``elevation_m``. Lines that start with ``#`` are comments.
+
+A file with ``latitude_deg`` and ``longitude_deg`` is a recorded drive (see `iptm_core.routes.track`): its
+speed column may be missing, and its heights are smoothed along the road. So is a GPX file.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +18,17 @@ import numpy as np
 from iptm_core.errors import RouteError
 from iptm_core.routes.csv_table import CsvTable, read_csv_table
 from iptm_core.routes.cycles import SPEED_COLUMNS_M_S, DrivingCycle
+from iptm_core.routes.gpx import read_gpx
 from iptm_core.routes.piecewise import cumulative_integral, integral_at
+from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import MAX_GRADE, SlopeProfile
+from iptm_core.routes.track import RecordedDrive, Track, read_out
 from iptm_core.state import FloatArray
 
 ROAD_COLUMNS = ("slope_percent", "slope_rad", "elevation_m")
+PLACE_COLUMNS = ("latitude_deg", "longitude_deg")
+GPX_SUFFIX = ".gpx"
+USER_SUFFIXES = (".csv", GPX_SUFFIX)
 
 MAX_SPEED_M_S = 70.0
 """252 km/h: no road car follows anything faster."""
@@ -32,8 +42,25 @@ _MAX_DISTANCE_CORRECTION = 0.02
 _WHOLE_SECOND_TOLERANCE_S = 1e-6
 
 
-def read_user_cycle(path: Path) -> tuple[DrivingCycle, SlopeProfile | None]:
-    """Read a trip from a CSV file and resample it to 1 Hz.
+@dataclass(frozen=True, eq=False)
+class UserTrip:
+    """A trip as a file holds it.
+
+    Attributes:
+        cycle: speed at 1 Hz.
+        slope: slope of its road (position 0 is the start of the trip), None if the file does not tell.
+        line: where the road lies, None if the file does not tell.
+        drive: what was read out of a recorded drive, None for a plain table.
+    """
+
+    cycle: DrivingCycle
+    slope: SlopeProfile | None
+    line: RoadLine | None = None
+    drive: RecordedDrive | None = None
+
+
+def read_user_trip(path: Path) -> UserTrip:
+    """Read a trip from a CSV or GPX file and resample it to 1 Hz.
 
     Speed is taken as linear between rows. Rows at whole seconds are kept exactly; otherwise the speed
     is read at whole seconds and scaled (by 2 % at most) so that the distance stays that of the file.
@@ -44,25 +71,67 @@ def read_user_cycle(path: Path) -> tuple[DrivingCycle, SlopeProfile | None]:
         path: the file.
 
     Returns:
-        The cycle, and the slope profile if the file has a road column (position 0 is the start of
-        the trip), otherwise None.
+        The trip.
 
     Raises:
         RouteError: names file, line, column, value and what is allowed.
     """
-    table = read_csv_table(path, ("time_s", *SPEED_COLUMNS_M_S, *ROAD_COLUMNS))
+    if path.suffix.lower() == GPX_SUFFIX:
+        return _recorded_trip(path, read_gpx(path))
+    table = read_csv_table(path, ("time_s", *SPEED_COLUMNS_M_S, *ROAD_COLUMNS, *PLACE_COLUMNS))
+    if any(column in table.columns for column in PLACE_COLUMNS):
+        return _recorded_trip(path, _track(table))
     speed_column = _required_columns(table)
     speeds = table.columns[speed_column] * SPEED_COLUMNS_M_S[speed_column]
     times = table.columns["time_s"] - table.columns["time_s"][0]
     _check_motion(table, speed_column, times, speeds)
+    cycle, launch_m = _launched(path, times, speeds)
+    return UserTrip(cycle, _road(table, launch_m + cumulative_integral(times, speeds)))
+
+
+def _launched(path: Path, times: FloatArray, speeds: FloatArray) -> tuple[DrivingCycle, float]:
+    """Return the cycle of a trace, and the way of the launch ramp in front of it."""
     launch_s = float(np.ceil(speeds[0] / LAUNCH_ACCELERATION_M_S2))
+    launch_m = 0.5 * launch_s * float(speeds[0])
     if launch_s > 0.0:
         times = np.concatenate([[0.0], times + launch_s])
         speeds = np.concatenate([[0.0], speeds])
     source = f"file {path.name}" + (f", after a launch of {launch_s:g} s" if launch_s else "")
-    cycle = DrivingCycle(path.stem, *_resample(table.source, times, speeds), source)
-    distances = cumulative_integral(times, speeds)[-len(table.lines) :]
-    return cycle, _road(table, distances)
+    return DrivingCycle(path.stem, *_resample(str(path), times, speeds), source), launch_m
+
+
+def _recorded_trip(path: Path, track: Track) -> UserTrip:
+    """Return the trip of a recorded drive; a launch ramp makes its road begin so much earlier."""
+    drive = read_out(track)
+    cycle, launch_m = _launched(path, drive.times_s, drive.speeds_m_s)
+    slope = drive.slope
+    if slope is not None:
+        slope = SlopeProfile(slope.positions_m + launch_m, slope.slopes_rad)
+    line = drive.line if launch_m == 0.0 else drive.line.begun_earlier(launch_m)
+    return UserTrip(cycle, slope, line, drive)
+
+
+def _track(table: CsvTable) -> Track:
+    missing = [name for name in ("time_s", *PLACE_COLUMNS) if name not in table.columns]
+    if missing:
+        raise RouteError(
+            f"{table.source}: columns {missing} are missing; a recorded drive needs them"
+        )
+    speed = [name for name in SPEED_COLUMNS_M_S if name in table.columns]
+    others = [name for name in ROAD_COLUMNS if name in table.columns and name != "elevation_m"]
+    if len(speed) > 1 or others:
+        raise RouteError(
+            f"{table.source}: columns {speed + others} beside places; allowed: one speed column and "
+            "elevation_m"
+        )
+    return Track(
+        source=table.source,
+        times_s=table.columns["time_s"] - table.columns["time_s"][0],
+        latitudes_deg=table.columns["latitude_deg"],
+        longitudes_deg=table.columns["longitude_deg"],
+        heights_m=table.columns.get("elevation_m"),
+        speeds_m_s=table.columns[speed[0]] * SPEED_COLUMNS_M_S[speed[0]] if speed else None,
+    )
 
 
 def _required_columns(table: CsvTable) -> str:

@@ -1,0 +1,66 @@
+"""Puts measured tables into docs/v2x.md, from the --json files of the other v2x parts."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from benchmarks import v2x_prediction, v2x_price
+from benchmarks.harness import run_benchmark
+from iptm_core.errors import StoreError
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "v2x.md"
+
+
+def fuzz_text(numbers: dict[str, Any]) -> str:
+    """Return a sentence on what became of damaged datagrams."""
+    outcomes = ", ".join(f"`{name}` {count}" for name, count in numbers["outcomes"].items())
+    return (
+        f"{numbers['datagrams']} damaged or invented datagrams: {outcomes}. The slowest took "
+        f"{numbers['slowest_ms']:.1f} ms of processor time; memory grew by "
+        f"{numbers['grown_mib']:.1f} MiB."
+    )
+
+
+TEXTS = {
+    "prediction": v2x_prediction.as_table,
+    "price": v2x_price.as_table,
+    "fuzz": fuzz_text,
+}
+
+
+def put(page: str, name: str, text: str) -> str:
+    """Return a page with a text between its two marks.
+
+    Raises:
+        StoreError: the page lacks the marks.
+    """
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    if begin not in page or end not in page:
+        raise StoreError(f"the page has no marks {begin.strip()} and {end}; allowed: both of them")
+    head, rest = page.split(begin, 1)
+    return f"{head}{begin}\n{text.strip()}\n\n{end}{rest.split(end, 1)[1]}"
+
+
+def measure(prediction: str = "", price: str = "", fuzz: str = "") -> dict[str, Any]:
+    """Write the page.
+
+    Args:
+        prediction: numbers of v2x_prediction.
+        price: numbers of v2x_price.
+        fuzz: numbers of v2x_fuzz.
+    """
+    page = PAGE.read_text(encoding="utf-8")
+    files = {"prediction": prediction, "price": price, "fuzz": fuzz}
+    for name, file in files.items():
+        if file:
+            numbers = json.loads(Path(file).read_text(encoding="utf-8"))
+            page = put(page, name, TEXTS[name](numbers))
+    PAGE.write_text(page, encoding="utf-8")
+    return {"written": [name for name, file in files.items() if file]}
+
+
+if __name__ == "__main__":
+    sys.exit(run_benchmark(measure))

@@ -1,0 +1,255 @@
+"""The course of a road on the WGS84 ellipsoid: from a position along it to coordinates, and back.
+
+Distances are those of the mid-latitude formula: differences of latitude and longitude times the radii of
+curvature at the mean latitude, exact to 1e-9 between points a kilometre apart.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from iptm_core.errors import RouteError
+from iptm_core.state import FloatArray
+
+EQUATORIAL_RADIUS_M = 6_378_137.0
+FLATTENING = 1.0 / 298.257223563
+_ECCENTRICITY_2 = FLATTENING * (2.0 - FLATTENING)
+_RADIANS_PER_DEGREE = math.pi / 180.0
+
+MAX_LATITUDE_DEG = 85.0
+"""Beyond it the local east-north plane of the formula is no plane."""
+TEST_ROAD_START_DEG = (48.0, 10.0)
+TEST_ROAD_LENGTH_M = 400_000.0
+_TEST_ROAD_SPACING_M = 1000.0
+NEAR_M = 1000.0
+"""How far around the expected position a road is looked at."""
+
+
+@dataclass(frozen=True)
+class RoadFix:
+    """A point seen from the road.
+
+    Attributes:
+        position_m: position along the road of the nearest point on it; before the first and past the last
+            vertex the road goes on straight.
+        lateral_m: distance from the road, positive to the left of the driving direction.
+        heading_deg: driving direction there, clockwise from north.
+    """
+
+    position_m: float
+    lateral_m: float
+    heading_deg: float
+
+
+def east_north_m(
+    latitude_deg: ArrayLike, longitude_deg: ArrayLike, origin_deg: tuple[ArrayLike, ArrayLike]
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far points lie east and north of an origin.
+
+    Args:
+        latitude_deg: latitudes, any shape.
+        longitude_deg: longitudes, same shape.
+        origin_deg: latitude and longitude of the origin, or of one for each point.
+
+    Returns:
+        East and north in m, shape of the points.
+    """
+    latitude, longitude, origin, meridian_deg = (
+        np.asarray(values, dtype=np.float64)
+        for values in (latitude_deg, longitude_deg, *origin_deg)
+    )
+    east, north = _east_north(latitude, longitude, origin, meridian_deg, np)
+    return east, north
+
+
+def _east_north(
+    latitude: Any, longitude: Any, origin: Any, meridian_deg: Any, functions: Any
+) -> tuple[Any, Any]:
+    """Return east and north of arrays (``numpy``) or, ten times as fast, of single numbers (``math``)."""
+    turns = (longitude - meridian_deg + 180.0) % 360.0 - 180.0
+    mean = 0.5 * (latitude + origin) * _RADIANS_PER_DEGREE
+    flat = 1.0 - _ECCENTRICITY_2 * functions.sin(mean) ** 2
+    prime_vertical = EQUATORIAL_RADIUS_M / functions.sqrt(flat)
+    meridian = prime_vertical * (1.0 - _ECCENTRICITY_2) / flat
+    east = prime_vertical * functions.cos(mean) * turns * _RADIANS_PER_DEGREE
+    return east, meridian * (latitude - origin) * _RADIANS_PER_DEGREE
+
+
+def step_m(
+    latitude_deg: float, longitude_deg: float, origin_deg: tuple[float, float]
+) -> tuple[float, float]:
+    """Return how far one point lies east and north of another one, in m; see `east_north_m`."""
+    return _east_north(latitude_deg, longitude_deg, *origin_deg, math)
+
+
+@dataclass(frozen=True, eq=False)
+class RoadLine:
+    """A polyline; position 0 is its first vertex, where the host starts.
+
+    Attributes:
+        latitudes_deg: latitudes of the vertices, shape (n,), n >= 2.
+        longitudes_deg: longitudes, shape (n,).
+        positions_m: positions of the vertices along the road, shape (n,); follows from the others.
+
+    Raises:
+        RouteError: fewer than two vertices, coordinates off the Earth, or two equal vertices in a row.
+    """
+
+    latitudes_deg: FloatArray
+    longitudes_deg: FloatArray
+    positions_m: FloatArray = field(init=False)
+    _headings_deg: FloatArray = field(init=False, repr=False)
+    _vertices_deg: tuple[tuple[float, float], ...] = field(init=False, repr=False)
+    _stations_m: tuple[float, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        latitudes = np.array(self.latitudes_deg, dtype=np.float64)
+        longitudes = np.array(self.longitudes_deg, dtype=np.float64)
+        if latitudes.ndim != 1 or latitudes.shape != longitudes.shape or latitudes.size < 2:
+            raise RouteError(
+                f"road line: shapes {latitudes.shape} and {longitudes.shape}; "
+                "allowed: equally many latitudes and longitudes, at least two"
+            )
+        limits = ((latitudes, MAX_LATITUDE_DEG, "latitude"), (longitudes, 180.0, "longitude"))
+        for values, limit, name in limits:
+            bad = ~(np.abs(values) <= limit)
+            if bad.any():
+                first = int(np.flatnonzero(bad)[0])
+                raise RouteError(
+                    f"road line: {name} is {values[first]} at vertex {first}; allowed: "
+                    f"-{limit:g} to {limit:g} degrees"
+                )
+        before = (latitudes[:-1], longitudes[:-1])
+        east, north = east_north_m(latitudes[1:], longitudes[1:], before)
+        lengths = np.hypot(east, north)
+        if not np.all(lengths > 0.0):
+            raise RouteError(
+                f"road line: vertex {int(np.argmin(lengths)) + 1} equals the one before; "
+                "allowed: different ones"
+            )
+        positions = np.concatenate([[0.0], np.cumsum(lengths)])
+        headings = np.degrees(np.arctan2(east, north)) % 360.0
+        named = {
+            "latitudes_deg": latitudes,
+            "longitudes_deg": longitudes,
+            "positions_m": positions,
+            "_headings_deg": headings,
+        }
+        for name, values in named.items():
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        # The same as plain numbers, for single points.
+        vertices = tuple(zip(latitudes.tolist(), longitudes.tolist(), strict=True))
+        object.__setattr__(self, "_vertices_deg", vertices)
+        object.__setattr__(self, "_stations_m", tuple(positions.tolist()))
+
+    @classmethod
+    def test_road(cls) -> RoadLine:
+        """Return a straight road due north, for cycles that were driven on no road."""
+        latitude, longitude = TEST_ROAD_START_DEG
+        count = round(TEST_ROAD_LENGTH_M / _TEST_ROAD_SPACING_M)
+        _, metres_per_degree = east_north_m(latitude + 0.5, longitude, TEST_ROAD_START_DEG)
+        step = _TEST_ROAD_SPACING_M / (2.0 * float(metres_per_degree))
+        latitudes: FloatArray = latitude + step * np.arange(count + 1, dtype=np.float64)
+        return cls(latitudes, np.full(count + 1, longitude))
+
+    def begun_earlier(self, way_m: float) -> RoadLine:
+        """Return the line with a straight way of so many metres in front of it."""
+        latitude, longitude, _ = self.locate(-way_m)
+        return RoadLine(
+            np.concatenate([[float(latitude)], self.latitudes_deg]),
+            np.concatenate([[float(longitude)], self.longitudes_deg]),
+        )
+
+    @property
+    def length_m(self) -> float:
+        """Length of the line."""
+        return float(self.positions_m[-1])
+
+    def locate(self, position_m: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return latitude, longitude (degrees) and heading at positions along the road, shape of them."""
+        position = np.asarray(position_m, dtype=np.float64)
+        left = np.clip(
+            np.searchsorted(self.positions_m, position, side="right") - 1,
+            0,
+            self._headings_deg.size - 1,
+        )
+        start, end = self.positions_m[left], self.positions_m[left + 1]
+        share = (position - start) / (end - start)
+        latitude = self.latitudes_deg[left] + share * (
+            self.latitudes_deg[left + 1] - self.latitudes_deg[left]
+        )
+        longitude = self.longitudes_deg[left] + share * (
+            self.longitudes_deg[left + 1] - self.longitudes_deg[left]
+        )
+        return latitude, longitude, self._headings_deg[left]
+
+    def project(
+        self, latitude_deg: float, longitude_deg: float, near_m: float | None = None
+    ) -> RoadFix:
+        """Return where a point lies as seen from the road.
+
+        Args:
+            latitude_deg: latitude of the point.
+            longitude_deg: longitude.
+            near_m: where it is expected: only the road around it is looked at, which is quick and knows
+                one direction of a road that returns from the other; None looks at all of it.
+        """
+        if near_m is None:
+            first, last = self._around_nearest(latitude_deg, longitude_deg)
+        else:
+            first, last = (
+                int(index)
+                for index in np.searchsorted(self.positions_m, (near_m - NEAR_M, near_m + NEAR_M))
+            )
+        segments = self._headings_deg.size
+        first = min(max(first - 1, 0), segments - 1)
+        last = min(max(last, first + 1), segments)
+        nearest = (math.inf, RoadFix(0.0, 0.0, 0.0))
+        point = (latitude_deg, longitude_deg)
+        east, north = step_m(*self._vertices_deg[first], point)
+        for index in range(first, last):
+            start = (east, north)
+            east, north = step_m(*self._vertices_deg[index + 1], point)
+            seen = self._seen_from(index, start, (east, north))
+            nearest = min(nearest, seen, key=lambda entry: entry[0])
+        return nearest[1]
+
+    def _around_nearest(self, latitude_deg: float, longitude_deg: float) -> tuple[int, int]:
+        """Return the range of the segments around the one that comes nearest to a point."""
+        east, north = east_north_m(
+            self.latitudes_deg, self.longitudes_deg, (latitude_deg, longitude_deg)
+        )
+        step_east, step_north = np.diff(east), np.diff(north)
+        lengths = np.hypot(step_east, step_north)
+        along = -(east[:-1] * step_east + north[:-1] * step_north) / lengths**2
+        inside = np.clip(along, 0.0, 1.0)
+        away = np.hypot(east[:-1] + step_east * inside, north[:-1] + step_north * inside)
+        best = int(np.argmin(away))
+        return best + 1, best + 1
+
+    def _seen_from(
+        self, index: int, start: tuple[float, float], end: tuple[float, float]
+    ) -> tuple[float, RoadFix]:
+        """Return the distance from a segment, its ends seen from the point, and the point seen from it."""
+        step_east, step_north = end[0] - start[0], end[1] - start[1]
+        length = math.hypot(step_east, step_north)
+        along = -(start[0] * step_east + start[1] * step_north) / length
+        # The ends of the road go on straight.
+        if index > 0:
+            along = max(along, 0.0)
+        if index < self._headings_deg.size - 1:
+            along = min(along, length)
+        share = along / length
+        away = math.hypot(start[0] + step_east * share, start[1] + step_north * share)
+        start_m, end_m = self._stations_m[index], self._stations_m[index + 1]
+        return away, RoadFix(
+            position_m=start_m + share * (end_m - start_m),
+            lateral_m=(step_north * start[0] - step_east * start[1]) / length,
+            heading_deg=float(self._headings_deg[index]),
+        )

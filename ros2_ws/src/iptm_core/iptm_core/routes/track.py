@@ -1,0 +1,181 @@
+"""A recorded drive: raw points of a satellite receiver, and the trip that is read out of them.
+
+Speeds come from the receiver where the file has them. Else they are the slopes of local lines through the
+places (tricube weights, 4 s to either side), and what is slower than walking counts as standing. Heights are
+smoothed along the road in the same way (150 m to either side), because their noise, differentiated over the
+metres between two points, would be steeper than any road; the grade is the slope of the local lines, bounded.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_core.errors import RouteError
+from iptm_core.routes.local_regression import local_line
+from iptm_core.routes.piecewise import cumulative_integral
+from iptm_core.routes.road_line import RoadLine, east_north_m
+from iptm_core.routes.slope import ELEVATION_SPACING_M, SlopeProfile
+from iptm_core.state import FloatArray
+
+SPEED_WINDOW_S = 4.0
+HEIGHT_WINDOW_M = 150.0
+MAX_RECORDED_GRADE = 0.15
+"""Steeper is noise: public roads are hardly ever."""
+STANDSTILL_M_S = 0.7
+LINE_SPACING_M = 10.0
+MAX_GAP_S = 60.0
+MAX_SPEED_M_S = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What was recorded, untouched.
+
+    Attributes:
+        source: file name for messages.
+        times_s: times from the first point on, shape (n,).
+        latitudes_deg: latitudes, shape (n,).
+        longitudes_deg: longitudes, shape (n,).
+        heights_m: heights above any datum, shape (n,); None if a point has none.
+        speeds_m_s: speeds of the receiver, shape (n,); None if a point has none.
+
+    Raises:
+        RouteError: times that do not increase or have long gaps, places off the Earth, or a leap.
+    """
+
+    source: str
+    times_s: FloatArray
+    latitudes_deg: FloatArray
+    longitudes_deg: FloatArray
+    heights_m: FloatArray | None = None
+    speeds_m_s: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        steps = np.diff(self.times_s)
+        if self.times_s.size < 3:
+            raise RouteError(f"{self.source}: {self.times_s.size} points; allowed: 3 or more")
+        bad = (steps <= 0.0) | (steps > MAX_GAP_S)
+        if bad.any():
+            first = int(np.flatnonzero(bad)[0])
+            raise RouteError(
+                f"{self.source}, point {first + 2}: {steps[first]:g} s after the one before; "
+                f"allowed: more than 0 and up to {MAX_GAP_S:g} s"
+            )
+        places = ((self.latitudes_deg, 85.0, "latitude"), (self.longitudes_deg, 180.0, "longitude"))
+        for values, limit, name in places:
+            off = np.abs(values) > limit
+            if off.any():
+                first = int(np.flatnonzero(off)[0])
+                raise RouteError(
+                    f"{self.source}, point {first + 1}: {name} is {values[first]:g}; allowed: "
+                    f"-{limit:g} to {limit:g} degrees"
+                )
+        leaps = self.steps_m() / steps
+        if (leaps > MAX_SPEED_M_S).any():
+            first = int(np.argmax(leaps > MAX_SPEED_M_S))
+            raise RouteError(
+                f"{self.source}, point {first + 2}: {leaps[first]:.0f} m/s from the point before; "
+                f"allowed: up to {MAX_SPEED_M_S:g} m/s"
+            )
+        if self.speeds_m_s is not None:
+            bad = (self.speeds_m_s < 0.0) | (self.speeds_m_s > MAX_SPEED_M_S)
+            if bad.any():
+                first = int(np.flatnonzero(bad)[0])
+                raise RouteError(
+                    f"{self.source}, point {first + 1}: speed is {self.speeds_m_s[first]:g} m/s; "
+                    f"allowed: 0 to {MAX_SPEED_M_S:g} m/s"
+                )
+
+    def steps_m(self) -> FloatArray:
+        """Return the distances from point to point, shape (n - 1,)."""
+        before = (self.latitudes_deg[:-1], self.longitudes_deg[:-1])
+        east, north = east_north_m(self.latitudes_deg[1:], self.longitudes_deg[1:], before)
+        steps: FloatArray = np.hypot(east, north)
+        return steps
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedDrive:
+    """A trip read out of a track.
+
+    Attributes:
+        track: the raw points.
+        times_s: whole seconds, shape (m,).
+        speeds_m_s: smoothed speeds, shape (m,).
+        point_positions_m: position of every raw point along the road, shape (n,).
+        line: the smoothed road.
+        slope: the slope along the road, None without heights.
+        bounded_m: length of the road on which the grade had to be bounded.
+    """
+
+    track: Track
+    times_s: FloatArray
+    speeds_m_s: FloatArray
+    point_positions_m: FloatArray
+    line: RoadLine
+    slope: SlopeProfile | None
+    bounded_m: float
+
+
+def read_out(track: Track) -> RecordedDrive:
+    """Return the trip in a track.
+
+    Raises:
+        RouteError: it hardly moves, or is shorter than two seconds.
+    """
+    seconds = np.arange(np.floor(track.times_s[-1]) + 1.0)
+    if seconds.size < 3:
+        raise RouteError(f"{track.source}: it lasts {track.times_s[-1]:g} s; allowed: 2 s or more")
+    origin = (float(track.latitudes_deg[0]), float(track.longitudes_deg[0]))
+    # Degrees are as good as metres to smooth; the slopes become speeds by the scale of the latitude.
+    scale_east, _ = east_north_m(origin[0], origin[1] + 1e-3, origin)
+    _, scale_north = east_north_m(origin[0] + 1e-3, origin[1], origin)
+    latitudes, north_rate = local_line(track.times_s, track.latitudes_deg, seconds, SPEED_WINDOW_S)
+    unwrapped: FloatArray = np.unwrap(track.longitudes_deg, period=360.0).astype(np.float64)
+    longitudes, east_rate = local_line(track.times_s, unwrapped, seconds, SPEED_WINDOW_S)
+    if track.speeds_m_s is not None:
+        speeds = np.interp(seconds, track.times_s, track.speeds_m_s)
+    else:
+        narrower = np.cos(np.radians(latitudes)) / np.cos(np.radians(origin[0]))
+        speeds = np.hypot(
+            east_rate * float(scale_east) * 1e3 * narrower, north_rate * float(scale_north) * 1e3
+        )
+        speeds = np.where(speeds < STANDSTILL_M_S, 0.0, speeds)
+    distances = cumulative_integral(seconds, speeds)
+    if distances[-1] < LINE_SPACING_M:
+        raise RouteError(
+            f"{track.source}: it covers {distances[-1]:.1f} m; allowed: {LINE_SPACING_M:g} m or more"
+        )
+    line = _line(distances, latitudes, (longitudes + 180.0) % 360.0 - 180.0)
+    positions = np.interp(track.times_s, seconds, distances)
+    slope, bounded_m = _slope(track, positions)
+    return RecordedDrive(track, seconds, speeds, positions, line, slope, bounded_m)
+
+
+def _line(distances: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -> RoadLine:
+    """Return a polyline with a vertex every ten metres or, where the car was faster, every second."""
+    kept = [0]
+    for index in range(1, distances.size):
+        if distances[index] - distances[kept[-1]] >= LINE_SPACING_M:
+            kept.append(index)
+    if len(kept) < 2:
+        kept = [0, int(distances.size - 1)]
+    return RoadLine(latitudes[kept], longitudes[kept])
+
+
+def _slope(track: Track, positions: FloatArray) -> tuple[SlopeProfile | None, float]:
+    if track.heights_m is None:
+        return None, 0.0
+    # Points recorded at a standstill are one point of the road.
+    places, index = np.unique(np.round(positions), return_inverse=True)
+    heights = np.bincount(index, weights=track.heights_m) / np.bincount(index)
+    count = max(2, round(float(places[-1] - places[0]) / ELEVATION_SPACING_M) + 1)
+    grid: FloatArray = np.linspace(float(places[0]), float(places[-1]), count, dtype=np.float64)
+    if places.size < 2:
+        return SlopeProfile.flat(), 0.0
+    _, grades = local_line(places, heights, grid, HEIGHT_WINDOW_M)
+    bounded = np.clip(grades, -MAX_RECORDED_GRADE, MAX_RECORDED_GRADE)
+    length = float(np.count_nonzero(bounded != grades)) * float(grid[1] - grid[0])
+    return SlopeProfile(grid, np.arctan(bounded)), length

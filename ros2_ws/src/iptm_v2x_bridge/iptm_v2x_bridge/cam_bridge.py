@@ -1,0 +1,242 @@
+"""The bridge of received messages: datagrams in, for every tick the leader and what it will do.
+
+Nobody but the messages tells where the leader is, so everything is said with caution: positions are the
+predicted ones less their 99 % bound, speeds less the rate at which it grows, and a prediction ends where the
+bound exceeds what may pass for known. From there on the controller keeps its braking reserve. A leader that
+falls silent is still there: it goes on leading, as one that brakes to a halt since its last message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.settings import PreviewMode, PreviewSettings
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState
+from iptm_core.trip_time import NS_PER_S
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.messages.cam_codec import decode_datagram
+from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
+from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.knowledge import knowledge_of
+from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, Predictor
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
+from iptm_v2x_bridge.source import preview_times_s
+from iptm_v2x_bridge.stations.leader import LeaderSelector
+from iptm_v2x_bridge.stations.station import Station
+from iptm_v2x_bridge.stations.table import StationTable
+
+DEFAULT_KNOWN_BOUND_M = 1.5
+SILENT_MS = 1500
+"""A leader from which nothing has arrived for longer is reckoned to brake."""
+HOLD_MS = 60_000
+"""For so long a leader that is not heard any more still leads; the host has halted behind it by then ..."""
+HOLD_BEFORE_OTHER_MS = 10_000
+"""... and only for so long where another one is heard farther ahead."""
+SAME_CAR_MS = 1000
+"""A station first heard no earlier than this before the leader fell silent may be its new identity."""
+_NS_PER_MS = 1_000_000
+
+
+class CamBridge:
+    """Answers ticks in increasing order of time from the messages received before them.
+
+    An earlier tick means that a new trip has begun; everything heard before is forgotten.
+    """
+
+    def __init__(
+        self,
+        road: RoadLine,
+        settings: PreviewSettings | None = None,
+        *,
+        predictors: Sequence[Predictor] | None = None,
+        known_bound_m: float = DEFAULT_KNOWN_BOUND_M,
+        start_timestamp_ms: int = 0,
+    ) -> None:
+        """Set up a bridge.
+
+        Args:
+            road: the host's route; position 0 is where the host starts.
+            settings: length and step of the previews; the faults of a simulated link play no part.
+            predictors: from the best informed to one that always knows an answer.
+            known_bound_m: a prediction ends where the leader may be farther behind it than this.
+            start_timestamp_ms: TimestampIts at trip time 0.
+        """
+        self._road = road
+        self._settings = settings or PreviewSettings()
+        self._predictors = tuple(predictors or (ReceivedPath(), History()))
+        self._known_bound_m = known_bound_m
+        self._start_ms = start_timestamp_ms
+        self._restart()
+
+    def _restart(self) -> None:
+        self._table = StationTable(self._road)
+        self._selector = LeaderSelector()
+        self._unread = RejectionCounts()
+        self._datagrams = 0
+        self._host_position_m = 0.0
+        self._leader: Station | None = None
+        self._last: BridgeAnswer | None = None
+
+    def _begin(self, time_ns: int) -> None:
+        if self._last is not None and time_ns < self._last.time_ns:
+            self._restart()
+
+    def receive(self, datagram: bytes, time_ns: int) -> Rejection | None:
+        """Take a datagram in; return why not, None if its message was accepted.
+
+        Args:
+            datagram: as it came from the radio.
+            time_ns: the present, integer nanoseconds of trip time.
+        """
+        self._begin(time_ns)
+        self._datagrams += 1
+        read = decode_datagram(datagram)
+        if isinstance(read, Rejection):
+            self._unread.add(read)
+            return read
+        message, packet_timestamp_ms = read
+        return self._table.receive(
+            message, packet_timestamp_ms, self._timestamp_ms(time_ns), self._host_position_m
+        )
+
+    def count_overflow(self, datagrams: int) -> None:
+        """Count datagrams that had to be dropped unread."""
+        self._unread.add(Rejection.OVERFLOW, datagrams)
+
+    def _timestamp_ms(self, time_ns: int) -> int:
+        return self._start_ms + time_ns // _NS_PER_MS
+
+    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+        """Return the answer to one tick.
+
+        Args:
+            time_ns: the tick, integer nanoseconds of trip time.
+            host_position_m: front of the host along the road at the tick.
+        """
+        self._begin(time_ns)
+        self._host_position_m = host_position_m
+        self._table.forget_silent(self._timestamp_ms(time_ns))
+        leader = self._leader = self._leading(time_ns, host_position_m)
+        self._last = (
+            BridgeAnswer(time_ns, None, LeaderPreview.empty(), lost=False)
+            if leader is None
+            else self._answer_with(leader, time_ns)
+        )
+        return self._last
+
+    def _leading(self, time_ns: int, host_position_m: float) -> Station | None:
+        """Return who leads: the nearest one heard, unless a silent leader is nearer still."""
+        now_ms = self._timestamp_ms(time_ns)
+        heard = self._selector.select(self._table.confirmed, host_position_m, now_ms / 1000.0)
+        held = self._leader
+        if held is None or heard is held:
+            return heard
+        identity = held.message.station_id
+        if self._table.find(identity) is held:
+            return heard  # it is heard, and has left the lane or is not the nearest one any more
+        hold_ms = HOLD_MS if heard is None else HOLD_BEFORE_OTHER_MS
+        if now_ms - held.heard_ms > hold_ms:
+            return heard
+        if heard is not None:
+            same_car = heard.message.station_id == identity
+            same_car |= heard.first_ms >= held.generated_ms - SAME_CAR_MS
+            now_s = now_ms / 1000.0
+            braking = AssumedBraking().predict(Knowledge((held.last,)), np.array([now_s]))
+            held_at_m = float(braking.positions_m[0])
+            if same_car or heard.last.moved_on_m(now_s) < held_at_m:
+                return heard
+        return held
+
+    def _answer_with(self, leader: Station, time_ns: int) -> BridgeAnswer:
+        known = knowledge_of(leader, self._road)
+        now_s = time_ns / NS_PER_S
+        # A sender's clock that is a little ahead must not put the generation into the future.
+        generated_ns = min((leader.generated_ms - self._start_ms) * _NS_PER_MS, time_ns)
+        # Once a second since then, so that the farthest place reached meanwhile is not forgotten.
+        since = np.arange(generated_ns, max(time_ns, generated_ns + 1), NS_PER_S) / NS_PER_S
+        nodes = np.union1d(since, preview_times_s(self._settings, time_ns))
+        silent = self._timestamp_ms(time_ns) - leader.heard_ms > SILENT_MS
+        prediction = self._predict(known, nodes, now_s, silent=silent)
+        positions, speeds = cautious_motion(prediction)
+        times = nodes[: prediction.times_s.size]
+        here = int(np.searchsorted(times, now_s - 1e-9))
+        state = LeaderState(now_s, float(positions[here]), float(speeds[here]))
+        preview = LeaderPreview.empty()
+        if self._settings.preview_mode is PreviewMode.FULL:
+            trusted = prediction.bounds_m <= self._known_bound_m
+            # The first node is the generation, where everything is known as well as it ever was.
+            count = max(int(np.argmin(trusted)) if not trusted.all() else trusted.size, 1)
+            preview = LeaderPreview(
+                generated_at_s=float(times[0]),
+                times_s=times[:count],
+                positions_m=positions[:count],
+                speeds_m_s=speeds[:count],
+            )
+        return BridgeAnswer(
+            time_ns,
+            state,
+            preview,
+            lost=False,
+            predictor=str(prediction.predictor),
+            leader_bound_m=float(prediction.bounds_m[here]),
+        )
+
+    def _predict(
+        self, known: Knowledge, nodes: FloatArray, now_s: float, *, silent: bool
+    ) -> Prediction:
+        """Return the first prediction that reaches the present; of a silent leader, the worst."""
+        times = nodes + self._start_ms / 1000.0
+        if silent:
+            return AssumedBraking().predict(known, times)
+        now = now_s + self._start_ms / 1000.0
+        for predictor in self._predictors:
+            prediction = predictor.predict(known, times)
+            if prediction is None or not prediction.times_s.size:
+                continue
+            if prediction.times_s[-1] >= now - 1e-6:
+                return prediction
+        return History().predict(known, times)
+
+    @property
+    def leader_id(self) -> int | None:
+        """Identity of the present leader, heard or silent."""
+        return None if self._leader is None else self._leader.message.station_id
+
+    @property
+    def table(self) -> StationTable:
+        """The stations."""
+        return self._table
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics: what arrived, what became of it, who leads."""
+        values: dict[str, object] = {
+            "datagrams": self._datagrams,
+            "messages_accepted": self._table.accepted,
+            "stations": len(self._table),
+            "leader_station": "none" if self.leader_id is None else self.leader_id,
+            "leader_changes": self._selector.changes,
+        }
+        if self._last is not None:
+            values["predictor"] = self._last.predictor or "none"
+            values["leader_bound_m"] = self._last.leader_bound_m
+        for counts in (self._unread, self._table.rejections):
+            values.update({f"rejected_{name}": count for name, count in counts.by_reason().items()})
+        return values
+
+
+def cautious_motion(prediction: Prediction) -> tuple[FloatArray, FloatArray]:
+    """Return positions and speeds that the leader hardly falls below.
+
+    Positions are the predicted ones less their bounds, but never decrease: no leader drives backwards. Speeds
+    are lowered by twice the mean rate of the bound since the first node, its rate now if it grows with the
+    square of time, as that of an unknown acceleration does.
+    """
+    positions: FloatArray = np.maximum.accumulate(prediction.positions_m - prediction.bounds_m)
+    since = np.maximum(prediction.times_s - prediction.times_s[0], 1e-9)
+    rates = 2.0 * (prediction.bounds_m - prediction.bounds_m[0]) / since
+    speeds: FloatArray = np.maximum(prediction.speeds_m_s - rates, 0.0)
+    return positions, speeds

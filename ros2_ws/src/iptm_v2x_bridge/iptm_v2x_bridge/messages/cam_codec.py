@@ -1,0 +1,250 @@
+"""Cooperative awareness messages as bits: bounded, checked, and pure.
+
+What cannot be read is a `Rejection`, never an exception. The bits are asn1tools' work, from `cam.asn`.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import resources
+from typing import Any, cast
+
+import asn1tools
+import numpy as np
+
+from iptm_core.errors import MessageError
+from iptm_v2x_bridge.messages.cam import VEHICLE_TYPES, CamMessage, PredictedPath
+from iptm_v2x_bridge.messages.geonetworking import unwrap
+from iptm_v2x_bridge.rejections import Rejection
+
+MAX_DATAGRAM_BYTES = 1400
+"""Longest datagram looked at; a packet on the air has at most as much."""
+PROTOCOL_VERSION = 2
+MESSAGE_ID_CAM = 2
+HEADER = bytes((PROTOCOL_VERSION, MESSAGE_ID_CAM))
+HEADER_BYTES = 6
+PATH_PREDICTION_ID = 4
+MAX_PATH_POINTS = 40
+
+_SCALE_DEG = 1e7
+_LATITUDE, _LONGITUDE = 900_000_001, 1_800_000_001
+_ELLIPSE, _ORIENTATION = 4095, 3601
+_ALTITUDE, _HEADING, _SPEED, _ACCELERATION = 800_001, 3601, 16_383, 161
+_LENGTH, _LENGTH_OVER, _WIDTH_OVER, _WIDTH = 1023, 1022, 61, 62
+_DELTA, _INTERVAL, _PATH_CONFIDENCE = 131_072, 127, 101
+"""What stands for "unavailable" in a field, and the values beyond its range."""
+_FORWARD, _BACKWARD, _DIRECTION = 0, 1, 2
+_NO_TRAILER, _TRAILER_UNKNOWN_LENGTH = 0, 2
+_INTERVAL_UNITS_S = {"tenths": 0.1, "tens": 10.0, "seconds": 1.0}
+_UNREADABLE = (asn1tools.Error, NotImplementedError, ValueError)
+
+
+@cache
+def specification() -> Any:
+    """Return the compiled message types, once per process."""
+    text = (resources.files(__package__) / "cam.asn").read_text(encoding="utf-8")
+    return asn1tools.compile_string(text, codec="uper")
+
+
+def decode_fields(type_name: str, payload: bytes) -> Any | Rejection:
+    """Return the fields of a type of `cam.asn`, all of them inside their ranges."""
+    try:
+        return specification().decode(type_name, payload, check_constraints=True)
+    except asn1tools.ConstraintsError:
+        return Rejection.CONSTRAINT
+    except _UNREADABLE:
+        return Rejection.DECODING
+
+
+def encode_fields(type_name: str, content: Any) -> bytes:
+    """Return the bits of a type of `cam.asn`.
+
+    Raises:
+        MessageError: a field is missing or outside the range of the standard.
+    """
+    try:
+        return cast("bytes", specification().encode(type_name, content, check_constraints=True))
+    except asn1tools.Error as reason:
+        raise MessageError(f"{type_name} cannot be encoded: {reason}") from reason
+
+
+def decode_datagram(datagram: bytes) -> tuple[CamMessage, int | None] | Rejection:
+    """Read a datagram: a message, bare or in a single-hop broadcast packet.
+
+    Returns:
+        The message with the packet's TimestampIts modulo 2^32 (None for a bare one), or why not.
+    """
+    if not HEADER_BYTES < len(datagram) <= MAX_DATAGRAM_BYTES:
+        return Rejection.SIZE
+    if datagram[0] == PROTOCOL_VERSION:
+        payload, timestamp_ms = datagram, None
+    else:
+        packet = unwrap(datagram)
+        if isinstance(packet, Rejection):
+            return packet
+        payload, timestamp_ms = packet.payload, packet.timestamp_ms
+    message = decode_cam(payload)
+    return message if isinstance(message, Rejection) else (message, timestamp_ms)
+
+
+def decode_cam(payload: bytes) -> CamMessage | Rejection:
+    """Read a bare message."""
+    if payload[: len(HEADER)] != HEADER:
+        return Rejection.HEADER
+    fields = decode_fields("CAM", payload)
+    if isinstance(fields, Rejection):
+        return fields
+    basic, (kind, vehicle) = fields["params"]["basic"], fields["params"]["high"]
+    position = basic["position"]
+    if (
+        kind != "vehicle"
+        or basic["stationType"] not in VEHICLE_TYPES
+        or position["lat"] == _LATITUDE
+        or position["lon"] == _LONGITUDE
+        or vehicle["heading"]["value"] == _HEADING
+        or vehicle["speed"]["value"] >= _SPEED - 1
+    ):
+        return Rejection.INCOMPLETE
+    path = _path(fields["params"].get("extensions", ()), position)
+    if isinstance(path, Rejection):
+        return path
+    length, altitude = vehicle["length"], position["altitude"]["value"]
+    acceleration, lane = vehicle["longitudinal"]["value"], vehicle.get("lane", -1)
+    return CamMessage(
+        station_id=fields["header"]["stationId"],
+        delta_time_ms=fields["deltaTime"],
+        latitude_deg=position["lat"] / _SCALE_DEG,
+        longitude_deg=position["lon"] / _SCALE_DEG,
+        heading_deg=vehicle["heading"]["value"] / 10.0,
+        speed_m_s=vehicle["speed"]["value"] / 100.0,
+        reversing=vehicle["direction"] == _BACKWARD,
+        acceleration_m_s2=None if acceleration == _ACCELERATION else acceleration / 10.0,
+        length_m=None if length["value"] >= _LENGTH_OVER else length["value"] / 10.0,
+        trailer_of_unknown_length=length["trailer"] == _TRAILER_UNKNOWN_LENGTH,
+        width_m=None if vehicle["width"] >= _WIDTH_OVER else vehicle["width"] / 10.0,
+        altitude_m=None if altitude == _ALTITUDE else altitude / 100.0,
+        position_bound_m=_ellipse_m(position["ellipse"]["major"]),
+        lane=lane if lane >= 0 else None,
+        station_type=basic["stationType"],
+        path=path,
+    )
+
+
+def _ellipse_m(value: int) -> float | None:
+    return None if value >= _ELLIPSE - 1 else value / 100.0
+
+
+def _path(extensions: Any, position: dict[str, Any]) -> PredictedPath | Rejection | None:
+    """Return the likeliest predicted path with times at all its points; None if there is none."""
+    best: PredictedPath | None = None
+    for extension in extensions:
+        if extension["id"] != PATH_PREDICTION_ID:
+            continue
+        content = decode_fields("PathPrediction", extension["data"])
+        if isinstance(content, Rejection):
+            return content
+        for path in content["paths"]:
+            # The one range that the library does not check: an extended size.
+            if len(path["points"]) > MAX_PATH_POINTS:
+                return Rejection.CONSTRAINT
+            found = _timed_path(path, position)
+            if found and (best is None or (found.confidence or 0.0) > (best.confidence or 0.0)):
+                best = found
+    return best
+
+
+def _timed_path(path: dict[str, Any], position: dict[str, Any]) -> PredictedPath | None:
+    steps = []
+    for point in path["points"]:
+        unit, count = point.get("deltaTime", ("tenths", _INTERVAL))
+        unknown = unit != "seconds" and count == _INTERVAL
+        if unknown or not count or _DELTA in {point["lat"], point["lon"]}:
+            return None
+        steps.append((point["lat"], point["lon"], count * _INTERVAL_UNITS_S[unit]))
+    moved = np.cumsum(np.array(steps, dtype=np.float64), axis=0)
+    confidence = path["confidence"]
+    return PredictedPath(
+        times_s=moved[:, 2],
+        latitudes_deg=(position["lat"] + moved[:, 0]) / _SCALE_DEG,
+        longitudes_deg=(position["lon"] + moved[:, 1]) / _SCALE_DEG,
+        confidence=None if confidence == _PATH_CONFIDENCE else confidence / 100.0,
+    )
+
+
+def encode_cam(message: CamMessage) -> bytes:
+    """Return a message as bits; a predicted path makes it one of release 2.
+
+    Raises:
+        MessageError: a value is outside the range of the standard.
+    """
+    position = {
+        "lat": round(message.latitude_deg * _SCALE_DEG),
+        "lon": round(message.longitude_deg * _SCALE_DEG),
+        "ellipse": _ellipse(message.position_bound_m),
+        "altitude": {"value": _integer(message.altitude_m, 100.0, _ALTITUDE), "confidence": 15},
+    }
+    trailer = _TRAILER_UNKNOWN_LENGTH if message.trailer_of_unknown_length else _NO_TRAILER
+    unknown = {"value": _ACCELERATION, "confidence": 102}
+    vehicle: dict[str, Any] = {
+        "heading": {"value": round(message.heading_deg * 10.0) % 3600, "confidence": 127},
+        "speed": {"value": round(message.speed_m_s * 100.0), "confidence": 127},
+        "direction": _BACKWARD if message.reversing else _FORWARD,
+        "length": {"value": _integer(message.length_m, 10.0, _LENGTH), "trailer": trailer},
+        "width": _integer(message.width_m, 10.0, _WIDTH),
+        "longitudinal": unknown
+        if message.acceleration_m_s2 is None
+        else {"value": round(message.acceleration_m_s2 * 10.0), "confidence": 102},
+        "curvature": {"value": 1023, "confidence": 7},
+        "curvatureMode": "unavailable",
+        "yawRate": {"value": 32767, "confidence": 8},
+    }
+    if message.lane is not None:
+        vehicle["lane"] = message.lane
+    params: dict[str, Any] = {
+        "basic": {"stationType": message.station_type, "position": position},
+        "high": ("vehicle", vehicle),
+    }
+    if message.path is not None:
+        data = encode_fields("PathPrediction", {"paths": [_path_fields(message.path, position)]})
+        params["extensions"] = [{"id": PATH_PREDICTION_ID, "data": data}]
+    header = {
+        "protocolVersion": PROTOCOL_VERSION,
+        "messageId": MESSAGE_ID_CAM,
+        "stationId": message.station_id,
+    }
+    content = {"header": header, "deltaTime": message.delta_time_ms, "params": params}
+    return encode_fields("CAM", content)
+
+
+def _integer(value: float | None, scale: float, unavailable: int) -> int:
+    return unavailable if value is None else round(value * scale)
+
+
+def _ellipse(bound_m: float | None) -> dict[str, int]:
+    axis = _integer(bound_m, 100.0, _ELLIPSE)
+    return {"major": axis, "minor": axis, "orientation": _ORIENTATION if bound_m is None else 0}
+
+
+def _path_fields(path: PredictedPath, position: dict[str, Any]) -> dict[str, Any]:
+    if path.times_s.size > MAX_PATH_POINTS:
+        raise MessageError(
+            f"predicted path has {path.times_s.size} points; allowed: 1 to {MAX_PATH_POINTS}"
+        )
+    # Rounded as absolute values, so that the errors of the steps do not add up.
+    latitudes = np.rint(path.latitudes_deg * _SCALE_DEG).astype(np.int64)
+    longitudes = np.rint(path.longitudes_deg * _SCALE_DEG).astype(np.int64)
+    tenths = np.rint(path.times_s * 10.0).astype(np.int64)
+    steps = zip(
+        np.diff(latitudes, prepend=position["lat"]).tolist(),
+        np.diff(longitudes, prepend=position["lon"]).tolist(),
+        np.diff(tenths, prepend=0).tolist(),
+        strict=True,
+    )
+    return {
+        "points": [
+            {"lat": north, "lon": east, "deltaTime": ("tenths", interval)}
+            for north, east, interval in steps
+        ],
+        "usage": "adasAd",
+        "confidence": _integer(path.confidence, 100.0, _PATH_CONFIDENCE),
+    }

@@ -1,0 +1,135 @@
+"""The sender as a node: a drive as messages on a UDP port, on every `/clock` or by the computer's clock."""
+
+from __future__ import annotations
+
+import socket
+import sys
+import time
+
+from rosgraph_msgs.msg import Clock
+
+from iptm_core.errors import ParameterError
+from iptm_interfaces.codecs import ns_from_time
+from iptm_interfaces.command_line import node_main
+from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.parameters import declare_parameters
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
+from iptm_v2x_bridge.messages.cam_codec import specification
+from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
+from iptm_v2x_bridge.node_parameters import SenderNodeParameters
+from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+from iptm_v2x_bridge.sending.sender import CamSender
+
+WALL_PERIOD_S = 0.01
+REPEAT_PERIOD_S = 0.2
+REPORT_PERIOD_S = 1.0
+
+
+class SenderNode(SuiteNode):
+    """Sends what the leader would: cooperative awareness messages of a drive, lost and late as asked for.
+
+    On `/clock` it sends everything that arrives up to the tick, then the end of the tick, which is repeated
+    until the next tick in case the bridge was not there yet.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("v2x_sender")
+        self._options = declare_parameters(self, SenderNodeParameters)
+        self.reject_unknown_parameters()
+        options = self._options
+        self._route = options.route(options.initial_gap_m)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._target = self._resolved(options)
+        self._sender: CamSender | None = None
+        self._sent = 0
+        self._failed = 0
+        self._last_ns: int | None = None
+        self._ended: EndOfTick | None = None
+        specification()  # compiled now, not at the first tick, which others wait for
+        self._start_ns = time.monotonic_ns()
+        self._reporter = DiagnosticsReporter.of_node(self, "messages")
+        self.every(REPORT_PERIOD_S, self._report)
+        if options.follow_clock:
+            self.listen(Topic.CLOCK, self._on_clock)
+            self.every(REPEAT_PERIOD_S, self._repeat_end)
+        else:
+            self.every(WALL_PERIOD_S, self._on_wall_clock)
+        self._report()
+
+    @staticmethod
+    def _resolved(options: SenderNodeParameters) -> tuple[str, int]:
+        try:
+            return socket.gethostbyname(options.to_address), options.to_port
+        except (OSError, UnicodeError) as reason:
+            raise ParameterError(
+                f"to_address is {options.to_address!r} ({reason}); allowed: an address or name of a computer"
+            ) from reason
+
+    def _on_clock(self, message: Clock) -> None:
+        time_ns = ns_from_time(message.clock)
+        if time_ns < 0:
+            return
+        self._send_until(time_ns)
+        self._ended = EndOfTick(time_ns, self._sent)
+        self._repeat_end()
+
+    def _on_wall_clock(self) -> None:
+        self._send_until(time.monotonic_ns() - self._start_ns)
+
+    def _send_until(self, time_ns: int) -> None:
+        if self._last_ns is not None and time_ns < self._last_ns:
+            self._last_ns, self._sent, self._sender = None, 0, None  # a new trip
+        sender = self._sender or self._start(time_ns)
+        after_ns = -(10**12) if self._last_ns is None else self._last_ns
+        for _, datagram in sender.arrivals(after_ns, time_ns):
+            self._send(datagram)
+            self._sent += 1
+        self._last_ns = time_ns
+
+    def _start(self, time_ns: int) -> CamSender:
+        options = self._options
+        start_ms = options.trip_start_timestamp_ms
+        if start_ms < 0:
+            start_ms = its_timestamp_ms(time.time_ns()) - time_ns // 1_000_000
+        self._sender = CamSender(self._route.leader, self._route.road_line, options, start_ms)
+        return self._sender
+
+    def _repeat_end(self) -> None:
+        if self._ended is not None:
+            self._send(self._ended.encode())
+
+    def _send(self, datagram: bytes) -> None:
+        try:
+            self._socket.sendto(datagram, self._target)
+        except OSError:
+            # A full buffer or a network that is down loses datagrams, as a radio does.
+            self._failed += 1
+
+    def _report(self) -> None:
+        values: dict[str, object] = {
+            "cycle": self._options.cycle,
+            "to": f"{self._target[0]}:{self._target[1]}",
+            "sent": self._sent,
+            "not_sent": self._failed,
+        }
+        level, reason = Level.OK, "messages are sent"
+        if self._last_ns is None:
+            reason = "waiting for the clock"
+        elif self._failed:
+            level, reason = Level.WARN, "some messages could not be sent"
+        self._reporter.report(self._last_ns or 0, level, reason, values)
+
+    def destroy_node(self) -> None:
+        """Give the socket back, too."""
+        self._socket.close()
+        super().destroy_node()
+
+
+def main() -> None:
+    """Run the node."""
+    sys.exit(node_main("v2x_sender", SenderNode, SenderNodeParameters))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""Prediction from what the leader did: its acceleration dies away."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iptm_core.state import FloatArray
+from iptm_v2x_bridge.prediction.predictor import (
+    ErrorGrowth,
+    Knowledge,
+    Prediction,
+    PredictorName,
+)
+
+DECAY_S = 4.0
+"""Time constant with which an acceleration dies away."""
+SLOPE_WINDOW_S = 1.0
+GROWTH = ErrorGrowth(
+    (0.0, 0.2, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0, 60.0),
+    (0.02, 0.03, 0.07, 0.26, 0.65, 1.3, 3.5, 12.2, 57.0, 193.0, 571.0, 945.0),
+)
+
+
+class History:
+    """Lets the present acceleration decay; the leader never drives backwards."""
+
+    def predict(self, known: Knowledge, times_s: FloatArray) -> Prediction:
+        """Return the motion at all times asked for."""
+        last = known.last
+        elapsed = np.maximum(times_s - last.time_s, 0.0)
+        acceleration = present_acceleration_m_s2(known)
+        gone = 1.0 - np.exp(-elapsed / DECAY_S)
+        speeds = last.speed_m_s + acceleration * DECAY_S * gone
+        moved = last.speed_m_s * elapsed + acceleration * DECAY_S * (elapsed - DECAY_S * gone)
+        if speeds.min(initial=0.0) < 0.0:
+            # It halts where the speed reaches zero, and stays.
+            ratio = 1.0 + last.speed_m_s / (acceleration * DECAY_S)
+            halt_s = -DECAY_S * float(np.log(max(ratio, 1e-12)))
+            halted = 1.0 - np.exp(-halt_s / DECAY_S)
+            way = last.speed_m_s * halt_s + acceleration * DECAY_S * (halt_s - DECAY_S * halted)
+            moved = np.where(elapsed < halt_s, moved, max(way, 0.0))
+            speeds = np.maximum(speeds, 0.0)
+        return Prediction(
+            PredictorName.HISTORY,
+            times_s,
+            last.position_m + np.maximum.accumulate(moved),
+            speeds,
+            GROWTH.at(elapsed) + last.bound_m,
+        )
+
+
+def present_acceleration_m_s2(known: Knowledge) -> float:
+    """Return the acceleration that the leader tells, else the one of its last second."""
+    last = known.last
+    if last.acceleration_m_s2 is not None:
+        return last.acceleration_m_s2
+    for earlier in known.observations:
+        elapsed_s = last.time_s - earlier.time_s
+        if 0.0 < elapsed_s <= SLOPE_WINDOW_S + 1e-9:
+            return (last.speed_m_s - earlier.speed_m_s) / elapsed_s
+    return 0.0

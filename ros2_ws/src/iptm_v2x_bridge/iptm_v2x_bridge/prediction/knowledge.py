@@ -1,0 +1,42 @@
+"""What a predictor needs to know of a station."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iptm_core.routes.road_line import RoadLine
+from iptm_v2x_bridge.prediction.predictor import Knowledge, RoadPath
+from iptm_v2x_bridge.stations.station import Station
+
+MAX_PATH_AGE_MS = 10_000
+"""Not every message carries a path, and some are lost; an older one is no prediction any more."""
+MAX_ASIDE_M = 10.0
+"""A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
+
+
+def knowledge_of(station: Station, road: RoadLine) -> Knowledge:
+    """Return the observations of a station, and its predicted path as far as it stays on the road."""
+    return Knowledge(tuple(station.observations), _road_path(station, road))
+
+
+def _road_path(station: Station, road: RoadLine) -> RoadPath | None:
+    if station.path is None or station.generated_ms - station.path[0] > MAX_PATH_AGE_MS:
+        return None
+    generated_ms, path, rear_m = station.path
+    length_m = station.message.front_to_rear_m
+    times, places = [generated_ms / 1000.0], [rear_m]
+    near_m = rear_m + length_m
+    points = zip(
+        path.times_s.tolist(),
+        path.latitudes_deg.tolist(),
+        path.longitudes_deg.tolist(),
+        strict=True,
+    )
+    for time_s, latitude, longitude in points:
+        fix = road.project(latitude, longitude, near_m)
+        if abs(fix.lateral_m) > MAX_ASIDE_M:
+            break
+        near_m = fix.position_m
+        times.append(generated_ms / 1000.0 + time_s)
+        places.append(near_m - length_m)
+    return RoadPath(np.array(times), np.array(places)) if len(times) > 1 else None

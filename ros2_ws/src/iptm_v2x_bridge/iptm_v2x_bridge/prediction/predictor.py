@@ -1,0 +1,111 @@
+"""What all predictors share: what they know, what they say, and how well they know it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+
+from iptm_core.state import FloatArray
+from iptm_v2x_bridge.stations.station import Observation
+
+
+class PredictorName(str, Enum):
+    """Predictors from the best informed to the least."""
+
+    RECEIVED_PATH = "received_path"
+    LEARNT_PROFILE = "learnt_profile"
+    SPEED_LIMITS = "speed_limits"
+    HISTORY = "history"
+    ASSUMED_BRAKING = "assumed_braking"
+
+    def __str__(self) -> str:
+        """Return the bare word, as it stands in diagnostics."""
+        return str(self.value)
+
+
+@dataclass(frozen=True, eq=False)
+class RoadPath:
+    """The newest predicted path, seen from the road.
+
+    Attributes:
+        times_s: times, shape (n,), n >= 2, increasing, in the time of the observations; the first one is when
+            the path was told.
+        positions_m: rear end along the road, shape (n,).
+    """
+
+    times_s: FloatArray
+    positions_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known of the leader.
+
+    Attributes:
+        observations: what it told, oldest first, at least one.
+        path: what it said that it will do, None if it said nothing.
+    """
+
+    observations: Sequence[Observation]
+    path: RoadPath | None = None
+
+    @property
+    def last(self) -> Observation:
+        """The newest observation."""
+        return self.observations[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Motion of the leader as far as the predictor reaches.
+
+    Attributes:
+        predictor: who says so.
+        times_s: times asked for and answered, shape (n,), increasing.
+        positions_m: rear end along the road, shape (n,), never decreasing.
+        speeds_m_s: speeds, shape (n,), never negative.
+        bounds_m: 99 % bound of how far the leader is behind these positions, shape (n,).
+    """
+
+    predictor: PredictorName
+    times_s: FloatArray
+    positions_m: FloatArray
+    speeds_m_s: FloatArray
+    bounds_m: FloatArray
+
+
+@dataclass(frozen=True)
+class ErrorGrowth:
+    """How the 99 % bound of a position grows with the time since the observation.
+
+    The bounds of the predictors were read off udds, hwfet, us06 and sc03; others tell whether they hold.
+
+    Attributes:
+        leads_s: times since the observation, increasing from 0.
+        bounds_m: bounds there; linear between, and on with the last rate.
+    """
+
+    leads_s: tuple[float, ...]
+    bounds_m: tuple[float, ...]
+
+    def at(self, leads_s: FloatArray) -> FloatArray:
+        """Return the bounds at any times since the observation, shape of them."""
+        rate = (self.bounds_m[-1] - self.bounds_m[-2]) / (self.leads_s[-1] - self.leads_s[-2])
+        beyond = np.maximum(leads_s - self.leads_s[-1], 0.0)
+        bounds: FloatArray = np.interp(leads_s, self.leads_s, self.bounds_m) + rate * beyond
+        return bounds
+
+
+class Predictor(Protocol):
+    """Foretells the leader from what is known of it."""
+
+    def predict(self, known: Knowledge, times_s: FloatArray) -> Prediction | None:
+        """Return the motion at increasing times from the last observation on, None if it cannot be told.
+
+        The prediction may end before the last of the times.
+        """
+        ...

@@ -1,0 +1,79 @@
+"""Why a datagram or a message is not used; each is counted and harms nothing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from enum import Enum
+
+
+class Rejection(str, Enum):
+    """Reasons in the order in which they are looked for."""
+
+    SIZE = "size"
+    """Empty, or longer than any message of this kind."""
+    SECURED = "secured"
+    """A secured GeoNetworking packet; signatures are not verified here."""
+    PACKET = "packet"
+    """Neither a message nor a single-hop broadcast around one, or lengths that do not fit."""
+    PORT = "port"
+    """Another service than cooperative awareness."""
+    HEADER = "header"
+    """Another protocol version or message."""
+    DECODING = "decoding"
+    """The bits are no message."""
+    CONSTRAINT = "constraint"
+    """A value outside the range of the standard."""
+    INCOMPLETE = "incomplete"
+    """Not a vehicle, or position, speed or heading unavailable."""
+    ABSURD = "absurd"
+    """A speed or acceleration that no road vehicle has."""
+    TIMESTAMPS = "timestamps"
+    """The times of packet and message contradict each other: an old message in a new packet."""
+    FUTURE = "future"
+    """Generated later than now."""
+    STALE = "stale"
+    """Generated too long ago."""
+    DUPLICATE = "duplicate"
+    """Generated at the same instant as the last message of the station."""
+    OLDER = "older"
+    """Generated before the last message of the station: overtaken on the way, or replayed."""
+    POSITION_JUMP = "position_jump"
+    """The station cannot have moved that far."""
+    LATERAL_JUMP = "lateral_jump"
+    """The station cannot have moved sideways that far."""
+    SPEED_JUMP = "speed_jump"
+    """The station cannot have changed its speed that much."""
+    HEADING_JUMP = "heading_jump"
+    """The station cannot have turned that far."""
+    TABLE_FULL = "table_full"
+    """Forgotten to make room for another station."""
+    OVERFLOW = "overflow"
+    """Arrived faster than it could be read."""
+
+    def __str__(self) -> str:
+        """Return the bare word, as it stands in diagnostics."""
+        return str(self.value)
+
+
+class RejectionCounts:
+    """How often each reason occurred."""
+
+    def __init__(self) -> None:
+        self._counts: Counter[Rejection] = Counter()
+
+    def add(self, reason: Rejection, times: int = 1) -> None:
+        """Count a reason."""
+        self._counts[reason] += times
+
+    def __getitem__(self, reason: Rejection) -> int:
+        """Return the count of one reason."""
+        return self._counts[reason]
+
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return self._counts.total()
+
+    def by_reason(self) -> dict[str, int]:
+        """Return the counts above zero, by reason."""
+        return {str(reason): self._counts[reason] for reason in Rejection if self._counts[reason]}

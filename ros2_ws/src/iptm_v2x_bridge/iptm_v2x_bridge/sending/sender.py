@@ -1,0 +1,136 @@
+"""A leader's drive as datagrams, in the order of their arrival.
+
+Every random number depends only on the seed and the number of the message, so a run repeats exactly, however
+it is cut into ticks.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.trip_time import NS_PER_S
+from iptm_v2x_bridge.messages.cam import PASSENGER_CAR, CamMessage, PredictedPath
+from iptm_v2x_bridge.messages.cam_codec import encode_cam
+from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
+from iptm_v2x_bridge.messages.its_time import delta_time_ms
+from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings, path_times_s
+
+BEFORE_START_S = 3.0
+"""The leader is heard for as long before the trip begins; it stands there."""
+POSITION_BOUND_M = 0.02
+"""The sender knows its position exactly, but for the resolution of the wire."""
+
+_ACCELERATION_WINDOW_S = 0.2
+_MAX_ACCELERATION_M_S2 = 16.0
+_NS_PER_MS = 1_000_000
+
+
+class CamSender:
+    """Knows a drive and tells it message by message."""
+
+    def __init__(
+        self,
+        motion: LeaderMotion,
+        road: RoadLine,
+        settings: SenderSettings,
+        start_timestamp_ms: int = 0,
+    ) -> None:
+        """Set up a sender.
+
+        Args:
+            motion: rear bumper of the leader over trip time.
+            road: where it drives.
+            settings: what is sent.
+            start_timestamp_ms: TimestampIts at trip time 0.
+        """
+        self._motion, self._road, self._settings = motion, road, settings
+        self._start_ms = start_timestamp_ms
+        self._period_ns = max(round(NS_PER_S / settings.rate_hz / _NS_PER_MS), 1) * _NS_PER_MS
+        self._first = -round(BEFORE_START_S * NS_PER_S) // self._period_ns
+
+    def message_at(self, time_ns: int) -> CamMessage:
+        """Return the message of an instant (whole milliseconds of trip time, in ns)."""
+        time_s, settings = time_ns / NS_PER_S, self._settings
+        around = time_s + np.array([-_ACCELERATION_WINDOW_S, 0.0])
+        speed_before, speed = self._motion.speeds_at(around).tolist()
+        front_m = float(self._motion.positions_at(time_s)) + settings.vehicle_length_m
+        latitude, longitude, heading = (float(value) for value in self._road.locate(front_m))
+        acceleration = (speed - speed_before) / _ACCELERATION_WINDOW_S
+        path = self._path(time_s) if self._tells_path(time_ns) else None
+        return CamMessage(
+            station_id=settings.station_id,
+            delta_time_ms=delta_time_ms(self._start_ms + time_ns // _NS_PER_MS),
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            heading_deg=heading,
+            speed_m_s=speed,
+            acceleration_m_s2=max(min(acceleration, _MAX_ACCELERATION_M_S2), -16.0),
+            length_m=settings.vehicle_length_m,
+            width_m=1.8,
+            position_bound_m=POSITION_BOUND_M,
+            path=path,
+        )
+
+    def _tells_path(self, time_ns: int) -> bool:
+        """Return whether this message carries a path: the first one of each period does."""
+        if self._settings.foresight is Foresight.NONE:
+            return False
+        period_ns = max(round(self._settings.path_period_s * NS_PER_S), self._period_ns)
+        return time_ns % period_ns < self._period_ns
+
+    def _path(self, time_s: float) -> PredictedPath:
+        settings = self._settings
+        ahead = path_times_s(settings.path_points, settings.path_length_s)
+        fronts = self._motion.positions_at(time_s + ahead) + settings.vehicle_length_m
+        latitudes, longitudes, _ = self._road.locate(fronts)
+        return PredictedPath(ahead, latitudes, longitudes, confidence=0.95)
+
+    def datagram_at(self, time_ns: int) -> bytes:
+        """Return the datagram of an instant."""
+        message = self.message_at(time_ns)
+        payload = encode_cam(message)
+        if self._settings.framing is Framing.BARE:
+            return payload
+        position = SenderPosition(
+            timestamp_ms=self._start_ms + time_ns // _NS_PER_MS,
+            latitude=round(message.latitude_deg * 1e7),
+            longitude=round(message.longitude_deg * 1e7),
+            speed_cm_s=round(message.speed_m_s * 100.0),
+            heading=round(message.heading_deg * 10.0) % 3600,
+        )
+        return wrap(payload, position, message.station_id, PASSENGER_CAR)
+
+    def arrivals(self, after_ns: int, until_ns: int) -> list[tuple[int, bytes]]:
+        """Return what arrives in a span of trip time, with the instants, in order.
+
+        Args:
+            after_ns: the span begins after this instant; negative for all that came before the trip.
+            until_ns: the span ends with this instant.
+        """
+        settings = self._settings
+        longest_s = settings.link_delay_s + 40.0 * settings.link_jitter_s
+        oldest = (after_ns - round(longest_s * NS_PER_S)) // self._period_ns
+        found = []
+        for number in range(max(oldest, self._first), until_ns // self._period_ns + 1):
+            generated_ns = number * self._period_ns
+            arrival_ns = self._arrival_ns(number, generated_ns)
+            if arrival_ns is not None and after_ns < arrival_ns <= until_ns:
+                found.append((arrival_ns, generated_ns))
+        found.sort()
+        return [(arrival_ns, self.datagram_at(generated_ns)) for arrival_ns, generated_ns in found]
+
+    def _arrival_ns(self, number: int, generated_ns: int) -> int | None:
+        """Return when a message arrives, None if it is lost."""
+        settings = self._settings
+        delay_s = settings.link_delay_s
+        if settings.loss_probability > 0.0 or settings.link_jitter_s > 0.0:
+            draws = np.random.Generator(
+                np.random.Philox(key=settings.sender_seed, counter=(number + 2**32) << 64)
+            )
+            if draws.random() < settings.loss_probability:
+                return None
+            # Forty means and more happen once in 10^17 messages.
+            delay_s += min(draws.exponential(), 40.0) * settings.link_jitter_s
+        return generated_ns + round(delay_s * NS_PER_S)

@@ -1,0 +1,71 @@
+"""Which station is the leader: the nearest one ahead on the host's own path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from iptm_v2x_bridge.stations.station import Station
+
+MAX_DISTANCE_M = 1000.0
+"""Stations farther ahead lead nobody."""
+BEHIND_M = 2.0
+"""A rear end this far behind the host's front is still ahead: positions are no better than that."""
+
+
+class LeaderSelector:
+    """Picks the leader at every tick.
+
+    Whether a station is in the host's lane is decided with hysteresis by the station itself, so a leader
+    changes once per cut-in or turn-off and not with the noise of positions.
+    """
+
+    def __init__(self) -> None:
+        self._leader_id: int | None = None
+        self.changes = 0
+
+    @property
+    def leader_id(self) -> int | None:
+        """Identity of the present leader."""
+        return self._leader_id
+
+    def select(
+        self, stations: Iterable[Station], host_position_m: float, now_s: float
+    ) -> Station | None:
+        """Return the leader, None if there is none.
+
+        Args:
+            stations: confirmed stations.
+            host_position_m: front of the host along the road.
+            now_s: the present, s of TimestampIts; what was heard lies a little before it.
+        """
+        ahead = [
+            station
+            for station in stations
+            if station.in_lane
+            and station.drives_along
+            and -BEHIND_M <= station.last.moved_on_m(now_s) - host_position_m <= MAX_DISTANCE_M
+        ]
+        ahead = [station for station in ahead if not self._stands_inside(station, ahead)]
+        leader = min(ahead, key=lambda station: station.last.moved_on_m(now_s), default=None)
+        identity = None if leader is None else leader.message.station_id
+        if identity != self._leader_id:
+            self.changes += 1
+        self._leader_id = identity
+        return leader
+
+    @staticmethod
+    def _stands_inside(station: Station, others: Iterable[Station]) -> bool:
+        """Return whether a station would be inside another one that has been known for longer."""
+        rear, front = station.last.position_m, station.fix.position_m
+        now_s = station.last.time_s
+        for other in others:
+            if other is station or other.first_ms >= station.first_ms:
+                continue
+            other_rear = other.last.moved_on_m(now_s)
+            other_front = other_rear + other.message.front_to_rear_m
+            # The older the other one's message, the less is known of where it is.
+            margin = 1.0 + 0.5 * abs(other_rear - other.last.position_m)
+            shared = min(front, other_front) - max(rear, other_rear)
+            if shared > margin:
+                return True
+        return False

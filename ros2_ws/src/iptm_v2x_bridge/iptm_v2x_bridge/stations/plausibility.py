@@ -1,0 +1,97 @@
+"""Whether a message can be true: by itself, by the clock, and after the one before of the same station.
+
+Signatures are not verified here, so a forger who moves like a car is believed; these checks stop what no car
+can do, and what an old message cannot hide.
+"""
+
+from __future__ import annotations
+
+import math
+
+from iptm_core.routes.road_line import step_m
+from iptm_v2x_bridge.messages.cam import CamMessage
+from iptm_v2x_bridge.messages.geonetworking import TIMESTAMP_MODULUS_MS
+from iptm_v2x_bridge.messages.its_time import DELTA_MODULUS_MS, resolve_delta_ms
+from iptm_v2x_bridge.rejections import Rejection
+
+MAX_AGE_MS = 3000
+"""Older messages tell nothing about now."""
+MAX_AHEAD_MS = 200
+"""How far ahead of the receiver's clock a sender's may be."""
+MAX_TIMES_APART_MS = 2000
+"""Between the position of the packet and that of the message."""
+MAX_SPEED_M_S = 70.0
+MAX_ACCELERATION_M_S2 = 12.0
+MAX_LATERAL_SPEED_M_S = 3.0
+MAX_TURN_DEG_S = 60.0
+
+POSITION_TOLERANCE_M = 2.5
+SPEED_TOLERANCE_M_S = 1.0
+LATERAL_TOLERANCE_M = 0.75
+TURN_TOLERANCE_DEG = 15.0
+SLOW_M_S = 3.0
+"""Below it, a heading from a satellite receiver is noise."""
+
+
+def generation_time_ms(
+    message: CamMessage, packet_timestamp_ms: int | None, now_ms: int
+) -> int | Rejection:
+    """Return the TimestampIts at which a message was generated, or what is wrong with its time.
+
+    Args:
+        message: the message; its time is known modulo 65,536 ms.
+        packet_timestamp_ms: TimestampIts of its packet modulo 2^32, None without one.
+        now_ms: TimestampIts of the receiver's clock.
+    """
+    generated_ms = resolve_delta_ms(message.delta_time_ms, now_ms, DELTA_MODULUS_MS // 2)
+    if packet_timestamp_ms is not None:
+        apart = (packet_timestamp_ms - generated_ms) % TIMESTAMP_MODULUS_MS
+        if min(apart, TIMESTAMP_MODULUS_MS - apart) > MAX_TIMES_APART_MS:
+            return Rejection.TIMESTAMPS
+    if generated_ms > now_ms + MAX_AHEAD_MS:
+        return Rejection.FUTURE
+    if generated_ms < now_ms - MAX_AGE_MS:
+        return Rejection.STALE
+    return generated_ms
+
+
+def absurd(message: CamMessage) -> bool:
+    """Return whether no road vehicle moves like that."""
+    acceleration_m_s2 = message.acceleration_m_s2 or 0.0
+    return message.speed_m_s > MAX_SPEED_M_S or abs(acceleration_m_s2) > MAX_ACCELERATION_M_S2
+
+
+def contradiction(before: CamMessage, after: CamMessage, elapsed_s: float) -> Rejection | None:
+    """Return why one message cannot follow another one of the same station, None if it can.
+
+    Args:
+        before: last accepted message.
+        after: the next one.
+        elapsed_s: time between their generations, above 0.
+    """
+    change_m_s = abs(after.speed_m_s - before.speed_m_s)
+    if change_m_s > MAX_ACCELERATION_M_S2 * elapsed_s + SPEED_TOLERANCE_M_S:
+        return Rejection.SPEED_JUMP
+    east, north = step_m(
+        after.latitude_deg, after.longitude_deg, (before.latitude_deg, before.longitude_deg)
+    )
+    moved_m = math.hypot(east, north)
+    bounds_m = POSITION_TOLERANCE_M + (before.position_bound_m or 0.0)
+    bounds_m += after.position_bound_m or 0.0
+    farthest_m = max(before.speed_m_s, after.speed_m_s) * elapsed_s
+    farthest_m += 0.5 * MAX_ACCELERATION_M_S2 * elapsed_s**2 + bounds_m
+    if moved_m > farthest_m:
+        return Rejection.POSITION_JUMP
+    turned_deg = abs((after.heading_deg - before.heading_deg + 180.0) % 360.0 - 180.0)
+    fast = min(before.speed_m_s, after.speed_m_s) > SLOW_M_S
+    if fast and turned_deg > MAX_TURN_DEG_S * elapsed_s + TURN_TOLERANCE_DEG:
+        return Rejection.HEADING_JUMP
+    # Seen from the heading in the middle of the turn, a car moves sideways no faster than it steers.
+    half_turn = 0.5 * ((after.heading_deg - before.heading_deg + 180.0) % 360.0 - 180.0)
+    heading = math.radians(before.heading_deg + half_turn)
+    aside_m = abs(east * math.cos(heading) - north * math.sin(heading))
+    allowed_m = MAX_LATERAL_SPEED_M_S * elapsed_s + LATERAL_TOLERANCE_M
+    allowed_m += bounds_m - POSITION_TOLERANCE_M
+    # The chord of a bend leaves the mean heading by a small part of the way.
+    allowed_m += moved_m * math.sin(math.radians(min(turned_deg, 90.0)) / 4.0)
+    return Rejection.LATERAL_JUMP if aside_m > allowed_m and moved_m > bounds_m / 2.0 else None

@@ -1,0 +1,207 @@
+"""The bridge that knows the leader from messages, and the sender, as processes over DDS and UDP."""
+
+from __future__ import annotations
+
+import signal
+import socket
+from typing import Any
+
+import numpy as np
+import pytest
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+
+from iptm_core.routes import build_route
+from iptm_core.state import LeaderPreview, LeaderState
+from iptm_interfaces.codecs import (
+    decode_leader,
+    decode_leader_preview_bytes,
+    ns_from_time,
+    time_from_s,
+)
+from iptm_interfaces.diagnostics import status_values
+from iptm_interfaces.topics import Topic
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+from iptm_v2x_bridge.sending.sender import CamSender
+from iptm_v2x_bridge.sending.settings import SenderSettings
+from iptm_v2x_bridge.simulated_radio import SimulatedRadio
+
+BRIDGE = "iptm_v2x_bridge.node"
+SENDER = "iptm_v2x_bridge.node_sender"
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        return int(taken.getsockname()[1])
+
+
+class Host:
+    """The plant's part: the clock, the host's position, and ears for the bridge."""
+
+    def __init__(self, peer: Any) -> None:
+        self.peer = peer
+        self.leaders: dict[int, LeaderState] = {}
+        self.previews: dict[int, LeaderPreview] = {}
+        self.statuses = peer.statuses("/v2x_bridge")
+        self.clock = peer.node.advertise(Topic.CLOCK)
+        self.odometry = peer.node.advertise(Topic.PLANT_ODOMETRY)
+        peer.node.listen(Topic.LEADER, self._on_leader)
+        peer.node.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
+
+    def _on_leader(self, message: Any) -> None:
+        self.leaders[ns_from_time(message.header.stamp)] = decode_leader(message)
+
+    def _on_preview(self, data: bytes) -> None:
+        stamp_ns, preview = decode_leader_preview_bytes(data)
+        self.previews[stamp_ns] = preview
+
+    def wait_for(self, listeners_of_the_clock: int) -> None:
+        self.peer.wait_until(
+            lambda: (
+                self.clock.get_subscription_count() == listeners_of_the_clock
+                and self.odometry.get_subscription_count() == 1
+            ),
+            what="bridge and sender in the graph",
+        )
+
+    def move(self, time_s: float, position_m: float = 0.0) -> None:
+        message = Odometry()
+        message.header.stamp = time_from_s(time_s)
+        message.pose.pose.position.x = position_m
+        self.odometry.publish(message)
+        self.clock.publish(Clock(clock=time_from_s(time_s)))
+
+    def tick(self, time_s: float, position_m: float = 0.0) -> LeaderPreview:
+        self.move(time_s, position_m)
+        stamp_ns = round(time_s * 1e9)
+        self.peer.wait_until(lambda: stamp_ns in self.previews, what=f"answer to {time_s} s")
+        return self.previews[stamp_ns]
+
+
+@pytest.fixture
+def host(peer: Any) -> Host:
+    return Host(peer)
+
+
+def start(launcher: Any, port: int, **faults: object) -> tuple[Any, Any]:
+    bridge = launcher.start_node(
+        BRIDGE,
+        parameters={"leader_source": "cam", "cam_port": port, "expected_peers": 1, "cycle": "us06"},
+    )
+    sender = launcher.start_node(SENDER, parameters={"to_port": port, "cycle": "us06", **faults})
+    return bridge, sender
+
+
+def test_over_the_wire_the_answers_are_those_without_it(launcher: Any, host: Host) -> None:
+    """Two processes, a socket between them, losses and delays: bit for bit what the pure parts say."""
+    faults = {"loss_probability": 0.3, "link_delay_s": 0.3, "link_jitter_s": 0.2, "sender_seed": 5}
+    bridge, sender = start(launcher, free_port(), **faults)
+    host.wait_for(2)
+    route = build_route("us06", initial_gap_m=15.0)
+    settings = SenderSettings(**faults)  # type: ignore[arg-type]
+    pure = SimulatedRadio(
+        CamSender(route.leader, route.road_line, settings), CamBridge(route.road_line)
+    )
+    for tick in range(25):
+        position_m = float(route.leader.positions_at(float(tick))) - 14.0
+        preview = host.tick(float(tick), position_m)
+        expected = pure.answer(tick * 10**9, position_m)
+        np.testing.assert_array_equal(preview.positions_m, expected.preview.positions_m)
+        np.testing.assert_array_equal(preview.speeds_m_s, expected.preview.speeds_m_s)
+        if expected.leader is not None:
+            host.peer.wait_until(lambda at=tick: at * 10**9 in host.leaders, what="the leader")
+            assert host.leaders[tick * 10**9] == expected.leader
+    host.peer.wait_until(
+        lambda: (
+            host.statuses and status_values(host.statuses[-1]).get("predictor") == "received_path"
+        ),
+        what="the predictor on /diagnostics",
+    )
+    values = status_values(host.statuses[-1])
+    assert values["leader_station"] == "4711"
+    assert values["lost_between_sender_and_bridge"] == "0"
+    assert sender.stop(signal.SIGINT) == 0
+    assert bridge.stop(signal.SIGINT) == 0
+
+
+def test_without_a_sender_the_bridge_says_what_it_waits_for(launcher: Any, host: Host) -> None:
+    port = free_port()
+    launcher.start_node(
+        BRIDGE, parameters={"leader_source": "cam", "cam_port": port, "cam_lock_step": True}
+    )
+    host.wait_for(1)
+    host.move(0.0)
+    host.peer.wait_until(
+        lambda: any("end of the tick" in status.message for status in host.statuses),
+        what="the reason on /diagnostics",
+    )
+    assert host.previews == {}
+    # Noise changes nothing; the end of the tick lets it answer, without a leader.
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
+        for _ in range(50):
+            radio.sendto(bytes(30), ("127.0.0.1", port))
+        radio.sendto(EndOfTick(0, 50).encode(), ("127.0.0.1", port))
+    host.peer.wait_until(lambda: 0 in host.previews, what="an answer")
+    assert host.previews[0].times_s.size == 0
+    assert host.leaders == {}
+    host.peer.wait_until(
+        lambda: any(
+            status_values(status).get("rejected_packet") == "50" for status in host.statuses
+        ),
+        what="the count of what was refused",
+    )
+
+
+def test_a_port_in_use_is_refused(launcher: Any) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = int(taken.getsockname()[1])
+        bridge = launcher.start_node(BRIDGE, parameters={"leader_source": "cam", "cam_port": port})
+        bridge.assert_refused("cam_port")
+
+
+def test_two_thousand_datagrams_a_second_do_not_drown_the_leader(launcher: Any, host: Host) -> None:
+    """Four seconds of a crowd of two hundred cars at 10 Hz beside the leader."""
+    port = free_port()
+    launcher.start_node(
+        BRIDGE,
+        parameters={"leader_source": "cam", "cam_port": port, "expected_peers": 1, "cycle": "us06"},
+    )
+    host.wait_for(1)
+    route = build_route("us06", initial_gap_m=15.0)
+    leader = CamSender(route.leader, route.road_line, SenderSettings())
+    crowd = [
+        CamSender(
+            route.leader,
+            route.road_line,
+            SenderSettings(station_id=10_000 + number, foresight="none", vehicle_length_m=4.5),  # type: ignore[arg-type]
+        )
+        for number in range(5)
+    ]
+    sent = 0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
+        for tick in range(4):
+            noise = [
+                datagram
+                for sender in crowd
+                for _, datagram in sender.arrivals((tick - 1) * 10**9, tick * 10**9)
+            ]
+            own = leader.arrivals((tick - 1) * 10**9, tick * 10**9)
+            for number in range(2000):
+                radio.sendto(noise[number % len(noise)], ("127.0.0.1", port))
+                if number % 200 == 0 and number // 200 < len(own):
+                    radio.sendto(own[number // 200][1], ("127.0.0.1", port))
+                    sent += 1
+            sent += 2000
+            radio.sendto(EndOfTick(tick * 10**9, sent).encode(), ("127.0.0.1", port))
+            preview = host.tick(float(tick))
+    assert preview.generated_at_s == 3.0
+    host.peer.wait_until(
+        lambda: (
+            host.statuses
+            and status_values(host.statuses[-1]).get("lost_between_sender_and_bridge") == "0"
+        ),
+        what="nothing lost on the way",
+    )

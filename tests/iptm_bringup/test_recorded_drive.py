@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iptm_bringup.recorded_drive import example_gpx, main
+from iptm_core.routes import build_route
+from iptm_recording.trajectory_reader import read_trajectory
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / "docs" / "examples" / "phone_drive.gpx"
+BAG = ROOT / "bags" / "example_us06_120s"
+
+
+def test_the_example_in_the_tree_is_the_one_that_the_command_makes(tmp_path: Path) -> None:
+    made = tmp_path / "made.gpx"
+    assert main(["example", str(made), "--seed", "1"]) == 0
+    assert made.read_text() == EXAMPLE.read_text()
+    assert example_gpx(2) != example_gpx(1)
+
+
+def test_a_drive_is_told_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "drive.png"
+    assert main(["show", str(EXAMPLE), "--picture", str(picture)]) == 0
+    told = capsys.readouterr().out
+    assert "600 s" in told
+    assert "601 points" in told
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("who", ["host", "leader"])
+def test_a_bag_becomes_a_cycle(tmp_path: Path, who: str) -> None:
+    file = tmp_path / "car.csv"
+    assert main(["bag", str(BAG), str(file), "--who", who]) == 0
+    recorded = read_trajectory(BAG)
+    speeds = recorded.speed_m_s if who == "host" else recorded.leader_speed_m_s
+    route = build_route(file, initial_gap_m=15.0)
+    np.testing.assert_allclose(route.leader.speeds_at(recorded.time_s), speeds, atol=1e-6)
+
+
+def test_a_file_that_is_no_drive_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["show", str(tmp_path / "none.gpx")]) == 2
+    assert "no such file" in capsys.readouterr().err

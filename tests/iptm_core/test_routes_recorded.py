@@ -1,0 +1,187 @@
+"""Recorded drives: GPX and CSV with places become a leader, its road and its slope."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iptm_core.errors import RouteError
+from iptm_core.routes import build_route
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.routes.track import MAX_RECORDED_GRADE
+from iptm_core.routes.user_csv import read_user_trip
+from iptm_core.state import FloatArray
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "phone_drive.gpx"
+ROAD = RoadLine.test_road()
+SECONDS = np.arange(0.0, 121.0)
+SPEEDS = np.interp(SECONDS, [0, 10, 30, 80, 100, 120], [0, 0, 15, 15, 0, 0])
+PLACES = np.concatenate([[0.0], np.cumsum(0.5 * (SPEEDS[1:] + SPEEDS[:-1]))])
+
+
+def gpx(
+    places_m: FloatArray,
+    heights_m: FloatArray | None = None,
+    seconds: FloatArray = SECONDS,
+    inside: str = "",
+    head: str = "",
+) -> str:
+    latitudes, longitudes, _ = ROAD.locate(places_m)
+    rows = []
+    for index, second in enumerate(seconds.tolist()):
+        height = "" if heights_m is None else f"<ele>{heights_m[index]}</ele>"
+        moment = f"2026-05-04T07:{int(second) // 60:02d}:{second % 60:06.3f}Z"
+        rows.append(
+            f'<trkpt lat="{latitudes[index]}" lon="{longitudes[index]}">{height}'
+            f"<time>{moment}</time>{inside}</trkpt>"
+        )
+    body = "".join(rows)
+    return (
+        f'<?xml version="1.0"?>{head}<gpx xmlns="http://www.topografix.com/GPX/1/1" version="1.1">'
+        f"<trk><trkseg>{body}</trkseg></trk></gpx>"
+    )
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str], Path]:
+    def save(text: str, name: str = "drive.gpx") -> Path:
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return save
+
+
+def test_a_track_becomes_the_drive_that_it_was(write: Callable[..., Path]) -> None:
+    heights = 500.0 + 0.03 * PLACES
+    trip = read_user_trip(write(gpx(PLACES, heights)))
+    assert np.abs(trip.cycle.speeds_m_s - SPEEDS).max() < 1.0
+    assert trip.cycle.distance_m == pytest.approx(PLACES[-1], rel=0.01)
+    assert trip.slope is not None
+    inside = np.arange(100.0, 900.0, 50.0)
+    np.testing.assert_allclose(np.tan(trip.slope.slope_at(inside)), 0.03, atol=1e-3)
+    assert trip.line is not None
+    fix = trip.line.project(*(float(value) for value in ROAD.locate(500.0)[:2]))
+    assert fix.position_m == pytest.approx(500.0, abs=5.0)
+    assert abs(fix.lateral_m) < 0.5
+
+
+def test_noise_makes_no_hills_and_no_crawling(write: Callable[..., Path]) -> None:
+    """Level road; 3 m of noise in height and 0.4 m in place, second by second."""
+    source = np.random.default_rng(7)
+    noisy = PLACES + 0.4 * source.standard_normal(PLACES.size)
+    heights = 500.0 + 3.0 * source.standard_normal(PLACES.size)
+    trip = read_user_trip(write(gpx(noisy, heights)))
+    assert trip.slope is not None
+    assert np.abs(np.tan(trip.slope.slopes_rad)).max() < 0.04
+    standing = trip.cycle.speeds_m_s[SECONDS < 5.0]
+    assert standing.max() == 0.0
+    assert np.abs(trip.cycle.speeds_m_s - SPEEDS).max() < 1.2
+    # Differentiated from point to point, the same heights would be walls.
+    moving = np.diff(PLACES) > 1.0
+    assert np.abs(np.diff(heights)[moving] / np.diff(PLACES)[moving]).max() > 0.3
+
+
+def test_the_grade_is_bounded_and_the_raw_data_are_kept(write: Callable[..., Path]) -> None:
+    heights = 500.0 + np.where(PLACES > 450.0, 80.0, 0.0)
+    trip = read_user_trip(write(gpx(PLACES, heights)))
+    assert trip.slope is not None
+    assert trip.drive is not None
+    assert np.tan(trip.slope.slopes_rad).max() == pytest.approx(MAX_RECORDED_GRADE)
+    assert 100.0 < trip.drive.bounded_m < 400.0
+    assert trip.drive.track.heights_m is not None
+    np.testing.assert_array_equal(trip.drive.track.heights_m, heights)
+
+
+def test_the_receivers_own_speed_is_preferred(write: Callable[..., Path]) -> None:
+    text = gpx(PLACES, inside="<extensions><speed>0</speed></extensions>")
+    for second, speed in zip(SECONDS.tolist(), SPEEDS.tolist(), strict=True):
+        moment = f"2026-05-04T07:{int(second) // 60:02d}:{second % 60:06.3f}Z"
+        text = text.replace(
+            f"{moment}</time><extensions><speed>0</speed>",
+            f"{moment}</time><extensions><speed>{speed}</speed>",
+        )
+    trip = read_user_trip(write(text))
+    np.testing.assert_allclose(trip.cycle.speeds_m_s, SPEEDS, atol=1e-9)
+
+
+def test_a_track_every_few_seconds_is_read_too(write: Callable[..., Path]) -> None:
+    trip = read_user_trip(write(gpx(PLACES[::7], None, SECONDS[::7])))
+    assert trip.cycle.distance_m == pytest.approx(PLACES[-1], rel=0.05)
+    assert trip.slope is None
+
+
+def test_a_csv_with_places_is_the_same_drive(write: Callable[..., Path]) -> None:
+    latitudes, longitudes, _ = ROAD.locate(PLACES)
+    rows = "\n".join(
+        f"{second},{latitude},{longitude},{500.0 + 0.03 * place}"
+        for second, latitude, longitude, place in zip(
+            SECONDS, latitudes, longitudes, PLACES, strict=True
+        )
+    )
+    head = "time_s,latitude_deg,longitude_deg,elevation_m\n"
+    from_csv = read_user_trip(write(head + rows, "drive.csv"))
+    from_gpx = read_user_trip(write(gpx(PLACES, 500.0 + 0.03 * PLACES)))
+    np.testing.assert_allclose(from_csv.cycle.speeds_m_s, from_gpx.cycle.speeds_m_s, atol=1e-3)
+
+
+def test_a_track_that_begins_at_speed_gets_a_launch_in_front(write: Callable[..., Path]) -> None:
+    file = write(gpx(PLACES[40:], None, SECONDS[40:]))
+    trip = read_user_trip(file)
+    assert trip.cycle.speeds_m_s[0] == 0.0
+    assert trip.line is not None
+    # The launch of 10 s to 15 m/s covers 75 m in front of the first recorded point.
+    first = trip.line.project(*(float(value) for value in ROAD.locate(PLACES[40])[:2]))
+    assert first.position_m == pytest.approx(75.0, abs=3.0)
+    assert build_route(file, initial_gap_m=15.0).road_line is not None
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda text: text[:-30], "cannot be read"),
+        (lambda text: text.replace("<time>", "<when>").replace("</time>", "</when>"), "time"),
+        (lambda text: text.replace('lat="48.0"', 'lat="x"', 1), "lat is 'x'"),
+        (lambda text: text.replace('lat="48.0"', 'lat="nan"', 1), "lat is 'nan'"),
+        (lambda text: text.replace('lat="48.0"', 'lat="49.0"', 1), "m/s from the point before"),
+        (lambda text: text.replace("07:00:05.000", "07:00:03.500"), "s after the one before"),
+        (lambda text: text.replace("07:00:05.000", "yesterday"), "ISO 8601"),
+        (lambda _: "<gpx/>", "0 track points"),
+    ],
+)
+def test_files_that_are_no_drives_are_refused(
+    write: Callable[..., Path], change: Callable[[str], str], reason: str
+) -> None:
+    file = write(change(gpx(PLACES)))
+    with pytest.raises(RouteError, match=reason) as refusal:
+        build_route(file, initial_gap_m=15.0)
+    assert "drive.gpx" in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        '<!DOCTYPE gpx [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>',
+        '<!DOCTYPE gpx [<!ENTITY x SYSTEM "file:///etc/hostname">]>',
+    ],
+)
+def test_entities_are_refused_before_they_are_read(write: Callable[..., Path], head: str) -> None:
+    with pytest.raises(RouteError, match="document type 'gpx'"):
+        read_user_trip(write(gpx(PLACES, head=head)))
+
+
+def test_a_drive_that_stands_still_is_no_trip(write: Callable[..., Path]) -> None:
+    with pytest.raises(RouteError, match="it covers 0"):
+        read_user_trip(write(gpx(np.zeros(121))))
+
+
+def test_the_example_is_the_cycle_that_it_was_made_from() -> None:
+    """A phone's errors, and still the drive is told within a kilometre per hour or two."""
+    trip = read_user_trip(EXAMPLE)
+    made_from = build_route("sc03", initial_gap_m=15.0)
+    truth = made_from.leader.speeds_at(trip.cycle.times_s)
+    assert np.sqrt(np.mean((trip.cycle.speeds_m_s - truth) ** 2)) < 0.6
+    assert trip.cycle.distance_m == pytest.approx(made_from.leader.positions_m[-1] - 15.0, rel=0.01)

@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from iptm_core.errors import RouteError
+from iptm_core.routes.road_line import RoadLine, east_north_m
+
+
+def winding(points: int = 400) -> RoadLine:
+    """A road of about 8 km with bends."""
+    turn = np.linspace(0.0, 6.0 * np.pi, points)
+    latitudes = 47.5 + np.linspace(0.0, 0.06, points)
+    return RoadLine(latitudes, 8.2 + 0.004 * np.sin(turn))
+
+
+def test_distances_are_those_of_the_ellipsoid() -> None:
+    """Independent of ours: Vincenty's formula of pymap3d."""
+    vincenty = pytest.importorskip("pymap3d.vincenty")
+    source = np.random.default_rng(4)
+    for _ in range(200):
+        latitude, longitude = source.uniform(-70.0, 70.0), source.uniform(-180.0, 180.0)
+        other = latitude + source.uniform(-0.01, 0.01)
+        aside = longitude + source.uniform(-0.01, 0.01)
+        east, north = east_north_m(other, aside, (latitude, longitude))
+        expected, _ = vincenty.vdist(latitude, longitude, other, aside)
+        assert float(np.hypot(east, north)) == pytest.approx(float(expected), rel=1e-8, abs=1e-3)
+
+
+def test_a_degree_of_the_meridian() -> None:
+    """111.2 km at 48 degrees, where every atlas has it."""
+    _, north = east_north_m(48.5, 10.0, (47.5, 10.0))
+    assert float(north) == pytest.approx(111_200.0, abs=20.0)
+
+
+def test_the_date_line_is_no_jump() -> None:
+    east, _ = east_north_m(10.0, -179.999, (10.0, 179.999))
+    assert float(east) == pytest.approx(0.002 * 109_640.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("position_m", [-30.0, 0.0, 123.4, 4000.0, 7700.0, 7780.0])
+@pytest.mark.parametrize("road", [winding(), RoadLine.test_road()], ids=["winding", "straight"])
+def test_a_point_of_the_road_is_found_where_it_is(road: RoadLine, position_m: float) -> None:
+    latitude, longitude, heading = road.locate(position_m)
+    fix = road.project(float(latitude), float(longitude))
+    assert fix.position_m == pytest.approx(position_m, abs=0.02)
+    assert fix.lateral_m == pytest.approx(0.0, abs=0.02)
+    assert fix.heading_deg == pytest.approx(float(heading), abs=1e-9)
+
+
+def test_left_is_positive() -> None:
+    road = RoadLine.test_road()
+    latitude, longitude, _ = road.locate(500.0)
+    west = road.project(float(latitude), float(longitude) - 1e-4)
+    assert west.lateral_m == pytest.approx(7.46, abs=0.05)
+    assert west.position_m == pytest.approx(500.0, abs=1e-3)
+
+
+def test_a_road_that_returns_is_looked_at_near_the_expected_place() -> None:
+    """Out and back on the same street: the position tells which of both is meant."""
+    out = np.linspace(48.0, 48.05, 100)
+    road = RoadLine(
+        np.concatenate([out, out[::-1]]), np.concatenate([np.full(100, 9.0), np.full(100, 9.00002)])
+    )
+    latitude, longitude, _ = road.locate(2000.0)
+    back = road.length_m - 2000.0
+    assert road.project(float(latitude), float(longitude), 2000.0).position_m < 2100.0
+    found = road.project(float(latitude), float(longitude), back)
+    assert found.position_m == pytest.approx(back, abs=50.0)
+    assert abs(found.lateral_m) < 3.0
+    assert found.heading_deg == pytest.approx(180.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("latitudes", "longitudes", "reason"),
+    [
+        ([48.0], [9.0], "at least two"),
+        ([48.0, 48.1], [9.0], "equally many"),
+        ([48.0, 95.0], [9.0, 9.0], "95.0"),
+        ([48.0, np.nan], [9.0, 9.0], "nan"),
+        ([48.0, 48.0], [9.0, 9.0], "different"),
+        ([48.0, 48.1], [9.0, 200.0], "200.0"),
+    ],
+)
+def test_impossible_lines_are_refused(
+    latitudes: list[float], longitudes: list[float], reason: str
+) -> None:
+    with pytest.raises(RouteError, match=reason):
+        RoadLine(np.array(latitudes), np.array(longitudes))

@@ -1,0 +1,186 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from tests.iptm_v2x_bridge.radio import ROAD
+
+from iptm_core.routes import Route
+from iptm_core.settings import PreviewMode, PreviewSettings
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.sending.sender import CamSender
+from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings
+from iptm_v2x_bridge.simulated_radio import SimulatedRadio
+
+NS = 10**9
+
+
+def radio(
+    route: Route, preview: PreviewSettings | None = None, start_ms: int = 0, **settings: object
+) -> SimulatedRadio:
+    sender = CamSender(route.leader, ROAD, SenderSettings(**settings), start_ms)  # type: ignore[arg-type]
+    return SimulatedRadio(sender, CamBridge(ROAD, preview, start_timestamp_ms=start_ms))
+
+
+def answers(wireless: SimulatedRadio, route: Route, ticks: range) -> list[BridgeAnswer]:
+    """Answers to a host that follows 10 m behind."""
+    return [
+        wireless.answer(tick * NS, float(route.leader.positions_at(float(tick))) - 10.0)
+        for tick in ticks
+    ]
+
+
+@pytest.mark.parametrize("framing", list(Framing))
+@pytest.mark.parametrize("start_ms", [0, 65_536 * 10_000_000 - 3_000])
+def test_the_leader_is_known_from_its_messages(
+    route: Route, framing: Framing, start_ms: int
+) -> None:
+    wireless = radio(route, framing=framing, start_ms=start_ms)
+    for tick, answer in enumerate(answers(wireless, route, range(60))):
+        truth = route.leader.state_at(float(tick))
+        assert answer.leader is not None
+        assert answer.predictor == "received_path"
+        assert answer.leader.time_s == tick
+        assert -0.4 < answer.leader.position_m - truth.position_m <= 0.0
+        assert answer.leader.speed_m_s == pytest.approx(truth.speed_m_s, abs=0.01)
+        assert answer.preview.generated_at_s == tick
+        assert answer.preview.times_s[-1] == tick + 60.0
+        expected = route.leader.positions_at(answer.preview.times_s)
+        errors_m = answer.preview.positions_m - expected
+        assert np.abs(errors_m).max() < 1.5
+        assert np.abs(errors_m[:20]).max() < 0.6
+        assert errors_m[:20].max() <= 0.02
+    assert wireless.bridge.leader_id == 4711
+
+
+def test_without_foresight_little_is_claimed_to_be_known(route: Route) -> None:
+    for answer in answers(radio(route, foresight=Foresight.NONE), route, range(60)):
+        assert answer.predictor == "history"
+        assert answer.preview.times_s[-1] - answer.time_ns / NS == 2.0
+
+
+@pytest.mark.parametrize("foresight", list(Foresight))
+@pytest.mark.parametrize("delay_s", [0.3, 1.0])
+def test_a_late_message_keeps_its_time_of_generation(
+    route: Route, foresight: Foresight, delay_s: float
+) -> None:
+    wireless = radio(route, foresight=foresight, link_delay_s=delay_s)
+    for answer in answers(wireless, route, range(20, 80)):
+        assert answer.preview_age_s == pytest.approx(delay_s)
+        truth = route.leader.state_at(answer.time_ns / NS)
+        assert answer.leader is not None
+        assert answer.leader.position_m <= truth.position_m + 0.6
+
+
+def test_losses_make_the_leader_older_and_nearer(route: Route) -> None:
+    """What is not heard for long is taken to be nearer, never farther."""
+    wireless = radio(
+        route, foresight=Foresight.NONE, rate_hz=1.0, loss_probability=0.5, sender_seed=3
+    )
+    found = [answer for answer in answers(wireless, route, range(5, 300)) if answer.leader]
+    bounds = {round(answer.preview_age_s): answer.leader_bound_m for answer in found}
+    assert bounds[0] < bounds[1]
+    assert {answer.predictor for answer in found} == {"history", "assumed_braking"}
+    ahead = [
+        answer.leader.position_m - float(route.leader.positions_at(answer.time_ns / NS))
+        for answer in found
+        if answer.leader
+    ]
+    assert np.mean(np.array(ahead) > 0.02) < 0.06
+
+
+def test_a_leader_that_falls_silent_is_taken_to_come_to_a_halt(route: Route) -> None:
+    """It leads on, nearer and slower the longer it is not heard, and never drives backwards."""
+    wireless = radio(route, foresight=Foresight.NONE)
+    answers(wireless, route, range(70))
+    host_m = float(route.leader.positions_at(69.0)) - 20.0
+    silent = [wireless.bridge.answer(tick * NS, host_m) for tick in range(70, 129)]
+    places = np.array([answer.leader.position_m for answer in silent if answer.leader])
+    speeds = np.array([answer.leader.speed_m_s for answer in silent if answer.leader])
+    assert places.size == 59
+    # It is taken nearer when it counts as silent, after a second and a half; then it moves on to its halt.
+    assert places[1] > places[0] - 1.0
+    assert (np.diff(places[1:]) >= 0.0).all()
+    assert places[-1] - places[0] < 100.0
+    assert speeds[10:].max() == 0.0
+    assert wireless.bridge.leader_id == 4711
+    assert wireless.bridge.answer(135 * NS, host_m).leader is None
+
+
+def test_a_leader_that_is_heard_again_leads_at_once(route: Route) -> None:
+    """Also under another identity, as privacy has it change."""
+    wireless = radio(route, foresight=Foresight.NONE)
+    answers(wireless, route, range(40))
+    for tick in range(40, 50):
+        wireless.bridge.answer(tick * NS, 10.0)
+    renamed = CamSender(route.leader, ROAD, SenderSettings(station_id=99))
+    for _, datagram in renamed.arrivals(50 * NS, 52 * NS):
+        wireless.bridge.receive(datagram, 52 * NS)
+    answer = wireless.bridge.answer(52 * NS, float(route.leader.positions_at(52.0)) - 10.0)
+    assert wireless.bridge.leader_id == 99
+    assert answer.leader is not None
+    assert answer.leader.position_m == pytest.approx(
+        float(route.leader.positions_at(52.0)), abs=0.4
+    )
+
+
+def test_no_leader_is_no_leader() -> None:
+    bridge = CamBridge(ROAD)
+    answer = bridge.answer(0, 0.0)
+    assert answer.leader is None
+    assert answer.preview_age_s == math.inf
+    assert bridge.report()["leader_station"] == "none"
+
+
+def test_the_choice_of_no_preview_leaves_the_leader(route: Route) -> None:
+    wireless = radio(route, PreviewSettings(preview_mode=PreviewMode.NONE))
+    (answer,) = answers(wireless, route, range(10, 11))
+    assert answer.leader is not None
+    assert answer.preview.times_s.size == 0
+
+
+def test_two_runs_are_equal_to_the_last_bit(route: Route) -> None:
+    faults: dict[str, object] = {
+        "loss_probability": 0.3,
+        "link_jitter_s": 0.4,
+        "link_delay_s": 0.2,
+        "sender_seed": 8,
+    }
+    first, second = radio(route, **faults), radio(route, **faults)
+    for tick in range(40):
+        one = first.answer(tick * NS, 10.0)
+        two = second.answer(tick * NS, 10.0)
+        assert one.leader == two.leader
+        assert one.preview.positions_m.tobytes() == two.preview.positions_m.tobytes()
+
+
+def test_time_set_back_begins_a_new_trip(route: Route) -> None:
+    wireless = radio(route)
+    before = answers(wireless, route, range(20))
+    again = answers(wireless, route, range(20))
+    assert [answer.leader for answer in before] == [answer.leader for answer in again]
+    assert not wireless.bridge.table.rejections.total
+
+
+def test_everything_dropped_is_reported(route: Route) -> None:
+    wireless = radio(route)
+    answers(wireless, route, range(5))
+    wireless.bridge.receive(b"noise", 5 * NS)
+    wireless.bridge.count_overflow(7)
+    report = wireless.bridge.report()
+    assert report["rejected_size"] == 1
+    assert report["rejected_overflow"] == 7
+    assert report["leader_station"] == 4711
+    assert report["predictor"] == "received_path"
+
+
+def test_jitter_reorders_and_loses_nothing_else(route: Route) -> None:
+    """Overtaken messages are dropped as older; all others are used."""
+    wireless = radio(route, link_jitter_s=0.5, sender_seed=2, foresight=Foresight.NONE)
+    for tick in range(60):
+        wireless.answer(tick * NS, 10.0)
+    reasons = wireless.bridge.table.rejections.by_reason()
+    assert set(reasons) <= {"older", "stale"}
+    assert reasons["older"] > 10

@@ -1,0 +1,188 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from iptm_core.errors import RouteError
+from iptm_core.routes import build_route
+from iptm_core.state import FloatArray
+from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
+from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName, RoadPath
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath, monotone_cubic
+from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits, SpeedLimits
+from iptm_v2x_bridge.stations.station import Observation
+
+AHEAD = np.arange(0.0, 61.0)
+
+
+def seen(
+    speed_m_s: float, acceleration_m_s2: float | None = 0.0, time_s: float = 0.0
+) -> Observation:
+    return Observation(time_s, 100.0, speed_m_s, acceleration_m_s2)
+
+
+def steady_path(speed_m_s: float = 20.0) -> RoadPath:
+    times = 1.5 * np.arange(0.0, 41.0)
+    return RoadPath(times, 100.0 + speed_m_s * times)
+
+
+PREDICTORS: dict[str, Predictor] = {
+    "received": ReceivedPath(),
+    "history": History(),
+    "limits": BoundedBySpeedLimits(History(), SpeedLimits(np.array([0.0]), np.array([30.0]))),
+    "learnt": LearntProfile([(20.0 * AHEAD + 100.0, np.full(61, 20.0))]),
+}
+
+
+@pytest.mark.parametrize("name", PREDICTORS)
+@settings(deadline=None, max_examples=25)
+@given(st.floats(0.0, 60.0), st.floats(-12.0, 12.0))
+def test_no_leader_drives_backwards(name: str, speed_m_s: float, acceleration_m_s2: float) -> None:
+    known = Knowledge((seen(speed_m_s, acceleration_m_s2),), steady_path())
+    told = PREDICTORS[name].predict(known, AHEAD)
+    assert told is not None
+    assert (np.diff(told.positions_m) >= -1e-9).all()
+    assert (told.speeds_m_s >= 0.0).all()
+    assert (np.diff(told.bounds_m) >= 0.0).all()
+    assert np.isfinite(told.positions_m).all()
+    assert told.positions_m[0] == pytest.approx(100.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", PREDICTORS)
+def test_a_steady_leader_is_foretold_exactly(name: str) -> None:
+    told = PREDICTORS[name].predict(Knowledge((seen(20.0),), steady_path()), AHEAD)
+    assert told is not None
+    np.testing.assert_allclose(told.positions_m, 100.0 + 20.0 * told.times_s, atol=0.3)
+
+
+def test_an_acceleration_dies_away() -> None:
+    """Numbers by hand: 20 m/s and -2 m/s2 decaying with 4 s end at 12 m/s."""
+    told = History().predict(Knowledge((seen(20.0, -2.0),)), AHEAD)
+    assert told.speeds_m_s[4] == pytest.approx(20.0 - 8.0 * (1.0 - np.exp(-1.0)))
+    assert told.speeds_m_s[-1] == pytest.approx(12.0, abs=1e-3)
+    assert told.positions_m[-1] - 100.0 == pytest.approx(12.0 * 60.0 + 8.0 * 4.0, abs=0.1)
+
+
+def test_a_braking_leader_halts_and_stays() -> None:
+    told = History().predict(Knowledge((seen(5.0, -3.0),)), AHEAD)
+    assert told.speeds_m_s[5] == 0.0
+    # The integral of 5 - 12 (1 - exp(-t/4)) up to where it reaches zero, 4 ln(12/7) s.
+    assert told.positions_m[-1] - 100.0 == pytest.approx(20.0 - 28.0 * np.log(12.0 / 7.0))
+
+
+def test_untold_acceleration_is_read_off_the_last_second() -> None:
+    observations = [seen(20.0 - 0.1 * k, None, 0.1 * k - 1.0) for k in range(11)]
+    told = History().predict(Knowledge(observations), AHEAD)
+    assert told.speeds_m_s[1] == pytest.approx(19.0 - 4.0 * (1.0 - np.exp(-0.25)))
+
+
+def test_a_received_path_is_what_the_leader_does() -> None:
+    """Stops and starts of a cycle, through forty points."""
+    motion = build_route("udds", initial_gap_m=15.0).leader
+    for start_s in (0.0, 100.0, 200.0, 340.0):
+        nodes = start_s + 1.5 * np.arange(0.0, 41.0)
+        last = Observation(start_s, *(float(v[0]) for v in _at(motion, np.array([start_s]))), 0.0)
+        known = Knowledge((last,), RoadPath(nodes, motion.positions_at(nodes)))
+        told = ReceivedPath().predict(known, start_s + AHEAD)
+        assert told is not None
+        positions, speeds = _at(motion, start_s + AHEAD)
+        assert np.abs(told.positions_m - positions).max() < 0.5
+        assert np.sqrt(np.mean((told.speeds_m_s - speeds) ** 2)) < 0.25
+
+
+def _at(motion: object, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return motion.positions_at(times), motion.speeds_at(times)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    "places",
+    [
+        [110.0, 105.0, 120.0],
+        [110.0, 300.0, 310.0],
+    ],
+)
+def test_a_path_that_no_car_drives_is_not_followed(places: list[float]) -> None:
+    path = RoadPath(np.arange(4.0), np.array([100.0, *places]))
+    assert ReceivedPath().predict(Knowledge((seen(10.0),), path), AHEAD) is None
+
+
+@pytest.mark.parametrize(("behind_m", "followed"), [(0.0, True), (0.8, True), (1.2, False)])
+def test_an_older_path_counts_while_the_leader_keeps_to_it(behind_m: float, followed: bool) -> None:
+    last = Observation(4.0, 180.0 - behind_m, 20.0, 0.0)
+    told = ReceivedPath().predict(Knowledge((last,), steady_path()), 4.0 + AHEAD)
+    assert (told is not None) == followed
+
+
+def test_a_short_path_ends_where_it_ends() -> None:
+    path = RoadPath(np.array([0.0, 2.0, 4.0]), np.array([100.0, 120.0, 140.0]))
+    told = ReceivedPath().predict(Knowledge((seen(10.0),), path), AHEAD)
+    assert told is not None
+    assert told.times_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+@given(st.lists(st.floats(0.0, 50.0), min_size=2, max_size=40), st.floats(0.0, 60.0))
+def test_the_cubic_never_decreases_and_meets_its_points(steps: list[float], slope: float) -> None:
+    values = np.cumsum(np.round(steps, 3))
+    nodes = np.arange(float(values.size))
+    fine = np.linspace(0.0, nodes[-1], 301)
+    found, slopes = monotone_cubic(nodes, values, slope, fine)
+    assert (np.diff(found) >= -1e-9).all()
+    assert (slopes >= 0.0).all()
+    at_nodes, _ = monotone_cubic(nodes, values, slope, nodes)
+    np.testing.assert_allclose(at_nodes, values, atol=1e-9)
+
+
+def test_limits_ahead_slow_the_leader_down_in_time() -> None:
+    limits = SpeedLimits(np.array([0.0, 500.0]), np.array([30.0, 10.0]))
+    told = BoundedBySpeedLimits(History(), limits).predict(Knowledge((seen(20.0),)), AHEAD)
+    assert told is not None
+    assert told.predictor is PredictorName.SPEED_LIMITS
+    assert told.speeds_m_s[5] == pytest.approx(20.0)
+    behind_sign = told.positions_m > 505.0
+    assert behind_sign.any()
+    assert told.speeds_m_s[behind_sign].max() < 10.5
+    assert np.diff(told.speeds_m_s).min() > -2.1
+
+
+def test_who_drives_too_fast_here_does_so_there() -> None:
+    limits = SpeedLimits(np.array([0.0, 500.0]), np.array([20.0, 10.0]))
+    told = BoundedBySpeedLimits(History(), limits).predict(Knowledge((seen(22.0),)), AHEAD)
+    assert told is not None
+    assert told.speeds_m_s[-1] == pytest.approx(11.0, abs=0.2)
+
+
+def test_a_learnt_stop_is_expected_and_waited_for() -> None:
+    """Three drives stop for 20 s at 500 m; the fourth is foretold to do so."""
+    seconds = np.arange(0.0, 121.0)
+    speeds = np.interp(seconds, [0, 40, 50, 70, 80, 120], [10, 10, 0, 0, 10, 10])
+    positions = 100.0 + np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
+    predictor = LearntProfile([(positions, speeds)] * 3)
+    told = predictor.predict(Knowledge((seen(10.0),)), np.arange(0.0, 101.0))
+    assert told is not None
+    assert told.speeds_m_s[55:65].max() < 2.0
+    assert told.positions_m[-1] == pytest.approx(float(positions[100]), abs=60.0)
+    assert predictor.predict(Knowledge((Observation(0.0, 9000.0, 10.0, 0.0),)), AHEAD) is None
+
+
+def test_nothing_is_learnt_from_no_drive() -> None:
+    with pytest.raises(RouteError, match="0 drives"):
+        LearntProfile([])
+
+
+@pytest.mark.parametrize("cycle", ["wltc_class3b", "nycc"])
+def test_bounds_hold_on_cycles_that_they_were_not_read_off(cycle: str) -> None:
+    motion = build_route(cycle, initial_gap_m=15.0).leader
+    leads = np.array([0.5, 1.0, 2.0, 5.0, 20.0, 60.0])
+    kept = []
+    for start_s in np.arange(1.0, motion.times_s[-1], 1.7):
+        before, now = motion.speeds_at(np.array([start_s - 0.2, start_s])).tolist()
+        last = Observation(
+            start_s, float(motion.positions_at(start_s)), now, round((now - before) / 0.2, 1)
+        )
+        told = History().predict(Knowledge((last,)), start_s + leads)
+        kept.append(told.positions_m - told.bounds_m <= motion.positions_at(start_s + leads))
+    share = np.mean(kept, axis=0)
+    assert (share > 0.97).all(), share

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import pytest
+from tests.iptm_v2x_bridge.radio import ROAD, station
+
+from iptm_v2x_bridge.stations.leader import LeaderSelector
+from iptm_v2x_bridge.stations.station import Station
+
+HOST_M = 50.0
+
+
+class Traffic:
+    """Cars at 20 m/s around a host at 50 m, heard at 10 Hz; each keeps its distance."""
+
+    def __init__(self) -> None:
+        self.stations: dict[int, Station] = {}
+        self.selector = LeaderSelector()
+        self.time_ms = 0
+
+    def hear(self, cars: dict[int, tuple[float, float]], heading_deg: float = 0.0) -> int | None:
+        """Take one message of each car (rear end, left of the middle); return the leader."""
+        self.time_ms += 100
+        for identity, (rear_m, left_m) in cars.items():
+            message = station(identity, self.time_ms, rear_m, 0.0, left_m, heading_deg=heading_deg)
+            if identity in self.stations:
+                self.stations[identity].update(message, self.time_ms)
+            else:
+                self.stations[identity] = Station(message, self.time_ms, ROAD)
+        self.selector.select(self.stations.values(), HOST_M, self.time_ms / 1000.0)
+        return self.selector.leader_id
+
+
+def test_the_nearest_car_ahead_in_the_lane_leads() -> None:
+    traffic = Traffic()
+    cars = {1: (120.0, 0.0), 2: (80.0, 0.3), 3: (60.0, 3.5), 4: (30.0, 0.0), 5: (70.0, -3.5)}
+    for _ in range(5):
+        leader = traffic.hear(cars)
+    assert leader == 2
+    assert traffic.selector.changes == 1
+
+
+def test_oncoming_traffic_leads_no_one() -> None:
+    traffic = Traffic()
+    for _ in range(5):
+        leader = traffic.hear({1: (80.0, 0.0)}, heading_deg=180.0)
+    assert leader is None
+
+
+def test_a_cut_in_and_a_turn_off_change_the_leader_once_each() -> None:
+    traffic = Traffic()
+    leaders = []
+    for number in range(60):
+        # Car 2 moves in within two seconds, stays, and leaves again.
+        left_m = max(3.5 - 0.175 * number, 0.0) + max(0.0, 0.175 * (number - 40))
+        leaders.append(traffic.hear({1: (120.0, 0.0), 2: (80.0, left_m)}))
+    assert leaders[0] == leaders[10] == 1
+    assert leaders[20] == leaders[45] == 2
+    assert leaders[-1] == 1
+    assert traffic.selector.changes == 3
+
+
+def test_noise_of_the_position_changes_nothing() -> None:
+    """A car on the edge of the lane: 1.6 m aside, with a noise of 0.6 m."""
+    traffic = Traffic()
+    for number in range(100):
+        traffic.hear({1: (120.0, 0.0), 2: (80.0, 1.6 + (0.6 if number % 2 else -0.6))})
+    assert traffic.selector.changes <= 2
+
+
+def test_a_late_message_of_a_fast_leader_does_not_put_it_behind() -> None:
+    """Two seconds old at 30 m/s: the host is already where the leader was then."""
+    known = Station(station(1, 0, 40.0, 30.0), 0, ROAD)
+    known.update(station(1, 1000, 70.0, 30.0), 1000)
+    selector = LeaderSelector()
+    assert selector.select([known], 100.0, 3.0) is known
+    assert selector.select([known], 100.0, 1.0) is None
+
+
+def test_a_ghost_inside_the_leader_is_no_car() -> None:
+    traffic = Traffic()
+    for _ in range(5):
+        traffic.hear({1: (80.0, 0.0)})
+    for _ in range(5):
+        leader = traffic.hear({1: (80.0, 0.0), 2: (78.0, 0.0)})
+    assert leader == 1
+
+
+@pytest.mark.parametrize("length_m", [4.5, 16.5])
+def test_the_leader_ends_where_its_length_says(length_m: float) -> None:
+    """The reference position is the middle of the front."""
+    known = Station(station(1, 0, 80.0, 0.0, length_m=length_m), 0, ROAD)
+    assert known.last.position_m == pytest.approx(84.5 - length_m, abs=0.02)
