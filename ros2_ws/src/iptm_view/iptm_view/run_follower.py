@@ -20,12 +20,14 @@ from iptm_view.page_feed import PageFeed
 from iptm_view.page_row import AHEAD_TOPICS, ROW_TOPICS, page_row, plan_ahead, road_height
 from iptm_view.run_facts import RunFacts
 
-JOINED_TOPICS = (*ROW_TOPICS, *AHEAD_TOPICS)
+JOINED_TOPICS = (*ROW_TOPICS, *AHEAD_TOPICS, Topic.COMMAND)
 """Topics that belong together by their stamps."""
 
 PAGE_TOPICS = (*JOINED_TOPICS, Topic.SLOPE, Topic.DIAGNOSTICS)
 """Topics that the page needs."""
 
+# All but the plan, of which there is none on a fallback; the command is the controller's last word in a tick.
+_ALWAYS = (*ROW_TOPICS, Topic.LEADER_PREVIEW, Topic.COMMAND)
 _STAMPS_KEPT = 64
 _SET_BACK_NS = 10 * NS_PER_S
 _LEVELS = {level.value: level.name for level in Level}
@@ -47,7 +49,7 @@ class RunFollower:
         """
         self._feed = feed
         self._pending: dict[int, dict[Topic, bytes]] = {}
-        self._expected: frozenset[Topic] = frozenset(ROW_TOPICS)
+        self._expected = frozenset(_ALWAYS)
         self._last_ns = -1
         self._statuses: dict[str, dict[str, Any]] = {}
         self._road: bytes | None = None
@@ -58,8 +60,7 @@ class RunFollower:
 
     def expect(self, topics: Iterable[Topic]) -> None:
         """Tell which topics there are; a tick is complete when it has all of them."""
-        # The plan may be missing: there is none on a fallback.
-        self._expected = frozenset(topics) & frozenset((*ROW_TOPICS, Topic.LEADER_PREVIEW))
+        self._expected = frozenset(topics) & frozenset(_ALWAYS)
 
     def take(self, topic: Topic, data: bytes) -> None:
         """Take one message, given by its CDR bytes."""
