@@ -101,13 +101,15 @@ def test_a_latecomer_gets_the_road(server: FoxgloveServer, bag: Path) -> None:
 
 
 def test_a_taken_port_is_refused(server: FoxgloveServer) -> None:
-    with pytest.raises(ViewError, match="port of the Foxglove server .*allowed"):
+    with pytest.raises(ViewError, match=r"port of the Foxglove server .*allowed"):
         FoxgloveServer("second", int(server.url.rsplit(":", 1)[1]))
 
 
 def test_without_the_library_one_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        foxglove_server.importlib, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name))
+        foxglove_server.importlib,
+        "import_module",
+        lambda name: (_ for _ in ()).throw(ImportError(name)),
     )
     with pytest.raises(ViewError, match=r"requirements/view\.txt") as refusal:
         FoxgloveServer("test")

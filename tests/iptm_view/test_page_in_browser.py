@@ -109,9 +109,10 @@ def test_text_can_be_read_against_its_background(visit: Visit) -> None:
         """() => [...document.querySelectorAll('h1, h2, p, dt, dd, li, small, .level, select')]
         .filter((node) => node.innerText?.trim())
         .map((node) => {
+          const paper = (behind) => getComputedStyle(behind).backgroundColor;
           let behind = node;
-          while (getComputedStyle(behind).backgroundColor === 'rgba(0, 0, 0, 0)') behind = behind.parentElement;
-          return [node.innerText, getComputedStyle(node).color, getComputedStyle(behind).backgroundColor];
+          while (paper(behind) === 'rgba(0, 0, 0, 0)') behind = behind.parentElement;
+          return [node.innerText, getComputedStyle(node).color, paper(behind)];
         })"""
     )
     assert len(pairs) > 40

@@ -30,7 +30,9 @@ def server(feed: PageFeed) -> Iterator[PageServer]:
     server.close()
 
 
-def get(server: PageServer, path: str, **headers: str) -> tuple[int, http.client.HTTPMessage, bytes]:
+def get(
+    server: PageServer, path: str, **headers: str
+) -> tuple[int, http.client.HTTPMessage, bytes]:
     connection = http.client.HTTPConnection(urlsplit(server.url).netloc, timeout=TIMEOUT_S)
     connection.request("GET", path, headers=headers)
     answer = connection.getresponse()
@@ -54,7 +56,9 @@ def test_every_file_of_the_page_is_served_and_may_load_nothing_else(server: Page
     assert get(server, "/")[2] == (PAGE / "index.html").read_bytes()
 
 
-@pytest.mark.parametrize("path", ["/../page_server.py", "/none.html", "//etc/passwd", "/%2e%2e/cli.py"])
+@pytest.mark.parametrize(
+    "path", ["/../page_server.py", "/none.html", "//etc/passwd", "/%2e%2e/cli.py"]
+)
 def test_nothing_else_is_served(server: PageServer, path: str) -> None:
     assert get(server, path)[0] == 404
 

@@ -1,4 +1,4 @@
-"""From messages to the page: the numbers are those of the bag, and nothing depends on the order of arrival."""
+"""From messages to the page: the numbers are those of the bag, in whatever order they arrive."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_limits_plan_road_and_trip_are_those_of_the_run(
 
 
 def test_order_and_duplicates_within_a_tick_do_not_matter(bag: Path, page: dict[str, Any]) -> None:
-    generator = random.Random(7)
+    generator = random.Random(7)  # noqa: S311
     feed = PageFeed()
     follower = RunFollower(feed, RunFacts("test"))
     with BagReader(bag) as reader:

@@ -14,6 +14,7 @@ ALLOWED = {
     "iptm_v2x_bridge": {"iptm_core", "iptm_interfaces"},
     "iptm_controller": {"iptm_core", "iptm_interfaces"},
     "iptm_recording": {"iptm_core", "iptm_interfaces"},
+    "iptm_view": {"iptm_core", "iptm_interfaces", "iptm_recording"},
     "iptm_bringup": {
         "iptm_core",
         "iptm_interfaces",

@@ -6,12 +6,14 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed", "page/*", "layouts/*.json", "layouts/*.xml", "layouts/*.rviz"]},
+    package_data={
+        PACKAGE: ["py.typed", "page/*", "layouts/*.json", "layouts/*.xml", "layouts/*.rviz"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numpy>=1.24", "PyYAML>=6.0", "rosbags>=0.11"],
+    install_requires=["setuptools", "numpy>=1.24", "PyYAML>=6.0"],
     # Both are loaded only where they are used; the page works without.
     extras_require={
         "test": ["pytest"],

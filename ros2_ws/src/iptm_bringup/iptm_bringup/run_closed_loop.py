@@ -121,7 +121,7 @@ def prepared_from(arguments: argparse.Namespace) -> PreparedScenario:
 
 
 def watchable(scenario: str, options: Mapping[str, str]) -> dict[str, str]:
-    """Return options with a pace at which a run can be watched, where neither they nor the scenario state one."""
+    """Return options with a pace that can be watched, where neither they nor the scenario state one."""
     is_chosen = "mode" in options or load_scenario(scenario).mode is LoopMode.REAL_TIME
     pace = {"mode": str(LoopMode.REAL_TIME), "rate_factor": f"{WATCHING_RATE:g}"}
     return dict(options) if is_chosen else {**pace, **options}

@@ -114,9 +114,8 @@ def _run_in(
         console.print(_introduction(prepared, domain.number), soft_wrap=True)
         stay_open = None
         if options.view:
-            namespace = prepared.scenario.full_namespace
             stay_open = stack.enter_context(
-                live_view(folder, environment, namespace, options.against, console, errors)
+                live_view(folder, environment, prepared, options.against, console, errors)
             )
         with (
             process_environment(environment),  # the runner takes part in the graph itself

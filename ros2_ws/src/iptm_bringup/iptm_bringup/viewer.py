@@ -8,9 +8,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
+import yaml
 from rich.console import Console
 
+from iptm_bringup.composition import Listeners, node_parameters, run_information
 from iptm_bringup.run_folder import RunFolder
+from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.supervisor import Supervisor
 from iptm_interfaces.process import StopRequest
 
@@ -26,7 +29,7 @@ _ADDRESS = re.compile(r"http://\S+")
 def live_view(
     folder: RunFolder,
     environment: Mapping[str, str],
-    namespace: str,
+    prepared: PreparedScenario,
     against: str,
     console: Console,
     errors: Console,
@@ -36,7 +39,7 @@ def live_view(
     Args:
         folder: takes the log.
         environment: of the processes of the run.
-        namespace: of the vehicle.
+        prepared: what is driven.
         against: strategy of the reference car, "none" for no such car.
         console: told the address.
         errors: told if there is no view; the run goes on without.
@@ -45,8 +48,10 @@ def live_view(
         What to call at the end of the run: it keeps the view open while someone may look, until Ctrl-C.
     """
     supervisor = Supervisor(environment, folder.log_path)
-    command = [sys.executable, "-m", MODULE, "--against", against]
-    supervisor.start(VIEW, [*command, "--namespace", namespace.strip("/")])
+    known = run_information(prepared, node_parameters(prepared, Listeners()))
+    file = folder.write_log("view_information.yaml", yaml.safe_dump(known, sort_keys=False))
+    command = [sys.executable, "-m", MODULE, "--against", against, "--run-information", str(file)]
+    supervisor.start(VIEW, [*command, "--namespace", prepared.scenario.namespace])
     try:
         address = _address(supervisor)
         if address:

@@ -1,1 +1,1 @@
-"""A live view of a run: a page of our own in the browser, a Foxglove server, and layouts for other viewers."""
+"""A live view of a run: a page in the browser, a Foxglove server, and layouts for other viewers."""

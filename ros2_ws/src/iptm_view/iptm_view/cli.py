@@ -8,11 +8,12 @@ import sys
 import time
 import webbrowser
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import rclpy
+from rclpy.exceptions import NameValidationException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -20,6 +21,7 @@ from rclpy.utilities import remove_ros_args
 
 from iptm_core.errors import IptmError, ViewError
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
+from iptm_recording.run_information import load_run_information
 from iptm_view.bag_source import BagSource
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.graph_source import NAME, GraphSource
@@ -57,6 +59,12 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--start", type=float, default=0.0, metavar="S", help="begin so many seconds into the bag"
+    )
+    parser.add_argument(
+        "--run-information",
+        type=Path,
+        metavar="FILE",
+        help="YAML about the run on the graph, as a recorder takes it (default: its nodes are asked)",
     )
     parser.add_argument(
         "--against",
@@ -108,7 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return EXIT_OK
 
 
-class _Servers:
+class _Servers(AbstractContextManager["_Servers"]):
     """Page, Foxglove server and reference car of one view."""
 
     def __init__(self, parsed: argparse.Namespace) -> None:
@@ -116,16 +124,12 @@ class _Servers:
         self.foxglove = _start_foxglove(parsed)
         self.reference = ReferenceCurve(parsed.against)
         self._page = PageServer(self.feed, parsed.port)
-        self._opens_browser = not parsed.no_browser and _is_desktop()
         self._facts = RunFacts("")
-
-    def __enter__(self) -> _Servers:
         print(f"{PROGRAM}: {self._page.url}", flush=True)
         if self.foxglove is not None:
             print(f"{PROGRAM}: Foxglove or Lichtblick: {self.foxglove.url}", flush=True)
-        if self._opens_browser:
+        if not parsed.no_browser and _is_desktop():
             webbrowser.open(self._page.url)
-        return self
 
     def __exit__(self, *error: object) -> None:
         self.reference.close()
@@ -172,7 +176,9 @@ def _show_bag(parsed: argparse.Namespace, servers: _Servers, stop: StopRequest) 
         time.sleep(seconds)
         return stop.is_set
 
-    with BagSource(parsed.bag, parsed.rate, parsed.start, namespace=parsed.namespace or None) as source:
+    with BagSource(
+        parsed.bag, parsed.rate, parsed.start, namespace=parsed.namespace or None
+    ) as source:
         source.play(servers.feed, servers.complete(source.facts), servers.foxglove, wait)
     while not wait(_POLL_S):
         if servers.foxglove is not None:
@@ -182,8 +188,10 @@ def _show_bag(parsed: argparse.Namespace, servers: _Servers, stop: StopRequest) 
 def _show_graph(
     parsed: argparse.Namespace, command: list[str], servers: _Servers, stop: StopRequest
 ) -> None:
+    file = parsed.run_information
+    information = None if file is None else load_run_information(file)
     with _node(parsed.namespace, command) as (node, executor):
-        source = GraphSource(node, servers.feed, servers.foxglove, servers.complete)
+        source = GraphSource(node, servers.feed, servers.foxglove, servers.complete, information)
         while not stop.is_set:
             # Woken by every single message, the view would take time from the run.
             time.sleep(_REST_S)
@@ -199,7 +207,11 @@ def _show_graph(
 def _node(namespace: str, command: list[str]) -> Iterator[tuple[Node, EventsExecutor]]:
     rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = Node(NAME, namespace=namespace, enable_rosout=False)
+        try:
+            node = Node(NAME, namespace=namespace, enable_rosout=False)
+        except NameValidationException as error:
+            reason = " ".join(str(error).split())
+            raise ViewError(f"namespace is {namespace!r}: {reason}") from None
         executor = EventsExecutor()
         executor.add_node(node)
         try:

@@ -55,21 +55,24 @@ class FoxgloveServer:
         self.url = f"ws://{HOST}:{self._server.port}"
 
     def _start(self, name: str, port: int | None) -> Any:
-        for candidate in (DEFAULT_PORT, 0) if port is None else (port,):
+        if port is None:
             try:
-                return self._library.start_server(
-                    name=name,
-                    host=HOST,
-                    port=candidate,
-                    server_listener=self._listener,
-                    message_backlog_size=BACKLOG,
-                    context=self._context,
-                )
-            except (OSError, RuntimeError, OverflowError) as error:
-                reason = error
-        raise ViewError(
-            f"port of the Foxglove server is {port} ({reason}); allowed: a free port from 1024 to 65535"
-        )
+                return self._start(name, DEFAULT_PORT)
+            except ViewError:
+                return self._start(name, 0)
+        try:
+            return self._library.start_server(
+                name=name,
+                host=HOST,
+                port=port,
+                server_listener=self._listener,
+                message_backlog_size=BACKLOG,
+                context=self._context,
+            )
+        except (OSError, RuntimeError, OverflowError) as error:
+            raise ViewError(
+                f"port of the Foxglove server is {port} ({error}); allowed: a free port from 1024 to 65535"
+            ) from None
 
     @property
     def wanted(self) -> Collection[str]:

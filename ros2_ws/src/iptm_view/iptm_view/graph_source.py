@@ -1,8 +1,8 @@
 """Listens to a run on the ROS graph without taking part in it.
 
-Messages stay bytes and are taken in bunches, so that a run in lock-step keeps its pace. The view is never one of
-the listeners that plant and bridge wait for, nor taken for one: it joins the topics by which they count only
-while a trip is running, and leaves topics that nobody publishes any more.
+Messages stay bytes and are taken in bunches, so that a run in lock-step keeps its pace. Plant and bridge
+neither wait for the view nor take it for a peer: it joins the topics by whose listeners they count only while
+a trip is running, and leaves topics that nobody publishes any more.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from rclpy.subscription import Subscription
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.rclpy_types import from_profile, to_profile
 from iptm_recording.recorded_topics import request_for
+from iptm_recording.run_information import RunInformation
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.node_questions import NodeQuestions
 from iptm_view.page_feed import PageFeed
-from iptm_view.run_facts import RunFacts, facts_of_nodes
+from iptm_view.run_facts import RunFacts, facts_of_information, facts_of_nodes
 from iptm_view.run_follower import PAGE_TOPICS, RunFollower
 
 NAME = "view"
@@ -30,7 +31,7 @@ COUNTED_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK, Topic.LEADER, Topic.LEADER_
 
 _DEPTH = 1000  # several seconds of the fastest run
 _LOOK_S = 0.1
-_IDLE_S = 1.0
+_IDLE_S = 3.0
 _TICKS_A_LOOK = 2
 
 
@@ -47,6 +48,7 @@ class GraphSource:
         feed: PageFeed,
         foxglove: FoxgloveServer | None,
         on_facts: Callable[[RunFacts], RunFacts],
+        information: RunInformation | None = None,
     ) -> None:
         """Set up; topics are joined by `look`.
 
@@ -54,7 +56,8 @@ class GraphSource:
             node: takes part in the graph, in the namespace of the vehicle.
             feed: of the page.
             foxglove: server to pass messages on to.
-            on_facts: told what the nodes of a run say about it; returns what the page is told.
+            on_facts: told what is known of a run; returns what the page is told.
+            information: of the run; None to ask its nodes.
         """
         self.heard = 0
         self._node = node
@@ -64,8 +67,11 @@ class GraphSource:
         self._subscribed: dict[Topic, Subscription] = {}
         self._names = {topic: node.resolve_topic_name(spec.name) for topic, spec in TOPICS.items()}
         self._source = f"ROS graph, namespace {node.get_namespace()}"
-        self._questions = NodeQuestions(node)
-        self._follower = RunFollower(feed, on_facts(RunFacts(self._source)))
+        self._questions = NodeQuestions(node) if information is None else None
+        facts = RunFacts(self._source)
+        if information is not None:
+            facts = facts_of_information(self._source, information)
+        self._follower = RunFollower(feed, on_facts(facts))
         self._is_running = False
         self._looked_s = -_LOOK_S
         self._last_heard_s = time.monotonic()
@@ -81,7 +87,7 @@ class GraphSource:
         self._join_and_leave()
         if self._foxglove is not None:
             self._foxglove.serve_latecomers()
-        if self._subscribed and self._questions.ask():
+        if self._questions is not None and self._subscribed and self._questions.ask():
             facts = facts_of_nodes(self._source, self._questions.answers)
             self._follower.show_facts(self._on_facts(facts))
 
@@ -129,5 +135,6 @@ class GraphSource:
         """The plant has left the graph: the trip is over, and the next one has other parameters."""
         self._is_running = False
         self._follower.show(incomplete=True)
-        self._questions.forget()
+        if self._questions is not None:
+            self._questions.forget()
         self._feed.put("end", {"ended": True})

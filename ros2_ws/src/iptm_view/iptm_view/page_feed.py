@@ -1,8 +1,8 @@
 """What the page is told: bounded, shared by all browsers, and never waiting for one of them.
 
-The feed keeps the rows of one trip and the newest document of each kind. A browser is a cursor into it: it is
-told what has changed since it last listened, so one that stops reading costs neither memory nor time, and goes
-on with what is left when it reads again: rows that fell out meanwhile are gone, of documents it gets the newest.
+The feed keeps the rows of one trip and the newest document of each kind. A browser is a cursor into it and is
+told what has changed since it last listened. So one that stops reading costs neither memory nor time. When it
+reads again it goes on with what is left: of the rows those still kept, of each document the newest.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -138,7 +139,7 @@ def page_row(
     take(Topic.PLANT_POWERS, lambda m: vars(decode_powers(m)))
     take(Topic.PLANT_CAPACITY_LOSS, lambda m: {"capacity_loss": sum(decode_capacity_loss(m))})
     for topic, column in _TEMPERATURES.items():
-        take(topic, lambda m, t=topic, c=column: {c: decode_temperature(t, m) - CELSIUS_ZERO_K})
+        take(topic, partial(_temperature, topic, column))
     take(Topic.SOLVE, _decision)
     if "position_m" in found and "leader_position_m" in found:
         found["gap_m"] = found["leader_position_m"] - found["position_m"]
@@ -148,6 +149,10 @@ def page_row(
             )
     row = {name: float(value) for name, value in found.items() if name in PAGE_COLUMNS}
     return PageRow(s_from_ns(stamp_ns), **row), faults
+
+
+def _temperature(topic: Topic, column: str, message: Any) -> dict[str, float]:
+    return {column: decode_temperature(topic, message) - CELSIUS_ZERO_K}
 
 
 def _motion(message: Any, prefix: str) -> dict[str, float]:

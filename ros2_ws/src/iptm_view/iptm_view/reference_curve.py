@@ -1,4 +1,4 @@
-"""The reference car on the same trip: driven by a process of its own, without ROS, when the machine has time."""
+"""The reference car on the same trip, driven without ROS by a process of its own."""
 
 from __future__ import annotations
 

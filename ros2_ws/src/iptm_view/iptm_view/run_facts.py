@@ -1,4 +1,4 @@
-"""What is known of a run beside its messages: title, limits, and the trip that a reference car can drive, too.
+"""What is known of a run beside its messages: title, limits, and the trip for a reference car.
 
 It comes from the parameters of the three nodes, as a bag stores them or as the nodes answer when asked.
 """
@@ -23,8 +23,7 @@ from iptm_core.settings import (
     SamplingSettings,
     TripSettings,
 )
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.run_information import stored_model_parameters
+from iptm_recording.run_information import RunInformation, stored_model_parameters
 from iptm_view.page_row import PAGE_COLUMNS
 
 PLANT = "plant"
@@ -112,10 +111,16 @@ class RunFacts:
         return text
 
 
-def facts_of_bag(reader: BagReader) -> RunFacts:
-    """Return what a bag tells of its run."""
-    information = reader.run_information()
-    source = f"bag {reader.path.name}"
+def facts_of_information(source: str, information: RunInformation) -> RunFacts:
+    """Return what stands in a bag, or in the file that a recorder is given, about a run.
+
+    Args:
+        source: where the messages come from, in words.
+        information: of the run.
+
+    Raises:
+        BagError: the parameters of the model are malformed.
+    """
     try:
         nodes = yaml.safe_load(information.parameters)
     except yaml.YAMLError:
@@ -175,4 +180,3 @@ def asked_names(node: str) -> list[str]:
     if node == CONTROLLER:
         return list(ASKED_OF_CONTROLLER)
     return [spec.name for group in ASKED[node] for spec in parameter_specs(group)]
-

@@ -1,4 +1,4 @@
-"""From the messages of a run to the feed of the page: joined by stamp, decoded only as often as anyone can see.
+"""From the messages of a run to the feed of the page: joined by stamp, decoded as often as anyone can see.
 
 Where the messages come from, the graph or a bag, makes no difference here.
 """

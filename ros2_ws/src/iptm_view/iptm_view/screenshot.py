@@ -63,7 +63,7 @@ class Picture:
             raise ViewError(
                 f"size is {size!r}; allowed: WIDTHxHEIGHT, each from 200 to {_LARGEST_PIXELS}"
             )
-        return cls(*sides, is_dark=is_dark, at_s=at_s)
+        return cls(sides[0], sides[1], is_dark, at_s)
 
 
 def find_browser() -> str:
