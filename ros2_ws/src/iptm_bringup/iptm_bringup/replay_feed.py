@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -98,10 +97,16 @@ class _Feed:
         self._newest = dict.fromkeys(outputs, -1)
         self._now_ns = 0
         self._publishers = {}
-        self._keys = {topic: writer.add_topic(names[topic], TOPICS[topic].type_name) for topic in outputs}
+        self._keys = {
+            topic: writer.add_topic(names[topic], TOPICS[topic].type_name) for topic in outputs
+        }
         self._subscriptions = {
             topic: node.create_subscription(
-                TOPICS[topic].message_type, names[topic], partial(self._hear, topic), TOPICS[topic].qos, raw=True
+                TOPICS[topic].message_type,
+                names[topic],
+                partial(self._hear, topic),
+                TOPICS[topic].qos,
+                raw=True,
             )
             for topic in outputs
         }
@@ -115,8 +120,10 @@ class _Feed:
             for topic in inputs
         }
         self._spin_until(
-            lambda: all(p.get_subscription_count() for p in self._publishers.values())
-            and all(s.get_publisher_count() for s in self._subscriptions.values()),
+            lambda: (
+                all(p.get_subscription_count() for p in self._publishers.values())
+                and all(s.get_publisher_count() for s in self._subscriptions.values())
+            ),
             START_TIMEOUT_S,
             "the node does not come up",
         )

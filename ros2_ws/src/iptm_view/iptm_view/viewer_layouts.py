@@ -1,7 +1,7 @@
 """Layouts for other viewers, made from the topic table: Foxglove and Lichtblick, PlotJuggler, RViz.
 
-`scripts/update_docs` writes them into the folder `layouts`. Every number that the suite publishes as a curve is
-in them, by topic and field, so a new topic or field shows up without anyone drawing it.
+`scripts/update_docs` writes them into the folder `layouts`. Every number that the suite publishes as a curve
+is in them, by topic and field, so a new topic or field shows up without anyone drawing it.
 """
 
 from __future__ import annotations
