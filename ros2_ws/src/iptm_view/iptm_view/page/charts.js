@@ -98,7 +98,7 @@ function drawLine(context, line, from, to, toX, toY, width) {
  * Draw a panel.
  *
  * spec: {low?, high?, span}: what the y axis must show; lines: [{xs, ys, color, dash?, width?}];
- * limits: [{value, label}]; marks: [{x, y, color, label}]; ranges: [from, to] of the x axis.
+ * limits: [{value, label}]; marks: [{x, y, color, label, side}]; range: [from, to] of the x axis.
  */
 export function drawChart(canvas, spec, { lines, limits = [], marks = [], range, now, xUnit }, colors) {
   const ratio = window.devicePixelRatio || 1;
@@ -188,7 +188,7 @@ function drawLimits(context, limits, { low, high, toY, box }, colors) {
   }
 }
 
-function drawMark(context, { label, color }, x, y, colors) {
+function drawMark(context, { label, color, side }, x, y, colors) {
   context.fillStyle = colors[color];
   context.beginPath();
   context.arc(x, y, label ? 6 : 3, 0, 2 * Math.PI);
@@ -197,8 +197,9 @@ function drawMark(context, { label, color }, x, y, colors) {
   context.strokeStyle = colors.card;
   context.lineWidth = 1.5;
   context.stroke();
-  context.textAlign = "center";
+  // On the side away from the other mark, so that the names stay apart when the marks are close.
+  context.textAlign = side === "left" ? "right" : "left";
   context.textBaseline = "bottom";
   context.fillStyle = colors.ink;
-  context.fillText(label, x, y - 9);
+  context.fillText(label, x + (side === "left" ? -5 : 5), y - 6);
 }

@@ -20,7 +20,7 @@ export const TILES = [
 
 /**
  * Panels of curves. A line has a column of the rows (or `of`, which computes one), a factor into the unit of the
- * panel, and where the plan has it, the column of the plan.
+ * panel, and where the plan has it, the column of the plan; one that `holds` keeps its value between nodes.
  */
 export const PANELS = [
   {
@@ -50,7 +50,7 @@ export const PANELS = [
     id: "cooling", title: "Cooling power", unit: "kW", digits: 3, axis: { low: 0, span: 0.5 },
     lines: [
       { label: "heat to the chiller", color: "green", column: "chiller_heat_w", factor: KW },
-      { label: "compressor", color: "orange", column: "compressor_power_w", factor: KW, plan: "compressor_power_w" },
+      { label: "compressor", color: "orange", column: "compressor_power_w", factor: KW, plan: "compressor_power_w", holds: true },
     ],
     limits: [{ key: "max_compressor_power_w", factor: KW, label: "compressor limit" }],
   },

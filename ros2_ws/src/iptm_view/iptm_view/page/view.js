@@ -45,8 +45,8 @@ function buildPanel(panel, lines) {
 }
 
 const CARS = [
-  { label: "host", color: "blue", column: "position_m" },
-  { label: "leader", color: "grey", column: "leader_position_m" },
+  { label: "host", color: "blue", column: "position_m", side: "left" },
+  { label: "leader", color: "grey", column: "leader_position_m", side: "right" },
 ];
 PANELS.forEach((panel) => buildPanel(panel, panel.lines));
 buildPanel(ROAD, CARS);
@@ -73,6 +73,20 @@ function newestValue({ xs, ys }) {
   return xs === run.times ? ys[ys.length - 1] : interpolate(now, xs, ys);
 }
 
+/** An input holds from its node to the next one. */
+function stepped(times, values) {
+  const [xs, ys] = [[], []];
+  times.forEach((time, k) => {
+    if (k > 0) {
+      xs.push(time);
+      ys.push(values[k - 1]);
+    }
+    xs.push(time);
+    ys.push(values[k]);
+  });
+  return { xs, ys };
+}
+
 function drawPanel(panel, range) {
   const lines = [];
   const said = [];
@@ -82,7 +96,8 @@ function drawPanel(panel, range) {
     lines.push({ xs: curve.xs, ys: values, color: line.color, width: line.width, dash: line.dash });
     if (line.plan && run.plan[line.plan]) {
       const ahead = run.plan[line.plan].map((y) => (y === null ? null : line.factor * y));
-      lines.push({ xs: run.plan.time_s, ys: ahead, color: line.color, dash: [3, 3], width: 1.5 });
+      const curve = line.holds ? stepped(run.plan.time_s, ahead) : { xs: run.plan.time_s, ys: ahead };
+      lines.push({ ...curve, color: line.color, dash: [3, 3], width: 1.5 });
     }
     const newest = newestValue(curve);
     const text = shown(newest === null || newest === undefined ? null : line.factor * newest, panel.digits);
@@ -110,7 +125,7 @@ function drawRoad() {
     const position = run.newest(car.column);
     car.node.textContent = position === null ? "–" : `at ${position.toFixed(0)} m`;
     if (position !== null && position !== undefined) {
-      marks.push({ x: position, y: heightAt(position), color: car.color, label: car.label });
+      marks.push({ x: position, y: heightAt(position), color: car.color, label: car.label, side: car.side });
     }
   }
   const line = { xs: [...xs, xs[xs.length - 1] + 1e5], ys: [...ys, ys[ys.length - 1]], color: "green", width: 2.2 };
