@@ -282,7 +282,13 @@ MALFORMED: list[tuple[Topic, str, object, str, Rung]] = [
     (Topic.PLANT_CELL_1_TEMPERATURE, "temperature", math.nan, "cell_1_temperature", Rung.STOP),
     (Topic.PLANT_POWERS, "name", ["a", "b", "c", "d", "e"], "plant/powers", Rung.STOP),
     (Topic.PLANT_CAPACITY_LOSS, "position", [-0.1, 1e-3], "plant/capacity_loss", Rung.STOP),
-    (Topic.PLANT_CELL_N_TEMPERATURE, "temperature", 150.0, "cell_n_temperature_k", Rung.STOP),
+    (
+        Topic.PLANT_CELL_N_TEMPERATURE,
+        "temperature",
+        150.0,
+        "cell_n_temperature_k",
+        Rung.SHIFTED_PLAN,
+    ),
     (Topic.LEADER, "pose.pose.position.x", math.nan, "v2x/leader", Rung.SHIFTED_PLAN),
 ]
 

@@ -110,7 +110,7 @@ def test_no_preview_yet(forecaster: LeaderForecaster, leader: LeaderState) -> No
 def test_prediction_starts_where_the_leader_is_seen(offset_m: float, age_s: float) -> None:
     """Neither delay nor an error of position moves the leader that the range sensor measures."""
     leader = make_leader()
-    preview = make_preview(leader, acceleration_m_s2=-0.7)
+    preview = make_preview(leader, acceleration_m_s2=-0.6)
     preview = replace(moved(preview, -age_s), positions_m=preview.positions_m + offset_m)
     forecast = LeaderForecaster(HORIZON_S, MAX_AGE_S).forecast(leader, preview)
     assert forecast.quality is PreviewQuality.FULL

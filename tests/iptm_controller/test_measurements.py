@@ -15,7 +15,6 @@ from tests.iptm_controller.scenes import make_leader, make_scene, make_state
 from iptm_controller.measurements import (
     leader_fault,
     slope_fault,
-    state_fault,
     trusted_measurements,
 )
 from iptm_core.state import SlopePreview, VehicleState
@@ -34,9 +33,13 @@ IMPOSSIBLE = {
 }
 
 
+def state_fault(state: VehicleState) -> str:
+    return trusted_measurements(replace(make_scene(), state=state, leader=None, fault="none")).fault
+
+
 def test_an_ordinary_state_passes() -> None:
-    assert state_fault(make_state()) == ""
-    assert state_fault(make_state(speed_m_s=0.0, time_s=0.0, position_m=-5.0)) == ""
+    assert state_fault(make_state()) == "none"
+    assert state_fault(make_state(speed_m_s=0.0, time_s=0.0, position_m=-5.0)) == "none"
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
@@ -47,9 +50,9 @@ def test_every_quantity_is_checked(name: str, value: float | None) -> None:
     assert fault.startswith(f"measured {name} is {wrong}; allowed: ")
 
 
-@pytest.mark.parametrize("gap_m", [-1.0, 0.0, 40.0, 5000.0])
-def test_leader_ahead_passes(gap_m: float) -> None:
-    """A bumper that touches is measured within a metre of noise."""
+@pytest.mark.parametrize("gap_m", [-30.0, -1.0, 0.0, 40.0, 5000.0])
+def test_leader_ahead_or_overlapping_passes(gap_m: float) -> None:
+    """An overlap is measured when it is too late, or too early for the radar: the brakes must know."""
     assert leader_fault(make_leader(gap_m), make_state()) == ""
 
 
@@ -61,8 +64,8 @@ def test_leader_ahead_passes(gap_m: float) -> None:
         ({"speed_m_s": 101.0}, "leader speed is 101"),
         ({"position_m": math.nan}, "gap is nan"),
         ({"position_m": math.inf}, "gap is inf"),
-        ({"position_m": 990.0}, "gap is -10.0 m"),
-        ({"position_m": 1e9}, "allowed: -1 to 10000 m"),
+        ({"position_m": -1e5}, "gap is -101000.0 m"),
+        ({"position_m": 1e9}, "allowed: -10000 to 10000 m"),
         ({"time_s": 200.0}, "100.0 s apart from the host"),
         ({"time_s": math.nan}, "leader time is nan"),
         ({"time_s": math.inf}, "leader time is inf"),
@@ -92,8 +95,30 @@ def test_a_flat_road_passes() -> None:
 
 @given(values=st.lists(st.floats(), min_size=len(QUANTITIES), max_size=len(QUANTITIES)))
 def test_what_passes_is_finite(values: list[float]) -> None:
-    state = VehicleState(*values)
-    assert state_fault(state) or all(math.isfinite(value) for value in values)
+    scene = replace(make_scene(), state=VehicleState(*values))
+    for last in (None, make_state()):
+        state = trusted_measurements(scene, last).state
+        assert state is None or all(math.isfinite(value) for value in vars(state).values())
+
+
+@pytest.mark.parametrize(
+    ("measured", "last", "taken_k"),
+    [
+        (400.0, 310.0, 373.15),
+        (math.nan, 310.0, 310.0),
+        (35.0, 310.0, 310.0),
+        (math.nan, None, 373.15),
+    ],
+)
+def test_a_pack_that_cannot_be_does_not_blind_the_brakes(
+    measured: float, last: float | None, taken_k: float
+) -> None:
+    before = None if last is None else make_state(cell_n_temperature_k=last)
+    scene = replace(make_scene(), state=make_state(cell_n_temperature_k=measured))
+    trusted = trusted_measurements(scene, before)
+    assert trusted.state == make_state(cell_n_temperature_k=taken_k)
+    assert trusted.leader is not None
+    assert "cell_n_temperature_k is" in trusted.fault
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,7 @@ def test_severity_follows_the_rung(good: Decision) -> None:
         Rung.SHIFTED_PLAN: Level.WARN,
         Rung.SAFE_LAW: Level.ERROR,
         Rung.STOP: Level.ERROR,
+        Rung.EMERGENCY_BRAKING: Level.ERROR,
     }
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass, field, replace
 
+from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
 from iptm_controller.forecast import LeaderForecast, LeaderForecaster
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import FallbackLadder, LadderOptions
@@ -163,12 +164,16 @@ class Controller:
             else None
         )
         self._ladder = FallbackLadder(parameters, options.tick_s, options.ladder)
+        self._guard = CollisionGuard(
+            parameters.limits, options.tick_s, options.ladder.shifted_plan_ticks
+        )
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
+        self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
         self._last_trusted: VehicleState | None = None
 
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""
-        trusted = trusted_measurements(measured)
+        trusted = trusted_measurements(measured, self._last_trusted)
         state, leader = trusted.state, trusted.leader
         if state is None or leader is None or trusted.fault:
             planned = PlanningResult(None, trusted.fault)
@@ -177,12 +182,20 @@ class Controller:
         if planned.plan is not None:
             rung, command = self._ladder.accept(planned.plan)
         else:
-            rung, command = self._ladder.fall_back(state, leader)
+            rung, command = self._ladder.fall_back(state, leader, self._last_trusted)
         limited = self._limit(command, state)
+        reason = planned.reason
+        if state is not None:
+            self._guard.observe(leader)
+            if self._guard.collision_threatens(
+                limited.command.acceleration_m_s2, state, planned.forecast
+            ):
+                rung, reason = Rung.EMERGENCY_BRAKING, "; ".join(filter(None, (EMERGENCY, reason)))
+                limited = self._limit(replace(command, acceleration_m_s2=self._hardest_m_s2), state)
         return Decision(
             limited.command,
             rung,
-            planned.reason,
+            reason,
             limited,
             planned.plan,
             planned.result,

@@ -17,6 +17,9 @@ from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 HISTORY_S = 3.0
 MAX_LEADER_SPEED_M_S = 100.0
+LARGEST_SPEED_ERROR_M_S = 6.0
+"""Beyond this difference to the measured speed a preview is that of another drive. Four times the noise that
+the study of imperfect previews assumes."""
 
 
 class PreviewQuality(IntEnum):
@@ -31,7 +34,7 @@ class PreviewQuality(IntEnum):
     MISSING = 3
     """No preview has been received; constant measured speed."""
     INVALID = 4
-    """The preview is malformed; constant measured speed."""
+    """The preview is malformed or contradicts what is measured; constant measured speed."""
 
 
 @dataclass(frozen=True)
@@ -181,6 +184,12 @@ class LeaderForecaster:
         last_s = float(preview.times_s[-1])
         if last_s <= leader.time_s:
             return PreviewQuality.STALE, f"preview ended {leader.time_s - last_s:.1f} s ago"
+        foretold_m_s = float(np.interp(leader.time_s, preview.times_s, preview.speeds_m_s))
+        if abs(foretold_m_s - leader.speed_m_s) > LARGEST_SPEED_ERROR_M_S:
+            return PreviewQuality.INVALID, (
+                f"preview is {foretold_m_s - leader.speed_m_s:+.1f} m/s off the measured speed, "
+                f"more than {LARGEST_SPEED_ERROR_M_S:g} m/s"
+            )
         if last_s < leader.time_s + self._horizon_s - 1e-6:
             return (
                 PreviewQuality.SHORT,

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
 
 MAX_TIME_APART_S = 60.0
-MIN_GAP_M = -1.0
-MAX_GAP_M = 1e4
+LARGEST_GAP_M = 1e4
+"""Ahead or behind: an overlap is a measurement like any other, and calls for the brakes."""
 MAX_SPEED_M_S = 100.0
 STEEPEST_RAD = 1.5
 
-_RANGES: dict[str, tuple[float, float]] = {
+_MOTION: dict[str, tuple[float, float]] = {
     "time_s": (0.0, 1e9),
     "position_m": (-1e9, 1e9),
     "speed_m_s": (0.0, MAX_SPEED_M_S),
     "acceleration_m_s2": (-20.0, 20.0),
+}
+_PACK: dict[str, tuple[float, float]] = {
     "compressor_power_w": (0.0, 1e5),
     "cell_1_temperature_k": (223.15, 373.15),
     "cell_n_temperature_k": (223.15, 373.15),
@@ -52,7 +55,9 @@ class Trusted:
     """What of the measurements may be used.
 
     Attributes:
-        state: the host if it is plausible.
+        state: the host if its motion is plausible. What is not plausible of its pack is replaced by the
+            last trusted value; too high a value, or one without a predecessor, by the upper end of its range,
+            so that the cells are cooled.
         leader: the leader if host and leader are plausible.
         fault: why no problem can be posed; empty if one can.
     """
@@ -62,29 +67,49 @@ class Trusted:
     fault: str
 
 
-def trusted_measurements(measured: Measurements) -> Trusted:
-    """Return what is plausible; what builds on a part that is not is left out."""
+def trusted_measurements(measured: Measurements, last: VehicleState | None = None) -> Trusted:
+    """Return what is plausible; what builds on a part that is not is left out.
+
+    Args:
+        measured: one tick.
+        last: the state that was trusted last, None for none.
+    """
     state, leader = measured.state, measured.leader
     if state is None:
         return Trusted(None, None, measured.fault or "no measurement of the state")
-    fault = state_fault(state)
+    fault = _out_of_range(state, _MOTION)
     if fault:
         return Trusted(None, None, fault)
+    pack_fault = _out_of_range(state, _PACK)
+    if pack_fault:
+        state = _with_possible_pack(state, last)
     if leader is None:
-        return Trusted(state, None, measured.fault or "no measurement of the leader")
+        fault = pack_fault or measured.fault or "no measurement of the leader"
+        return Trusted(state, None, fault)
     fault = leader_fault(leader, state)
     if fault:
         return Trusted(state, None, fault)
-    return Trusted(state, leader, slope_fault(measured.slope))
+    return Trusted(state, leader, pack_fault or slope_fault(measured.slope))
 
 
-def state_fault(state: VehicleState) -> str:
-    """Return why a state cannot be that of a vehicle, empty if it can."""
-    for name, (low, high) in _RANGES.items():
+def _out_of_range(state: VehicleState, ranges: Mapping[str, tuple[float, float]]) -> str:
+    """Return why a part of a state cannot be that of a vehicle, empty if it can."""
+    for name, (low, high) in ranges.items():
         value = getattr(state, name)
         if not (math.isfinite(value) and low <= value <= high):
             return f"measured {name} is {value}; allowed: {low:g} to {high:g}"
     return ""
+
+
+def _with_possible_pack(state: VehicleState, last: VehicleState | None) -> VehicleState:
+    possible = {}
+    for name, (low, high) in _PACK.items():
+        value = getattr(state, name)
+        if not low <= value <= high:
+            # Too hot calls for cooling; nothing else can be read from a value that cannot be.
+            value = high if last is None or value > high else getattr(last, name)
+        possible[name] = value
+    return replace(state, **possible)
 
 
 def leader_fault(leader: LeaderState, host: VehicleState) -> str:
@@ -100,8 +125,8 @@ def leader_fault(leader: LeaderState, host: VehicleState) -> str:
             f"leader was measured {apart_s} s apart from the host; allowed: {MAX_TIME_APART_S:g} s"
         )
     gap_m = leader.position_m - host.position_m
-    if not MIN_GAP_M <= gap_m <= MAX_GAP_M:
-        return f"measured gap is {gap_m} m; allowed: {MIN_GAP_M:g} to {MAX_GAP_M:g} m"
+    if not abs(gap_m) <= LARGEST_GAP_M:
+        return f"measured gap is {gap_m} m; allowed: {-LARGEST_GAP_M:g} to {LARGEST_GAP_M:g} m"
     return ""
 
 

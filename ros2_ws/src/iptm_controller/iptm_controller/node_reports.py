@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from iptm_controller.collision_guard import EMERGENCY
 from iptm_controller.controller import Decision
 from iptm_controller.forecast import PreviewQuality
 from iptm_controller.node_watch import OperatorWatch
@@ -17,12 +18,16 @@ _RUNG_SITUATION = {
     Rung.SHIFTED_PLAN: (Level.WARN, "no usable solution, driving on the last plan"),
     Rung.SAFE_LAW: (Level.ERROR, "no usable solution, safe car-following law and thermostat"),
     Rung.STOP: (Level.ERROR, "controlled stop"),
+    Rung.EMERGENCY_BRAKING: (Level.ERROR, EMERGENCY),
 }
 _PREVIEW_SITUATION = {
     PreviewQuality.SHORT: (Level.OK, "preview ends inside the horizon"),
     PreviewQuality.STALE: (Level.WARN, "preview too old, leader taken at constant speed"),
     PreviewQuality.MISSING: (Level.WARN, "no preview, leader taken at constant speed"),
-    PreviewQuality.INVALID: (Level.WARN, "preview malformed, leader taken at constant speed"),
+    PreviewQuality.INVALID: (
+        Level.WARN,
+        "preview malformed or contradicted, leader taken at constant speed",
+    ),
 }
 
 

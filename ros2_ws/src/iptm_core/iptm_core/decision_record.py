@@ -47,6 +47,8 @@ class Rung(IntEnum):
     SHIFTED_PLAN = 1
     SAFE_LAW = 2
     STOP = 3
+    EMERGENCY_BRAKING = 4
+    """From whichever rung: its command would have led into the leader, so the brakes are applied in full."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,150 @@
+"""The last word on driving: a command that leads into the leader is answered by full braking.
+
+The optimiser trades limits against each other and believes the preview; a plan kept from an earlier tick
+knows nothing of what happened since. This guard asks one question, from the measured state alone: if the
+command is carried out for a tick and the brakes are applied as hard as they can be afterwards, is the
+leader touched? The paper has no such notion.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from iptm_controller.forecast import LeaderForecast, LeaderMotion
+from iptm_core.parameters.model import LimitParameters
+from iptm_core.state import FloatArray, LeaderState, VehicleState
+
+MARGIN_M = 1.0
+"""Gap that counts as a collision ahead: what errors of range and prediction within a tick may cost."""
+BORNE_OUT_M_S = 1.0
+"""A leader slower than foretold by more does not do what its preview says."""
+CHECKS_PER_TICK = 4
+EMERGENCY = "a collision threatens, hardest braking"
+
+
+class CollisionGuard:
+    """Remembers how the leader moves and compares commands with what the brakes allow.
+
+    Behind a preview that its own measurements bear out the leader is taken to move as foretold, and on from
+    its end to brake; otherwise it is taken to brake on as hard as was last measured. One that is not
+    measured for long is taken to have braked as hard as the host can at least.
+    """
+
+    def __init__(self, limits: LimitParameters, tick_s: float, lost_after_ticks: int) -> None:
+        """Set up a guard that has not seen a leader.
+
+        Args:
+            limits: bounds and rates of the acceleration.
+            tick_s: time for which a command is held.
+            lost_after_ticks: ticks without a measured leader for which it is taken to go on as it did.
+        """
+        self._limits = limits
+        self._tick_s = tick_s
+        self._lost_after_ticks = lost_after_ticks
+        self._lost_ticks = 0
+        self._leader: LeaderState | None = None
+        self._deceleration_m_s2 = 0.0
+
+    def observe(self, leader: LeaderState | None) -> None:
+        """Note the leader of a tick, None if it is not measured."""
+        if leader is None:
+            self._lost_ticks += 1
+            if self._lost_ticks > self._lost_after_ticks:
+                hardest = -self._limits.min_acceleration_m_s2
+                self._deceleration_m_s2 = max(self._deceleration_m_s2, hardest)
+            return
+        self._lost_ticks = 0
+        last = self._leader
+        self._deceleration_m_s2 = 0.0
+        if last is not None and 0.0 < leader.time_s - last.time_s < 2.5 * self._tick_s:
+            lost_m_s = last.speed_m_s - leader.speed_m_s
+            self._deceleration_m_s2 = max(lost_m_s / (leader.time_s - last.time_s), 0.0)
+        self._leader = leader
+
+    def collision_threatens(
+        self, acceleration_m_s2: float, state: VehicleState, forecast: LeaderForecast | None
+    ) -> bool:
+        """Return whether a command for the next tick makes the gap fall below the margin, brake as it may.
+
+        Args:
+            acceleration_m_s2: command, within the reach of the actuators.
+            state: measured state of the host.
+            forecast: the leader's motion that was planned with, None without one.
+        """
+        leader = self._leader
+        if leader is None:
+            return False
+        times_s, way_m = self._braking_way(acceleration_m_s2, state)
+        gap_m = leader.position_m - state.position_m
+        # A leader never moves backwards: most commands are safe before anything is predicted.
+        if gap_m - float(way_m[-1]) >= MARGIN_M:
+            return False
+        gaps_m = self._leader_position_m(state.time_s + times_s, leader, forecast)
+        gaps_m = gaps_m - state.position_m - way_m
+        # Below the margin already, the gap must not become smaller still.
+        return bool(np.any(gaps_m < min(MARGIN_M, float(gaps_m[0]) - 1e-6)))
+
+    def _braking_way(
+        self, acceleration_m_s2: float, state: VehicleState
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return times from now and the way by then, the first tick as commanded, then braking to a halt.
+
+        Braking builds up tick by tick within the jerk limit, as commands do; shapes (n,).
+        """
+        limits, tick_s = self._limits, self._tick_s
+        step = limits.max_jerk_m_s3 * tick_s
+        hardest = limits.min_acceleration_m_s2
+        build_up = max(math.ceil((acceleration_m_s2 - hardest) / step), 0)
+        speed = state.speed_m_s + acceleration_m_s2 * tick_s * (1 + build_up)
+        ticks = 1 + build_up + max(math.ceil(max(speed, 0.0) / (-hardest * tick_s)), 0) + 1
+        accelerations = np.maximum(acceleration_m_s2 - step * np.arange(ticks), hardest)
+        spread = np.repeat(accelerations, CHECKS_PER_TICK)
+        interval_s = tick_s / CHECKS_PER_TICK
+        ends = state.speed_m_s + np.cumsum(spread) * interval_s
+        ends = np.where(np.minimum.accumulate(ends) <= 0.0, 0.0, ends)
+        # Where it halts inside an interval the trapezium is too long, by v dt / 2 at most.
+        starts = np.concatenate([[state.speed_m_s], ends[:-1]])
+        ways: FloatArray = np.zeros(ends.size + 1)
+        ways[1:] = np.cumsum(0.5 * (starts + ends) * interval_s)
+        times_s: FloatArray = np.zeros(ways.size)
+        times_s[1:] = np.cumsum(np.full(ends.size, interval_s))
+        return times_s, ways
+
+    def _leader_position_m(
+        self, times_s: FloatArray, leader: LeaderState, forecast: LeaderForecast | None
+    ) -> FloatArray:
+        """Return where the leader is taken to be at trip times, shape of the times."""
+        if forecast is not None and forecast.known_s > 0.0:
+            _, foretold = forecast.motion.at(np.array([leader.time_s]))
+            if float(foretold[0]) - leader.speed_m_s <= BORNE_OUT_M_S:
+                return self._as_foretold_m(
+                    times_s, leader.time_s + forecast.known_s, forecast.motion
+                )
+        return _braking_on_m(
+            times_s - leader.time_s, leader.position_m, leader.speed_m_s, self._deceleration_m_s2
+        )
+
+    def _as_foretold_m(
+        self, times_s: FloatArray, known_until_s: float, motion: LeaderMotion
+    ) -> FloatArray:
+        positions, _ = motion.at(np.minimum(times_s, known_until_s))
+        end_position, end_speed = motion.at(np.array([known_until_s]))
+        beyond = _braking_on_m(
+            np.maximum(times_s - known_until_s, 0.0),
+            float(end_position[0]),
+            float(end_speed[0]),
+            -self._limits.min_acceleration_m_s2,
+        )
+        return np.where(times_s > known_until_s, beyond, positions)
+
+
+def _braking_on_m(
+    elapsed_s: FloatArray, position_m: float, speed_m_s: float, deceleration_m_s2: float
+) -> FloatArray:
+    """Return positions of a vehicle that keeps its deceleration until it stands."""
+    if deceleration_m_s2 > 0.0:
+        elapsed_s = np.minimum(elapsed_s, speed_m_s / deceleration_m_s2)
+    moved: FloatArray = elapsed_s * (speed_m_s - 0.5 * deceleration_m_s2 * elapsed_s)
+    return position_m + moved

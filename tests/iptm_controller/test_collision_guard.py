@@ -1,0 +1,194 @@
+"""The last word on driving: no collision that the brakes could avoid, and no braking without need."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.iptm_controller.scenes import FLAT, PARAMETERS, make_preview, make_scene, plain_solver
+
+from iptm_controller.collision_guard import EMERGENCY, MARGIN_M, CollisionGuard
+from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.solvers.interface import SolveResult
+from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.state import FloatArray, LeaderState, VehicleState
+
+LIMITS = PARAMETERS.limits
+JERK_STEP_M_S2 = LIMITS.max_jerk_m_s3
+Policy = Callable[[Measurements], float]
+
+
+class NeverSolves:
+    """A solver that has no answer."""
+
+    name = "none"
+    compiled = False
+
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
+        del data, most_iterations
+        nothing = np.full(guess.shape, np.nan)
+        return SolveResult(
+            SolveStatus.NUMERICAL_ERROR, "broke off", nothing, math.nan, 0, 0.0, math.inf
+        )
+
+
+def make_controller(*, solving: bool = True) -> Controller:
+    backend = plain_solver("3x1+5x5") if solving else NeverSolves()
+    return Controller(PARAMETERS, ControllerOptions(), backend)
+
+
+def drive(policy: Policy, *, gap_m: float, speed_m_s: float, braking_m_s2: float) -> list[float]:
+    """Return the gaps of 60 s, four a second, behind a leader that from 3 s on brakes without a warning.
+
+    Its preview says throughout that it goes on as fast as it is.
+    """
+    scene = make_scene(gap_m=gap_m, speed_m_s=speed_m_s, leader_speed_m_s=speed_m_s)
+    host, leader = scene.state, scene.leader
+    assert host is not None
+    assert leader is not None
+    gaps = []
+    for tick in range(60):
+        frozen = make_preview(replace(leader, speed_m_s=speed_m_s))
+        acceleration = policy(Measurements(host, leader, frozen, FLAT))
+        leader_acceleration = -braking_m_s2 if tick >= 3 else 0.0
+        for _ in range(4):
+            host, leader = moved(host, acceleration), moved_leader(leader, leader_acceleration)
+            gaps.append(leader.position_m - host.position_m)
+    return gaps
+
+
+def moved(host: VehicleState, acceleration_m_s2: float, step_s: float = 0.25) -> VehicleState:
+    before, after = host.speed_m_s, max(host.speed_m_s + acceleration_m_s2 * step_s, 0.0)
+    return replace(
+        host,
+        time_s=host.time_s + step_s,
+        position_m=host.position_m + 0.5 * (before + after) * step_s,
+        speed_m_s=after,
+        acceleration_m_s2=acceleration_m_s2 if after > 0.0 else 0.0,
+    )
+
+
+def moved_leader(
+    leader: LeaderState, acceleration_m_s2: float, step_s: float = 0.25
+) -> LeaderState:
+    after = max(leader.speed_m_s + acceleration_m_s2 * step_s, 0.0)
+    way_m = 0.5 * (leader.speed_m_s + after) * step_s
+    return LeaderState(leader.time_s + step_s, leader.position_m + way_m, after)
+
+
+def driven_by(controller: Controller) -> Policy:
+    return lambda measured: controller.decide(measured).command.acceleration_m_s2
+
+
+def hardest_once_seen(before: Policy, speed_m_s: float) -> Policy:
+    """Braking in full from the first tick in which the leader is measured slower."""
+    last: list[float] = []
+
+    def policy(measured: Measurements) -> float:
+        assert measured.state is not None
+        assert measured.leader is not None
+        if measured.leader.speed_m_s == speed_m_s:
+            return before(measured)
+        now = last[-1] if last else measured.state.acceleration_m_s2
+        last.append(max(now - JERK_STEP_M_S2, LIMITS.min_acceleration_m_s2))
+        return last[-1]
+
+    return policy
+
+
+@pytest.mark.parametrize("braking_m_s2", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("speed_m_s", [8.0, 15.0, 30.0])
+@pytest.mark.parametrize("headway_s", [1.0, 1.5, 3.0])
+@pytest.mark.parametrize("solving", [True, False])
+def test_no_collision_that_the_brakes_could_avoid(
+    speed_m_s: float, headway_s: float, braking_m_s2: float, *, solving: bool
+) -> None:
+    gap_m = 5.0 + headway_s * speed_m_s
+    scene = {"gap_m": gap_m, "speed_m_s": speed_m_s, "braking_m_s2": braking_m_s2}
+    braking = hardest_once_seen(driven_by(make_controller(solving=solving)), speed_m_s)
+    best = min(drive(braking, **scene))
+    smallest = min(drive(driven_by(make_controller(solving=solving)), **scene))
+    if best > MARGIN_M:
+        assert smallest > 0.0
+    else:
+        # What cannot be avoided is at least not made worse.
+        assert smallest > best - 0.1
+
+
+def decide(controller: Controller, *leaders: tuple[float, float], **host: float) -> Decision:
+    """Return the decision after ticks with these gaps and leader speeds; the host stays as it is."""
+    decision = None
+    for tick, (gap_m, leader_speed_m_s) in enumerate(leaders):
+        scene = make_scene(
+            gap_m=gap_m, leader_speed_m_s=leader_speed_m_s, time_s=100.0 + tick, **host
+        )
+        decision = controller.decide(scene)
+    assert decision is not None
+    return decision
+
+
+@pytest.mark.parametrize("solving", [True, False])
+@pytest.mark.parametrize("gap_m", [0.7, -0.5, -3.0])
+def test_brakes_never_ease_off_before_or_after_the_touch(gap_m: float, *, solving: bool) -> None:
+    decision = decide(
+        make_controller(solving=solving), (gap_m, 0.0), speed_m_s=5.6, acceleration_m_s2=-2.0
+    )
+    assert decision.command.acceleration_m_s2 == pytest.approx(-2.0)
+    assert decision.rung is Rung.EMERGENCY_BRAKING
+    assert decision.reason.startswith(EMERGENCY)
+
+
+def test_a_leader_lost_in_an_emergency_is_still_there() -> None:
+    controller = make_controller()
+    decide(controller, (30.0, 12.0), (20.0, 4.0), speed_m_s=12.0, acceleration_m_s2=-0.5)
+    blind = replace(
+        make_scene(time_s=102.0, position_m=1012.0, speed_m_s=11.5, acceleration_m_s2=-1.0),
+        leader=None,
+    )
+    decision = controller.decide(blind)
+    assert decision.rung is Rung.EMERGENCY_BRAKING
+    assert decision.command.acceleration_m_s2 == pytest.approx(-1.5)
+
+
+def test_a_leader_not_measured_for_long_may_have_braked() -> None:
+    controller = make_controller()
+    decide(controller, (35.0, 15.0), (35.0, 15.0))
+    rungs = []
+    for tick in range(1, 6):
+        blind = make_scene(time_s=101.0 + tick, position_m=1000.0 + 15.0 * tick)
+        rungs.append(controller.decide(replace(blind, leader=None)).rung)
+    assert rungs == [Rung.SHIFTED_PLAN] * 3 + [Rung.EMERGENCY_BRAKING] * 2
+
+
+def test_creeping_into_a_standing_leader_is_stopped() -> None:
+    limits = PARAMETERS.limits
+    guard = CollisionGuard(limits, 1.0, 3)
+    scene = make_scene(gap_m=1.1, leader_speed_m_s=0.0, speed_m_s=0.0)
+    assert scene.state is not None
+    guard.observe(scene.leader)
+    threatens = [guard.collision_threatens(a, scene.state, None) for a in (-0.5, 0.0, 0.5)]
+    assert threatens == [False, False, True]
+
+
+def test_standing_close_behind_the_leader_is_no_emergency() -> None:
+    decision = decide(make_controller(), (0.6, 0.0), (0.6, 0.0), speed_m_s=0.0)
+    assert decision.rung is Rung.OPTIMAL
+
+
+def test_a_leader_that_pulls_away_is_no_emergency() -> None:
+    decision = decide(make_controller(), (0.8, 9.0), (0.8, 9.0), speed_m_s=6.0)
+    assert decision.rung is Rung.OPTIMAL
+
+
+def test_closer_than_s_min_is_no_emergency_while_the_preview_is_borne_out() -> None:
+    """With a preview the optimiser may follow closer than behind a leader of unknown intentions."""
+    gap_m = 0.8 * float(minimum_gap_m(20.0, 20.0, PARAMETERS.gap, LIMITS))
+    decision = decide(make_controller(), (gap_m, 20.0), (gap_m, 20.0), speed_m_s=20.0)
+    assert decision.rung is Rung.OPTIMAL
