@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
+from rclpy.publisher import Publisher
 
 from iptm_core.errors import ScenarioError
 from iptm_interfaces.suite_node import SuiteNode
@@ -96,7 +97,7 @@ class _Feed:
         self._writer, self._check_alive = writer, check_alive
         self._newest = dict.fromkeys(outputs, -1)
         self._now_ns = 0
-        self._publishers = {}
+        self._publishers: dict[Topic, Publisher] = {}
         self._keys = {
             topic: writer.add_topic(names[topic], TOPICS[topic].type_name) for topic in outputs
         }

@@ -35,7 +35,7 @@ PROGRAM = "view"
 DEFAULT_RATE = 10.0
 """A bag is played so many times as fast as it was recorded: ten seconds of trip in one."""
 _POLL_S = 0.1
-_REST_S = 0.05
+_REST_S = 0.1
 _SPIN_S = 0.001
 _QUIET_SPINS = 2
 

@@ -32,7 +32,9 @@ COUNTED_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK, Topic.LEADER, Topic.LEADER_
 _DEPTH = 1000  # several seconds of the fastest run
 _LOOK_S = 0.1
 _IDLE_S = 3.0
-_TICKS_A_LOOK = 2
+# So many ticks a second are decoded at most: all of a run that someone watches, few of one that flies by.
+_TICKS_PER_S = 12.0
+_TICKS_AT_ONCE = 3.0
 
 
 class GraphSource:
@@ -73,14 +75,18 @@ class GraphSource:
             facts = facts_of_information(self._source, information)
         self._follower = RunFollower(feed, on_facts(facts))
         self._is_running = False
-        self._looked_s = -_LOOK_S
+        self._looked_s = self._shown_s = time.monotonic() - _LOOK_S
+        self._allowance = _TICKS_AT_ONCE
         self._last_heard_s = time.monotonic()
 
     def look(self) -> None:
         """Show what has been heard, and now and then look for what there is to hear."""
         now_s = time.monotonic()
         is_idle = now_s - self._last_heard_s > _IDLE_S
-        self._follower.show(_TICKS_A_LOOK, incomplete=is_idle)
+        refilled = self._allowance + _TICKS_PER_S * (now_s - self._shown_s)
+        self._allowance, self._shown_s = min(_TICKS_AT_ONCE, refilled), now_s
+        if self._allowance >= 1.0:
+            self._allowance -= self._follower.show(int(self._allowance), incomplete=is_idle)
         if now_s - self._looked_s < _LOOK_S:
             return
         self._looked_s = now_s

@@ -139,7 +139,7 @@ def plotjuggler_layout(namespace: str = "/") -> str:
         namespace: of the vehicle.
     """
     root = ET.Element("root")
-    tabs = ET.SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
+    tabs = ET.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     tab = ET.SubElement(tabs, "Tab", tab_name="iptm", containers="1")
     container = ET.SubElement(tab, "Container")
     groups = _columns(plots(namespace), _COLUMNS)
