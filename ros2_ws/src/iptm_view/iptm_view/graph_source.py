@@ -31,6 +31,7 @@ COUNTED_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK, Topic.LEADER, Topic.LEADER_
 
 _DEPTH = 1000  # several seconds of the fastest run
 _LOOK_S = 0.1
+_LOOK_WHILE_RUNNING_S = 0.5
 _IDLE_S = 3.0
 # So many ticks a second are decoded at most: all of a run that someone watches, few of one that flies by.
 _TICKS_PER_S = 12.0
@@ -87,7 +88,7 @@ class GraphSource:
         self._allowance, self._shown_s = min(_TICKS_AT_ONCE, refilled), now_s
         if self._allowance >= 1.0:
             self._allowance -= self._follower.show(int(self._allowance), incomplete=is_idle)
-        if now_s - self._looked_s < _LOOK_S:
+        if now_s - self._looked_s < (_LOOK_WHILE_RUNNING_S if self._is_running else _LOOK_S):
             return
         self._looked_s = now_s
         self._join_and_leave()
@@ -132,6 +133,7 @@ class GraphSource:
             self._last_heard_s = time.monotonic()
             if not self._is_running:
                 self._is_running = True
+                self._looked_s = -_LOOK_S  # the gate is open: join at once
                 self._feed.put("end", {"ended": False})
         self._follower.take(topic, data)
         if self._foxglove is not None:

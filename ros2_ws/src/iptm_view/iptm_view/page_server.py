@@ -16,7 +16,7 @@ from iptm_view.page_feed import Cursor, PageEvent, PageFeed
 HOST = "127.0.0.1"
 DEFAULT_PORT = 8780
 MAX_BROWSERS = 32
-FRAME_S = 0.05
+FRAME_S = 0.1
 """Shortest time between two messages to a browser."""
 KEEP_ALIVE_S = 10.0
 SEND_TIMEOUT_S = 60.0

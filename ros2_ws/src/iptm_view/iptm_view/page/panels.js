@@ -15,7 +15,7 @@ export const TILES = [
   { id: "compressor", label: "compressor", unit: "kW", digits: 3, value: (run) => scaled(run.newest("compressor_power_w"), KW) },
   { id: "cell_n", label: "warmest cell", unit: "°C", digits: 2, value: (run) => run.newest("cell_n_temperature_c") },
   { id: "solve", label: "solve", unit: "ms", digits: 2, value: (run) => scaled(run.newest("solve_time_s"), 1e3) },
-  { id: "saved", label: "battery life saved", unit: "%", digits: 1, value: (run) => run.lifeSaved() },
+  { id: "saved", label: "aging saved", unit: "%", digits: 1, value: (run) => run.lifeSaved() },
 ];
 
 /**
@@ -43,7 +43,7 @@ export const PANELS = [
     id: "driving", title: "Driving power, positive: drawn from the pack", unit: "kW", digits: 2, axis: { span: 5 },
     lines: [
       { label: "battery", color: "sky", column: "battery_power_w", factor: KW, width: 2.6 },
-      { label: "traction", color: "blue", column: "traction_power_w", factor: KW, width: 1.1 },
+      { label: "traction", color: "red", column: "traction_power_w", factor: KW, width: 1.1 },
     ],
   },
   {
