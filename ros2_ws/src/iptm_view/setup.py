@@ -26,5 +26,8 @@ setup(
     maintainer_email="maintainers@iptm.example.org",
     description="A live view of a run or a bag in the browser, and layouts for other viewers",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["view = iptm_view.cli:main"]},
+    entry_points={
+        "console_scripts": ["view = iptm_core.program:main"],
+        "iptm.programs": ["view = iptm_view.cli:main"],
+    },
 )

@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from iptm_core.errors import IptmError, ViewError
+from iptm_interfaces.discovery import middleware_settings
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
 from iptm_recording.run_information import load_run_information
 from iptm_view.bag_source import BagSource
@@ -205,6 +206,7 @@ def _show_graph(
 
 @contextmanager
 def _node(namespace: str, command: list[str]) -> Iterator[tuple[Node, EventsExecutor]]:
+    os.environ.update(middleware_settings())
     rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
     try:
         try:
