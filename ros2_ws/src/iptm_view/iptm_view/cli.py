@@ -123,7 +123,7 @@ class _Servers(AbstractContextManager["_Servers"]):
     def __init__(self, parsed: argparse.Namespace) -> None:
         self.feed = PageFeed()
         self.foxglove = _start_foxglove(parsed)
-        self.reference = ReferenceCurve(parsed.against)
+        self.reference = ReferenceCurve(parsed.against, gives_way=parsed.bag is None)
         self._page = PageServer(self.feed, parsed.port)
         self._facts = RunFacts("")
         print(f"{PROGRAM}: {self._page.url}", flush=True)

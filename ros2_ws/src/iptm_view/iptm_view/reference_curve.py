@@ -21,13 +21,15 @@ _NICENESS = 10
 class ReferenceCurve:
     """Has the reference driven and gives it to a feed when it is there."""
 
-    def __init__(self, strategy: str) -> None:
+    def __init__(self, strategy: str, *, gives_way: bool = False) -> None:
         """Set up; nothing is driven yet.
 
         Args:
             strategy: of the reference car, "none" for no such car.
+            gives_way: a run takes place that goes first.
         """
         self._strategy = strategy
+        self._gives_way = gives_way
         self._scenario = ""
         self._process: subprocess.Popen[str] | None = None
 
@@ -59,8 +61,7 @@ class ReferenceCurve:
             stderr=subprocess.PIPE,
             text=True,
         )
-        with suppress(OSError):
-            # The run goes first.
+        if self._gives_way:
             os.setpriority(os.PRIO_PROCESS, self._process.pid, _NICENESS)
         if self._process.stdin is not None:
             with suppress(BrokenPipeError):
