@@ -68,6 +68,15 @@ def test_a_new_trip_begins_with_an_empty_page_but_the_same_road() -> None:
     assert "trip" in again
 
 
+def test_the_end_is_told_last() -> None:
+    feed = PageFeed()
+    feed.put("end", {"ended": True})
+    feed.add_row([1.0])
+    feed.put("road", {})
+    _, events = feed.changes(Cursor(), timeout_s=0.0)
+    assert [event.kind for event in events] == ["trip", "road", "rows", "end"]
+
+
 def test_a_waiting_browser_is_woken() -> None:
     feed = PageFeed()
     cursor, _ = told(feed)

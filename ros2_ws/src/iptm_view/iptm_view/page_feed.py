@@ -143,6 +143,8 @@ class PageFeed:
         rows = trip.rows[begin - trip.first_row :][:ROWS_AT_ONCE]
         if rows:
             events.append(PageEvent("rows", f"[{','.join(rows)}]"))
+        # Whoever hears of the end has heard all before it.
+        events.sort(key=lambda event: event.kind == "end")
         return Cursor(trip.number, begin + len(rows), self._version), events
 
 
