@@ -198,6 +198,12 @@ def peak_memory_mib(process_id: int) -> float:
     return float(value.split()[0]) / 1024.0 if value else float("nan")
 
 
+def resident_memory_mib(process_id: int) -> float:
+    """Return the resident memory of a process now, MiB; NaN if it is not known."""
+    value = _value_of(Path(f"/proc/{process_id}/status"), "VmRSS")
+    return float(value.split()[0]) / 1024.0 if value else float("nan")
+
+
 def _value_of(path: Path, key: str) -> str:
     """Return the first value of a key in a file of the kernel, empty if there is none."""
     try:

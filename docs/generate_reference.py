@@ -20,6 +20,8 @@ from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
+from iptm_faults.fault import Fault
+from iptm_faults.kinds import KINDS
 from iptm_interfaces.topics import topic_table_markdown
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
@@ -139,7 +141,39 @@ def figures_page() -> str:
     )
 
 
+def faults_page() -> str:
+    """Every kind of fault, and the keys of one."""
+    allowed = {"kind": "one of those below", "size": "see the kind"}
+    defaults = {"size": "that of the kind", "target": "see the kind"}
+    keys = [
+        f"| `{spec.name}` | {defaults.get(spec.name) or f'`{plain(spec.default)}`'} | {spec.unit or '-'} "
+        f"| {allowed.get(spec.name, spec.allowed).replace('one of , ', 'one of ')} | {spec.description} |\n"
+        for spec in parameter_specs(Fault)
+    ]
+    kinds = []
+    for kind, spec in KINDS.items():
+        size = bounds = "-"
+        if spec.has_size:
+            size = f"{spec.size:g} {spec.unit}"
+            bounds = f"{spec.smallest:g} to {spec.largest:g}"
+        where = "yes" if spec.headless else "no"
+        kinds.append(
+            f"| `{kind}` | {spec.place.value} | {spec.meaning} | {size} | {bounds} | {where} |\n"
+        )
+    return (
+        f"# Faults\n\n{NOTICE}Keys of one fault in the list `faults` of a scenario; how to use it: "
+        "[faults on purpose](../how-to/README.md#let-something-go-wrong-on-purpose).\n\n"
+        "| key | default | unit | allowed | meaning |\n|---|---|---|---|---|\n"
+        + "".join(keys)
+        + "\n## Kinds\n\nIn `traffic` the leader that counts behaves otherwise; all others change only what "
+        "the nodes are told, or the nodes themselves.\n\n"
+        "| kind | where | what it does | size | allowed | without ROS |\n|---|---|---|---|---|---|\n"
+        + "".join(kinds)
+    )
+
+
 PAGES = {
+    DOCS / "reference" / "faults.md": faults_page,
     DOCS / "reference" / "figures.md": figures_page,
     DOCS / "reference" / "topics.md": topics_page,
     DOCS / "reference" / "parameters.md": parameters_page,

@@ -341,16 +341,17 @@ def test_a_limit_broken_for_long_is_a_warning_once(launcher: Any, world: World) 
         world.wait_for_answer(time_s)
 
     well = (Level.OK, "optimal plans")
-    hot = (Level.WARN, "cell above its highest temperature for long")
+    broken = (Level.WARN, "plans break limits of temperature")
+    hot = (Level.WARN, f"{broken[1]}, cell above its highest temperature for long")
 
     def said() -> list[tuple[Level, str]]:
         """Every situation reported since the first answer, repetitions left out."""
         states = [(Level(status.level), status.message) for status in world.statuses]
-        return [state for state, _ in groupby(states[states.index(well) :])]
+        return [state for state, _ in groupby(states[states.index(broken) :])]
 
     for time_s in range(5):
         tick(float(time_s), 320.0)
     for time_s in range(5, 8):
         tick(float(time_s), 308.5)
     world.wait_for_details(cell_above_limit_s="0", ticks_optimal="8")
-    assert said() == [well, hot, well]
+    assert said() == [broken, hot, well]

@@ -10,7 +10,8 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
 
 from iptm_controller.controller import Controller, ControllerOptions, Decision
-from iptm_controller.node_reports import plan_trajectory, situation
+from iptm_controller.node_reports import Road, plan_trajectory, situation
+from iptm_controller.ocp.layout import InputIndex
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.state import LeaderPreview
 from iptm_interfaces.codecs import (
@@ -77,15 +78,12 @@ def test_plan_travels_with_its_node_times(good: Decision) -> None:
         np.testing.assert_allclose(getattr(again, name), values, atol=1e-9)
 
 
-def test_nothing_yet_is_no_fault() -> None:
-    assert situation(None, road_known=False, road_fault="")[0] is Level.OK
+def test_who_waits_is_not_well() -> None:
+    assert situation(None, Road(known=False))[0] is Level.WARN
 
 
 def test_severity_follows_the_rung(good: Decision) -> None:
-    levels = {
-        rung: situation(replace(good, rung=rung), road_known=True, road_fault="")[0]
-        for rung in Rung
-    }
+    levels = {rung: situation(replace(good, rung=rung), Road(known=True))[0] for rung in Rung}
     assert levels == {
         Rung.OPTIMAL: Level.OK,
         Rung.SHIFTED_PLAN: Level.WARN,
@@ -99,22 +97,48 @@ def test_an_early_stop_a_bad_preview_and_a_bad_road_are_warnings(good: Decision)
     assert good.result is not None
     assert good.forecast is not None
     early = replace(good, result=replace(good.result, status=SolveStatus.FEASIBLE))
-    assert situation(early, road_known=True, road_fault="")[0] is Level.WARN
+    assert situation(early, Road(known=True))[0] is Level.WARN
     seen = set()
     for quality in range(1, 5):
         poor = replace(good, forecast=replace(good.forecast, quality=type(
             good.forecast.quality)(quality)))  # fmt: skip
-        level, reason = situation(poor, road_known=True, road_fault="")
+        level, reason = situation(poor, Road(known=True))
         assert level is (Level.OK if quality == 1 else Level.WARN)
         seen.add(reason)
     assert len(seen) == 4
-    assert situation(good, road_known=False, road_fault="")[0] is Level.WARN
-    assert situation(good, road_known=True, road_fault="wrong layout")[0] is Level.WARN
-    assert situation(good, road_known=True, road_fault="") == (Level.OK, "optimal plans")
+    assert situation(good, Road(known=False))[0] is Level.WARN
+    assert situation(good, Road(known=True, fault="wrong layout"))[0] is Level.WARN
+    assert situation(good, Road(known=True)) == (Level.OK, "optimal plans")
+
+
+@pytest.mark.parametrize(
+    ("column", "limits"),
+    [
+        (InputIndex.GAP_SHORT, "gap"),
+        (InputIndex.GAP_LONG, "gap"),
+        (InputIndex.SPEED_EXCESS, "speed"),
+        (InputIndex.TEMPERATURE_EXCESS, "temperature"),
+    ],
+)
+def test_a_plan_that_breaks_limits_is_no_optimal_plan(
+    good: Decision, column: InputIndex, limits: str
+) -> None:
+    assert good.plan is not None
+    inputs = good.plan.inputs.copy()
+    inputs[3, column] = 0.5
+    broken = replace(good, plan=replace(good.plan, inputs=inputs))
+    assert situation(broken, Road(known=True)) == (Level.WARN, f"plans break limits of {limits}")
+
+
+def test_the_road_is_called_flat_only_where_it_is_taken_as_flat(good: Decision) -> None:
+    _, kept = situation(good, Road(known=True, fault="wrong layout"))
+    assert kept == "slope message malformed, the last good one is used"
+    _, flat = situation(good, Road(known=False, fault="wrong layout"))
+    assert flat == "slope message malformed, road taken as flat"
 
 
 def test_reasons_carry_no_numbers(good: Decision) -> None:
     """They are compared to tell a change of the situation; numbers would change every tick."""
     for rung in Rung:
-        _, reason = situation(replace(good, rung=rung), road_known=True, road_fault="")
+        _, reason = situation(replace(good, rung=rung), Road(known=True))
         assert not any(character.isdigit() for character in reason)

@@ -10,7 +10,7 @@ import pytest
 from tests.iptm_controller.scenes import NOW_S, PARAMETERS, make_scene, plain_solver
 
 from iptm_controller.controller import Controller, ControllerOptions, Decision
-from iptm_controller.node_reports import situation
+from iptm_controller.node_reports import Road, situation
 from iptm_controller.node_watch import COLD, OperatorWatch, WarningSettings
 from iptm_controller.ocp.layout import StateIndex
 from iptm_core.decision_record import Rung
@@ -38,7 +38,7 @@ def told(decision: Decision, seconds: int, **scene: float) -> Iterator[tuple[Lev
     watch = OperatorWatch(PARAMETERS, SETTINGS)
     for second in range(seconds):
         watch.update(make_scene(time_s=NOW_S + second, **scene), decision)
-        yield situation(decision, road_known=True, road_fault="", watch=watch)
+        yield situation(decision, Road(known=True), watch=watch)
 
 
 def test_all_is_well(good: Decision) -> None:

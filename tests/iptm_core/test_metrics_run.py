@@ -334,3 +334,15 @@ def test_a_halt_breaks_no_limit_of_jerk() -> None:
     assert _check(halt, "acceleration_step").violations == 0
     rolling = make_run(speed_m_s=[1.2, 1.0, 0.4, 0.4], acceleration_m_s2=braking)
     assert _check(rolling, "acceleration_step").violations == 1
+
+
+def test_the_top_speed_breaks_no_limit_of_jerk() -> None:
+    """Where the drive holds the top speed the acceleration is gone at once; below it cannot be."""
+    top = PARAMETERS.limits.max_speed_m_s
+    speeding = [0.8, 0.8, 0.8, 0.0]
+    held = make_run(speed_m_s=[top - 2.0, top - 1.2, top - 0.4, top], acceleration_m_s2=speeding)
+    assert _check(held, "acceleration_step").violations == 0
+    below = make_run(
+        speed_m_s=[top - 3.0, top - 2.2, top - 1.4, top - 1], acceleration_m_s2=speeding
+    )
+    assert _check(below, "acceleration_step").violations == 1

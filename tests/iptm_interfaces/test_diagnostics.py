@@ -12,6 +12,7 @@ from iptm_interfaces.diagnostics import (
     find_status,
     status_values,
 )
+from iptm_interfaces.node_health import NodeHealth
 
 
 class Bench:
@@ -20,11 +21,13 @@ class Bench:
     def __init__(self) -> None:
         self.now_s = 100.0
         self.sent: list[Any] = []
+        self.health = NodeHealth(lambda: self.now_s)
         self.changes: list[tuple[Level, str]] = []
         self.reporter = DiagnosticsReporter(
             self.sent.append,
             "/car/node: part",
             steady_time_s=lambda: self.now_s,
+            health=self.health,
             on_change=lambda level, reason: self.changes.append((level, reason)),
         )
 
@@ -39,7 +42,8 @@ def test_first_status_goes_out_at_once() -> None:
     assert message.header.stamp.sec == 5
     status = message.status[0]
     assert (status.name, status.message) == ("/car/node: part", "running")
-    assert status_values(status) == {"gap_m": "12.3457", "ticks": "3", "active": "true"}
+    values = {"gap_m": "12.3457", "ticks": "3", "active": "true"}
+    assert values.items() <= status_values(status).items()
 
 
 def test_same_reason_is_published_once_a_second_whatever_the_tick_rate() -> None:
@@ -66,6 +70,51 @@ def test_change_of_reason_or_level_goes_out_at_once() -> None:
     ]
 
 
+def test_what_a_node_survived_is_told_for_a_short_while() -> None:
+    bench = Bench()
+    bench.report(Level.OK, "running")
+    bench.health.note_refusal("plant/odometry: 99 bytes")
+    bench.report(Level.OK, "running")
+    bench.report(Level.STALE, "no state arrives")
+    bench.health.note_defect("callback of plant/odometry: ValueError")
+    bench.report(Level.OK, "running")
+    bench.now_s += 10.0
+    bench.report(Level.OK, "running")
+    assert bench.changes == [
+        (Level.OK, "running"),
+        (Level.WARN, "messages were refused"),
+        (Level.STALE, "no state arrives"),
+        (Level.ERROR, "an internal error was caught, see the log"),
+        (Level.OK, "running"),
+    ]
+    values = status_values(bench.sent[-1].status[0])
+    assert (values["caught_errors"], values["refused_messages"]) == ("1", "1")
+
+
+def test_a_second_publisher_is_told_when_both_speak_or_when_it_stays() -> None:
+    """A killed process stays in the graph for a while; it is no second one."""
+    bench = Bench()
+    both = (Level.ERROR, "more than one plant on this graph")
+    bench.health.note_contradiction("plant")
+    bench.now_s += 1.0
+    bench.health.note_publishers("plant", 2)
+    bench.report(Level.OK, "running")
+    assert bench.changes == [(Level.OK, "running")]
+    bench.now_s += 1.0
+    bench.health.note_contradiction("plant")
+    bench.report(Level.OK, "running")
+    assert bench.changes[-1] == both
+    bench.now_s += 10.0
+    bench.report(Level.OK, "running")
+    assert bench.changes[-1] == (Level.OK, "running")
+    bench.now_s += 20.0
+    bench.report(Level.OK, "running")
+    assert bench.changes[-1] == both
+    bench.health.note_publishers("plant", 1)
+    bench.report(Level.OK, "running")
+    assert bench.changes[-1] == (Level.OK, "running")
+
+
 @pytest.mark.parametrize(
     ("value", "text"),
     [(True, "true"), (False, "false"), (1.0, "1"), (float("inf"), "inf"), (7, "7"), ("x", "x")],
@@ -90,3 +139,4 @@ def test_reporter_of_a_node_names_it_in_full(make_node: Any) -> None:
     for level in Level:
         assert reporter.report(0, level, "a reason for the log", {})
     assert reporter._name == "/car_1/test_node: preview"
+    assert reporter._hardware_id == "car_1"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import sys
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,14 @@ from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT, PreparedScen
 from iptm_bringup.scenario_files import scenario_text
 from iptm_core.declaration import Scalar, plain
 from iptm_core.parameters import to_flat_dict
+from iptm_faults.fault import Fault, at_places, plain_faults
+from iptm_faults.kinds import FaultPlace
+from iptm_faults.wiring import route_name, told_name
+from iptm_interfaces.topics import STATE_TOPICS, Topic
 from iptm_recording.run_information import MODEL_KEY
 
 RECORDER = "recorder"
+INJECTOR = "fault_injector"
 COMMENT_WIDTH = 100
 
 MODULES = {
@@ -27,7 +32,33 @@ MODULES = {
     BRIDGE: "iptm_v2x_bridge.node",
     CONTROLLER: "iptm_controller.node",
     RECORDER: "iptm_recording.recorder_cli",
+    INJECTOR: "iptm_faults.node",
 }
+FAULTY_CONTROLLER = "iptm_faults.node_controller"
+
+_TOPIC_PLACES = (
+    FaultPlace.TRAFFIC,
+    FaultPlace.PREVIEW,
+    FaultPlace.LEADER,
+    FaultPlace.ROAD,
+    FaultPlace.STATE,
+    FaultPlace.CLOCK,
+    FaultPlace.STAMPS,
+)
+"""Places of faults at which the injector stands."""
+
+_REMAPPED: Mapping[str, Mapping[str, str]] = {
+    CONTROLLER: {
+        topic.value: told_name(topic.value)
+        for topic in (*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE)
+    },
+    BRIDGE: {
+        Topic.CLOCK.value: told_name(Topic.CLOCK.value),
+        Topic.LEADER.value: route_name(Topic.LEADER.value),
+        Topic.LEADER_PREVIEW.value: route_name(Topic.LEADER_PREVIEW.value),
+    },
+}
+"""Topics of nodes that go through the injector where there is one, by node and name."""
 
 
 @dataclass(frozen=True)
@@ -79,16 +110,51 @@ def node_parameters(
     }
 
 
-def node_command(node: str, parameter_file: Path, namespace: str) -> list[str]:
+def with_faults(
+    parameters: Mapping[str, Mapping[str, Scalar]], faults: Sequence[Fault]
+) -> dict[str, dict[str, Scalar]]:
+    """Return the parameters of each node of a run with faults, the injector's among them if there is one.
+
+    Args:
+        parameters: those of the run without faults.
+        faults: all faults of the run.
+    """
+    changed = {node: dict(given) for node, given in parameters.items()}
+    solver = at_places(faults, FaultPlace.SOLVER)
+    if solver:
+        changed[CONTROLLER]["faults"] = json.dumps(plain_faults(solver))
+    if needs_injector(faults):
+        own = json.dumps(plain_faults(at_places(faults, *_TOPIC_PLACES)))
+        # It stands between bridge and controller: the recorder is left to listen to the true preview.
+        listeners = int(changed[BRIDGE]["expected_peers"]) - 1
+        changed[INJECTOR] = {"faults": own, "expected_peers": listeners}
+        changed[BRIDGE]["expected_peers"] = 1
+    return changed
+
+
+def needs_injector(faults: Sequence[Fault]) -> bool:
+    """Return whether one of the faults is of topics."""
+    return bool(at_places(faults, *_TOPIC_PLACES))
+
+
+def node_command(
+    node: str, parameter_file: Path, namespace: str, faults: Sequence[Fault] = ()
+) -> list[str]:
     """Return the command that starts a node of the loop.
 
     Args:
         node: name of the node.
         parameter_file: its parameters.
         namespace: full namespace, ``/`` for none.
+        faults: all faults of the run.
     """
+    fails = node == CONTROLLER and at_places(faults, FaultPlace.SOLVER)
     ros_arguments = [*_remaps(namespace), "--params-file", str(parameter_file)]
-    return [sys.executable, "-m", MODULES[node], "--ros-args", *ros_arguments]
+    if needs_injector(faults):
+        for name, other in _REMAPPED.get(node, {}).items():
+            ros_arguments += ["-r", f"{name}:={other}"]
+    module = FAULTY_CONTROLLER if fails else MODULES[node]
+    return [sys.executable, "-m", module, "--ros-args", *ros_arguments]
 
 
 def recorder_command(

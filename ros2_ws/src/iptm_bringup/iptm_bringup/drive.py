@@ -12,6 +12,7 @@ from rclpy.executors import Executor
 
 from iptm_bringup.composition import RECORDER
 from iptm_bringup.monitor import RunMonitor
+from iptm_bringup.process_faults import ProcessFaults
 from iptm_bringup.progress import Progress
 from iptm_bringup.scenario import PLANT
 from iptm_bringup.supervisor import ProcessEnd, Supervisor
@@ -22,6 +23,8 @@ START_TIMEOUT_S = 660.0
 """Enough for the two compilations of a first start, which are given up after 300 s each."""
 SILENCE_TIMEOUT_S = 30.0
 """The plant reports once a second even when it waits; silence for so long means that it hangs."""
+AFTER_KILL_S = 10.0
+"""So long after a plant that was killed on purpose its run goes on."""
 _LAST_ANSWER_TIMEOUT_S = 2.0
 _REST_S = 0.05
 _SPIN_S = 0.001
@@ -67,6 +70,7 @@ class Drive(AbstractContextManager["Drive"]):
         executor: runs the monitor.
         progress: shows how far it is.
         stop: tells that the user wants to stop.
+        process_faults: what is done to the processes on purpose.
     """
 
     supervisor: Supervisor
@@ -74,6 +78,7 @@ class Drive(AbstractContextManager["Drive"]):
     executor: Executor
     progress: Progress
     stop: StopRequest
+    process_faults: ProcessFaults
 
     def __exit__(self, *error: object) -> None:
         """End the recorder last: what the others say in the end belongs into the bag."""
@@ -93,6 +98,7 @@ class Drive(AbstractContextManager["Drive"]):
         """
         for name, command in commands.items():
             self.supervisor.start(name, command)
+        self.process_faults.note(commands)
         self.monitor.expect(commands)
 
     def look_around(self, duration_s: float) -> DriveResult:
@@ -138,7 +144,9 @@ class Drive(AbstractContextManager["Drive"]):
                 )
             return self._intruded()
 
-        return self._spin_until(lambda: self.monitor.first_clock_s is not None, show)
+        return self._spin_until(
+            lambda: self.monitor.first_clock_s is not None or self._has_ended(), show
+        )
 
     def _intruded(self) -> DriveResult | None:
         crowded = self.monitor.crowded_topics
@@ -171,7 +179,23 @@ class Drive(AbstractContextManager["Drive"]):
                 )
             return None
 
-        result = self._spin_until(lambda: not self.supervisor.is_running(PLANT), show)
+        def over() -> bool:
+            running = self.supervisor.is_running(self.process_faults.current(PLANT))
+            # What the others say about a plant that was killed on purpose is worth hearing.
+            silent_s = time.monotonic() - self.monitor.last_sign_s
+            killed = self.process_faults.is_excused(self.process_faults.current(PLANT))
+            return not running and not (killed and silent_s < AFTER_KILL_S)
+
+        result = self._spin_until(over, show)
+        killed = [
+            ending
+            for ending in self.supervisor.endings()
+            if ending.name == self.process_faults.current(PLANT) and ending.code != 0
+        ]
+        if result.outcome is DriveOutcome.FINISHED and killed:
+            return DriveResult(
+                DriveOutcome.FAILED, self._what_ended(killed[0]), killed[0].last_lines
+            )
         if result.outcome is DriveOutcome.FINISHED:
             self._await_last_answers()
         return result
@@ -183,6 +207,7 @@ class Drive(AbstractContextManager["Drive"]):
         next_show_s = time.monotonic()
         while True:
             self._hear()
+            self.process_faults.act(self.monitor.time_ns)
             now_s = time.monotonic()
             if self.stop.number is not None:
                 return DriveResult(DriveOutcome.INTERRUPTED, f"stopped by {self.stop.number.name}")
@@ -200,14 +225,27 @@ class Drive(AbstractContextManager["Drive"]):
     def _failure(self) -> DriveResult | None:
         """Return what went wrong, if a process ended that should not have."""
         for ending in self.supervisor.endings():
-            if ending.name == PLANT and ending.code == 0 and self.monitor.time_ns is not None:
-                continue
             started = self.monitor.time_ns is not None
+            if self.process_faults.is_excused(ending.name):
+                continue
+            if ending.name == self.process_faults.current(PLANT) and self._has_ended():
+                continue
             if ending.code == EXIT_USER_ERROR and not started:
                 said = ending.last_lines[-1] if ending.last_lines else ""
                 return DriveResult(DriveOutcome.REFUSED, said or f"{ending.name} {ending.how}")
             return DriveResult(DriveOutcome.FAILED, self._what_ended(ending), ending.last_lines)
         return None
+
+    def _has_ended(self) -> bool:
+        """Return whether the plant ended as it does after a trip.
+
+        Of a recorded trip the runner may have heard nothing: the bag tells what happened.
+        """
+        is_witnessed = self.monitor.time_ns is not None or RECORDER in self.supervisor.names
+        return is_witnessed and any(
+            ending.name == self.process_faults.current(PLANT) and ending.code == 0
+            for ending in self.supervisor.endings()
+        )
 
     def _what_ended(self, ending: ProcessEnd) -> str:
         reason = f" ({self.monitor.plant_reason})" if ending.name == PLANT and ending.code else ""
@@ -246,10 +284,10 @@ class Drive(AbstractContextManager["Drive"]):
         return 0.0 if first_s is None or last_s is None else last_s - first_s
 
 
-def unclean_ends(supervisor: Supervisor) -> list[str]:
-    """Return a sentence for every process that did not end well although the trip was finished."""
+def unclean_ends(supervisor: Supervisor, process_faults: ProcessFaults) -> list[str]:
+    """Return a sentence for every process that did not end well although trip and faults let it."""
     return [
         f"{ending.name} {ending.how} when it was told to stop"
         for ending in supervisor.endings()
-        if ending.code != 0
+        if ending.code != 0 and not process_faults.is_excused(ending.name)
     ]

@@ -13,18 +13,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
-from iptm_bringup.composition import RECORDER
+from iptm_bringup.composition import INJECTOR, RECORDER
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_core.decision_record import Rung
 from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.trip_time import NS_PER_S
-from iptm_interfaces.codecs import decode_decision_record, decode_temperature
+from iptm_interfaces.codecs import decode_decision_record, decode_temperature, ns_from_time
 from iptm_interfaces.diagnostics import Level, find_status
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
@@ -40,7 +40,7 @@ _SETTLE_S = 0.1  # time for the publishers to learn of the subscriptions made la
 _LOOK_PERIOD_S = 0.05
 _STAMP = struct.Struct("<4xiI")  # first field of a clock and of every header, behind the CDR prefix
 # A node that was found a moment ago has no name yet; it may be one of the run.
-_NOT_FOREIGN = {PLANT, BRIDGE, CONTROLLER, RECORDER, NAME, "_NODE_NAME_UNKNOWN_"}
+_NOT_FOREIGN = {PLANT, BRIDGE, CONTROLLER, RECORDER, INJECTOR, NAME, "_NODE_NAME_UNKNOWN_"}
 _ONLY_ONE_PUBLISHES = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
 
 
@@ -77,7 +77,9 @@ class RunMonitor(SuiteNode):
         first_clock_s: steady time of the first clock, None before it.
         last_clock_s: steady time of the newest clock, None before the first.
         last_sign_s: steady time of the newest clock or diagnostics of the plant, else of the start.
-        warnings: reasons that the nodes gave in their diagnostics, worse than OK, once each.
+        warnings: reasons that the nodes gave in their diagnostics since the first clock, worse than
+            OK, once each.
+        statements: every status of the nodes with the trip time that it is about, in order of arrival.
         plant_reason: latest reason of the plant's diagnostics.
     """
 
@@ -88,6 +90,7 @@ class RunMonitor(SuiteNode):
         self.last_clock_s: float | None = None
         self.last_sign_s = time.monotonic()
         self.warnings: dict[str, None] = {}
+        self.statements: list[tuple[int, str, DiagnosticStatus]] = []
         self.plant_reason = ""
         self._diagnostics_count = 0
         self._started: set[str] = set()
@@ -212,7 +215,13 @@ class RunMonitor(SuiteNode):
         self._diagnostics_count += 1
         for node in (PLANT, BRIDGE, CONTROLLER, RECORDER):
             status = find_status(message, f"{self._prefix}/{node}")
-            if status is not None and status.level != Level.OK.value:
+            if status is None:
+                continue
+            # A node that has just been started does not know the time yet.
+            about_ns = ns_from_time(message.header.stamp) or self.time_ns or 0
+            self.statements.append((about_ns, node, status))
+            # Before the first tick everybody waits for somebody, which is worth no word.
+            if self.first_clock_s is not None and status.level != Level.OK.value:
                 self.warnings[f"{node}: {status.message}"] = None
         plant = find_status(message, f"{self._prefix}/{PLANT}")
         if plant is not None:

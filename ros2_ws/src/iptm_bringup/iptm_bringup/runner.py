@@ -24,6 +24,7 @@ from iptm_bringup.composition import (
     parameter_file_text,
     recorder_command,
     run_information,
+    with_faults,
 )
 from iptm_bringup.drive import Drive, DriveOutcome, DriveResult, unclean_ends
 from iptm_bringup.environment import (
@@ -34,9 +35,10 @@ from iptm_bringup.environment import (
 )
 from iptm_bringup.evaluation import evaluate, results_json
 from iptm_bringup.monitor import RunMonitor
-from iptm_bringup.progress import make_progress
+from iptm_bringup.process_faults import ProcessFaults
+from iptm_bringup.progress import Progress, make_progress
 from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT, PreparedScenario
+from iptm_bringup.scenario import CONTROLLER, PreparedScenario
 from iptm_bringup.supervisor import Supervisor
 from iptm_bringup.tables import print_results
 from iptm_bringup.viewer import live_view
@@ -109,33 +111,81 @@ def _run_in(
 ) -> int:
     with ExitStack() as stack:
         domain = stack.enter_context(domain_of_run(prepared.scenario.domain))
-        environment = environment_of_run(domain.number, folder.logs / "ros")
-        supervisor = Supervisor(environment, folder.log_path)
         console.print(_introduction(prepared, domain.number), soft_wrap=True)
         stay_open = None
         if options.view:
+            environment = environment_of_run(domain.number, folder.logs / "ros")
             stay_open = stack.enter_context(
                 live_view(folder, environment, prepared, options.against, console, errors)
             )
-        with (
-            process_environment(environment),  # the runner takes part in the graph itself
-            _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor),
-        ):
-            progress = make_progress(console, prepared.route.duration_s)
-            with Drive(supervisor, monitor, executor, progress, stop) as drive:
-                start = _ProcessStarter(folder, prepared, options)
-                drive.start(start.first())
-                # Nobody else can be in a private domain.
-                result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
-                if result.outcome is DriveOutcome.FINISHED:
-                    drive.start(start.then(monitor))
-                    result = drive.run(folder.settle)
+        progress = make_progress(console, prepared.route.duration_s)
+        driven = drive_processes(folder, prepared, options, domain, progress, stop)
+        result = driven.result
         if result.outcome is not DriveOutcome.FINISHED:
             return _report_failure(result, folder, stop, errors)
-        code = _report(folder, prepared, options, monitor, supervisor, result, console, errors)
+        code = _report(folder, prepared, options, driven, console, errors)
         if stay_open is not None:
             stay_open(stop)
         return code
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A run whose processes have all ended.
+
+    Attributes:
+        result: how it ended.
+        monitor: what was heard.
+        supervisor: how the processes ended.
+        process_faults: what was done to them on purpose.
+    """
+
+    result: DriveResult
+    monitor: RunMonitor
+    supervisor: Supervisor
+    process_faults: ProcessFaults
+
+
+def drive_processes(
+    folder: RunFolder,
+    prepared: PreparedScenario,
+    options: RunOptions,
+    domain: RunDomain,
+    progress: Progress,
+    stop: StopRequest,
+) -> Driven:
+    """Start the processes of a scenario, watch the trip, and end them.
+
+    Args:
+        folder: for logs and parameter files, and the bag.
+        prepared: the scenario.
+        options: output and recording.
+        domain: ROS domain of the run.
+        progress: told how far it is.
+        stop: tells that the user wants to stop.
+    """
+    environment = environment_of_run(domain.number, folder.logs / "ros")
+    supervisor = Supervisor(environment, folder.log_path)
+    process_faults = ProcessFaults(supervisor, prepared.scenario.faults)
+
+    def settle() -> None:
+        before = folder.logs
+        folder.settle()
+        process_faults.relocate(before, folder.logs)
+
+    with (
+        process_environment(environment),  # the runner takes part in the graph itself
+        _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor),
+        Drive(supervisor, monitor, executor, progress, stop, process_faults) as drive,
+    ):
+        start = _ProcessStarter(folder, prepared, options)
+        drive.start(start.first())
+        # Nobody else can be in a private domain.
+        result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
+        if result.outcome is DriveOutcome.FINISHED:
+            drive.start(start.then(monitor))
+            result = drive.run(settle)
+    return Driven(result, monitor, supervisor, process_faults)
 
 
 class _ProcessStarter:
@@ -146,10 +196,13 @@ class _ProcessStarter:
         self._prepared = prepared
         self._options = options
         self._namespace = prepared.scenario.full_namespace
+        self._faults = prepared.scenario.faults
 
     def first(self) -> dict[str, list[str]]:
         """Return the commands that do not depend on who listens; they take longest to start."""
-        parameters = node_parameters(self._prepared, Listeners(self._options.record))
+        parameters = with_faults(
+            node_parameters(self._prepared, Listeners(self._options.record)), self._faults
+        )
         commands = {CONTROLLER: self._node(CONTROLLER, parameters)}
         if self._options.record:
             text = yaml.safe_dump(run_information(self._prepared, parameters), sort_keys=False)
@@ -167,13 +220,14 @@ class _ProcessStarter:
             foreign_to_state=monitor.foreign_listeners(Topic.PLANT_ODOMETRY, Topic.CLOCK),
             foreign_to_preview=monitor.foreign_listeners(Topic.LEADER, Topic.LEADER_PREVIEW),
         )
-        parameters = node_parameters(self._prepared, listeners)
-        return {node: self._node(node, parameters) for node in (PLANT, BRIDGE)}
+        parameters = with_faults(node_parameters(self._prepared, listeners), self._faults)
+        nodes = [node for node in parameters if node != CONTROLLER]
+        return {node: self._node(node, parameters) for node in nodes}
 
     def _node(self, node: str, parameters: Mapping[str, Mapping[str, Scalar]]) -> list[str]:
         text = parameter_file_text(node, parameters[node])
         path = self._folder.write_log(f"{node}_parameters.yaml", text)
-        return node_command(node, path, self._namespace)
+        return node_command(node, path, self._namespace, self._faults)
 
 
 @contextmanager
@@ -203,9 +257,7 @@ def _report(
     folder: RunFolder,
     prepared: PreparedScenario,
     options: RunOptions,
-    monitor: RunMonitor,
-    supervisor: Supervisor,
-    result: DriveResult,
+    driven: Driven,
     console: Console,
     errors: Console,
 ) -> int:
@@ -213,12 +265,12 @@ def _report(
     try:
         results = evaluate(
             prepared,
-            monitor.recorded,
+            driven.monitor.recorded,
             folder.output if options.record else None,
             collect_run_information(),
-            result.wall_time_s,
-            unclean_ends(supervisor),
-            tuple(monitor.warnings),
+            driven.result.wall_time_s,
+            unclean_ends(driven.supervisor, driven.process_faults),
+            tuple(driven.monitor.warnings),
         )
         if options.against != NO_COMPARISON:
             with console.status(f"driving the same trip with strategy {options.against} ..."):

@@ -5,6 +5,7 @@
     dropout_probability: 0.2
     parameter_overrides: {body.mass_kg: 1600}
     node_parameters: {controller: {deadline_ms: 50}}
+    faults: [{kind: leader_hard_stop, start_s: 120, duration_s: 10, size: 8}]
 
 What a file does not state keeps its default. Relative paths in a file start at its own folder.
 """
@@ -21,12 +22,14 @@ from iptm_bringup.scenario import NODES, Scenario
 from iptm_core.declaration import ParameterSpec, Scalar, checked_value, parameter_specs, plain
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
-from iptm_core.strict_mapping import StrictMapping, suggestion
+from iptm_core.strict_mapping import StrictMapping, shown, suggestion
+from iptm_faults.fault import faults_from, plain_faults
 
 DEFAULT_SCENARIO = "wltc"
 _SUFFIXES = (".yaml", ".yml")
 _OVERRIDES = "parameter_overrides"
 _NODE_PARAMETERS = "node_parameters"
+_FAULTS = "faults"
 _FILE_OF = {"cycle": (".csv",), "parameter_set": _SUFFIXES}
 """Fields that may name a file, and by which suffixes that is seen."""
 
@@ -82,7 +85,9 @@ def scenario_from(
     """
     specs = {spec.name: spec for spec in parameter_specs(Scenario)}
     written = StrictMapping(
-        {} if content is None else content, origin, [*specs, "description", _NODE_PARAMETERS]
+        {} if content is None else content,
+        origin,
+        [*specs, "description", _NODE_PARAMETERS, _FAULTS],
     )
     values: dict[str, Any] = {"name": name}
     for key, value in written.content.items():
@@ -90,6 +95,8 @@ def scenario_from(
             values[key] = written.text(key)
         elif key == _NODE_PARAMETERS:
             values[key] = _node_parameters(written.section(key, NODES, kind="node"))
+        elif key == _FAULTS:
+            values[key] = faults_from(value, origin)
         else:
             given = _overrides_text(written) if key == _OVERRIDES else value
             values[key] = _rooted(key, _checked(f"{origin}: ", specs[key], given), folder)
@@ -135,6 +142,8 @@ def scenario_text(scenario: Scenario) -> str:
         content[_NODE_PARAMETERS] = {
             node: dict(given) for node, given in scenario.node_parameters.items()
         }
+    if scenario.faults:
+        content[_FAULTS] = plain_faults(scenario.faults)
     # JSON is YAML with every text in quotes; without them `1e3` would come back as a number.
     lines = [f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in content.items()]
     return "\n".join(lines) + "\n"
@@ -146,8 +155,11 @@ def _find(name_or_path: str | Path) -> Path:
     if text in names:
         return scenario_folder() / f"{text}.yaml"
     path = Path(text)
-    if path.suffix in _SUFFIXES or path.is_file():
-        return path
+    try:
+        if path.suffix in _SUFFIXES or path.is_file():
+            return path
+    except OSError as error:  # the name is too long
+        raise ScenarioError(f"scenario {shown(text)}: {error.strerror}") from None
     raise ScenarioError(
         f"scenario {text!r} is unknown; {suggestion(text, names)}, or the path of a .yaml file"
     )

@@ -89,6 +89,14 @@ class Supervisor:
         process = self._processes.get(name)
         return process is not None and process.poll() is None
 
+    def pid(self, name: str) -> int:
+        """Return the process id of a process that was started."""
+        return self._processes[name].pid
+
+    def send(self, name: str, number: signal.Signals) -> None:
+        """Send a signal to a process; to one that has ended, nothing."""
+        self._processes[name].send_signal(number)
+
     def endings(self) -> tuple[ProcessEnd, ...]:
         """Return the processes that have ended so far, in the order of their start."""
         return tuple(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections import Counter
 from collections.abc import Mapping
 from functools import partial
@@ -15,11 +14,12 @@ from std_msgs.msg import Float64, Float64MultiArray
 from iptm_controller.controller import Decision, Measurements
 from iptm_controller.forecast import PreviewQuality
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.node_reports import plan_trajectory, situation
+from iptm_controller.node_reports import Road, plan_trajectory, situation
 from iptm_controller.node_watch import OperatorWatch
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import MessageError
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import (
     decode_leader,
     decode_leader_preview_bytes,
@@ -33,29 +33,42 @@ from iptm_interfaces.codecs import (
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
-from iptm_interfaces.stamp_matcher import StampMatcher
+from iptm_interfaces.stamp_gate import Verdict
+from iptm_interfaces.stamp_matcher import MatchedSet, StampMatcher
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import STATE_TOPICS, Topic
+from iptm_interfaces.topics import STATE_TOPICS, TOPICS, Topic
+from iptm_interfaces.watchdog import Watchdog
 
 CHECKS_PER_TIMEOUT = 5.0
 REPORT_PERIOD_S = 1.0
+PLANT_TIMEOUT_S = 5.0
+"""Wall time without any part of a state after which the plant is told to have stopped."""
+DEAF_AFTER_TIMEOUTS = 2.0
+"""Times `input_timeout_s` for which states may arrive without one that can be answered."""
+LEAST_WAIT_S = 0.02
+"""Wall time for which inputs are waited for however fast trip time runs."""
 FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
 
 
 class ControllerNode(SuiteNode):
     """Matches state, leader and preview by stamp, decides, and publishes the decision."""
 
+    PARAMETERS = ControllerNodeParameters
+
     def __init__(self) -> None:
         super().__init__("controller")
-        self._options = declare_parameters(self, ControllerNodeParameters)
+        self._options = declare_parameters(self, self.PARAMETERS)
         self.reject_unknown_parameters()
         self._controller = self._options.build_controller()
         self._watch = OperatorWatch(self._options.model().values, self._options)
         self._slope: SlopePreview | None = None
         self._slope_fault = ""
-        self._matcher = StampMatcher([*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW])
+        self._matcher = StampMatcher(
+            [*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW], leading=STATE_TOPICS
+        )
         self._waiting_since_s: float | None = None
-        self._held: tuple[int, Mapping[Topic, Any]] | None = None
+        self._unanswered_since_s: float | None = None
+        self._held: MatchedSet[Topic] | None = None
         self._solves: Counter[SolveStatus] = Counter()
         self._rungs: Counter[Rung] = Counter()
         self._limited_ticks = 0
@@ -71,6 +84,8 @@ class ControllerNode(SuiteNode):
         self.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
         for topic in (Topic.LEADER, *STATE_TOPICS):
             self.listen(topic, partial(self._on_stamped, topic))
+        self.watch_peers(Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
+        self._watchdog = Watchdog(PLANT_TIMEOUT_S, lambda _: self._report()).attach(self)
         self.every(self._options.input_timeout_s / CHECKS_PER_TIMEOUT, self._check_inputs)
         self.every(REPORT_PERIOD_S, self._report)
         self._report()
@@ -84,7 +99,7 @@ class ControllerNode(SuiteNode):
         except MessageError as error:
             self._slope_fault = str(error)
         if self._held is not None:
-            self._answer(*self._held)
+            self._answer(self._held)
 
     def _on_stamped(self, topic: Topic, message: Any) -> None:
         self._put(topic, ns_from_time(message.header.stamp), message)
@@ -100,48 +115,73 @@ class ControllerNode(SuiteNode):
         self._put(Topic.LEADER_PREVIEW, stamp_ns, preview)
 
     def _put(self, topic: Topic, stamp_ns: int, value: Any) -> None:
-        last_ns = self._matcher.last_ns
-        if stamp_ns == 0 and last_ns:
-            self._matcher.reset()  # a new trip has begun
-        values = self._matcher.put(topic, stamp_ns, value)
-        # The wait begins with the state, but not with a message that came too late for its tick.
-        counts = topic in STATE_TOPICS and (values or self._matcher.missing())
-        if counts and self._waiting_since_s is None:
-            self._waiting_since_s = time.monotonic()
-        if values is None:
+        duplicates = self._matcher.duplicates
+        matched = self._matcher.put(topic, stamp_ns, value)
+        if self._matcher.duplicates > duplicates:
+            self.health.note_contradiction(TOPICS[topic].publisher)
+        if matched is not None:
+            self._on_matched(matched)
+        elif topic in STATE_TOPICS:
+            self._watchdog.feed()
+            if stamp_ns != self._matcher.last_ns:
+                self._await_inputs()
+
+    def _await_inputs(self) -> None:
+        """Begin or end the wait for the rest of a tick, as a part of its state has arrived."""
+        now_s = self.awake.now_s()
+        if self._unanswered_since_s is None:
+            self._unanswered_since_s = now_s
+        if not self._matcher.is_waiting:
             return
-        if self._slope is None and not self._slope_fault and self._last is None:
-            self._held = (stamp_ns, values)  # the road comes once, but maybe after the first state
+        if self._waiting_since_s is None:
+            self._waiting_since_s = now_s
+        # Where trip time runs fast, a plant has lost its controller long before the wall clock says so.
+        elif (
+            self._matcher.backlog_ns > NS_PER_S * self._options.input_timeout_s
+            and now_s - self._waiting_since_s >= LEAST_WAIT_S
+        ):
+            self._answer_incomplete()
+
+    def _on_matched(self, matched: MatchedSet[Topic]) -> None:
+        """Answer a complete set, or the last one once more."""
+        self._watchdog.timeout_s = max(PLANT_TIMEOUT_S, self._matcher.gate.quiet_s)
+        self._watchdog.feed()
+        if matched.verdict is Verdict.REPEATED:
+            if self._last is not None and matched.stamp_ns == self._last_ns:
+                self._publish(matched.stamp_ns, self._last)
+        elif self._slope is None and not self._slope_fault and self._last is None:
+            self._held = matched  # the road comes once, but maybe after the first state
+            if self._waiting_since_s is None:
+                self._waiting_since_s = self.awake.now_s()
         else:
-            self._answer(stamp_ns, values)
+            self._answer(matched)
 
     def _check_inputs(self) -> None:
         """Answer a tick whose inputs do not arrive with what there is."""
         if self._waiting_since_s is None:
             return
-        if time.monotonic() - self._waiting_since_s < self._options.input_timeout_s:
-            return
-        late = self._held
-        if late is None:
-            pending = self._matcher.missing()
-            # Without any part of the state there is no tick to answer yet.
-            if pending is None or set(STATE_TOPICS).issubset(pending[1]):
-                return
-            late = self._matcher.take_incomplete()
-        if late is not None:
-            self._answer(*late)
+        if self.awake.now_s() - self._waiting_since_s >= self._options.input_timeout_s:
+            self._answer_incomplete()
+
+    def _answer_incomplete(self) -> None:
+        matched = self._held or self._matcher.take_incomplete()
+        if matched is None:
+            self._waiting_since_s = None  # what is there has stamps of no trip
+        else:
+            self._answer(matched)
 
     # --- answers
 
-    def _answer(self, stamp_ns: int, values: Mapping[Topic, Any]) -> None:
+    def _answer(self, matched: MatchedSet[Topic]) -> None:
         self._waiting_since_s = None
+        self._unanswered_since_s = None
         self._held = None
-        measured = self._measurements(values)
+        measured = self._measurements(matched.values)
         decision = self._controller.decide(measured)
+        self._last, self._last_ns = decision, matched.stamp_ns
+        self._publish(matched.stamp_ns, decision)
         self._watch.update(measured, decision)
-        self._publish(stamp_ns, decision)
         self._count(decision)
-        self._last, self._last_ns = decision, stamp_ns
         self._report()
 
     def _measurements(self, values: Mapping[Topic, Any]) -> Measurements:
@@ -185,21 +225,16 @@ class ControllerNode(SuiteNode):
     # --- diagnostics
 
     def _report(self) -> None:
-        level, reason = situation(
-            self._last,
-            road_known=self._slope is not None,
-            road_fault=self._slope_fault,
-            watch=self._watch,
-        )
-        if self._last is None and self._matcher.missing() is not None:
-            level, reason = Level.WARN, "inputs of a tick are incomplete"
+        level, reason = self._situation()
+        counts = self._matcher.counts
         values: dict[str, object] = {
             "strategy": self._options.strategy,
             "horizon": self._options.horizon,
             "solver": self._options.solver,
             "machine_code": self._controller.backend.compiled,
             "limited_ticks": self._limited_ticks,
-            "late_messages": self._matcher.counts.late,
+            "late_messages": counts.late,
+            "stray_stamps": counts.stray,
         }
         for status in SolveStatus:
             values[f"solves_{status.name.lower()}"] = self._solves[status]
@@ -209,6 +244,19 @@ class ControllerNode(SuiteNode):
             values.update(_details(self._last))
             values.update(self._watch.values)
         self._reporter.report(self._last_ns, level, reason, values)
+
+    def _situation(self) -> tuple[Level, str]:
+        """Return what is wrong with the inputs as a whole, else the situation of the last decision."""
+        if self._watchdog.is_silent:
+            return Level.STALE, "no state arrives: the plant has stopped or cannot be heard"
+        patience_s = DEAF_AFTER_TIMEOUTS * self._options.input_timeout_s
+        since_s = self._unanswered_since_s
+        if since_s is not None and self.awake.now_s() - since_s > patience_s:
+            return Level.ERROR, "states arrive, but none that can be answered"
+        if self._last is None and self._matcher.missing() is not None:
+            return Level.WARN, "inputs of a tick are incomplete"
+        road = Road(known=self._slope is not None, fault=self._slope_fault)
+        return situation(self._last, road, self._watch)
 
 
 def _details(decision: Decision) -> dict[str, object]:

@@ -70,7 +70,8 @@ class ControllerNodeParameters(
     )
     input_timeout_s: float = parameter(
         2.0,
-        "wall time after which a tick with missing inputs is answered all the same",
+        "time after which a tick with missing inputs is answered all the same; wall time, or trip time where "
+        "that runs faster and the plant does not wait",
         "s",
         0.05,
         60.0,
@@ -103,7 +104,7 @@ class ControllerNodeParameters(
         base = strategy_by_name(self.strategy)
 
         def chosen(given: float, of_strategy: float) -> float:
-            return given if given >= 0.0 else of_strategy
+            return of_strategy if given == FROM_STRATEGY else given
 
         return replace(
             base,

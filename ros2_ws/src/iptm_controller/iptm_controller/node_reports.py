@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from iptm_controller.collision_guard import EMERGENCY
 from iptm_controller.controller import Decision
 from iptm_controller.forecast import PreviewQuality
-from iptm_controller.node_watch import OperatorWatch
+from iptm_controller.node_watch import CONCERNS, OperatorWatch
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import Plan
 from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.metrics.constraints import (
+    GAP_TOLERANCE_M,
+    SPEED_TOLERANCE_M_S,
+    TEMPERATURE_TOLERANCE_K,
+)
 from iptm_interfaces.codecs import PlanTrajectory
 from iptm_interfaces.diagnostics import Level
 
@@ -29,6 +36,15 @@ _PREVIEW_SITUATION = {
         "preview malformed or contradicted, leader taken at constant speed",
     ),
 }
+
+_BREAKS = "plans break limits of "
+_LIMITS = ("gap", "speed", "temperature")
+
+
+def is_about_limits(reason: str) -> bool:
+    """Return whether a reason of a warning tells of nothing but limits that the trip breaks."""
+    parts = reason.removeprefix(_BREAKS).split(", ")
+    return all(part in CONCERNS or part in _LIMITS for part in parts)
 
 
 def plan_trajectory(plan: Plan) -> PlanTrajectory:
@@ -50,22 +66,38 @@ def plan_trajectory(plan: Plan) -> PlanTrajectory:
     )
 
 
+@dataclass(frozen=True)
+class Road:
+    """What is known of the slope.
+
+    Attributes:
+        known: a usable slope has been received.
+        fault: what is wrong with the newest one, empty if nothing.
+    """
+
+    known: bool
+    fault: str = ""
+
+    @property
+    def warning(self) -> str:
+        """What the controller drives on instead of a good new slope, empty if there is one."""
+        if self.fault:
+            taken = "the last good one is used" if self.known else "road taken as flat"
+            return f"slope message malformed, {taken}"
+        return "" if self.known else "no slope received, road taken as flat"
+
+
 def situation(
-    decision: Decision | None,
-    *,
-    road_known: bool,
-    road_fault: str,
-    watch: OperatorWatch | None = None,
+    decision: Decision | None, road: Road, watch: OperatorWatch | None = None
 ) -> tuple[Level, str]:
     """Return severity and one short sentence without numbers, for the diagnostics.
 
     Args:
         decision: the last one, None before the first.
-        road_known: a slope has been received.
-        road_fault: what is wrong with it, empty if nothing.
+        road: what is known of the slope.
         watch: what has gone on for too long, added to the situation of the decision.
     """
-    level, reason = _of_decision(decision, road_known=road_known, road_fault=road_fault)
+    level, reason = _of_decision(decision, road)
     if watch is None or decision is None:
         return level, reason
     if not watch.warnings:
@@ -75,20 +107,34 @@ def situation(
     return level, ", ".join((reason, *watch.warnings))
 
 
-def _of_decision(
-    decision: Decision | None, *, road_known: bool, road_fault: str
-) -> tuple[Level, str]:
+def _of_decision(decision: Decision | None, road: Road) -> tuple[Level, str]:
     if decision is None:
-        return Level.OK, "waiting for state, leader and preview"
+        return Level.WARN, "waiting for state, leader and preview"
     if decision.rung in _RUNG_SITUATION:
         return _RUNG_SITUATION[decision.rung]
+    broken = _limits_broken(decision)
+    if broken:
+        return Level.WARN, _BREAKS + ", ".join(broken)
     result, forecast = decision.result, decision.forecast
     if result is not None and result.status is SolveStatus.FEASIBLE:
         return Level.WARN, "solver stopped early, feasible plan used"
     if forecast is not None and forecast.quality in _PREVIEW_SITUATION:
-        return _PREVIEW_SITUATION[forecast.quality]
-    if road_fault:
-        return Level.WARN, "slope message malformed, road taken as flat"
-    if not road_known:
-        return Level.WARN, "no slope received, road taken as flat"
+        level, reason = _PREVIEW_SITUATION[forecast.quality]
+        if level is not Level.OK or not road.warning:
+            return level, reason
+    if road.warning:
+        return Level.WARN, road.warning
     return Level.OK, "optimal plans"
+
+
+def _limits_broken(decision: Decision) -> tuple[str, ...]:
+    """Return the soft limits that the plan breaks."""
+    if decision.plan is None:
+        return ()
+    slacks = decision.plan.slacks
+    checks = (
+        ("gap", slacks.gap_m, GAP_TOLERANCE_M),
+        ("speed", slacks.speed_m_s, SPEED_TOLERANCE_M_S),
+        ("temperature", slacks.temperature_k, TEMPERATURE_TOLERANCE_K),
+    )
+    return tuple(name for name, slack, tolerance in checks if slack > tolerance)

@@ -31,6 +31,8 @@ _WARNINGS = {
     Concern.COOLING: "compressor at its limit without effect",
     Concern.PLAN: "plans never get back within limits",
 }
+CONCERNS = frozenset(_WARNINGS.values())
+"""All reasons to warn of something that has gone on for too long."""
 COLD = "cells below their lowest temperature, which forbids cooling"
 
 

@@ -15,8 +15,12 @@ from enum import Enum
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from iptm_interfaces.codecs.time import time_from_ns
+from iptm_interfaces.node_health import NodeHealth
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
+
+HARDWARE_ID = "iptm"
+"""Vehicle of a suite outside of any namespace."""
 
 
 class Level(Enum):
@@ -36,7 +40,11 @@ def _text(value: object) -> str:
 
 
 def build_status(
-    name: str, level: Level, reason: str, values: Mapping[str, object]
+    name: str,
+    level: Level,
+    reason: str,
+    values: Mapping[str, object],
+    hardware_id: str = HARDWARE_ID,
 ) -> DiagnosticStatus:
     """Return one status.
 
@@ -45,12 +53,13 @@ def build_status(
         level: severity.
         reason: the situation in one short sentence.
         values: numbers and texts behind it.
+        hardware_id: the vehicle.
     """
     return DiagnosticStatus(
         level=level.value,
         name=name,
         message=reason,
-        hardware_id="iptm",
+        hardware_id=hardware_id,
         values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
     )
 
@@ -82,6 +91,8 @@ class DiagnosticsReporter:
         period_s: float = 1.0,
         steady_time_s: Callable[[], float] = time.monotonic,
         on_change: Callable[[Level, str], None] | None = None,
+        health: NodeHealth | None = None,
+        hardware_id: str = HARDWARE_ID,
     ) -> None:
         """Set up a reporter.
 
@@ -91,12 +102,16 @@ class DiagnosticsReporter:
             period_s: smallest interval between two messages of the same level and reason.
             steady_time_s: clock in seconds, replaceable in tests.
             on_change: told about every new level or reason, for the log.
+            health: what the node survived; errors go before every reason, warnings before what is well.
+            hardware_id: the vehicle.
         """
         self._publish = publish
         self._name = name
         self._period_s = period_s
         self._steady_time_s = steady_time_s
         self._on_change = on_change
+        self._health = health or NodeHealth()
+        self._hardware_id = hardware_id
         self._last: tuple[Level, str] | None = None
         self._last_time_s = -math.inf
 
@@ -116,7 +131,8 @@ class DiagnosticsReporter:
                 logger.warning(reason)
 
         name = f"{node.get_fully_qualified_name()}: {component}"
-        return cls(publisher.publish, name, on_change=log)
+        vehicle = node.get_namespace().strip("/") or HARDWARE_ID
+        return cls(publisher.publish, name, on_change=log, health=node.health, hardware_id=vehicle)
 
     def report(
         self, stamp_ns: int, level: Level, reason: str, values: Mapping[str, object]
@@ -130,10 +146,16 @@ class DiagnosticsReporter:
             values: numbers and texts behind it.
         """
         now_s = self._steady_time_s()
+        if self._health.error:
+            level, reason = Level.ERROR, self._health.error
+        elif self._health.warning and level is Level.OK:
+            level, reason = Level.WARN, self._health.warning
         changed = (level, reason) != self._last
         if not changed and now_s - self._last_time_s < self._period_s:
             return False
-        message = DiagnosticArray(status=[build_status(self._name, level, reason, values)])
+        values = {**values, **self._health.values}
+        status = build_status(self._name, level, reason, values, self._hardware_id)
+        message = DiagnosticArray(status=[status])
         message.header.stamp = time_from_ns(stamp_ns)
         self._publish(message)
         if changed and self._on_change is not None:

@@ -1,9 +1,11 @@
 """The life of a node process: start, spin, stop, and an exit code that tells what happened.
 
+Errors in callbacks end no process; see `iptm_interfaces.suite_node.SuiteNode.guard`.
+
 | exit code | meaning |
 |---|---|
 | 0 | stopped by SIGINT or SIGTERM, or finished by itself |
-| 1 | a defect: an error that nobody expected, logged with its traceback |
+| 1 | a defect: an error that nobody expected, at the start or outside of every callback |
 | 2 | a mistake of the user (parameter, file, argument): one line on stderr, no traceback |
 """
 

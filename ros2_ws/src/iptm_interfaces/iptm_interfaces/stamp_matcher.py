@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from iptm_core.errors import ParameterError
+from iptm_interfaces.codecs.time import is_stamp
+from iptm_interfaces.stamp_gate import StampGate, Verdict
 
 K = TypeVar("K", bound=Hashable)
 
@@ -16,58 +18,108 @@ class MatcherCounts:
     """What became of the messages.
 
     Attributes:
-        matched: complete sets handed out.
+        matched: sets handed out.
         late: messages for a stamp not newer than the last set.
         duplicate: messages that replaced one of the same slot and stamp.
-        abandoned: incomplete sets given up, because a newer one was complete or memory was full.
+        abandoned: sets given up, because a newer one was handed out or memory was full.
+        stray: sets and messages whose stamp does not belong to the trip.
     """
 
     matched: int = 0
     late: int = 0
     duplicate: int = 0
     abandoned: int = 0
+    stray: int = 0
+
+
+@dataclass(frozen=True)
+class MatchedSet(Generic[K]):
+    """Messages of one stamp.
+
+    Attributes:
+        stamp_ns: the stamp.
+        values: one value per slot; not all of them if it was handed out incomplete, none if it is the
+            last set that was sent again.
+        verdict: what the stamp is to the trip.
+    """
+
+    stamp_ns: int
+    values: Mapping[K, Any]
+    verdict: Verdict
+
+
+@dataclass
+class _Pending(Generic[K]):
+    """Values of one stamp so far, and how many of the leading ones are among them."""
+
+    values: dict[K, Any]
+    led: int = 0
 
 
 class StampMatcher(Generic[K]):
     """Collects one value per named slot for each stamp and hands out complete sets.
 
-    Stamps are compared as integer nanoseconds, never approximately. Sets leave in increasing order
-    of stamp: once a set is complete, older ones can no longer become complete and are dropped.
+    Stamps are compared as integer nanoseconds, never approximately. Only the leading slots, those of the
+    state of the plant, tell where the trip stands: whatever arrives in the others with stray stamps is
+    collected beside the present tick and given up first. Sets leave in the order of the trip: once a set is
+    complete, older ones are dropped.
     """
 
-    def __init__(self, slots: Iterable[K], max_pending: int = 16) -> None:
+    def __init__(
+        self,
+        slots: Iterable[K],
+        leading: Iterable[K] | None = None,
+        max_pending: int = 16,
+        gate: StampGate | None = None,
+    ) -> None:
         """Set up a matcher.
 
         Args:
             slots: names that make a set complete.
-            max_pending: incomplete sets kept; beyond it the oldest is given up.
+            leading: those of them that tell the time of the trip, by default all.
+            max_pending: incomplete sets kept; beyond it one that is least likely the next tick is given up.
+            gate: judges the stamps of sets.
 
         Raises:
-            ParameterError: no slot, or no room.
+            ParameterError: no slot, no room, or a leading slot that is none.
         """
         self._slots = tuple(dict.fromkeys(slots))
-        if not self._slots or max_pending < 1:
+        self._leading = frozenset(self._slots if leading is None else leading)
+        if not (self._slots and self._leading) or max_pending < 1:
             raise ParameterError(
-                f"matcher has {len(self._slots)} slots and room for {max_pending} sets; "
-                "allowed: at least 1 of each"
+                f"matcher has {len(self._slots)} slots, {len(self._leading)} of them leading, and room "
+                f"for {max_pending} sets; allowed: at least 1 of each"
             )
         self._max_pending = max_pending
-        self._pending: dict[int, dict[K, Any]] = {}
-        self._last_ns: int | None = None
+        self._gate = gate or StampGate()
+        self._pending: dict[int, _Pending[K]] = {}
+        self._again: set[K] = set()
         self._counts = dict.fromkeys(("matched", "late", "duplicate", "abandoned"), 0)
 
     @property
     def counts(self) -> MatcherCounts:
         """What became of the messages so far."""
-        return MatcherCounts(**self._counts)
+        return MatcherCounts(**self._counts, stray=self._gate.strays)
+
+    @property
+    def duplicates(self) -> int:
+        """Messages that replaced one of the same slot and stamp."""
+        return self._counts["duplicate"]
+
+    @property
+    def gate(self) -> StampGate:
+        """Judge of the stamps."""
+        return self._gate
 
     @property
     def last_ns(self) -> int | None:
-        """Stamp of the last complete set."""
-        return self._last_ns
+        """Stamp of the last set handed out."""
+        return self._gate.now_ns
 
-    def put(self, slot: K, stamp_ns: int, value: Any) -> Mapping[K, Any] | None:
-        """Add a value; return the complete set if this was the last one missing.
+    def put(self, slot: K, stamp_ns: int, value: Any) -> MatchedSet[K] | None:
+        """Add a value; return the set if this was the last one missing.
+
+        The last set is returned once more, without values, when all of its leading slots came again.
 
         Args:
             slot: one of the names.
@@ -80,52 +132,93 @@ class StampMatcher(Generic[K]):
         if slot not in self._slots:
             allowed = ", ".join(map(str, self._slots))
             raise ParameterError(f"matcher has no slot {slot!r}; allowed: {allowed}")
-        if self._last_ns is not None and stamp_ns <= self._last_ns:
-            self._counts["late"] += 1
+        if not is_stamp(stamp_ns):
+            self._gate.turn_away()
             return None
-        values = self._pending.setdefault(stamp_ns, {})
+        if self._gate.is_late(stamp_ns):
+            self._counts["late"] += 1
+            if stamp_ns == self._gate.now_ns:
+                return self._put_again(slot, stamp_ns)
+        pending = self._pending.get(stamp_ns)
+        if pending is None:
+            pending = self._pending[stamp_ns] = _Pending({})
+        values = pending.values
         if slot in values:
             self._counts["duplicate"] += 1
+        elif slot in self._leading:
+            pending.led += 1
         values[slot] = value
         if len(values) == len(self._slots):
-            self._finish(stamp_ns)
-            return values
+            return self._hand_out(stamp_ns)
         if len(self._pending) > self._max_pending:
-            del self._pending[min(self._pending)]
+            del self._pending[min(self._pending, key=self._likelihood)]
             self._counts["abandoned"] += 1
         return None
 
-    def _finish(self, stamp_ns: int) -> None:
-        del self._pending[stamp_ns]
-        for older in [pending for pending in self._pending if pending < stamp_ns]:
-            del self._pending[older]
+    def _put_again(self, slot: K, stamp_ns: int) -> MatchedSet[K] | None:
+        self._again.add(slot)
+        if not self._leading <= self._again:
+            return None
+        self._again.clear()
+        return MatchedSet(stamp_ns, {}, self._gate.judge(stamp_ns))
+
+    def _hand_out(self, stamp_ns: int) -> MatchedSet[K] | None:
+        values = self._pending.pop(stamp_ns).values
+        verdict = self._gate.judge(stamp_ns)
+        if verdict is Verdict.STRAY:
+            return None
+        later = verdict is Verdict.NEXT
+        for other in [stamp for stamp in self._pending if not later or stamp < stamp_ns]:
+            del self._pending[other]
             self._counts["abandoned"] += 1
-        self._last_ns = stamp_ns
+        self._again.clear()
         self._counts["matched"] += 1
+        return MatchedSet(stamp_ns, values, verdict)
+
+    def _likelihood(self, stamp_ns: int) -> tuple[bool, int, int]:
+        """Return what orders pending sets by how likely they become the next tick."""
+        distance_ns = abs(stamp_ns - self._gate.expected_ns)
+        return self._gate.follows(stamp_ns), self._pending[stamp_ns].led, -distance_ns
+
+    def _candidates(self) -> list[int]:
+        """Stamps of the pending sets with a part of the leading slots, those of the trip if there are any."""
+        led = [stamp for stamp, pending in self._pending.items() if pending.led]
+        return [stamp for stamp in led if self._gate.follows(stamp)] or led
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether a part of the leading slots of a set is there, but not all of the set."""
+        return any(pending.led for pending in self._pending.values())
+
+    @property
+    def backlog_ns(self) -> int:
+        """Time from the last set to the newest one of the trip that lacks no leading slot.
+
+        0 while there is only one such set: then the plant may be waiting for the answer.
+        """
+        led = [
+            stamp
+            for stamp, pending in self._pending.items()
+            if pending.led == len(self._leading) and self._gate.follows(stamp)
+        ]
+        if len(led) < 2:
+            return 0
+        last_ns = self._gate.now_ns
+        return max(led) - (min(led) if last_ns is None else last_ns)
 
     def missing(self) -> tuple[int, tuple[K, ...]] | None:
-        """Return stamp and missing slots of the newest incomplete set, for a diagnostic reason."""
-        if not self._pending:
+        """Return stamp and missing slots of the set that `take_incomplete` would hand out."""
+        candidates = self._candidates()
+        if not candidates:
             return None
-        newest = max(self._pending)
-        values = self._pending[newest]
-        return newest, tuple(slot for slot in self._slots if slot not in values)
+        stamp_ns = max(candidates, key=lambda stamp: (self._pending[stamp].led, stamp))
+        values = self._pending[stamp_ns].values
+        return stamp_ns, tuple(slot for slot in self._slots if slot not in values)
 
-    def take_incomplete(self) -> tuple[int, Mapping[K, Any]] | None:
-        """Hand out the newest incomplete set with its stamp, for an answer with what there is.
+    def take_incomplete(self) -> MatchedSet[K] | None:
+        """Hand out the newest of the sets that lack least of the leading slots, for a makeshift answer.
 
         Older sets are given up; what still arrives for this stamp counts as late.
         """
-        if not self._pending:
-            return None
-        newest = max(self._pending)
-        values = self._pending[newest]
-        self._counts["abandoned"] += len(self._pending)
-        self._pending.clear()
-        self._last_ns = newest
-        return newest, values
-
-    def reset(self) -> None:
-        """Forget everything but the counts, for a trip that starts again at an earlier time."""
-        self._pending.clear()
-        self._last_ns = None
+        waiting = self.missing()
+        return None if waiting is None else self._hand_out(waiting[0])

@@ -1,20 +1,27 @@
-"""The base of every node of the suite: topics by key, and an orderly end."""
+"""The base of every node of the suite: topics by key, callbacks that cannot end it, and an orderly end."""
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from iptm_core.errors import ParameterError
+from iptm_core.errors import IptmError, ParameterError
 from iptm_core.strict_mapping import suggestion
+from iptm_interfaces.node_health import AwakeClock, NodeHealth, largest_message_bytes
 from iptm_interfaces.topics import TOPICS, Topic
 
+_LOG_THROTTLE_S = 5.0
+_KNOWN_DEFECTS = 20
+_GRAPH_PERIOD_S = 1.0
 _ROS_PARAMETERS = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 
 
@@ -22,13 +29,27 @@ class SuiteNode(Node):
     """A node that takes names, types and QoS from the topic table.
 
     Run it with `iptm_interfaces.process.run_node`, which watches `finished`.
+
+    Messages are looked at before they are decoded, and an exception of a callback is logged, counted and
+    told on the diagnostics instead of ending the node.
+
+    Attributes:
+        finished: the node has asked for its end.
+        exit_code: what the process shall return.
+        health: what the node survived.
+        awake: steady time without the stretches in which the process did not run.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)
         self.finished = False
         self.exit_code = 0
+        self.health = NodeHealth()
+        self.awake = AwakeClock()
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._known_defects: set[str] = set()
+        self._sole: dict[Topic, str] = {}
+        self.create_timer(AwakeClock.PERIOD_S, self.awake.tick, clock=self._steady_clock)
 
     def advertise(self, topic: Topic) -> Publisher:
         """Return a publisher for a topic of the table."""
@@ -46,11 +67,71 @@ class SuiteNode(Node):
             raw: leave out the conversion to a message object.
         """
         spec = TOPICS[topic]
-        return self.create_subscription(spec.message_type, spec.name, callback, spec.qos, raw=raw)
+        kind = None if raw else spec.message_type
+        take = partial(self._let_in, topic, kind, callback)
+        return self.create_subscription(spec.message_type, spec.name, take, spec.qos, raw=True)
+
+    def _let_in(
+        self, topic: Topic, kind: type[Any] | None, callback: Callable[[Any], None], data: bytes
+    ) -> None:
+        """Decode a message as a kind, unless it is too large, and hand it over."""
+        if len(data) > largest_message_bytes(topic):
+            allowed = largest_message_bytes(topic)
+            self.refuse(f"{topic.value}: {len(data)} bytes; allowed: up to {allowed}")
+            return
+        try:
+            message = data if kind is None else deserialize_message(data, kind)
+        except Exception as error:  # noqa: BLE001  the binding raises error types of its own
+            self.refuse(f"{topic.value}: {len(data)} bytes cannot be decoded: {error}")
+            return
+        self.guard(topic.value, callback, message)
+
+    def refuse(self, what: str) -> None:
+        """Count and log a message that is not taken; `what` names topic, value and rule."""
+        self.health.note_refusal(what)
+        self.get_logger().warning(what, throttle_duration_sec=_LOG_THROTTLE_S)
+
+    def guard(self, name: str, callback: Callable[..., None], *arguments: Any) -> None:
+        """Call a callback; what it raises is logged, counted and told, but does not end the node.
+
+        A message that breaks its promise is refused. Anything else is a defect of the program: the first
+        of its kind is logged with its traceback, all of them in a line.
+
+        Args:
+            name: topic or activity, for the log.
+            callback: called with the arguments.
+            *arguments: handed over.
+        """
+        try:
+            callback(*arguments)
+        except IptmError as error:
+            self.refuse(f"{name}: {error}")
+        except Exception as error:  # noqa: BLE001  the last line of defence of the node
+            *_, place = traceback.extract_tb(error.__traceback__)
+            what = f"{type(error).__name__} in {place.name}, line {place.lineno}: {error}"
+            self.health.note_defect(f"{name}: {what}")
+            if what not in self._known_defects and len(self._known_defects) < _KNOWN_DEFECTS:
+                self._known_defects.add(what)
+                self.get_logger().error(f"callback of {name} failed:\n{traceback.format_exc()}")
+            else:
+                text = f"callback of {name} failed again: {what}"
+                self.get_logger().error(text, throttle_duration_sec=_LOG_THROTTLE_S)
 
     def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """Return a timer on the steady clock, which trip time cannot stop or speed up."""
-        return self.create_timer(period_s, callback, clock=self._steady_clock)
+        name = f"the timer of {getattr(callback, '__name__', 'a callback')}"
+        guarded = partial(self.guard, name, callback)
+        return self.create_timer(period_s, guarded, clock=self._steady_clock)
+
+    def watch_peers(self, *topics: Topic) -> None:
+        """Look every second whether topics that one node of the graph publishes have several publishers."""
+        self._sole = {topic: TOPICS[topic].publisher for topic in topics}
+        self.every(_GRAPH_PERIOD_S, self._count_publishers)
+
+    def _count_publishers(self) -> None:
+        for topic, who in self._sole.items():
+            name = self.resolve_topic_name(TOPICS[topic].name)
+            self.health.note_publishers(who, int(self.count_publishers(name)))
 
     def reject_unknown_parameters(self) -> None:
         """Refuse overrides that no one declared: ROS ignores them, and with them every typo.

@@ -63,6 +63,10 @@ class Watchdog:
             self._on_silence(silence_s)
 
     def attach(self, node: SuiteNode) -> Watchdog:
-        """Check regularly on a steady timer of the node; return the watchdog itself."""
+        """Check regularly on a timer of the node; return the watchdog itself.
+
+        From now on only such silence counts in which the node itself was running.
+        """
+        self._steady_time_s = node.awake.now_s
         node.every(self.timeout_s / _CHECKS_PER_TIMEOUT, self.check)
         return self

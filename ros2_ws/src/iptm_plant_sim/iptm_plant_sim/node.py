@@ -1,7 +1,7 @@
 """The plant as a node: the simulated vehicle, master of time for everybody else.
 
 Exit codes beyond those of every node: 3, the controller was lost and the trip ended with the controlled
-stop.
+stop. 1 is also a vehicle model that failed.
 """
 
 from __future__ import annotations
@@ -9,17 +9,19 @@ from __future__ import annotations
 import math
 import sys
 
+from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 
-from iptm_core.errors import MessageError
+from iptm_core.errors import IptmError, MessageError
 from iptm_core.settings import LoopMode
 from iptm_core.state import Command
 from iptm_interfaces.codecs import decode_command, ns_from_time
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
+from iptm_interfaces.process import EXIT_DEFECT
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.node_publishers import PlantPublishers
@@ -29,9 +31,14 @@ from iptm_plant_sim.trip import CommandHold, TripPhase
 EXIT_CONTROLLER_LOST = 3
 
 MATCHING_PERIOD_S = 0.02
+CHECKS_PER_REPEAT = 5.0
 REPORT_PERIOD_S = 1.0
-STOP_TICK_WALL_S = 0.02
-"""Pace of the controlled stop in lock-step mode: nobody is waited for, but listeners can follow."""
+STOP_TICK_WALL_S = 0.1
+"""Pace of the controlled stop in lock-step mode: nobody is waited for, but a controller that is back can
+answer in time, and listeners can follow."""
+REPEAT_S = 2.5
+"""Lock-step: a state without an answer is published again after so much wall time, for whoever has been
+started meanwhile. More than the controller's wait for missing inputs: not without need."""
 
 
 class PlantNode(SuiteNode):
@@ -48,15 +55,22 @@ class PlantNode(SuiteNode):
         self._trip = self._options.build_trip()
         self._phase = TripPhase.WAITING
         self._controller_lost = False
+        self._controller_losses = 0
+        self._failure = ""
+        self._repeated_states = 0
         self._ignored_commands = 0
+        self._unfitting_commands = 0
         self._rejected_commands = 0
         self._awaited: tuple[str, ...] = ()
         self._hold = CommandHold(self._options.command_timeout_s)
         self._schedule: Schedule | None = None
+        self._published_s = 0.0
+        self._stop_timer: Timer | None = None
         self._outputs = PlantPublishers(self, self._trip.parameters)
         self._reporter = DiagnosticsReporter.of_node(self, "vehicle")
         self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
         self._watchdog.attach(self)
+        self.watch_peers(Topic.PLANT_ODOMETRY, Topic.COMMAND)
         self._commands = self.listen(Topic.COMMAND, self._on_command)
         self.every(REPORT_PERIOD_S, self._report)
         self._start_timer = self.every(MATCHING_PERIOD_S, self._start_when_matched)
@@ -77,7 +91,9 @@ class PlantNode(SuiteNode):
         self._start_timer.cancel()
         self._phase = TripPhase.RUNNING
         self._publish()
-        if self._is_real_time:
+        if not self._is_real_time:
+            self.every(REPEAT_S / CHECKS_PER_REPEAT, self._repeat_if_unanswered)
+        else:
             wall_period_s = self._options.period_s / self._options.rate_factor
             self._schedule = Schedule(wall_period_s)
             self._tick_timer = self.every(wall_period_s, self._on_wall_tick)
@@ -96,13 +112,28 @@ class PlantNode(SuiteNode):
         stamp_ns, command = self._read(message)
         if self._phase is TripPhase.WAITING or self._phase is TripPhase.FINISHED:
             return
-        answers_now = stamp_ns == self._trip.stamp_ns and self._phase is TripPhase.RUNNING
+        answers_now = stamp_ns == self._trip.stamp_ns
         usable = self._is_real_time or answers_now
         if not (usable and self._hold.offer(stamp_ns, command, self._trip.stamp_ns)):
             self._ignored_commands += 1
+            self._unfitting_commands += 1
+            if stamp_ns < self._trip.stamp_ns:
+                self.health.note_contradiction(TOPICS[Topic.COMMAND].publisher)
             self._report()
-        elif not self._is_real_time:
+            return
+        self._unfitting_commands = 0
+        if not self._is_real_time:
+            self._resume()
             self._advance(command)
+
+    def _resume(self) -> None:
+        """Lock-step: give the vehicle back to a controller that answers while it is being stopped."""
+        if self._phase is not TripPhase.STOPPING:
+            return
+        if self._stop_timer is not None:
+            self._stop_timer.cancel()
+        self._controller_lost = False
+        self._phase = TripPhase.RUNNING
 
     def _read(self, message: JointState) -> tuple[int, Command]:
         """Return stamp and decision; one that cannot be read counts as one without numbers.
@@ -119,7 +150,11 @@ class PlantNode(SuiteNode):
     # --- time
 
     def _advance(self, command: Command) -> None:
-        self._trip.advance(command)
+        try:
+            self._trip.advance(command)
+        except IptmError as error:
+            self._fail(error)
+            return
         self._publish()
 
     def _publish(self) -> None:
@@ -128,16 +163,27 @@ class PlantNode(SuiteNode):
         if over:
             self._finish()
         self._outputs.publish(self._trip.step)
+        self._published_s = self.awake.now_s()
         if not over and not self._is_real_time:
             self._watchdog.feed()
         self._report()
+
+    def _repeat_if_unanswered(self) -> None:
+        """Lock-step: publish the state once more for peers that were not there when it was published."""
+        if self._phase is not TripPhase.RUNNING:
+            return
+        if self.awake.now_s() - self._published_s >= REPEAT_S:
+            self._repeated_states += 1
+            self._outputs.publish(self._trip.step)
+            self._published_s = self.awake.now_s()
 
     def _on_wall_tick(self) -> None:
         if self._phase is TripPhase.FINISHED or self._schedule is None:
             return
         self._schedule.keep()
         now_ns = self._trip.stamp_ns
-        self._controller_lost = self._hold.is_lost(now_ns)
+        was_lost, self._controller_lost = self._controller_lost, self._hold.is_lost(now_ns)
+        self._controller_losses += self._controller_lost and not was_lost
         self._phase = TripPhase.STOPPING if self._controller_lost else TripPhase.RUNNING
         self._advance(self._hold.command_at(now_ns) or self._trip.stop_command())
 
@@ -147,6 +193,7 @@ class PlantNode(SuiteNode):
             self._report()
             return
         self._controller_lost = True
+        self._controller_losses += 1
         self._phase = TripPhase.STOPPING
         self._watchdog.disarm()
         self._report()
@@ -155,9 +202,10 @@ class PlantNode(SuiteNode):
     def _on_stop_tick(self) -> None:
         """Lock-step: one interval of the controlled stop.
 
-        A late answer does not resume the trip: its results could not be repeated any more.
+        A controller that answers the present state before the vehicle stands goes on with the trip. At
+        standstill the trip ends: nothing is gained by waiting longer than the timeout did already.
         """
-        if self._phase is TripPhase.FINISHED:
+        if self._phase is not TripPhase.STOPPING:
             return
         if self._trip.step.standstill:
             self._finish()
@@ -174,6 +222,15 @@ class PlantNode(SuiteNode):
         code = EXIT_CONTROLLER_LOST if self._controller_lost else 0
         self.every(max(self._options.linger_s, 1e-3), lambda: self.finish(code))
 
+    def _fail(self, error: IptmError) -> None:
+        """End the trip: the vehicle model has no next state."""
+        self._failure = str(error)
+        self.get_logger().error(f"the vehicle model failed: {error}")
+        self._phase = TripPhase.FINISHED
+        self._watchdog.disarm()
+        self._report()
+        self.every(max(self._options.linger_s, 1e-3), lambda: self.finish(EXIT_DEFECT))
+
     # --- diagnostics
 
     def _report(self) -> None:
@@ -188,6 +245,9 @@ class PlantNode(SuiteNode):
             "command_age_s": self._hold.age_s(trip.stamp_ns),
             "ignored_commands": self._ignored_commands,
             "rejected_commands": self._rejected_commands,
+            "repeated_states": self._repeated_states,
+            "controller_losses": self._controller_losses,
+            "failure": self._failure or "none",
             "limited_ticks": trip.limited_ticks,
             **{f"limited_{kind.value}": count for kind, count in trip.clamps.items()},
             "last_limit": trip.last_reason,
@@ -200,15 +260,20 @@ class PlantNode(SuiteNode):
     def _situation(self) -> tuple[Level, str]:
         if self._phase is TripPhase.WAITING:
             names = ", ".join(self._awaited)
-            return Level.OK, f"waiting for peers on {names}" if names else "waiting for peers"
+            return Level.WARN, f"waiting for peers on {names}" if names else "waiting for peers"
         if self._phase is TripPhase.FINISHED:
+            if self._failure:
+                return Level.ERROR, "the vehicle model failed"
             if self._controller_lost:
                 return Level.ERROR, "finished without a controller"
             return Level.OK, "finished"
+        lost = "no commands arrive"
+        if self._unfitting_commands:
+            lost = "commands arrive, but their stamps answer no state that waits for one"
         if self._phase is TripPhase.STOPPING:
-            return Level.ERROR, "no commands arrive: controlled stop"
+            return Level.ERROR, f"{lost}: controlled stop"
         if self._watchdog.is_silent:
-            return Level.STALE, "no commands arrive: waiting"
+            return Level.STALE, f"{lost}: waiting"
         if self._trip.is_limited:
             return Level.WARN, "commands exceed what the vehicle can do and are limited"
         return Level.OK, "running"

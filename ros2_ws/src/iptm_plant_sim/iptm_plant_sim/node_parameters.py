@@ -37,7 +37,8 @@ class PlantNodeParameters(
     )
     on_lost_controller: str = parameter(
         STOP,
-        "lock_step: stop the vehicle and end, or wait on (to debug a controller)",
+        "lock_step, after command_timeout_wall_s: stop the vehicle and end at standstill, unless a "
+        "controller answers before; or wait on for ever",
         choices=(STOP, WAIT),
     )
     expected_peers: int = parameter(

@@ -12,12 +12,15 @@ from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import LeaderState, SlopePreview, VehicleState
+from iptm_core.state import LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.plant import Plant, PlantStep
 from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.source import CycleSource
+
+Disturb = Callable[[Measurements], tuple[LeaderState, Measurements]]
+"""From what is true to the leader that counts and what the controller is told."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,7 @@ def run_closed_loop(
     controller: Controller,
     bridge_settings: PreviewSettings | None = None,
     on_tick: Callable[[int, Measurements, Decision], None] | None = None,
+    disturb: Disturb | None = None,
 ) -> ClosedLoopRun:
     """Drive a route from standstill.
 
@@ -50,6 +54,8 @@ def run_closed_loop(
         controller: a fresh controller.
         bridge_settings: preview length and imperfections.
         on_tick: called after every decision with the tick, what was measured and what was decided.
+        disturb: what faults make of every tick, see ``iptm_faults.injection``; None for none. The trajectory
+            has the leader that counts and the true state.
 
     Returns:
         The trajectory and the controller's answers.
@@ -60,17 +66,23 @@ def run_closed_loop(
     bridge = V2xBridge(source, bridge_settings)
     slope = source.slope_ahead()
     step = plant.observe(plant.initial_state())
+
+    def measure(state: VehicleState, tick: int) -> tuple[LeaderState, Measurements]:
+        answer = bridge.answer(round(tick * tick_s * NS_PER_S))
+        measured = Measurements(state, answer.leader, answer.preview, slope)
+        return (answer.leader, measured) if disturb is None else disturb(measured)
+
     observed: list[tuple[PlantStep, LeaderState]] = []
     records: list[DecisionRecord] = []
     for tick in range(ticks):
-        leader, measured = _measure(bridge, slope, step.state, tick, tick_s)
+        leader, measured = measure(step.state, tick)
         decision = controller.decide(measured)
         observed.append((step, leader))
         records.append(decision.record)
         if on_tick is not None:
             on_tick(tick, measured, decision)
         step = plant.advance(step.state, decision.command, tick_s)
-    leader, _ = _measure(bridge, slope, step.state, ticks, tick_s)
+    leader, _ = measure(step.state, ticks)
     observed.append((step, leader))
     trajectory = Trajectory.from_ticks(observed)
     return ClosedLoopRun(
@@ -78,10 +90,3 @@ def run_closed_loop(
         DecisionSeries.from_records(trajectory.time_s[:-1].tolist(), records),
         tuple(step for step, _ in observed),
     )
-
-
-def _measure(
-    bridge: V2xBridge, slope: SlopePreview, state: VehicleState, tick: int, tick_s: float
-) -> tuple[LeaderState, Measurements]:
-    answer = bridge.answer(round(tick * tick_s * NS_PER_S))
-    return answer.leader, Measurements(state, answer.leader, answer.preview, slope)

@@ -15,12 +15,13 @@ from pathlib import Path
 
 import iptm_controller
 import iptm_core
+import iptm_faults
 import iptm_plant_sim
 import iptm_v2x_bridge
 from iptm_core.errors import ScenarioError
 from iptm_core.provenance import installed_version
 
-_PACKAGES = (iptm_core, iptm_plant_sim, iptm_v2x_bridge, iptm_controller)
+_PACKAGES = (iptm_core, iptm_plant_sim, iptm_v2x_bridge, iptm_controller, iptm_faults)
 _STUDY_MODULES = ("channel_record.py", "closed_loop.py", "run.py", "whole_trip.py")
 _LIBRARIES = ("casadi", "numpy")
 

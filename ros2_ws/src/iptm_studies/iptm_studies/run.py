@@ -23,6 +23,8 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.provenance import git_revision, versions
 from iptm_core.settings import ThermalModel
 from iptm_core.trajectory import Trajectory
+from iptm_faults.injection import FaultInjection
+from iptm_faults.solver import FaultyController
 from iptm_plant_sim.plant import Plant
 from iptm_studies.channel_record import ChannelRecord, channel_record
 from iptm_studies.closed_loop import run_closed_loop
@@ -117,7 +119,13 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
     began = time.perf_counter()
     plant = Plant(inputs.parameters, route.slope.slope_at, spec.plant_step_s, spec.thermal_model)
     controller = Controller(inputs.parameters, controller_options(spec, route.duration_s))
-    loop = run_closed_loop(route, plant, controller, spec.bridge_settings(), on_tick=progress)
+    disturb = None
+    if spec.faults:
+        controller = FaultyController(inputs.parameters, controller, spec.faults, lambda _: None)
+        disturb = FaultInjection(spec.faults).disturb
+    loop = run_closed_loop(
+        route, plant, controller, spec.bridge_settings(), on_tick=progress, disturb=disturb
+    )
     trajectory: Trajectory = loop.trajectory
     decisions: DecisionSeries | None = loop.decisions
     channel: ChannelRecord | None = None

@@ -15,6 +15,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters, to_flat_dict
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route, build_route
+from iptm_faults.fault import plain_faults
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run_spec import RunSpec, canonical_json
 
@@ -89,6 +90,7 @@ def run_key(inputs: RunInputs) -> str:
         "tick_s": spec.tick_s,
         "plant_step_s": spec.plant_step_s,
         "thermal_model": spec.thermal_model.value,
+        "faults": plain_faults(spec.faults),
         "code": inputs.fingerprint,
     }
     return hashlib.sha256(canonical_json(content).encode()).hexdigest()[:KEY_LENGTH]

@@ -28,6 +28,8 @@ from iptm_core.settings import (
     TripSettings,
 )
 from iptm_core.strict_mapping import StrictMapping
+from iptm_faults.fault import Fault, faults_from, in_order, plain_faults
+from iptm_faults.injection import check_headless
 
 REPRODUCED_CYCLE = "comprehensive_identified"
 REPRODUCED_SET = "paper_identified"
@@ -103,6 +105,7 @@ class RunSpec(Settings):
         tick_s: sampling time of the loop.
         plant_step_s: longest integration step of the plant.
         thermal_model: cells that the plant has.
+        faults: what goes wrong, in the order of their beginning.
 
     Raises:
         IptmError: a value is unknown or out of range.
@@ -121,11 +124,14 @@ class RunSpec(Settings):
     tick_s: float = declared(SamplingSettings, "period_s", minimum=1e-3)
     plant_step_s: float = declared(IntegrationSettings, "integration_step_s", maximum=10.0)
     thermal_model: ThermalModel = declared(IntegrationSettings, "thermal_model")
+    faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "overrides", tuple(sorted(self.overrides)))
         object.__setattr__(self, "horizon", str(Horizon.parse(self.horizon)))
+        object.__setattr__(self, "faults", in_order(self.faults))
+        check_headless(self.faults)
         self.bridge_settings()
         if self.duration_s is not None and self.duration_s < self.tick_s:
             raise ScenarioError(
@@ -142,6 +148,7 @@ class RunSpec(Settings):
         content["kind"] = self.kind.value
         content["thermal_model"] = self.thermal_model.value
         content["overrides"] = dict(self.overrides)
+        content["faults"] = plain_faults(self.faults)
         return content
 
     @classmethod
@@ -158,6 +165,7 @@ class RunSpec(Settings):
                 **{
                     **written.content,
                     "overrides": tuple(written.section("overrides").content.items()),
+                    "faults": faults_from(written.content["faults"], written.where),
                     "strategy": Strategy(**written.section("strategy").content),
                     "solver": SolverSpec(**written.section("solver", _names(SolverSpec)).content),
                     "preview": PreviewSpec(
@@ -189,6 +197,7 @@ class RunSpec(Settings):
                 for key, value in asdict(self.preview).items()
                 if value != usual[key]
             ]
+        parts += [fault.describe() for fault in self.faults]
         return ", ".join(parts)
 
 

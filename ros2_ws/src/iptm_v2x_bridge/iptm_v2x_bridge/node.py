@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from dataclasses import replace
 
 from rosgraph_msgs.msg import Clock
 
@@ -12,12 +14,14 @@ from iptm_interfaces.codecs import (
     encode_leader_preview_bytes,
     encode_slope,
     ns_from_time,
+    time_from_ns,
 )
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
+from iptm_interfaces.stamp_gate import StampGate, Verdict
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
 from iptm_v2x_bridge.bridge import BridgeAnswer, V2xBridge
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
@@ -31,23 +35,28 @@ class BridgeNode(SuiteNode):
     """Publishes `v2x/slope` once, then `v2x/leader` and `v2x/leader_preview` for every `/clock`.
 
     The clock sets the pace in lock-step and in real time alike, so the node has no timer of its own
-    but for its diagnostics and the wait for its peers.
+    but for its diagnostics and the wait for its peers. A stray clock is not answered: whoever followed the
+    answer would lose the trip. The same clock again gets the same answer.
     """
 
     def __init__(self) -> None:
         super().__init__("v2x_bridge")
         self._options = declare_parameters(self, BridgeNodeParameters)
         self.reject_unknown_parameters()
-        source = self._options.build_source()
-        self._bridge = V2xBridge(source, self._options)
+        self._source = self._options.build_source()
+        self._bridge = V2xBridge(self._source, self._options)
+        self._bridge_before = self._bridge
+        self._gate = StampGate()
+        self._turned_away_s = -math.inf
         self._answer: BridgeAnswer | None = None
         self._unanswered_ns: int | None = None
         self._leader_publisher = self.advertise(Topic.LEADER)
         self._preview_publisher = self.advertise(Topic.LEADER_PREVIEW)
         self._slope_publisher = self.advertise(Topic.SLOPE)
-        self._slope_publisher.publish(encode_slope(source.slope_ahead()))
+        self._slope_publisher.publish(encode_slope(self._source.slope_ahead()))
         self._reporter = DiagnosticsReporter.of_node(self, "preview")
         self._watchdog = Watchdog(CLOCK_TIMEOUT_S, lambda _: self._report()).attach(self)
+        self.watch_peers(Topic.CLOCK, Topic.LEADER)
         self.every(REPORT_PERIOD_S, self._report)
         self._matching_timer = self.every(MATCHING_PERIOD_S, self._answer_if_matched)
         self.listen(Topic.CLOCK, self._on_clock)
@@ -55,8 +64,19 @@ class BridgeNode(SuiteNode):
 
     def _on_clock(self, message: Clock) -> None:
         time_ns = ns_from_time(message.clock)
-        if time_ns < 0:
-            return  # no trip has such a time; the watchdog reports the missing clock
+        verdict = self._gate.judge(time_ns)
+        if verdict is Verdict.STRAY:
+            self._turned_away_s = self.awake.now_s()
+            self.health.note_contradiction(TOPICS[Topic.CLOCK].publisher)
+            self._report()
+            return
+        if verdict is Verdict.NEW_TRIP and time_ns == 0:
+            # The trip so far is kept for the case that this clock was a stray one.
+            self._bridge_before = self._bridge
+            self._bridge = V2xBridge(self._source, self._options)
+        elif verdict is Verdict.RESUMED:
+            self._bridge = self._bridge_before
+        self._watchdog.timeout_s = max(CLOCK_TIMEOUT_S, self._gate.quiet_s)
         self._watchdog.feed()
         self._unanswered_ns = time_ns
         if self._peers_matched():
@@ -85,7 +105,10 @@ class BridgeNode(SuiteNode):
         if time_ns is None:
             return
         self._answer = self._bridge.answer(time_ns)
-        self._leader_publisher.publish(encode_leader(self._answer.leader))
+        # The stamp is that of the clock to the nanosecond, however late the hour.
+        leader = encode_leader(replace(self._answer.leader, time_s=0.0))
+        leader.header.stamp = time_from_ns(time_ns)
+        self._leader_publisher.publish(leader)
         self._preview_publisher.publish(encode_leader_preview_bytes(self._answer.preview, time_ns))
 
     def _report(self) -> None:
@@ -97,6 +120,7 @@ class BridgeNode(SuiteNode):
             "predictions_sent": self._bridge.sent,
             "dropouts": self._bridge.lost,
             "seed": self._options.seed,
+            "stray_stamps": self._gate.strays,
         }
         if answer is not None:
             values["preview_age_s"] = answer.preview_age_s
@@ -105,10 +129,12 @@ class BridgeNode(SuiteNode):
 
     def _situation(self, answer: BridgeAnswer | None) -> tuple[Level, str]:
         if answer is None and self._unanswered_ns is not None:
-            return Level.OK, "waiting for the expected peers"
+            return Level.WARN, "waiting for the expected peers"
         if answer is None:
-            return Level.OK, "waiting for the clock"
+            return Level.WARN, "waiting for the clock"
         if self._watchdog.is_silent:
+            if self.awake.now_s() - self._turned_away_s < CLOCK_TIMEOUT_S:
+                return Level.ERROR, "clocks arrive that do not belong to the trip, and no others"
             return Level.STALE, "the clock has stopped"
         if self._options.preview_mode is PreviewMode.NONE:
             return Level.OK, "leader only, no preview by choice"

@@ -58,7 +58,8 @@ def check_constraints(
     """Check every limit on every row of a run.
 
     Rates are checked from row to row, so that row 0 counts as the input before the run. Where a vehicle comes
-    to rest its deceleration ends with the motion: no command does that, and it breaks no limit.
+    to rest its deceleration ends with the motion, and where it meets its top speed its acceleration: no
+    command does that, and it breaks no limit.
 
     Args:
         trajectory: the run.
@@ -74,7 +75,9 @@ def check_constraints(
         run.acceleration_m_s2, limits.min_acceleration_m_s2, limits.max_acceleration_m_s2
     )
     jerk = _steps(run.acceleration_m_s2) - limits.max_jerk_m_s3 * intervals
-    jerk = np.where(_halts(run), -limits.max_jerk_m_s3 * intervals, jerk)
+    jerk = np.where(
+        _speed_ends_acceleration(run, limits.max_speed_m_s), -limits.max_jerk_m_s3 * intervals, jerk
+    )
     compressor = _outside(
         run.compressor_power_w, limits.min_compressor_power_w, limits.max_compressor_power_w
     )
@@ -135,11 +138,13 @@ def _steps(values: FloatArray) -> FloatArray:
     return steps
 
 
-def _halts(run: Trajectory) -> NDArray[np.bool_]:
-    """Return the rows in which braking has ended at standstill, shape (n,)."""
-    braked = np.concatenate(([False], run.acceleration_m_s2[:-1] < 0.0))
-    halts: NDArray[np.bool_] = braked & (run.speed_m_s == 0.0) & (run.acceleration_m_s2 == 0.0)
-    return halts
+def _speed_ends_acceleration(run: Trajectory, top_speed_m_s: float) -> NDArray[np.bool_]:
+    """Return the rows in which braking ended at standstill or speeding up at the top speed, shape (n,)."""
+    before = np.concatenate(([0.0], run.acceleration_m_s2[:-1]))
+    halts = (before < 0.0) & (run.speed_m_s == 0.0)
+    tops = (before > 0.0) & (run.speed_m_s == top_speed_m_s)
+    ends: NDArray[np.bool_] = (halts | tops) & (run.acceleration_m_s2 == 0.0)
+    return ends
 
 
 def _outside(values: FloatArray, lower: float, upper: float) -> FloatArray:

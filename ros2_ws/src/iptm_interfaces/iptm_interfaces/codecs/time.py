@@ -17,6 +17,11 @@ from iptm_core.trip_time import NS_PER_S
 _MAX_STAMP_NS = 2**31 * NS_PER_S - 1
 
 
+def is_stamp(stamp_ns: int) -> bool:
+    """Return whether a message can carry a stamp, so that it can be answered with the same."""
+    return 0 <= stamp_ns <= _MAX_STAMP_NS
+
+
 def ns_from_s(time_s: float) -> int:
     """Return seconds as integer nanoseconds, rounded to the nearest.
 
@@ -39,14 +44,17 @@ def time_from_ns(stamp_ns: int) -> Time:
     Raises:
         MessageError: the stamp is negative or does not fit 32-bit seconds.
     """
-    if not 0 <= stamp_ns <= _MAX_STAMP_NS:
+    if not is_stamp(stamp_ns):
         raise MessageError(f"stamp is {stamp_ns} ns; allowed: 0 to {_MAX_STAMP_NS}")
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def ns_from_time(message: Time) -> int:
-    """Return a stamp message as integer nanoseconds, the key for matching."""
+    """Return a stamp message as integer nanoseconds, the key for matching.
+
+    Whatever a sender wrote is returned, also what is no trip time; see `is_stamp`.
+    """
     return message.sec * NS_PER_S + message.nanosec
 
 

@@ -21,6 +21,8 @@ from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 
 BoolArray = NDArray[np.bool_]
+ANOTHER_LEADER_M = 3.0
+"""A leader that moves by so much more or less than its speed says is another car."""
 
 
 def below_s_min(run: Trajectory, parameters: ModelParameters) -> BoolArray:
@@ -75,11 +77,91 @@ def episodes(flags: BoolArray) -> list[tuple[int, int]]:
 
 def _kept_by_braking(run: Trajectory, parameters: ModelParameters, start: int, last: int) -> bool:
     """Return whether braking from a row on keeps s_min up to another row, both ends included."""
+    positions, speeds = _motion_when_braking(run, parameters, start, last)
+    rows = slice(start + 1, last + 1)
+    smallest = minimum_gap_m(speeds, run.leader_speed_m_s[rows], parameters.gap, parameters.limits)
+    gaps = run.leader_position_m[rows] - positions
+    return bool(np.all(gaps >= smallest - GAP_TOLERANCE_M))
+
+
+def avoidable_collisions(
+    run: Trajectory, parameters: ModelParameters, look_back_s: float, *, informed: bool
+) -> BoolArray:
+    """Return which of the rows without a gap a car with perfect brakes within its limits could have avoided.
+
+    Rows without a break are one episode. A car that is told the truth about its leader could brake in any row
+    at most ``look_back_s`` before it; any other one from the row on in which it can see what the leader does:
+    the one behind the last in which the leader did not lose speed, or the one in which another car leads.
+
+    Args:
+        run: the run, n rows.
+        parameters: limits of the inputs.
+        look_back_s: how far ahead an informed host knows of an episode: its horizon.
+        informed: the host is told all about its leader.
+
+    Returns:
+        The rows of avoidable episodes, shape (n,).
+    """
+    touching: BoolArray = run.gap_m <= 0.0
+    avoidable = np.zeros_like(touching)
+    for first, last in episodes(touching):
+        if informed:
+            earliest_s = float(run.time_s[first]) - look_back_s
+            starts = range(int(np.searchsorted(run.time_s, earliest_s)), first)
+        else:
+            starts = range(_seen_from(run, first), first)[:1]
+        avoidable[first : last + 1] = any(
+            gaps_when_braking(run, parameters, start, last)[1:].min() > 0.0 for start in starts
+        )
+    return avoidable
+
+
+def _seen_from(run: Trajectory, first: int) -> int:
+    """Return the row before another one from which on the leader is seen to do what it does until then."""
+    speeds, steps_m = run.leader_speed_m_s, np.diff(run.leader_position_m)
+    foreseen_m = 0.5 * (speeds[1:] + speeds[:-1]) * run.intervals_s
+    jumped = np.abs(steps_m - foreseen_m) > ANOTHER_LEADER_M
+    row = first
+    while row > 0 and speeds[row - 1] >= speeds[row] and not jumped[row - 1]:
+        row -= 1
+    if row > 0 and jumped[row - 1]:
+        return row
+    return min(row + 1, first - 1)
+
+
+def gaps_when_braking(
+    run: Trajectory, parameters: ModelParameters, start: int, last: int
+) -> FloatArray:
+    """Return the gaps of a car that brakes as hard as it can from a row on.
+
+    From its state in that row, the acceleration falls by the largest jerk in every interval down to its lower
+    bound and stays there until standstill. The leader moves as it did.
+
+    Args:
+        run: the run, n rows.
+        parameters: limits of the inputs.
+        start: row from which on it brakes.
+        last: last row that counts.
+
+    Returns:
+        Gaps in m of the rows from ``start`` to ``last``.
+    """
+    positions, _ = _motion_when_braking(run, parameters, start, last)
+    gaps: FloatArray = run.leader_position_m[start : last + 1] - np.concatenate(
+        ([run.position_m[start]], positions)
+    )
+    return gaps
+
+
+def _motion_when_braking(
+    run: Trajectory, parameters: ModelParameters, start: int, last: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return positions and speeds in the rows behind ``start`` up to ``last``."""
     limits = parameters.limits
     position, speed = float(run.position_m[start]), float(run.speed_m_s[start])
     acceleration = float(run.acceleration_m_s2[start])
-    for row in range(start + 1, last + 1):
-        interval_s = float(run.time_s[row] - run.time_s[row - 1])
+    positions, speeds = [], []
+    for interval_s in np.diff(run.time_s[start : last + 1]).tolist():
         acceleration = max(
             acceleration - limits.max_jerk_m_s3 * interval_s, limits.min_acceleration_m_s2
         )
@@ -89,10 +171,9 @@ def _kept_by_braking(run: Trajectory, parameters: ModelParameters, start: int, l
         elif acceleration < 0.0:
             position += speed * speed / (-2.0 * acceleration)
         speed = max(ahead, 0.0)
-        smallest = minimum_gap_m(speed, float(run.leader_speed_m_s[row]), parameters.gap, limits)
-        if run.leader_position_m[row] - position < smallest - GAP_TOLERANCE_M:
-            return False
-    return True
+        positions.append(position)
+        speeds.append(speed)
+    return np.array(positions), np.array(speeds)
 
 
 def fully_cooled_k(

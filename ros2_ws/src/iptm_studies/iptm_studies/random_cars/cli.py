@@ -12,11 +12,12 @@ from pathlib import Path
 from rich.console import Console
 
 from iptm_controller.ocp.compilation import CACHE_VARIABLE
+from iptm_core.user_input import number, whole_number
 from iptm_studies.campaign import Campaign
 from iptm_studies.cli import EXIT_FAILED_RUNS, add_cluster_options, compute, perform_command
 from iptm_studies.cluster import ClusterOptions
 from iptm_studies.execution import survey
-from iptm_studies.random_cars.draws import TWIN, random_study
+from iptm_studies.random_cars.draws import FAULT_SHARE, IMPERFECT_SHARE, TWIN, random_study
 from iptm_studies.random_cars.page import JudgedRun, campaign_page, verdict_lines
 from iptm_studies.random_cars.verdicts import judge
 from iptm_studies.run_inputs import resolve_inputs
@@ -36,18 +37,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="campaign", description=__doc__)
     parser.add_argument(
-        "--runs", type=int, default=RUNS, metavar="N", help=f"number of runs, {RUNS} by default"
+        "--runs",
+        type=whole_number,
+        default=RUNS,
+        metavar="N",
+        help=f"number of runs, {RUNS} by default",
     )
     parser.add_argument(
-        "--seed", type=int, default=SEED, metavar="S", help=f"seed of all draws, {SEED} by default"
+        "--seed",
+        type=whole_number,
+        default=SEED,
+        metavar="S",
+        help=f"seed of all draws, {SEED} by default",
     )
     parser.add_argument(
-        "--duration-s", type=float, metavar="T", help="length of all trips instead of those drawn"
+        "--duration-s", type=number, metavar="T", help="length of all trips instead of those drawn"
     )
     parser.add_argument(
         "--without-twins",
         action="store_true",
         help="leave out the warm twins of cold runs, and the verdict on traction energy with them",
+    )
+    parser.add_argument(
+        "--fault-share",
+        type=float,
+        default=FAULT_SHARE,
+        metavar="P",
+        help=f"share of the runs with faults, {FAULT_SHARE:g} by default",
+    )
+    parser.add_argument(
+        "--imperfect-share",
+        type=float,
+        default=IMPERFECT_SHARE,
+        metavar="P",
+        help=f"share of the runs without a perfect preview, {IMPERFECT_SHARE:g} by default",
     )
     parser.add_argument("--store", default="", metavar="DIR", help="folder of the results")
     parser.add_argument(
@@ -65,7 +88,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace, console: Console) -> int:
     study = random_study(
-        options.runs, options.seed, options.duration_s, with_twins=not options.without_twins
+        options.runs,
+        options.seed,
+        options.duration_s,
+        with_twins=not options.without_twins,
+        fault_share=options.fault_share,
+        imperfect_share=options.imperfect_share,
     )
     campaign = Campaign([study])
     store = ResultStore(Path(options.store) if options.store else default_store_folder() / FOLDER)
@@ -122,6 +150,10 @@ def _command(options: argparse.Namespace) -> str:
     command = f"scripts/campaign --runs {options.runs} --seed {options.seed}"
     if options.duration_s is not None:
         command += f" --duration-s {options.duration_s:g}"
+    if options.fault_share != FAULT_SHARE:
+        command += f" --fault-share {options.fault_share:g}"
+    if options.imperfect_share != IMPERFECT_SHARE:
+        command += f" --imperfect-share {options.imperfect_share:g}"
     return command + (" --without-twins" if options.without_twins else "")
 
 

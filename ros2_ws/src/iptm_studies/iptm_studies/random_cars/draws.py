@@ -19,13 +19,21 @@ from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import available_parameter_sets
 from iptm_core.routes.cycles import CYCLE_NAMES
+from iptm_core.settings import PreviewMode
+from iptm_faults.fault import Fault, in_order
+from iptm_faults.kinds import KINDS, FaultKind
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
-from iptm_studies.run_spec import RunSpec
+from iptm_studies.run_spec import PreviewSpec, RunSpec
 from iptm_studies.study import Case, Study
 
 MAX_TRIES = 500
 OVERRIDE_SHARE = 0.5
 """Probability that a parameter outside ``ALWAYS`` differs from that of its set."""
+FAULT_SHARE = 0.3
+"""Share of the runs in which something goes wrong; cars and trips are the same without."""
+MOST_FAULTS = 3
+IMPERFECT_SHARE = 0.3
+"""Share of the runs in which the preview is not perfect; cars and trips are the same without."""
 WARM_K = 308.15
 TWIN = "warm_twin"
 
@@ -114,8 +122,39 @@ SOMETIMES: Mapping[str, Draw] = {
 """Parameters that differ in some runs."""
 
 
+PREVIEWS: Mapping[str, Draw] = {
+    "preview_mode": OneOf((PreviewMode.FULL, PreviewMode.NONE), 0.8),
+    "preview_length_s": Uniform(8.0, 60.0),
+    "latency_s": Uniform(0.0, 5.0),
+    "dropout_probability": Uniform(0.0, 0.5),
+    "dropout_burst": OneOf((1, 2, 5, 10), 0.5),
+    "noise_std_m_s": Uniform(0.0, 2.0),
+}
+"""Settings of a preview that is not perfect; all but the mode differ in every other run."""
+
+FAULT_SIZES: Mapping[FaultKind, Uniform] = {
+    FaultKind.LEADER_CUT_IN: Uniform(4.0, 40.0),
+    FaultKind.LEADER_HARD_STOP: Uniform(2.0, 10.0),
+    FaultKind.LEADER_GONE: Uniform(50.0, 1000.0),
+    FaultKind.PREVIEW_JUMPING: Uniform(1.0, 100.0),
+    FaultKind.PREVIEW_FUTURE: Uniform(0.1, 1000.0),
+    FaultKind.LEADER_OVERLAP: Uniform(0.5, 20.0),
+    FaultKind.LEADER_JUMPING: Uniform(0.5, 10.0),
+    FaultKind.SLOPE_STEP: Uniform(-0.2, 0.2),
+    FaultKind.STATE_OVERHEATED: Uniform(100.0, 500.0),
+    FaultKind.STATE_JUMPING: Uniform(0.5, 10.0),
+}
+"""Sizes of faults; the other kinds have their usual one."""
+
+
 def random_study(
-    runs: int, seed: int, duration_s: float | None = None, *, with_twins: bool = True
+    runs: int,
+    seed: int,
+    duration_s: float | None = None,
+    *,
+    with_twins: bool = True,
+    fault_share: float = FAULT_SHARE,
+    imperfect_share: float = IMPERFECT_SHARE,
 ) -> Study:
     """Draw a campaign.
 
@@ -127,6 +166,8 @@ def random_study(
         seed: seed of all draws.
         duration_s: length of all trips; None for those drawn.
         with_twins: cold runs get their twin.
+        fault_share: share of the runs with faults, from 0 to 1.
+        imperfect_share: share of the runs with a preview that is not perfect, from 0 to 1.
 
     Raises:
         ScenarioError: numbers out of range, or no legal car was found.
@@ -135,9 +176,20 @@ def random_study(
         raise ScenarioError(f"runs is {runs}; allowed: at least 1")
     if seed < 0:
         raise ScenarioError(f"seed is {seed}; allowed: 0 or more")
+    for what, share in (("fault share", fault_share), ("imperfect share", imperfect_share)):
+        if not 0.0 <= share <= 1.0:
+            raise ScenarioError(f"{what} is {share}; allowed: 0 to 1")
     cases: list[Case] = []
     for number in range(1, runs + 1):
         inputs = _draw_run(np.random.default_rng([seed, number]), duration_s)
+        # From a generator of their own: with or without faults, a run has the same car and trip.
+        faults = np.random.default_rng([seed, number, 1])
+        if faults.random() < fault_share:
+            drawn = draw_faults(faults, inputs.route.duration_s)
+            inputs = replace(inputs, spec=replace(inputs.spec, faults=drawn))
+        previews = np.random.default_rng([seed, number, 2])
+        if previews.random() < imperfect_share:
+            inputs = replace(inputs, spec=replace(inputs.spec, preview=draw_preview(previews)))
         name = f"{number:04d}"
         cases.append(Case(name, {"run": number}, inputs.spec))
         if with_twins and has_twin(inputs):
@@ -167,6 +219,36 @@ def warm_twin(spec: RunSpec) -> RunSpec:
         "limits.max_temperature_k": 353.15,
     }
     return replace(spec, overrides=tuple({**dict(spec.overrides), **warm}.items()))
+
+
+def draw_preview(random: Generator) -> PreviewSpec:
+    """Return what the host is told of the leader where that is not perfect."""
+    settings = {
+        name: draw.draw(random)
+        for name, draw in PREVIEWS.items()
+        if name == "preview_mode" or random.random() < OVERRIDE_SHARE
+    }
+    return PreviewSpec(**settings)
+
+
+def draw_faults(random: Generator, duration_s: float) -> tuple[Fault, ...]:
+    """Return one fault or a few for a trip, of kinds that happen without ROS."""
+    kinds = [kind for kind, spec in KINDS.items() if spec.headless]
+    faults = []
+    for _ in range(1 + int(random.integers(MOST_FAULTS))):
+        kind = kinds[int(random.integers(len(kinds)))]
+        sizes = FAULT_SIZES.get(kind)
+        faults.append(
+            Fault(
+                kind,
+                start_s=round(float(random.uniform(0.0, duration_s))),
+                duration_s=round(float(random.uniform(1.0, 30.0))),
+                probability=1.0 if random.random() < 0.5 else Uniform(0.1, 1.0).draw(random),
+                seed=int(random.integers(1000)),
+                size=None if sizes is None else sizes.draw(random),
+            )
+        )
+    return in_order(faults)
 
 
 def _draw_run(random: Generator, duration_s: float | None) -> RunInputs:

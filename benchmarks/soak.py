@@ -1,0 +1,256 @@
+"""A long trip over ROS 2 with random faults: memory of every process, and ticks that went by without a word.
+
+    scripts/benchmark soak --ticks 100000
+
+A driving cycle is repeated until there are ticks enough, in lock-step and recorded. Random faults of topics,
+clock, stamps, solver and processes come and go. Every process is measured while the trip lasts.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.harness import resident_memory_mib, run_benchmark
+from iptm_bringup.drive import DriveOutcome
+from iptm_bringup.environment import domain_of_run
+from iptm_bringup.monitor import Snapshot, stamp_ns_of
+from iptm_bringup.run_folder import RunFolder
+from iptm_bringup.runner import Driven, RunOptions, drive_processes
+from iptm_bringup.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
+from iptm_core.errors import ScenarioError
+from iptm_core.routes.cycles import load_cycle
+from iptm_core.trip_time import NS_PER_S
+from iptm_faults.fault import Fault, in_order
+from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
+from iptm_interfaces.diagnostics import Level
+from iptm_interfaces.process import StopRequest
+from iptm_interfaces.topics import Topic
+from iptm_recording.bag_reader import BagReader
+
+EVERY_S = 100.0
+"""Trip time from one fault to the next."""
+WARM_UP_SHARE = 0.1
+"""Share of the trip after which memory counts: caches and the first plans are filled by then."""
+ALLOWED_GROWTH_MIB = 5.0
+WORD_WITHIN_S = 10.0
+_SAMPLE_S = 1.0
+# Each of these ends or restarts a trip, or the recorder, on purpose.
+_ENDS = (FaultKind.PROCESS_KILLED, FaultKind.DISK_FULL, FaultKind.SOLVER_EXCEPTION)
+
+
+@dataclass
+class MemoryWatch:
+    """Samples the memory of the processes of a run; told how far the run is, as a progress bar is.
+
+    Attributes:
+        samples: trip time and resident memory in MiB, by process name and number.
+    """
+
+    ticks: int
+    began_s: float = field(default_factory=time.monotonic)
+    samples: dict[str, list[tuple[float, float]]] = field(default_factory=lambda: defaultdict(list))
+    _sampled_s: float = 0.0
+    _shown: int = -1
+
+    def waiting(self, reason: str) -> None:
+        """Say nothing."""
+
+    def running(self, snapshot: Snapshot, wall_s: float) -> None:
+        """Take a sample when it is time to, and show every twentieth of the trip."""
+        now_s = time.monotonic()
+        if now_s - self._sampled_s >= _SAMPLE_S:
+            self._sampled_s = now_s
+            for name, resident_mib in children_mib():
+                self.samples[name].append((snapshot.time_s, resident_mib))
+        twentieth = int(20 * snapshot.time_s / self.ticks)
+        if twentieth > self._shown:
+            self._shown = twentieth
+            rate = snapshot.time_s / wall_s if wall_s else 0.0
+            print(f"{snapshot.time_s:.0f} of {self.ticks} ticks, {rate:.0f} a second", flush=True)
+
+    def close(self) -> None:
+        """Leave everything as it is."""
+
+    def growth_mib(self) -> dict[str, float]:
+        """Return by how much each process that lived long enough grew after its warm-up."""
+        grown = {}
+        for name, samples in self.samples.items():
+            times_s, resident_mib = np.array(samples).T
+            lived_s = times_s[-1] - times_s[0]
+            if lived_s < 0.2 * self.ticks:
+                continue
+            early = times_s <= times_s[0] + 2.0 * WARM_UP_SHARE * lived_s
+            early &= times_s >= times_s[0] + WARM_UP_SHARE * lived_s
+            late = times_s >= times_s[-1] - WARM_UP_SHARE * lived_s
+            grown[name] = float(np.median(resident_mib[late]) - np.median(resident_mib[early]))
+        return grown
+
+
+def children_mib() -> list[tuple[str, float]]:
+    """Return name, with the process id, and resident memory in MiB of the children of this process."""
+    found = []
+    for task in Path("/proc/self/task").iterdir():
+        for pid in (task / "children").read_text().split():
+            name, resident_mib = _module(pid), resident_memory_mib(int(pid))
+            if name and math.isfinite(resident_mib):  # else it has just ended
+                found.append((f"{name} {pid}", resident_mib))
+    return found
+
+
+def _module(pid: str) -> str:
+    """Return the module that a Python process runs, empty if there is none."""
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
+    except OSError:
+        return ""
+    return words[words.index("-m") + 1] if "-m" in words else ""
+
+
+def random_faults(duration_s: float, every_s: float, seed: int) -> tuple[Fault, ...]:
+    """Return one random fault every so often, of all kinds that do not end a trip."""
+    random = np.random.default_rng(seed)
+    kinds = [kind for kind in FaultKind if kind not in _ENDS]
+    targets = ("v2x_bridge", "controller")
+    faults = []
+    for start_s in np.arange(every_s, duration_s - every_s, every_s).tolist():
+        kind = kinds[int(random.integers(len(kinds)))]
+        of_process = KINDS[kind].place is FaultPlace.PROCESS
+        faults.append(
+            Fault(
+                kind,
+                start_s + float(random.integers(int(every_s / 4.0))),
+                float(random.integers(1, 6)),
+                1.0 if random.random() < 0.5 else 0.5,
+                seed=int(random.integers(1000)),
+                size=2.0 if kind is FaultKind.PROCESS_FROZEN else None,
+                target=targets[int(random.integers(len(targets)))] if of_process else "",
+            )
+        )
+    return in_order(faults)
+
+
+def long_cycle(name: str, ticks: int, folder: Path) -> Path:
+    """Write a driving cycle, repeated, as a CSV file of so many seconds; return its path."""
+    cycle = load_cycle(name)
+    speeds = np.resize(cycle.speeds_m_s[:-1], ticks)
+    path = folder / "soak.csv"
+    rows = (f"{second},{speed!r}" for second, speed in enumerate([*speeds.tolist(), 0.0]))
+    path.write_text("time_s,speed_m_s\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def measure(
+    ticks: int = 100_000, every_s: float = EVERY_S, seed: int = 1, cycle: str = "nycc"
+) -> dict[str, Any]:
+    """Drive a long trip with random faults.
+
+    Args:
+        ticks: length of the trip in s.
+        every_s: trip time from one fault to the next.
+        seed: of the faults.
+        cycle: what is repeated; one that begins and ends at standstill.
+
+    Returns:
+        Growth of memory by process, ticks, ticks without an answer and without a word, and how it ended.
+
+    Raises:
+        ScenarioError: too few ticks; memory grew, a tick was lost without a word, or the trip ended early.
+    """
+    if ticks < 10 * every_s:
+        raise ScenarioError(f"ticks is {ticks}; allowed: at least {10 * every_s:g}, ten faults")
+    stop, watch = StopRequest(), MemoryWatch(ticks)
+    stop.install()
+    faults = random_faults(float(ticks), every_s, seed)
+    with tempfile.TemporaryDirectory(prefix="soak_") as text:
+        folder = Path(text)
+        scenario = Scenario(
+            name="soak",
+            cycle=str(long_cycle(cycle, ticks, folder)),
+            slope="flat",
+            node_parameters={"controller": {"input_timeout_s": 0.3}},
+            faults=faults,
+        )
+        run_folder = RunFolder(folder / "run")
+        options = RunOptions(run_folder.output, picture=False)
+        with domain_of_run(AUTOMATIC_DOMAIN, {}) as domain:
+            driven = drive_processes(run_folder, prepare(scenario), options, domain, watch, stop)
+        run_folder.settle()
+        found = _ticks_of(driven, run_folder.output)
+    numbers = {
+        "ticks": ticks,
+        "wall_s": round(time.monotonic() - watch.began_s, 1),
+        "ended": driven.result.message or driven.result.outcome.value,
+        "faults": len(faults),
+        "process_faults": len(driven.process_faults.records),
+        "growth_mib": {name: round(grown, 2) for name, grown in watch.growth_mib().items()},
+        **found,
+    }
+    _refuse_what_did_not_hold(numbers)
+    return numbers
+
+
+def _refuse_what_did_not_hold(numbers: dict[str, Any]) -> None:
+    """Raise an error with all numbers if the trip was not as it should be."""
+    problems = [
+        f"{name} grew by {grown} MiB; allowed: {ALLOWED_GROWTH_MIB:g} MiB"
+        for name, grown in numbers["growth_mib"].items()
+        if grown > ALLOWED_GROWTH_MIB
+    ]
+    problems += [
+        f"{key} is {numbers[key]}; allowed: 0"
+        for key in ("states_missing", "unanswered_without_a_word")
+        if numbers[key]
+    ]
+    if numbers["states_in_bag"] < numbers["states_heard"]:
+        problems.append(
+            f"states_in_bag is {numbers['states_in_bag']}; allowed: all that were heard"
+        )
+    if numbers["ended"] != DriveOutcome.FINISHED.value:
+        problems.append(f"the trip ended early: {numbers['ended']}")
+    if problems:
+        raise ScenarioError(f"{'; '.join(problems)}\n{json.dumps(numbers, indent=1)}")
+
+
+def _ticks_of(driven: Driven, bag: Path) -> dict[str, Any]:
+    """Return what became of the ticks, from what the runner heard and from the bag."""
+    heard = driven.monitor.recorded
+    states = {stamp_ns_of(data) for data in heard[Topic.PLANT_ODOMETRY]}
+    answered = {stamp_ns_of(data) for data in heard[Topic.SOLVE]}
+    bad = np.array(
+        [
+            about_ns
+            for about_ns, _, status in driven.monitor.statements
+            if status.level != Level.OK.value
+        ]
+    )
+    last_ns = max(states)
+    unanswered = sorted(states - answered - {last_ns})
+    silent = [
+        stamp_ns
+        for stamp_ns in unanswered
+        if not np.any(np.abs(bad - stamp_ns) <= WORD_WITHIN_S * NS_PER_S)
+    ]
+    expected = set(range(0, last_ns + 1, NS_PER_S))
+    with BagReader(bag) as reader:
+        recorded = reader.topics["/plant/odometry"].message_count
+    return {
+        "states_heard": len(states),
+        "states_missing": len(expected - states),
+        "states_in_bag": recorded,
+        "unanswered": len(unanswered),
+        "unanswered_without_a_word": len(silent),
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(run_benchmark(measure))

@@ -1,0 +1,81 @@
+"""Trips without ROS: the same pure faults, a thousand times faster, judged by the same measures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from iptm_bringup.fault_table.catalogue import PlannedTrip
+from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement
+from iptm_bringup.scenario import CONTROLLER
+from iptm_controller.controller import Controller, ControllerOptions, Decision
+from iptm_controller.measurements import Measurements
+from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_controller.node_reports import Road, situation
+from iptm_controller.node_watch import OperatorWatch
+from iptm_controller.solvers.factory import build_solver
+from iptm_controller.solvers.interface import SolverBackend
+from iptm_core.decision_record import Rung
+from iptm_core.parameters import load_parameters
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
+from iptm_faults.fault import Fault
+from iptm_faults.injection import FaultInjection
+from iptm_faults.solver import FaultyController
+from iptm_plant_sim.plant import Plant
+from iptm_studies.closed_loop import run_closed_loop
+from iptm_studies.random_cars.bounds import BoolArray
+
+PARAMETERS = load_parameters().values
+
+
+class HeadlessDriver:
+    """Drives one trip after the other with one solver, which remembers nothing."""
+
+    def __init__(self) -> None:
+        self._backend: SolverBackend = build_solver(
+            ControllerOptions().horizon, PARAMETERS, ControllerOptions().solver
+        )
+
+    def drive(self, plan: PlannedTrip, faults: Iterable[Fault] | None = None) -> ObservedTrip:
+        """Drive a trip.
+
+        Args:
+            plan: the trip.
+            faults: those of the plan by default; none for its sound twin.
+        """
+        chosen = plan.faults if faults is None else tuple(faults)
+        options = ControllerOptions(trip_duration_s=plan.route.duration_s)
+        sound = Controller(PARAMETERS, options, self._backend)
+        controller = FaultyController(PARAMETERS, sound, chosen, lambda _: None)
+        watch = OperatorWatch(PARAMETERS, ControllerNodeParameters())
+        statements: list[Statement] = []
+        rungs: dict[float, Rung] = {}
+
+        def note(tick: int, measured: Measurements, decision: Decision) -> None:
+            watch.update(measured, decision)
+            level, reason = situation(decision, Road(known=True), watch)
+            last = statements[-1] if statements else None
+            if last is None or (last.level, last.reason) != (level, reason):
+                statements.append(Statement(float(tick), CONTROLLER, level, reason))
+            rungs[float(tick)] = decision.rung
+
+        plant = Plant(PARAMETERS, plan.route.slope.slope_at)
+        disturb = FaultInjection(chosen).disturb
+        run = run_closed_loop(plan.route, plant, controller, on_tick=note, disturb=disturb)
+        return ObservedTrip(
+            plan,
+            PARAMETERS,
+            run.trajectory,
+            leader_apart(plan, run.trajectory),
+            rungs,
+            statements,
+            [Happened(fault.start_s, fault.end_s) for _, fault in plan.entries],
+        )
+
+
+def leader_apart(plan: PlannedTrip, trajectory: Trajectory) -> BoolArray:
+    """Return the rows in which the leader that counts is not where that of the route is."""
+    own: FloatArray = plan.route.leader.positions_at(trajectory.time_s)
+    return np.abs(trajectory.leader_position_m - own) > 1e-6

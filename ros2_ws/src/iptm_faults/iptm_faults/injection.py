@@ -1,0 +1,81 @@
+"""Faults in the loop without ROS: one call a tick, from what is to what is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from iptm_controller.measurements import Measurements
+from iptm_core.errors import ScenarioError
+from iptm_core.state import LeaderPreview, LeaderState, SlopePreview
+from iptm_core.trip_time import NS_PER_S
+from iptm_faults.fault import Fault, at_places
+from iptm_faults.kinds import KINDS, FaultPlace
+from iptm_faults.signals import PreviewFaults, told_leader, told_slope, told_state
+from iptm_faults.traffic import Traffic
+
+NO_LEADER = "no measurement of the leader received"
+
+
+def check_headless(faults: Iterable[Fault]) -> None:
+    """Refuse faults that cannot happen without ROS.
+
+    Raises:
+        ScenarioError: names the first of them and what is allowed.
+    """
+    for fault in faults:
+        if not fault.spec.headless:
+            allowed = ", ".join(kind for kind, spec in KINDS.items() if spec.headless)
+            raise ScenarioError(f"fault is {fault.kind}; allowed without ROS: {allowed}")
+
+
+class FaultInjection:
+    """Changes traffic and measurements of a closed loop; ticks in increasing order of time.
+
+    The controller is given what its node would give it: what does not arrive is left out, with the reason.
+    """
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        """Set up the faults of one trip.
+
+        Raises:
+            ScenarioError: one of them needs ROS.
+        """
+        self._faults = tuple(faults)
+        check_headless(self._faults)
+        self._traffic = Traffic(self._faults)
+        self._previews = PreviewFaults(self._faults)
+        self._road = at_places(self._faults, FaultPlace.ROAD)
+        self._slope: tuple[tuple[bool, ...], SlopePreview] | None = None
+
+    def disturb(self, measured: Measurements) -> tuple[LeaderState, Measurements]:
+        """Return the leader that counts, and what the controller is told.
+
+        Args:
+            measured: state, leader, preview and slope as they are; all but the preview are there.
+        """
+        state, own = measured.state, measured.leader
+        if state is None or own is None:
+            raise ScenarioError(
+                "measurements lack state or leader; allowed: what the plant and bridge say"
+            )
+        now_ns = round(state.time_s * NS_PER_S)
+        leader = self._traffic.leader(own, state.position_m)
+        told = told_leader(self._faults, now_ns, leader, state.position_m)
+        preview = self._previews.told(now_ns, self._traffic.preview(measured.preview))
+        return leader, replace(
+            measured,
+            state=told_state(self._faults, now_ns, state),
+            leader=told,
+            preview=LeaderPreview.empty() if preview is None else preview,
+            slope=self._told_slope(now_ns, measured.slope),
+            fault="" if told is not None else NO_LEADER,
+        )
+
+    def _told_slope(self, now_ns: int, slope: SlopePreview) -> SlopePreview:
+        if not self._road:
+            return slope
+        hit = tuple(fault.hits(now_ns) for fault in self._road)
+        if self._slope is None or self._slope[0] != hit:
+            self._slope = (hit, told_slope(self._road, now_ns, slope))
+        return self._slope[1]

@@ -1,0 +1,305 @@
+"""The injector as a node: comes between the nodes of the loop and changes what they tell each other.
+
+Without a fault it hands on the very bytes; a fault changes the messages of the ticks that it hits. Ticks are
+told by stamps and no timer takes part, so lock-step runs repeat.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message, serialize_message
+
+from iptm_core.errors import MessageError
+from iptm_core.state import SlopePreview
+from iptm_core.trip_time import NS_PER_S
+from iptm_faults.fault import Fault, at_places
+from iptm_faults.kinds import FaultKind, FaultPlace
+from iptm_faults.node_messages import changed_state_message, stamp_ns_of, with_stamp
+from iptm_faults.node_parameters import InjectorNodeParameters
+from iptm_faults.signals import PreviewFaults, told_leader, told_slope
+from iptm_faults.traffic import Traffic
+from iptm_faults.wiring import route_name, told_name
+from iptm_interfaces.codecs import (
+    decode_leader,
+    decode_leader_preview_bytes,
+    decode_slope,
+    encode_leader,
+    encode_leader_preview_bytes,
+    encode_slope,
+)
+from iptm_interfaces.command_line import node_main
+from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.parameters import declare_parameters
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import STATE_TOPICS, TOPICS, Topic
+
+MATCHING_PERIOD_S = 0.02
+REPORT_PERIOD_S = 1.0
+STRANGERS = 20
+"""Messages of a stranger in a tick."""
+
+_REMEMBERED_TICKS = 50
+_STRANGER = {
+    FaultKind.FOREIGN_CLOCK: Topic.CLOCK,
+    FaultKind.FOREIGN_LEADER: Topic.LEADER,
+    FaultKind.FOREIGN_PREVIEW: Topic.LEADER_PREVIEW,
+}
+
+
+class InjectorNode(SuiteNode):
+    """Hands on state, leader, preview, slope and clock, and changes what the faults of the run say."""
+
+    def __init__(self) -> None:
+        super().__init__("fault_injector")
+        self._options = declare_parameters(self, InjectorNodeParameters)
+        self.reject_unknown_parameters()
+        self._faults = self._options.listed()
+        self._traffic = Traffic(self._faults)
+        self._previews = PreviewFaults(self._faults)
+        self._of_state = at_places(self._faults, FaultPlace.STATE)
+        self._of_leader = at_places(self._faults, FaultPlace.LEADER)
+        self._of_clock = at_places(self._faults, FaultPlace.CLOCK)
+        self._strangers = at_places(self._faults, FaultPlace.STAMPS)
+        self._road = at_places(self._faults, FaultPlace.ROAD)
+        self._slope: SlopePreview | None = None
+        self._slope_hit: tuple[bool, ...] = ()
+        self._host_positions_m: dict[int, float] = {}
+        self._waiting_leaders: dict[int, bytes] = {}
+        self._waiting_previews: dict[int, bytes] = {}
+        self._leader_ns = -1
+        self._last_odometry: bytes | None = None
+        self._held_back: list[tuple[Publisher, bytes]] = []
+        self._now_ns = 0
+        self._changed = 0
+        told = (*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE, Topic.CLOCK)
+        self._told = {topic: self._publisher(topic, told_name(topic.value)) for topic in told}
+        self._newest: dict[Topic, bytes] = {}
+        self._true = {
+            topic: self.advertise(topic) for topic in (Topic.LEADER, Topic.LEADER_PREVIEW)
+        }
+        self._reporter = DiagnosticsReporter.of_node(self, "faults")
+        self._matching_timer = self.every(MATCHING_PERIOD_S, self._release_if_matched)
+        self._hear(Topic.SLOPE, Topic.SLOPE.value, self._on_slope)
+        for topic in STATE_TOPICS:
+            self._hear(topic, topic.value, partial(self._on_state, topic))
+        self._hear(Topic.LEADER, route_name(Topic.LEADER.value), self._on_leader)
+        self._hear(Topic.LEADER_PREVIEW, route_name(Topic.LEADER_PREVIEW.value), self._on_preview)
+        self._hear(Topic.CLOCK, Topic.CLOCK.value, self._on_clock)
+        self.every(REPORT_PERIOD_S, self._report)
+        self._report()
+
+    def _publisher(self, topic: Topic, name: str) -> Publisher:
+        spec = TOPICS[topic]
+        return self.create_publisher(spec.message_type, name, spec.qos)
+
+    def _hear(self, topic: Topic, name: str, callback: Callable[[bytes], None]) -> None:
+        spec = TOPICS[topic]
+        guarded = partial(self.guard, name, callback)
+        self.create_subscription(spec.message_type, name, guarded, spec.qos, raw=True)
+
+    # --- what is handed on
+
+    def _send(self, publisher: Publisher, data: bytes) -> None:
+        """Publish bytes; before everyone listens, keep them, as the first message counts, too."""
+        if self._matching_timer.is_canceled():
+            publisher.publish(data)
+        else:
+            self._held_back.append((publisher, data))
+
+    def _tell(self, topic: Topic, data: bytes, *, changed: bool = False) -> None:
+        self._changed += changed
+        self._newest[topic] = data
+        self._send(self._told[topic], data)
+
+    def _release_if_matched(self) -> None:
+        expected = self._options.expected_peers
+        if self._true[Topic.LEADER_PREVIEW].get_subscription_count() < expected:
+            return
+        if min(publisher.get_subscription_count() for publisher in self._told.values()) < 1:
+            return
+        self._matching_timer.cancel()
+        for publisher, data in self._held_back:
+            publisher.publish(data)
+        self._held_back.clear()
+
+    # --- state and clock
+
+    def _on_state(self, topic: Topic, data: bytes) -> None:
+        stamp_ns = stamp_ns_of(data)
+        if topic is not Topic.PLANT_ODOMETRY:
+            self._tell_state(topic, stamp_ns, data)
+            return
+        message = deserialize_message(data, Odometry)
+        self._host_positions_m[stamp_ns] = message.pose.pose.position.x
+        while len(self._host_positions_m) > _REMEMBERED_TICKS:
+            del self._host_positions_m[next(iter(self._host_positions_m))]
+        before, self._last_odometry = self._last_odometry, data
+        for fault in self._of_state:
+            if not fault.hits(stamp_ns):
+                continue
+            if fault.kind is FaultKind.STATE_LATE:
+                self._later(fault.magnitude, partial(self._tell, topic, data, changed=True))
+                break
+            if fault.kind is FaultKind.STATE_REPEATED:
+                self._tell(topic, before or data, changed=True)
+                break
+            if fault.kind is FaultKind.STATE_BACKWARDS:
+                past_ns = stamp_ns - round(fault.magnitude * NS_PER_S)
+                self._tell(topic, with_stamp(data, past_ns), changed=True)
+                break
+        else:
+            self._tell_state(topic, stamp_ns, data)
+        if stamp_ns in self._waiting_leaders:
+            self._on_leader(self._waiting_leaders.pop(stamp_ns))
+
+    def _tell_state(self, topic: Topic, stamp_ns: int, data: bytes) -> None:
+        told = changed_state_message(self._of_state, topic, stamp_ns, data)
+        self._tell(topic, told, changed=told is not data)
+
+    def _later(self, delay_s: float, action: Callable[[], None]) -> None:
+        timer: Any = None
+
+        def once() -> None:
+            timer.cancel()
+            self.destroy_timer(timer)
+            action()
+
+        timer = self.every(max(delay_s, 1e-3), once)
+
+    def _on_clock(self, data: bytes) -> None:
+        self._now_ns = now_ns = stamp_ns_of(data)
+        self._visit_strangers(now_ns)
+        hitting = [fault for fault in self._of_clock if fault.hits(now_ns)]
+        if not any(fault.kind is FaultKind.CLOCK_PAUSED for fault in hitting):
+            off_s = sum(fault.magnitude for fault in hitting)
+            told = with_stamp(data, now_ns + round(off_s * NS_PER_S)) if hitting else data
+            self._tell(Topic.CLOCK, told)
+        self._changed += bool(hitting)
+        self._report()
+
+    def _visit_strangers(self, now_ns: int) -> None:
+        """Send the messages of strangers: the newest ones with stamps of their own."""
+        for fault in self._strangers:
+            if not fault.hits(now_ns):
+                continue
+            topic = _STRANGER[fault.kind]
+            newest = self._newest.get(topic)
+            if newest is None:
+                continue
+            first_ns = now_ns + round(fault.magnitude * NS_PER_S)
+            for number in range(STRANGERS):
+                foreign = with_stamp(newest, first_ns + number * NS_PER_S)
+                self._send(self._told[topic], foreign)
+            self._changed += 1
+
+    # --- leader, its previews, and the road
+
+    def _on_leader(self, data: bytes) -> None:
+        stamp_ns = stamp_ns_of(data)
+        self._update_slope(stamp_ns)
+        hit = any(fault.hits(stamp_ns) for fault in self._of_leader)
+        if self._traffic.is_quiet and not hit:
+            self._send(self._true[Topic.LEADER], data)
+            self._tell(Topic.LEADER, data)
+            return
+        host_m = self._host_positions_m.get(stamp_ns)
+        if host_m is None:
+            self._waiting_leaders = {stamp_ns: data}
+            return
+        try:
+            own = decode_leader(deserialize_message(data, Odometry))
+        except MessageError:
+            self._tell(Topic.LEADER, data)
+            return
+        true = self._traffic.leader(own, host_m)
+        true_data = data if true is own else _with_exact_stamp(encode_leader(true), data)
+        self._send(self._true[Topic.LEADER], true_data)
+        told = told_leader(self._of_leader, stamp_ns, true, host_m)
+        if told is None:
+            self._changed += 1
+        else:
+            told_data = true_data if told is true else _with_exact_stamp(encode_leader(told), data)
+            self._tell(Topic.LEADER, told_data, changed=told is not true)
+        self._leader_ns = stamp_ns
+        for waiting_ns in sorted(self._waiting_previews):
+            if waiting_ns <= stamp_ns:
+                self._on_preview(self._waiting_previews.pop(waiting_ns))
+
+    def _on_preview(self, data: bytes) -> None:
+        stamp_ns = stamp_ns_of(data)
+        hit = self._previews.hits(stamp_ns)
+        if self._traffic.is_quiet and not hit:
+            self._send(self._true[Topic.LEADER_PREVIEW], data)
+            self._tell(Topic.LEADER_PREVIEW, data)
+            return
+        if not self._traffic.is_quiet and self._leader_ns < stamp_ns:
+            # Where its leader is belongs to the prediction.
+            self._waiting_previews[stamp_ns] = data
+            return
+        try:
+            stamp_ns, own = decode_leader_preview_bytes(data)
+        except MessageError:
+            self._tell(Topic.LEADER_PREVIEW, data)
+            return
+        true = self._traffic.preview(own)
+        true_data = data if true is own else encode_leader_preview_bytes(true, stamp_ns)
+        self._send(self._true[Topic.LEADER_PREVIEW], true_data)
+        told = self._previews.told(stamp_ns, true)
+        if told is None:
+            self._changed += 1
+        elif told is true:
+            self._tell(Topic.LEADER_PREVIEW, true_data)
+        else:
+            told_data = encode_leader_preview_bytes(told, stamp_ns)
+            self._tell(Topic.LEADER_PREVIEW, told_data, changed=True)
+
+    def _on_slope(self, data: bytes) -> None:
+        self._told[Topic.SLOPE].publish(data)
+        try:
+            spec = TOPICS[Topic.SLOPE]
+            self._slope = decode_slope(deserialize_message(data, spec.message_type))
+        except MessageError:
+            self._slope = None
+
+    def _update_slope(self, stamp_ns: int) -> None:
+        """Tell the map of the road anew where a fault of it begins or ends with a tick."""
+        if not self._road or self._slope is None:
+            return
+        hit = tuple(fault.hits(stamp_ns) for fault in self._road)
+        if hit != (self._slope_hit or (False,) * len(hit)):
+            message = encode_slope(told_slope(self._road, stamp_ns, self._slope))
+            self._send(self._told[Topic.SLOPE], bytes(serialize_message(message)))
+        self._slope_hit = hit
+
+    # --- diagnostics
+
+    def _report(self) -> None:
+        acting = [fault for fault in self._faults if fault.covers(self._now_ns) and _is_mine(fault)]
+        reason = ", ".join(dict.fromkeys(str(fault.kind) for fault in acting))
+        values = {"faults": len(self._faults), "changed_messages": self._changed}
+        level = Level.WARN if acting else Level.OK
+        self._reporter.report(self._now_ns, level, reason or "handing on", values)
+
+
+def _is_mine(fault: Fault) -> bool:
+    return fault.spec.place not in {FaultPlace.SOLVER, FaultPlace.PROCESS}
+
+
+def _with_exact_stamp(message: Odometry, data: bytes) -> bytes:
+    """Return a message as bytes, with the stamp of the one that it stands for."""
+    return with_stamp(bytes(serialize_message(message)), stamp_ns_of(data))
+
+
+def main() -> None:
+    """Run the node."""
+    sys.exit(node_main("injector", InjectorNode, InjectorNodeParameters))
+
+
+if __name__ == "__main__":
+    main()

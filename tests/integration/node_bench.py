@@ -1,0 +1,111 @@
+"""Nodes in the process of the test: messages handed to their callbacks, what they publish kept in lists.
+
+No discovery, no waiting: what a node answers stands in the list when the callback returns.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+from unittest import mock
+
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.serialization import deserialize_message, serialize_message
+
+from iptm_interfaces.codecs import ns_from_time
+from iptm_interfaces.diagnostics import Level, status_values
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import TOPICS, Topic
+
+S = 1_000_000_000
+
+
+class NodeBench:
+    """One node, and everything it has said."""
+
+    def __init__(self, factory: Callable[[], SuiteNode]) -> None:
+        self.said: dict[Topic, list[Any]] = {}
+        advertise = SuiteNode.advertise
+
+        def advertise_and_keep(node: SuiteNode, topic: Topic) -> Any:
+            publisher = advertise(node, topic)
+            publisher.publish = self._keeper(topic)  # type: ignore[method-assign]
+            return publisher
+
+        with mock.patch.object(SuiteNode, "advertise", advertise_and_keep):
+            self.node = factory()
+        names = {"/" + TOPICS[topic].name.lstrip("/"): topic for topic in Topic}
+        self._takers = {
+            names[subscription.topic_name]: subscription
+            for subscription in self.node.subscriptions
+            if subscription.topic_name in names
+        }
+        self._executor = EventsExecutor()
+        self._executor.add_node(self.node)
+
+    def _keeper(self, topic: Topic) -> Callable[[Any], None]:
+        heard = self.said.setdefault(topic, [])
+
+        def keep(message: Any) -> None:
+            kind = TOPICS[topic].message_type
+            heard.append(
+                deserialize_message(message, kind) if isinstance(message, bytes) else message
+            )
+
+        return keep
+
+    def hear(self, messages: dict[Topic, Any], *topics: Topic) -> None:
+        """Hand messages to the callbacks, all of them or those of some topics."""
+        for topic in topics or messages:
+            message = messages[topic]
+            taker = self._takers[topic]
+            data = message if isinstance(message, bytes) else bytes(serialize_message(message))
+            if taker.raw:
+                taker.callback(data)
+            else:
+                taker.callback(deserialize_message(data, TOPICS[topic].message_type))
+
+    def stamps(self, topic: Topic) -> list[int]:
+        """Stamps of what was said on a topic, in s."""
+        return [ns_from_time(message.header.stamp) // S for message in self.said[topic]]
+
+    @property
+    def situation(self) -> tuple[Level, str]:
+        """Newest level and reason."""
+        status = self.said[Topic.DIAGNOSTICS][-1].status[0]
+        return Level(status.level), status.message
+
+    @property
+    def values(self) -> dict[str, str]:
+        """Newest key values."""
+        return status_values(self.said[Topic.DIAGNOSTICS][-1].status[0])
+
+    def spin_until(self, condition: Callable[[], object], timeout_s: float = 60.0) -> None:
+        """Let timers run until a condition is true; fail if that takes too long."""
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline, self.situation
+            self._executor.spin_once(timeout_sec=0.01)
+
+    def close(self) -> None:
+        self._executor.remove_node(self.node)
+        self.node.destroy_node()
+        self._executor.shutdown()
+
+
+@contextmanager
+def node_bench(factory: Callable[[], SuiteNode], **parameters: object) -> Iterator[NodeBench]:
+    """Run a node with parameters in the default context; the environment names the domain."""
+    overrides = [part for name, value in parameters.items() for part in ("-p", f"{name}:={value}")]
+    rclpy.init(args=["bench", "--ros-args", *overrides])
+    try:
+        bench = NodeBench(factory)
+        try:
+            yield bench
+        finally:
+            bench.close()
+    finally:
+        rclpy.try_shutdown()

@@ -1,0 +1,79 @@
+"""Faults over ROS 2: the injector does what the pure part says, and what is hit comes back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iptm_bringup.fault_table.catalogue import Entry, PlannedTrip, Said, Way
+from iptm_bringup.fault_table.headless import PARAMETERS, HeadlessDriver
+from iptm_bringup.fault_table.judge import judge_trip
+from iptm_bringup.fault_table.observed import ObservedTrip
+from iptm_bringup.fault_table.over_ros import drive_over_ros
+from iptm_core.routes import build_route
+from iptm_faults.fault import Fault
+from iptm_faults.kinds import FaultKind
+from iptm_interfaces.process import StopRequest
+
+TRIP_S = 120.0
+OverRos = Callable[[PlannedTrip], ObservedTrip]
+
+OF_TOPICS = (
+    Fault(FaultKind.LEADER_CUT_IN, 20.0, 8.0, size=8.0),
+    Fault(FaultKind.PREVIEW_JUMPING, 25.0, 10.0, 0.5, seed=1),
+    Fault(FaultKind.SLOPE_STEP, 40.0, 10.0, size=0.05),
+    Fault(FaultKind.LEADER_JUMPING, 45.0, 5.0, size=2.0),
+    Fault(FaultKind.PREVIEW_FROZEN, 55.0, 5.0),
+    Fault(FaultKind.SOLVER_NOT_CONVERGED, 65.0, 4.0),
+    Fault(FaultKind.STATE_JUMPING, 75.0, 5.0, size=2.0),
+    Fault(FaultKind.LEADER_HARD_STOP, 85.0, 8.0, size=3.0),
+)
+
+
+def planned(*faults: Fault, said: Said = Said.NOTHING, within: int = 60) -> PlannedTrip:
+    route = build_route(
+        "us06", "as_designed", initial_gap_m=PARAMETERS.gap.initial_gap_m, duration_s=TRIP_S
+    )
+    entries = tuple((Entry(fault, said, normal_within=within), fault) for fault in faults)
+    return PlannedTrip(Way.LOCK_STEP, "us06", entries, route)
+
+
+@pytest.fixture
+def over_ros(tmp_path: Path) -> OverRos:
+    return lambda plan: drive_over_ros(plan, tmp_path, StopRequest())
+
+
+@pytest.fixture(scope="module")
+def headless() -> HeadlessDriver:
+    return HeadlessDriver()
+
+
+def columns(trip: ObservedTrip, names: Sequence[str]) -> dict[str, np.ndarray]:
+    return {name: trip.trajectory.to_arrays()[name] for name in names}
+
+
+def test_faults_over_ros_are_those_without(over_ros: OverRos, headless: HeadlessDriver) -> None:
+    """Lock-step with faults gives the very numbers of the loop without ROS, so it repeats as well."""
+    plan = planned(*OF_TOPICS)
+    with_ros, without = over_ros(plan), headless.drive(plan)
+    assert with_ros.ended == ""
+    names = ("time_s", "position_m", "acceleration_m_s2", "leader_position_m")
+    for name, values in columns(without, names).items():
+        np.testing.assert_array_equal(columns(with_ros, names)[name], values, err_msg=name)
+    assert with_ros.rungs.items() >= without.rungs.items()
+
+
+def test_strangers_and_a_restart_are_told_and_survived(
+    over_ros: OverRos, headless: HeadlessDriver
+) -> None:
+    plan = planned(
+        Fault(FaultKind.FOREIGN_CLOCK, 20.0, 3.0),
+        Fault(FaultKind.FOREIGN_LEADER, 30.0, 3.0, size=-1e6),
+        Fault(FaultKind.PROCESS_RESTARTED, 50.0, target="v2x_bridge"),
+        said=Said.ONCE,
+    )
+    verdicts = judge_trip(over_ros(plan), headless.drive(plan, ()))
+    assert [verdict.problems for verdict in verdicts] == [(), (), ()]

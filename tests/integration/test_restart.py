@@ -1,0 +1,68 @@
+"""Any node may be killed and started again: it takes part in the trip again, in lock-step as well."""
+
+from __future__ import annotations
+
+import signal
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from iptm_interfaces.codecs import ns_from_time
+from iptm_interfaces.topics import Topic
+
+S = 1_000_000_000
+MODULES = {
+    "controller": "iptm_controller.node",
+    "v2x_bridge": "iptm_v2x_bridge.node",
+    "plant": "iptm_plant_sim.node",
+}
+PARAMETERS: dict[str, dict[str, object]] = {
+    "controller": {"horizon": "2x1+2x5", "compile_code": False},
+    "v2x_bridge": {"expected_peers": 1},
+    "plant": {
+        "duration_s": 1e6,
+        "command_timeout_wall_s": 120.0,
+        "expected_peers": 2,  # the node of the test is one of them
+    },
+}
+
+
+@pytest.mark.parametrize("killed", list(MODULES))
+def test_a_killed_node_that_is_started_again_is_part_of_the_trip(
+    launcher: Any, peer: Any, killed: str
+) -> None:
+    clocks: list[int] = []
+    commands: list[int] = []
+    peer.node.listen(Topic.CLOCK, lambda message: clocks.append(ns_from_time(message.clock)))
+    peer.node.listen(Topic.PLANT_ODOMETRY, lambda _: None)
+    peer.node.listen(
+        Topic.COMMAND, lambda message: commands.append(ns_from_time(message.header.stamp))
+    )
+    processes = {
+        name: launcher.start_node(module, parameters=PARAMETERS[name])
+        for name, module in MODULES.items()
+    }
+    peer.wait_until(lambda: commands and commands[-1] >= 20 * S, 120.0, "the trip under way")
+    processes[killed].popen.send_signal(signal.SIGKILL)
+    processes[killed].popen.wait()
+    reached_ns = commands[-1]
+    again = launcher.start_node(MODULES[killed], parameters=PARAMETERS[killed])
+    if killed == "plant":
+        peer.wait_until(lambda: clocks[-1] < reached_ns, 120.0, "the new trip")
+        reached_ns = 0
+        clocks.clear()
+        commands.clear()
+    wanted_ns = reached_ns + 20 * S
+    peer.wait_until(
+        lambda: commands and commands[-1] >= wanted_ns and clocks[-1] >= wanted_ns,
+        120.0,
+        f"the trip going on with the new {killed}",
+    )
+    # Nothing was left out, nobody went back.
+    ticks = sorted(set(commands))
+    assert [b - a for a, b in pairwise(ticks)] == [S] * (len(ticks) - 1)
+    assert again.is_running
+    for name, process in processes.items():
+        assert name == killed or process.is_running
+        assert "Traceback" not in process.stderr

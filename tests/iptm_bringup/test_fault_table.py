@@ -1,0 +1,233 @@
+"""The table of faults: its catalogue, its trips, its verdicts and its page, on made-up and on short trips."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iptm_bringup.fault_table.catalogue import (
+    CALM_S,
+    FIRST_S,
+    Entry,
+    PlannedTrip,
+    Said,
+    Way,
+    plan_trips,
+    read_catalogue,
+)
+from iptm_bringup.fault_table.cli import EXIT_RED, main
+from iptm_bringup.fault_table.judge import Verdict, judge_trip
+from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement
+from iptm_bringup.fault_table.page import faults_page
+from iptm_bringup.fault_table.store import VerdictStore
+from iptm_core.decision_record import Rung
+from iptm_core.errors import ScenarioError, StoreError
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import build_route
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_faults.fault import Fault
+from iptm_faults.kinds import FaultKind
+from iptm_interfaces.diagnostics import Level
+
+PARAMETERS = load_parameters().values
+LOST = Fault(FaultKind.PREVIEW_LOST, 10.0, 10.0)
+ROWS = 60
+Observe = Callable[..., ObservedTrip]
+
+
+def trip_of(**columns: object) -> Trajectory:
+    """A minute at 10 m/s, 30 m behind a leader of the same speed."""
+    calm = dict.fromkeys(TRAJECTORY_COLUMNS, np.zeros(ROWS))
+    calm["time_s"] = np.arange(float(ROWS))
+    calm["speed_m_s"] = calm["leader_speed_m_s"] = np.full(ROWS, 10.0)
+    calm["position_m"] = 10.0 * calm["time_s"]
+    calm["leader_position_m"] = calm["position_m"] + 30.0
+    for name in TRAJECTORY_COLUMNS:
+        if name.endswith("temperature_k"):
+            calm[name] = np.full(ROWS, 303.15)
+    return Trajectory.from_arrays({**calm, **columns})  # type: ignore[dict-item]
+
+
+@pytest.fixture
+def observe() -> Observe:
+    """Return an observed trip with one fault from 10 s to 20 s."""
+    route = build_route("us06", "flat", initial_gap_m=15.0, duration_s=ROWS - 1)
+
+    def made(
+        *statements: tuple[float, Level, str],
+        fault: Fault = LOST,
+        said: Said = Said.ALWAYS,
+        rungs: dict[float, Rung] | None = None,
+        apart: int = ROWS,
+        **columns: object,
+    ) -> ObservedTrip:
+        plan = PlannedTrip(Way.LOCK_STEP, "us06", ((Entry(fault, said), fault),), route)
+        return ObservedTrip(
+            plan,
+            PARAMETERS,
+            trip_of(**columns),
+            np.arange(ROWS) >= apart,
+            rungs or {},
+            [Statement(time_s, "controller", level, text) for time_s, level, text in statements],
+            [Happened(fault.start_s, fault.end_s)],
+        )
+
+    return made
+
+
+def verdict_on(trip: ObservedTrip, observe: Observe) -> Verdict:
+    (verdict,) = judge_trip(trip, observe())
+    return verdict
+
+
+WARNED = ((0.0, Level.OK, "optimal plans"), (10.0, Level.WARN, "no preview"))
+CALM_AGAIN = (20.0, Level.OK, "optimal plans")
+
+
+def test_a_fault_that_is_told_and_gone_is_green(observe: Observe) -> None:
+    verdict = verdict_on(observe(*WARNED, CALM_AGAIN), observe)
+    assert verdict.problems == ()
+    assert verdict.normal_after == 0.0
+    assert verdict.said == ("controller: no preview",)
+    assert verdict.level is Level.WARN
+    assert verdict.smallest_gap_m == pytest.approx(30.0)
+
+
+def test_silence_is_red(observe: Observe) -> None:
+    silent = (0.0, Level.OK, "optimal plans")
+    assert "without a word" in verdict_on(observe(silent), observe).problems[0]
+    assert verdict_on(observe(silent, said=Said.ONCE), observe).problems == ("nothing was said",)
+    assert verdict_on(observe(silent, said=Said.NOTHING), observe).problems == ()
+
+
+def test_a_word_in_between_is_enough_only_where_one_is_asked_for(observe: Observe) -> None:
+    words = (*WARNED, (13.0, Level.OK, "optimal plans"))
+    assert verdict_on(observe(*words), observe).problems == ("7 of 10 ticks without a word",)
+    assert verdict_on(observe(*words, said=Said.ONCE), observe).problems == ()
+
+
+def test_a_fallback_or_a_warning_that_stays_is_not_normal(observe: Observe) -> None:
+    late = verdict_on(observe(*WARNED, (28.0, Level.OK, "optimal plans")), observe)
+    assert late.problems == ("normal after 8 ticks",)
+    rungs = {float(second): Rung.SAFE_LAW for second in range(10, 27)}
+    assert verdict_on(observe(*WARNED, CALM_AGAIN, rungs=rungs), observe).normal_after == 7.0
+    assert "not normal again" in verdict_on(observe(*WARNED), observe).problems[0]
+
+
+def test_what_is_said_without_faults_as_well_is_nobodys_fault(observe: Observe) -> None:
+    twin = observe((0.0, Level.WARN, "gap above s_max for long"))
+    (verdict,) = judge_trip(observe(*WARNED), twin)
+    assert verdict.problems == ()
+
+
+def test_a_collision_counts_where_full_braking_avoids_it(observe: Observe) -> None:
+    standing = np.full(ROWS, 10.0 * 14 + 30.0)
+    leader = np.minimum(10.0 * np.arange(ROWS) + 30.0, standing)
+    stop = Fault(FaultKind.LEADER_HARD_STOP, 10.0, 10.0)
+    avoidable = observe(
+        fault=stop, said=Said.NOTHING, apart=11, leader_position_m=leader,
+        leader_speed_m_s=np.where(np.arange(ROWS) > 13, 0.0, 10.0),
+    )  # fmt: skip
+    verdict = verdict_on(avoidable, observe)
+    assert verdict.braking_gap_m > 0.0 > verdict.smallest_gap_m
+    assert any("collision that brakes avoid" in problem for problem in verdict.problems)
+    # Three metres ahead nobody can stop, but braking less than possible is a fault of its own.
+    near = leader - 27.0
+    late = observe(fault=stop, said=Said.NOTHING, apart=11, leader_position_m=near)
+    assert any("worse than full braking" in what for what in verdict_on(late, observe).problems)
+
+
+def test_a_command_beyond_its_bounds_is_red(observe: Observe) -> None:
+    acceleration = np.zeros(ROWS)
+    acceleration[12:15] = [0.4, 3.5, 0.4]
+    verdict = verdict_on(observe(*WARNED, CALM_AGAIN, acceleration_m_s2=acceleration), observe)
+    assert any("acceleration beyond its limit" in problem for problem in verdict.problems)
+
+
+# --- catalogue and trips
+
+
+def test_the_shipped_catalogue_has_every_kind() -> None:
+    cycles, entries = read_catalogue()
+    assert len(cycles) >= 2
+    assert {entry.fault.kind for entry in entries} == set(FaultKind)
+    names = [entry.name for entry in entries]
+    assert len(names) == len(set(names))
+
+
+def test_a_row_that_nobody_understands_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("cycles: [us06]\nfaults: [{kind: preview_lost, said: sometimes}]\n")
+    with pytest.raises(ScenarioError, match="said is 'sometimes'; allowed: always, once, nothing"):
+        read_catalogue(path)
+
+
+def test_faults_over_ros_follow_one_another_with_calm_between() -> None:
+    _, entries = read_catalogue()
+    rows = 600
+    sound = trip_of()
+    long = {name: np.resize(column, rows) for name, column in sound.to_arrays().items()}
+    long["time_s"] = np.arange(float(rows))
+    whole = Trajectory.from_arrays(long)
+    over_ros = plan_trips(entries, Way.LOCK_STEP, "us06", whole)
+    headless = plan_trips(entries, Way.HEADLESS, "us06", whole)
+    assert sum(len(trip.entries) for trip in over_ros) == len(entries)
+    assert len(over_ros) < len(entries) / 2
+    assert all(len(trip.entries) == 1 for trip in headless)
+    for trip in over_ros:
+        starts = [fault.start_s for _, fault in trip.entries]
+        assert starts[0] >= FIRST_S
+        for (entry, fault), later in zip(trip.entries, starts[1:], strict=False):
+            assert not entry.alone
+            assert later >= fault.end_s + entry.normal_within + CALM_S or fault.target
+
+
+# --- what is kept and shown
+
+
+def test_verdicts_are_kept_and_replaced(tmp_path: Path) -> None:
+    _, entries = read_catalogue()
+    store = VerdictStore(tmp_path)
+    red = replace(Verdict(entries[0], Way.HEADLESS, "us06"), problems=("nothing was said",))
+    other = Verdict(
+        entries[1], Way.REAL_TIME, "us06", ("controller: x",), Level.WARN, 2, 1.0, 9.0, 9.5
+    )
+    store.add(entries, [red, other])
+    store.add(entries, [replace(red, problems=())])
+    assert [verdict.problems for verdict in store.load(entries)] == [(), ()]
+    assert store.load(entries)[1] == other
+    (tmp_path / "verdicts.json").write_text("[{}]")
+    with pytest.raises(StoreError, match=r"verdicts\.json cannot be read"):
+        store.load(entries)
+
+
+def test_the_page_says_what_did_not_hold() -> None:
+    _, entries = read_catalogue()
+    good = Verdict(entries[0], Way.HEADLESS, "us06", (), Level.OK, 0, 0.0, 9.0, 9.5)
+    bad = replace(good, way=Way.LOCK_STEP, problems=("nothing was said",))
+    page = faults_page("scripts/faults", [good, bad])
+    assert "✓ 1 of 1 | ✗ 0 of 1" in page
+    assert f"| {entries[0].name} | lock-step | us06 | nothing was said |" in page
+
+
+def test_the_command_makes_a_green_row_without_ros(tmp_path: Path) -> None:
+    arguments = ["--way", "headless", "--cycle", "nycc", "--folder", str(tmp_path)]
+    assert main([*arguments, "--only", "preview_nan"]) == 0
+    assert "preview_nan" in (tmp_path / "faults.md").read_text()
+
+
+def test_the_command_tells_red_from_green(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("cycles: [nycc]\nfaults: [{kind: slope_step, size: 0.001, said: always}]\n")
+    arguments = ["--way", "headless", "--folder", str(tmp_path), "--catalogue", str(mine)]
+    assert main(arguments) == EXIT_RED
+    assert "without a word" in (tmp_path / "faults.md").read_text()
+
+
+def test_an_unknown_kind_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--only", "preview_lots"]) == 2
+    assert "did you mean 'preview_lost'" in capsys.readouterr().err
