@@ -15,6 +15,7 @@ ALLOWED = {
     "iptm_controller": {"iptm_core", "iptm_interfaces"},
     "iptm_faults": {"iptm_core", "iptm_interfaces", "iptm_controller"},
     "iptm_recording": {"iptm_core", "iptm_interfaces"},
+    "iptm_view": {"iptm_core", "iptm_interfaces", "iptm_recording"},
     "iptm_bringup": {
         "iptm_core",
         "iptm_interfaces",

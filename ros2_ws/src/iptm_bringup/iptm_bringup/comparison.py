@@ -15,7 +15,7 @@ from iptm_core.metrics import RunMetrics, compute_metrics, figure_values
 from iptm_core.metrics.figures import NO_VALUE
 from iptm_core.settings import IntegrationSettings, PreviewSettings, SamplingSettings
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import run_closed_loop
+from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 
 S = TypeVar("S", bound=Settings)
 
@@ -61,12 +61,12 @@ def given_settings(group: type[S], given: Mapping[str, Any]) -> S:
     return group(**{name: given[name] for name in names if name in given})
 
 
-def drive_comparison(prepared: PreparedScenario, strategy: str) -> Comparison:
+def drive_other(prepared: PreparedScenario, strategy: str) -> ClosedLoopRun:
     """Drive the trip of a scenario once more, with the plant and the sampling time that it asks for.
 
     Args:
         prepared: leader, road, vehicle and preview of the run.
-        strategy: name of the other strategy.
+        strategy: name of the other strategy; it plans on the paper's single horizon.
 
     Raises:
         IptmError: the strategy is not known, or the problem cannot be compiled.
@@ -85,5 +85,12 @@ def drive_comparison(prepared: PreparedScenario, strategy: str) -> Comparison:
     plant = Plant(
         model, route.slope.slope_at, integration.integration_step_s, integration.thermal_model
     )
-    run = run_closed_loop(route, plant, Controller(model, options), preview)
-    return Comparison(strategy, compute_metrics(run.trajectory, model, run.decisions))
+    return run_closed_loop(route, plant, Controller(model, options), preview)
+
+
+def drive_comparison(prepared: PreparedScenario, strategy: str) -> Comparison:
+    """Return what another strategy achieves on the trip of a scenario; see `drive_other`."""
+    run = drive_other(prepared, strategy)
+    return Comparison(
+        strategy, compute_metrics(run.trajectory, prepared.model.values, run.decisions)
+    )

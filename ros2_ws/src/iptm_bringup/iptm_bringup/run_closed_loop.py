@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,9 +24,12 @@ from iptm_bringup.tables import TABLES_WIDTH
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import IptmError
+from iptm_core.settings import LoopMode
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
 
 PROGRAM = "run_closed_loop"
+WATCHING_RATE = 10.0
+"""Seconds of trip time per second of wall time when someone watches: WLTC class 3b in three minutes."""
 _DESCRIPTION = """\
 Starts plant, V2X bridge, controller and recorder as processes of their own, drives one scenario, and ends
 with a table of results, a picture and results.json beside the bag.
@@ -61,6 +64,12 @@ def build_parser() -> argparse.ArgumentParser:
         help="folder to create, which becomes the bag (default: bags/<scenario>_<date>_<time>)",
     )
     parser.add_argument("--no-record", action="store_true", help="do not record a bag")
+    parser.add_argument(
+        "--view",
+        action="store_true",
+        help="show the run in the browser while it takes place; without another --mode it then follows the "
+        f"wall clock, {WATCHING_RATE:g} times as fast (--rate-factor)",
+    )
     parser.add_argument("--no-picture", action="store_true", help="do not draw a picture")
     parser.add_argument(
         "--compression",
@@ -104,9 +113,18 @@ def prepared_from(arguments: argparse.Namespace) -> PreparedScenario:
         spec.name: getattr(arguments, f"field_{spec.name}") for spec in parameter_specs(Scenario)
     }
     options = {name: text for name, text in given.items() if text is not None}
+    if arguments.view:
+        options = watchable(arguments.scenario, options)
     scenario = load_scenario(arguments.scenario, options)
     extra = with_node_parameters(scenario, arguments.set)
     return prepare(replace(scenario, node_parameters=extra))
+
+
+def watchable(scenario: str, options: Mapping[str, str]) -> dict[str, str]:
+    """Return options with a pace that can be watched, where neither they nor the scenario state one."""
+    is_chosen = "mode" in options or load_scenario(scenario).mode is LoopMode.REAL_TIME
+    pace = {"mode": str(LoopMode.REAL_TIME), "rate_factor": f"{WATCHING_RATE:g}"}
+    return dict(options) if is_chosen else {**pace, **options}
 
 
 def list_scenarios(console: Console) -> None:
@@ -140,6 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             picture=not parsed.no_picture,
             compression=parsed.compression,
             against=parsed.against,
+            view=parsed.view,
         )
         return run(prepared, options, console, Console(stderr=True))
     except IptmError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -41,6 +41,7 @@ from iptm_bringup.run_folder import RunFolder
 from iptm_bringup.scenario import CONTROLLER, PreparedScenario
 from iptm_bringup.supervisor import Supervisor
 from iptm_bringup.tables import print_results
+from iptm_bringup.viewer import live_view
 from iptm_core.declaration import Scalar
 from iptm_core.errors import IptmError
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
@@ -63,6 +64,7 @@ class RunOptions:
         picture: whether to draw the run.
         compression: of the bag: none, lz4 or zstd.
         against: strategy to compare with, driven without ROS after the run; "none" for no comparison.
+        view: whether to show it in the browser while it takes place.
     """
 
     output: Path
@@ -70,6 +72,7 @@ class RunOptions:
     picture: bool = True
     compression: str = "none"
     against: str = NO_COMPARISON
+    view: bool = False
 
 
 def run(prepared: PreparedScenario, options: RunOptions, console: Console, errors: Console) -> int:
@@ -106,14 +109,24 @@ def _run_in(
     console: Console,
     errors: Console,
 ) -> int:
-    with domain_of_run(prepared.scenario.domain) as domain:
+    with ExitStack() as stack:
+        domain = stack.enter_context(domain_of_run(prepared.scenario.domain))
         console.print(_introduction(prepared, domain.number), soft_wrap=True)
+        stay_open = None
+        if options.view:
+            environment = environment_of_run(domain.number, folder.logs / "ros")
+            stay_open = stack.enter_context(
+                live_view(folder, environment, prepared, options.against, console, errors)
+            )
         progress = make_progress(console, prepared.route.duration_s)
         driven = drive_processes(folder, prepared, options, domain, progress, stop)
-    result = driven.result
-    if result.outcome is not DriveOutcome.FINISHED:
-        return _report_failure(result, folder, stop, errors)
-    return _report(folder, prepared, options, driven, console, errors)
+        result = driven.result
+        if result.outcome is not DriveOutcome.FINISHED:
+            return _report_failure(result, folder, stop, errors)
+        code = _report(folder, prepared, options, driven, console, errors)
+        if stay_open is not None:
+            stay_open(stop)
+        return code
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,3 +44,7 @@ class StoreError(IptmError):
 
 class SolverSetupError(IptmError):
     """An optimal control problem or its solver cannot be built as asked."""
+
+
+class ViewError(IptmError):
+    """The live view cannot be shown as asked: a port is taken, or a library or a browser is missing."""

@@ -1,0 +1,330 @@
+"""The command `replay --check`: does a node still answer what a bag says that it answered?
+
+A fresh process of the node gets the recorded inputs tick by tick, each when it has answered the one before.
+Its answers are recorded and compared with those of the bag, field by field.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rich.console import Console
+
+from iptm_bringup.composition import node_command, parameter_file_text
+from iptm_bringup.environment import environment_of_run, process_environment
+from iptm_bringup.replay_feed import Step, answer_steps
+from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT
+from iptm_bringup.supervisor import Supervisor
+from iptm_core.errors import BagError, IptmError, ScenarioError
+from iptm_core.parameters.strict_yaml import parse_yaml
+from iptm_core.settings import LoopMode
+from iptm_interfaces.discovery import reserve_domain
+from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
+from iptm_interfaces.topics import OBSERVATION_TOPICS, STATE_TOPICS, TOPICS, Topic
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.compare_bags import TopicComparison, compare_bags, comparison_table
+from iptm_recording.field_differences import NumberTolerance
+from iptm_recording.recorded_topics import TopicSelection
+from iptm_recording.timeline import read_stamp_ns
+from iptm_recording.trajectory_reader import topic_name
+
+PROGRAM = "replay"
+EXIT_DIFFERENT = 1
+TOLERANCE = NumberTolerance(absolute=1e-6, relative=1e-6)
+"""Of numbers, in their units: another processor or compiler rounds otherwise, and a solver ends elsewhere
+within its tolerance."""
+FINE_TOLERANCES: Mapping[Topic, tuple[tuple[str, ...], NumberTolerance]] = {
+    Topic.PLANT_CAPACITY_LOSS: (("*_capacity_loss",), NumberTolerance(relative=1e-9)),
+    Topic.SOLVE: (("*_1_k", "*_1_s"), NumberTolerance(relative=1e-4)),
+}
+"""Of fields whose numbers are small: an absolute tolerance would hide every difference."""
+IGNORED_FIELDS = ("solve_time_s", "iterations", "objective")
+"""They tell of the machine, or amplify the last digits."""
+_WIDTH = 140
+
+OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
+    CONTROLLER: (
+        Topic.SOLVE, Topic.PLAN, Topic.ACCELERATION_COMMAND, Topic.COMPRESSOR_POWER_COMMAND, Topic.COMMAND,
+    ),
+    BRIDGE: (Topic.SLOPE, Topic.LEADER, Topic.LEADER_PREVIEW),
+    PLANT: (*OBSERVATION_TOPICS, Topic.PLANT_BATTERY, Topic.CLOCK),
+}  # fmt: skip
+"""What each node says; its diagnostics tell of the machine."""
+
+INPUTS: Mapping[str, tuple[Topic, ...]] = {
+    CONTROLLER: (Topic.SLOPE, *STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW),
+    BRIDGE: (Topic.CLOCK,),
+    PLANT: (Topic.COMMAND,),
+}
+"""What each node is told."""
+
+_LAST_WORD = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
+_OWN_WAY: Mapping[str, Mapping[str, Any]] = {
+    # This program alone listens, and nobody is late.
+    CONTROLLER: {"input_timeout_s": 60.0},
+    BRIDGE: {"expected_peers": 1},
+    PLANT: {"expected_peers": 1, "command_timeout_wall_s": 3600.0, "linger_s": 1.0},
+}
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What a bag holds for the check of one node.
+
+    Attributes:
+        names: full names of the topics.
+        namespace: of the node.
+        parameters: of the node.
+        steps: what to tell it, and what to wait for, in order.
+    """
+
+    names: Mapping[Topic, str]
+    namespace: str
+    parameters: Mapping[str, Any]
+    steps: tuple[Step, ...]
+
+
+def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorded:
+    """Read the inputs and the parameters of a node.
+
+    Args:
+        bag: bag folder or .mcap file.
+        node: one of `NODES`.
+        namespace: of the vehicle; needed only if the bag holds several.
+
+    Raises:
+        BagError: the bag cannot be read, lacks a topic or the parameters, or cannot be repeated.
+    """
+    with BagReader(bag) as reader:
+        wanted = dict.fromkeys((*INPUTS[node], *OUTPUTS[node]))
+        names = {topic: topic_name(reader, topic, namespace) for topic in wanted}
+        topics = {name: topic for topic, name in names.items()}
+        heard: dict[Topic, dict[int, bytes]] = {topic: {} for topic in wanted}
+        for raw in reader.raw_messages(list(topics)):
+            stamp_ns = 0 if topics[raw.topic] is Topic.SLOPE else read_stamp_ns(raw.data)
+            if stamp_ns is not None:
+                heard[topics[raw.topic]][stamp_ns] = raw.data
+        text = reader.run_information().parameters
+    given = (yaml.safe_load(text) or {}).get(node)
+    if not isinstance(given, dict):
+        raise BagError(
+            f"{bag} does not hold the parameters of {node}: there is nothing to start it with"
+        )
+    if node == PLANT and given.get("mode", "lock_step") != LoopMode.LOCK_STEP.value:
+        raise BagError(
+            f"mode of {bag} is {given['mode']}; allowed: lock_step, as a plant on the wall clock"
+            " applies commands when they arrive"
+        )
+    own_name = next(name for topic, name in names.items() if not topic.value.startswith("/"))
+    own_topic = topics[own_name]
+    return Recorded(
+        names=names,
+        namespace=own_name.removesuffix(own_topic.value).rstrip("/") or "/",
+        parameters={**given, **_OWN_WAY[node]},
+        steps=tuple(_steps(node, heard, bag)),
+    )
+
+
+def _steps(node: str, heard: Mapping[Topic, Mapping[int, bytes]], bag: Path) -> list[Step]:
+    last_word = _LAST_WORD[node]
+    answers = sorted(heard[last_word])
+    if not answers:
+        raise BagError(f"{bag} holds no message of {last_word.value}: there is nothing to compare")
+    if node == PLANT:
+        if answers[0] != 0:
+            raise BagError(
+                f"{bag} begins at {answers[0] * 1e-9:g} s of the trip; allowed: 0 s, where the state"
+                " of the vehicle is known"
+            )
+        told: list[dict[Topic, bytes]] = [{}]
+        told += [{Topic.COMMAND: heard[Topic.COMMAND].get(stamp, b"")} for stamp in answers[:-1]]
+    else:
+        told = [
+            {
+                topic: heard[topic][stamp]
+                for topic in INPUTS[node]
+                if stamp in heard[topic] and topic is not Topic.SLOPE
+            }
+            for stamp in answers
+        ]
+        if Topic.SLOPE in INPUTS[node]:
+            told[0] = {Topic.SLOPE: heard[Topic.SLOPE][0], **told[0]}
+    return [Step(inputs, last_word, stamp) for inputs, stamp in zip(told, answers, strict=True)]
+
+
+def check_node(
+    bag: Path,
+    node: str,
+    *,
+    namespace: str | None = None,
+    changes: Mapping[str, Any] | None = None,
+    tolerance: NumberTolerance | None = None,
+    on_tick: Callable[[int, int], None] = lambda done, all_steps: None,  # noqa: ARG005
+) -> list[TopicComparison]:
+    """Feed a node what a bag recorded, and compare its answers.
+
+    Args:
+        bag: bag folder or .mcap file.
+        node: one of `NODES`.
+        namespace: of the vehicle; needed only if the bag holds several.
+        changes: parameters of the node to change against the recorded ones.
+        tolerance: of all numbers; None for `TOLERANCE` and `FINE_TOLERANCES`.
+        on_tick: told how many ticks are done, and of how many.
+
+    Returns:
+        The outcome for every topic that the node publishes.
+
+    Raises:
+        BagError: the bag cannot be read or repeated.
+        ScenarioError: the node does not start with these parameters, or gives no answer.
+    """
+    recorded = read_recorded(bag, node, namespace)
+    parameters = {**recorded.parameters, **(changes or {})}
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        environment = environment_of_run(stack.enter_context(reserve_domain()), folder / "ros")
+        stack.enter_context(process_environment(environment))
+        supervisor = Supervisor(environment, lambda name: folder / f"{name}.log")
+        stack.callback(supervisor.stop)
+        file = folder / "parameters.yaml"
+        file.write_text(parameter_file_text(node, parameters), encoding="utf-8")
+        supervisor.start(node, node_command(node, file, recorded.namespace))
+        answers = folder / "answers"
+        answer_steps(
+            recorded.steps, OUTPUTS[node], recorded.names, answers, _alive(supervisor), on_tick
+        )
+        return [
+            outcome
+            for topic in OUTPUTS[node]
+            for outcome in _compare(bag, answers, topic, recorded.names[topic], tolerance)
+        ]
+
+
+def _compare(
+    bag: Path, answers: Path, topic: Topic, name: str, tolerance: NumberTolerance | None
+) -> list[TopicComparison]:
+    """Compare one topic; its fields of small numbers apart from the others."""
+    selection = TopicSelection(include=(name,))
+    fine, fine_tolerance = FINE_TOLERANCES.get(topic, ((), TOLERANCE))
+    usual = compare_bags(
+        bag,
+        answers,
+        selection=selection,
+        tolerance=tolerance or TOLERANCE,
+        ignored_fields=(*IGNORED_FIELDS, *(() if tolerance else fine)),
+    )
+    if not fine or tolerance:
+        return usual
+    others = tuple(name for name in TOPICS[topic].fields if not _matches(name, fine))
+    apart = compare_bags(
+        bag,
+        answers,
+        selection=selection,
+        tolerance=fine_tolerance,
+        ignored_fields=(*IGNORED_FIELDS, *others),
+    )
+    return [*usual, *(replace(each, topic=f"{each.topic} ({', '.join(fine)})") for each in apart)]
+
+
+def _matches(name: str, patterns: Sequence[str]) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in patterns)
+
+
+def _alive(supervisor: Supervisor) -> Callable[[], None]:
+    def check() -> None:
+        for ending in supervisor.endings():
+            if ending.code != 0:
+                said = ending.last_lines[-1] if ending.last_lines else "no reason given"
+                raise ScenarioError(f"{ending.name} {ending.how}: {said}")
+
+    return check
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM,
+        description="Feed a fresh node the inputs of a bag, and compare what it answers with what was"
+        " recorded. Ends with 0 when it agrees, 1 when not, 2 when that cannot be found out."
+        f" Left out: {', '.join(IGNORED_FIELDS)}.",
+    )
+    parser.add_argument("--check", choices=NODES, required=True, help="node to check")
+    parser.add_argument("bag", type=Path, help="bag folder or .mcap file, recorded in lock-step")
+    parser.add_argument("--namespace", help="of the vehicle; needed only if the bag holds several")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter of the node to change against the recorded one; repeatable",
+    )
+    for name in ("absolute", "relative"):
+        said = f"{name} tolerance of all numbers (default: {_tolerances_text()})"
+        parser.add_argument(f"--{name}", type=float, help=said)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Check a node against a bag.
+
+    Returns:
+        0 when it answers as recorded, 1 when not, 2 when that cannot be found out.
+    """
+    parsed = build_parser().parse_args(arguments)
+    given = [parsed.absolute, parsed.relative]
+    tolerance = None if given == [None, None] else NumberTolerance(*(each or 0.0 for each in given))
+    console = Console(width=None if sys.stdout.isatty() else _WIDTH)
+    try:
+        with console.status(f"feeding {parsed.check} ...") as status:
+            comparison = check_node(
+                parsed.bag,
+                parsed.check,
+                namespace=parsed.namespace,
+                changes=dict(map(_assignment, parsed.set)),
+                tolerance=tolerance,
+                on_tick=lambda done, count: status.update(f"tick {done} of {count}"),
+            )
+    except IptmError as error:
+        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
+        return EXIT_USER_ERROR
+    console.print(comparison_table(comparison))
+    for topic in comparison:
+        if topic.first_fields:
+            console.print(topic.divergence_text(), highlight=False, markup=False)
+    agrees = all(topic.agrees for topic in comparison)
+    verdict = "answers as recorded" if agrees else "does not answer as recorded"
+    stated = _tolerances_text() if tolerance is None else _tolerance_text(tolerance)
+    console.print(f"{parsed.check} {verdict}; tolerance {stated}", highlight=False)
+    return EXIT_OK if agrees else EXIT_DIFFERENT
+
+
+def _tolerances_text() -> str:
+    fine = (
+        f"{', '.join(fields)} of {topic.value} {_tolerance_text(tolerance)}"
+        for topic, (fields, tolerance) in FINE_TOLERANCES.items()
+    )
+    return "; ".join((_tolerance_text(TOLERANCE), *fine))
+
+
+def _tolerance_text(tolerance: NumberTolerance) -> str:
+    return f"{tolerance.absolute:g} + {tolerance.relative:g} of the value"
+
+
+def _assignment(text: str) -> tuple[str, Any]:
+    name, separator, value = text.partition("=")
+    if not (name and separator):
+        raise ScenarioError(f"option --set is {text!r}; allowed: NAME=VALUE")
+    return name, parse_yaml(value, "option --set", ScenarioError) if value else ""
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,161 @@
+"""Feeds a node step by step over ROS and records what it answers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.publisher import Publisher
+
+from iptm_core.errors import ScenarioError
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_writer import BagWriter
+from iptm_recording.timeline import read_stamp_ns
+
+NAME = "replay_check"
+START_TIMEOUT_S = 180.0
+"""Enough for a slow machine to compile the controller's problem for the first time."""
+ANSWER_TIMEOUT_S = 60.0
+SETTLE_S = 0.2
+"""Time for unstamped messages of the last step to arrive."""
+_SPIN_S = 0.02
+
+
+@dataclass(frozen=True)
+class Step:
+    """One tick of the check.
+
+    Attributes:
+        inputs: what the node is told, CDR bytes by topic.
+        awaited: topic of its last word in the tick.
+        stamp_ns: stamp of that message.
+    """
+
+    inputs: Mapping[Topic, bytes]
+    awaited: Topic
+    stamp_ns: int
+
+
+def answer_steps(
+    steps: Sequence[Step],
+    outputs: Collection[Topic],
+    names: Mapping[Topic, str],
+    answers: Path,
+    check_alive: Callable[[], None],
+    on_tick: Callable[[int, int], None],
+) -> None:
+    """Feed a node that is being started, and write what it answers into a bag.
+
+    Args:
+        steps: what to tell it, in order.
+        outputs: topics that it publishes.
+        names: full names of the topics.
+        answers: bag folder to create.
+        check_alive: raises when the node has ended.
+        on_tick: told how many steps are done, and of how many.
+
+    Raises:
+        ScenarioError: the node does not come up, ends, or gives no answer to a step.
+    """
+    context = Context()
+    context.init(args=[])
+    executor = EventsExecutor(context=context)
+    node = SuiteNode(NAME, context=context)
+    try:
+        executor.add_node(node)
+        with BagWriter(answers) as writer:
+            feed = _Feed(node, executor, outputs, names, writer, check_alive)
+            feed.wait_for_peers({topic for step in steps for topic in step.inputs})
+            for number, step in enumerate(steps, start=1):
+                feed.take(step)
+                on_tick(number, len(steps))
+            feed.settle()
+    finally:
+        executor.remove_node(node)
+        node.destroy_node()
+        executor.shutdown()
+        context.try_shutdown()
+
+
+class _Feed:
+    def __init__(
+        self,
+        node: SuiteNode,
+        executor: EventsExecutor,
+        outputs: Collection[Topic],
+        names: Mapping[Topic, str],
+        writer: BagWriter,
+        check_alive: Callable[[], None],
+    ) -> None:
+        self._node, self._executor, self._names = node, executor, names
+        self._writer, self._check_alive = writer, check_alive
+        self._newest = dict.fromkeys(outputs, -1)
+        self._now_ns = 0
+        self._publishers: dict[Topic, Publisher] = {}
+        self._keys = {
+            topic: writer.add_topic(names[topic], TOPICS[topic].type_name) for topic in outputs
+        }
+        self._subscriptions = {
+            topic: node.create_subscription(
+                TOPICS[topic].message_type,
+                names[topic],
+                partial(self._hear, topic),
+                TOPICS[topic].qos,
+                raw=True,
+            )
+            for topic in outputs
+        }
+
+    def wait_for_peers(self, inputs: Collection[Topic]) -> None:
+        """Advertise the inputs, and wait until everything said will be heard on either side."""
+        self._publishers = {
+            topic: self._node.create_publisher(
+                TOPICS[topic].message_type, self._names[topic], TOPICS[topic].qos
+            )
+            for topic in inputs
+        }
+        self._spin_until(
+            lambda: (
+                all(p.get_subscription_count() for p in self._publishers.values())
+                and all(s.get_publisher_count() for s in self._subscriptions.values())
+            ),
+            START_TIMEOUT_S,
+            "the node does not come up",
+        )
+
+    def take(self, step: Step) -> None:
+        """Tell the inputs of a step, and wait for the last word of the answer."""
+        self._now_ns = step.stamp_ns
+        for topic, data in step.inputs.items():
+            self._publishers[topic].publish(data)
+        self._spin_until(
+            lambda: self._newest[step.awaited] >= step.stamp_ns,
+            ANSWER_TIMEOUT_S,
+            f"no {step.awaited.value} for {step.stamp_ns * 1e-9:g} s of the trip",
+        )
+
+    def settle(self) -> None:
+        """Hear what is still under way; a node that has finished its trip may end now."""
+        until_s = time.monotonic() + SETTLE_S
+        while time.monotonic() < until_s:
+            self._executor.spin_once(timeout_sec=_SPIN_S)
+
+    def _hear(self, topic: Topic, data: bytes) -> None:
+        stamp_ns = read_stamp_ns(data)
+        self._writer.write(self._keys[topic], data, self._now_ns)
+        if stamp_ns is not None:
+            self._newest[topic] = max(self._newest[topic], stamp_ns)
+
+    def _spin_until(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
+        deadline_s = time.monotonic() + timeout_s
+        while not condition():
+            self._check_alive()
+            if time.monotonic() > deadline_s:
+                raise ScenarioError(f"{what} within {timeout_s:g} s")
+            self._executor.spin_once(timeout_sec=_SPIN_S)

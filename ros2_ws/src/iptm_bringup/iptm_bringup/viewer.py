@@ -1,0 +1,84 @@
+"""The live view beside a run: a process of its own that the run neither waits for nor depends on."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+import yaml
+from rich.console import Console
+
+from iptm_bringup.composition import Listeners, node_parameters, run_information
+from iptm_bringup.run_folder import RunFolder
+from iptm_bringup.scenario import PreparedScenario
+from iptm_bringup.supervisor import Supervisor
+from iptm_interfaces.process import StopRequest
+
+VIEW = "view"
+MODULE = "iptm_view.cli"
+"""Known by name only, as the nodes are."""
+_START_TIMEOUT_S = 20.0
+_POLL_S = 0.05
+_ADDRESS = re.compile(r"http://\S+")
+
+
+@contextmanager
+def live_view(
+    folder: RunFolder,
+    environment: Mapping[str, str],
+    prepared: PreparedScenario,
+    against: str,
+    console: Console,
+    errors: Console,
+) -> Iterator[Callable[[StopRequest], None]]:
+    """Show a run in the browser until the context ends.
+
+    Args:
+        folder: takes the log.
+        environment: of the processes of the run.
+        prepared: what is driven.
+        against: strategy of the reference car, "none" for no such car.
+        console: told the address.
+        errors: told if there is no view; the run goes on without.
+
+    Yields:
+        What to call at the end of the run: it keeps the view open while someone may look, until Ctrl-C.
+    """
+    supervisor = Supervisor(environment, folder.log_path)
+    known = run_information(prepared, node_parameters(prepared, Listeners()))
+    file = folder.write_log("view_information.yaml", yaml.safe_dump(known, sort_keys=False))
+    command = [sys.executable, "-m", MODULE, "--against", against, "--run-information", str(file)]
+    supervisor.start(VIEW, [*command, "--namespace", prepared.scenario.namespace])
+    try:
+        address = _address(supervisor)
+        if address:
+            console.print(f"live view: {address}", style="bold", highlight=False, soft_wrap=True)
+        else:
+            said = (supervisor.log_text(VIEW).strip().splitlines() or ["no reason given"])[-1]
+            errors.print(f"no live view: {said}", markup=False, highlight=False, soft_wrap=True)
+        yield lambda stop: _stay_open(supervisor, stop, console)
+    finally:
+        supervisor.stop()
+
+
+def _address(supervisor: Supervisor) -> str:
+    """Return where the page is served, "" if it is not."""
+    deadline_s = time.monotonic() + _START_TIMEOUT_S
+    while supervisor.is_running(VIEW) and time.monotonic() < deadline_s:
+        found = _ADDRESS.search(supervisor.log_text(VIEW))
+        if found:
+            return found.group(0)
+        time.sleep(_POLL_S)
+    return ""
+
+
+def _stay_open(supervisor: Supervisor, stop: StopRequest, console: Console) -> None:
+    # Only for someone at a terminal: a script that drives runs must come to its end.
+    if not (sys.stdin.isatty() and console.is_terminal and supervisor.is_running(VIEW)):
+        return
+    console.print("the live view stays open until Ctrl-C", style="dim")
+    while supervisor.is_running(VIEW) and not stop.is_set:
+        time.sleep(_POLL_S)

@@ -1,0 +1,237 @@
+"""The command `view`: its arguments, and the life of its process."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+import webbrowser
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import rclpy
+from rclpy.exceptions import NameValidationException
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from iptm_core.errors import IptmError, ViewError
+from iptm_interfaces.discovery import middleware_settings
+from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
+from iptm_recording.run_information import load_run_information
+from iptm_view.bag_source import BagSource
+from iptm_view.foxglove_server import FoxgloveServer
+from iptm_view.graph_source import NAME, GraphSource
+from iptm_view.page_feed import PageFeed
+from iptm_view.page_server import DEFAULT_PORT, PageServer
+from iptm_view.reference_curve import ReferenceCurve
+from iptm_view.run_facts import RunFacts
+from iptm_view.screenshot import Picture, take_screenshot
+
+PROGRAM = "view"
+DEFAULT_RATE = 10.0
+"""A bag is played so many times as fast as it was recorded: ten seconds of trip in one."""
+_POLL_S = 0.1
+_REST_S = 0.1
+_SPIN_S = 0.001
+_QUIET_SPINS = 2
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line without its ROS arguments."""
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM,
+        description="Show a run in the browser while it takes place, or a finished bag as if it did."
+        " ROS arguments (remaps) follow after --ros-args.",
+    )
+    parser.add_argument(
+        "bag", type=Path, nargs="?", help="bag folder or .mcap file (default: what is on the graph)"
+    )
+    parser.add_argument("--namespace", default="", help="of the vehicle, e.g. car_1")
+    parser.add_argument(
+        "--rate",
+        type=float,
+        default=DEFAULT_RATE,
+        help="of a bag: times the recorded speed, 0 for all of it at once (default: %(default)g)",
+    )
+    parser.add_argument(
+        "--start", type=float, default=0.0, metavar="S", help="begin so many seconds into the bag"
+    )
+    parser.add_argument(
+        "--run-information",
+        type=Path,
+        metavar="FILE",
+        help="YAML about the run on the graph, as a recorder takes it (default: its nodes are asked)",
+    )
+    parser.add_argument(
+        "--against",
+        default="reference",
+        metavar="STRATEGY",
+        help="strategy of the car to compare battery life with, none for no such car"
+        " (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--port", type=int, help=f"of the page (default: {DEFAULT_PORT}, or a free one)"
+    )
+    parser.add_argument(
+        "--foxglove-port", type=int, help="of the Foxglove server (default: 8765, or a free one)"
+    )
+    parser.add_argument("--no-foxglove", action="store_true", help="start no Foxglove server")
+    parser.add_argument("--no-browser", action="store_true", help="open no browser on a desktop")
+    picture = parser.add_argument_group("a picture of the page instead, of a bag")
+    picture.add_argument("--screenshot", type=Path, metavar="FILE", help="PNG file to write")
+    picture.add_argument("--size", default="1280x800", help="of the window (default: %(default)s)")
+    picture.add_argument("--dark", action="store_true", help="as at night")
+    picture.add_argument(
+        "--at", type=float, metavar="S", help="at this trip time (default: at the end)"
+    )
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Show a run until told to stop, or take a picture of one.
+
+    Returns:
+        0 when stopped or when the picture is there, 2 after a mistake of the user.
+    """
+    command = list(sys.argv if arguments is None else arguments)
+    parsed = build_parser().parse_args(remove_ros_args(command)[1:])
+    stop = StopRequest()
+    stop.install()
+    try:
+        if parsed.screenshot is not None:
+            _take_picture(parsed)
+        else:
+            with _Servers(parsed) as servers:
+                if parsed.bag is None:
+                    _show_graph(parsed, command, servers, stop)
+                else:
+                    _show_bag(parsed, servers, stop)
+    except IptmError as error:
+        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
+        return EXIT_USER_ERROR
+    return EXIT_OK
+
+
+class _Servers(AbstractContextManager["_Servers"]):
+    """Page, Foxglove server and reference car of one view."""
+
+    def __init__(self, parsed: argparse.Namespace) -> None:
+        self.feed = PageFeed()
+        self.foxglove = _start_foxglove(parsed)
+        self.reference = ReferenceCurve(parsed.against, gives_way=parsed.bag is None)
+        self._page = PageServer(self.feed, parsed.port)
+        self._facts = RunFacts("")
+        print(f"{PROGRAM}: {self._page.url}", flush=True)
+        if self.foxglove is not None:
+            print(f"{PROGRAM}: Foxglove or Lichtblick: {self.foxglove.url}", flush=True)
+        if not parsed.no_browser and _is_desktop():
+            webbrowser.open(self._page.url)
+
+    def __exit__(self, *error: object) -> None:
+        self.reference.close()
+        self._page.close()
+        if self.foxglove is not None:
+            self.foxglove.close()
+
+    def complete(self, facts: RunFacts) -> RunFacts:
+        """Add what this view knows to the facts of a run, and have the reference driven once."""
+        if self.foxglove is not None:
+            facts = replace(facts, foxglove=self.foxglove.url)
+        if facts.is_complete:
+            facts = self.reference.start(facts)
+        self._facts = facts
+        return facts
+
+    def deliver(self) -> None:
+        """Tell the page about the reference car when it has arrived."""
+        fault = self.reference.deliver(self.feed)
+        if fault:
+            self._facts = self._facts.with_note(fault)
+            self.feed.put("facts", self._facts.document())
+
+
+def _start_foxglove(parsed: argparse.Namespace) -> FoxgloveServer | None:
+    if parsed.no_foxglove:
+        return None
+    try:
+        return FoxgloveServer("iptm", parsed.foxglove_port)
+    except ViewError as error:
+        if parsed.foxglove_port is not None:
+            raise
+        print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
+        return None
+
+
+def _is_desktop() -> bool:
+    return sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+
+
+def _show_bag(parsed: argparse.Namespace, servers: _Servers, stop: StopRequest) -> None:
+    def wait(seconds: float) -> bool:
+        servers.deliver()
+        time.sleep(seconds)
+        return stop.is_set
+
+    with BagSource(
+        parsed.bag, parsed.rate, parsed.start, namespace=parsed.namespace or None
+    ) as source:
+        source.play(servers.feed, servers.complete(source.facts), servers.foxglove, wait)
+    while not wait(_POLL_S):
+        if servers.foxglove is not None:
+            servers.foxglove.serve_latecomers()
+
+
+def _show_graph(
+    parsed: argparse.Namespace, command: list[str], servers: _Servers, stop: StopRequest
+) -> None:
+    file = parsed.run_information
+    information = None if file is None else load_run_information(file)
+    with _node(parsed.namespace, command) as (node, executor):
+        source = GraphSource(node, servers.feed, servers.foxglove, servers.complete, information)
+        while not stop.is_set:
+            # Woken by every single message, the view would take time from the run.
+            time.sleep(_REST_S)
+            quiet, before = 0, source.heard
+            while quiet < _QUIET_SPINS:
+                executor.spin_once(timeout_sec=_SPIN_S)
+                quiet, before = (quiet + 1 if source.heard == before else 0), source.heard
+            source.look()
+            servers.deliver()
+
+
+@contextmanager
+def _node(namespace: str, command: list[str]) -> Iterator[tuple[Node, EventsExecutor]]:
+    os.environ.update(middleware_settings())
+    rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        try:
+            node = Node(NAME, namespace=namespace, enable_rosout=False)
+        except NameValidationException as error:
+            reason = " ".join(str(error).split())
+            raise ViewError(f"namespace is {namespace!r}: {reason}") from None
+        executor = EventsExecutor()
+        executor.add_node(node)
+        try:
+            yield node, executor
+        finally:
+            executor.remove_node(node)
+            node.destroy_node()
+            executor.shutdown()
+    finally:
+        rclpy.try_shutdown()
+
+
+def _take_picture(parsed: argparse.Namespace) -> None:
+    if parsed.bag is None:
+        raise ViewError("--screenshot is of a bag; allowed: scripts/view BAG --screenshot FILE")
+    picture = Picture.of_text(parsed.size, is_dark=parsed.dark, at_s=parsed.at)
+    take_screenshot(parsed.bag, parsed.screenshot, picture, parsed.against)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,225 @@
+"""One row of the page: the messages of one stamp as plain numbers, and what is drawn ahead of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from typing import Any
+
+import numpy as np
+from rclpy.serialization import deserialize_message
+
+from iptm_core.errors import MessageError
+from iptm_core.parameters import ModelParameters
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.state import SlopePreview
+from iptm_interfaces.codecs import (
+    decode_decision_record,
+    decode_leader,
+    decode_leader_preview_bytes,
+    decode_plan,
+    decode_powers,
+    decode_slope,
+    decode_temperature,
+    s_from_ns,
+)
+from iptm_interfaces.codecs.vehicle import decode_capacity_loss
+from iptm_interfaces.topics import TOPICS, Topic
+
+_TEMPERATURES = {
+    Topic.PLANT_CELL_1_TEMPERATURE: "cell_1_temperature_c",
+    Topic.PLANT_CELL_N_TEMPERATURE: "cell_n_temperature_c",
+    Topic.PLANT_COOLANT_INLET_TEMPERATURE: "coolant_inlet_temperature_c",
+    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE: "coolant_outlet_temperature_c",
+}
+
+ROW_TOPICS = (
+    Topic.PLANT_ODOMETRY,
+    Topic.LEADER,
+    Topic.PLANT_POWERS,
+    *_TEMPERATURES,
+    Topic.PLANT_CAPACITY_LOSS,
+    Topic.SOLVE,
+)
+"""Topics of which a row is made; what a foreign suite does not publish stays empty."""
+
+AHEAD_TOPICS = (Topic.PLAN, Topic.LEADER_PREVIEW)
+"""Topics of what is drawn ahead of the newest row."""
+
+
+@dataclass(frozen=True)
+class PageRow:
+    """What the page shows of one instant; NaN for what is not known.
+
+    Attributes:
+        time_s: trip time.
+        position_m: of the host along the road.
+        speed_m_s: of the host.
+        leader_position_m: rear bumper of the leader.
+        leader_speed_m_s: of the leader.
+        gap_m: distance to the leader.
+        min_gap_m: its lower limit s_min at these speeds.
+        traction_power_w: mean over the interval that ended now, as the other powers.
+        battery_power_w: positive when drawn from the pack.
+        compressor_power_w: drawn by the compressor.
+        chiller_heat_w: positive when cooling.
+        cell_1_temperature_c: first cell of a coolant channel.
+        cell_n_temperature_c: last cell of a coolant channel.
+        coolant_inlet_temperature_c: coolant entering the pack.
+        coolant_outlet_temperature_c: coolant leaving the pack.
+        capacity_loss: of both cells together, since they were new, as a fraction of nominal.
+        status_code: number of `SolveStatus`.
+        solve_time_s: wall time of the solve.
+        iterations: of the solver.
+        fallback_rung: number of `Rung`.
+        limiter_active: 1 where the last limiter changed the command.
+        preview_age_s: age of the preview in use.
+    """
+
+    time_s: float
+    position_m: float = math.nan
+    speed_m_s: float = math.nan
+    leader_position_m: float = math.nan
+    leader_speed_m_s: float = math.nan
+    gap_m: float = math.nan
+    min_gap_m: float = math.nan
+    traction_power_w: float = math.nan
+    battery_power_w: float = math.nan
+    compressor_power_w: float = math.nan
+    chiller_heat_w: float = math.nan
+    cell_1_temperature_c: float = math.nan
+    cell_n_temperature_c: float = math.nan
+    coolant_inlet_temperature_c: float = math.nan
+    coolant_outlet_temperature_c: float = math.nan
+    capacity_loss: float = math.nan
+    status_code: float = math.nan
+    solve_time_s: float = math.nan
+    iterations: float = math.nan
+    fallback_rung: float = math.nan
+    limiter_active: float = math.nan
+    preview_age_s: float = math.nan
+
+    def values(self) -> list[float]:
+        """Return the numbers in the order of `PAGE_COLUMNS`."""
+        return list(asdict(self).values())
+
+
+PAGE_COLUMNS = tuple(entry.name for entry in fields(PageRow))
+"""Names of the columns, with their units."""
+
+
+def page_row(
+    stamp_ns: int, messages: Mapping[Topic, bytes], parameters: ModelParameters | None
+) -> tuple[PageRow, list[str]]:
+    """Decode the messages of one stamp.
+
+    Args:
+        stamp_ns: the stamp.
+        messages: CDR bytes by topic, as far as they are there.
+        parameters: of the model, for s_min; None where they are not known.
+
+    Returns:
+        The row, and a sentence for every message that breaks its promise; its values are left out.
+    """
+    found: dict[str, float] = {}
+    faults: list[str] = []
+
+    def take(topic: Topic, read: Callable[[Any], Mapping[str, float]]) -> None:
+        if topic in messages:
+            try:
+                found.update(read(_message(topic, messages[topic])))
+            except MessageError as error:
+                faults.append(str(error))
+
+    take(Topic.PLANT_ODOMETRY, lambda m: _motion(m, ""))
+    take(Topic.LEADER, lambda m: _motion(m, "leader_"))
+    take(Topic.PLANT_POWERS, lambda m: vars(decode_powers(m)))
+    take(Topic.PLANT_CAPACITY_LOSS, lambda m: {"capacity_loss": sum(decode_capacity_loss(m))})
+    for topic, column in _TEMPERATURES.items():
+        take(topic, partial(_temperature, topic, column))
+    take(Topic.SOLVE, _decision)
+    if "position_m" in found and "leader_position_m" in found:
+        found["gap_m"] = found["leader_position_m"] - found["position_m"]
+        if parameters is not None:
+            found["min_gap_m"] = minimum_gap_m(
+                found["speed_m_s"], found["leader_speed_m_s"], parameters.gap, parameters.limits
+            )
+    row = {name: float(value) for name, value in found.items() if name in PAGE_COLUMNS}
+    return PageRow(s_from_ns(stamp_ns), **row), faults
+
+
+def _temperature(topic: Topic, column: str, message: Any) -> dict[str, float]:
+    return {column: decode_temperature(topic, message) - CELSIUS_ZERO_K}
+
+
+def _motion(message: Any, prefix: str) -> dict[str, float]:
+    state = decode_leader(message)
+    return {f"{prefix}position_m": state.position_m, f"{prefix}speed_m_s": state.speed_m_s}
+
+
+def _decision(message: Any) -> dict[str, float]:
+    record = decode_decision_record(message)
+    return {
+        "status_code": record.status,
+        "solve_time_s": record.solve_time_s,
+        "iterations": record.iterations,
+        "fallback_rung": record.rung,
+        "limiter_active": record.limiter_active,
+        "preview_age_s": record.preview_age_s,
+    }
+
+
+def plan_ahead(messages: Mapping[Topic, bytes]) -> dict[str, list[float]]:
+    """Return the plan as the page draws it; empty without one.
+
+    The gap ahead is that to the leader's preview, as far as this reaches.
+
+    Args:
+        messages: CDR bytes of one stamp by topic.
+
+    Raises:
+        MessageError: a message breaks its promise.
+    """
+    if Topic.PLAN not in messages:
+        return {}
+    _, plan = decode_plan(_message(Topic.PLAN, messages[Topic.PLAN]))
+    gaps_m = np.full(plan.times_s.shape, math.nan)
+    if Topic.LEADER_PREVIEW in messages:
+        _, preview = decode_leader_preview_bytes(messages[Topic.LEADER_PREVIEW])
+        if preview.times_s.size:
+            leader_m = np.interp(plan.times_s, preview.times_s, preview.positions_m)
+            known = plan.times_s <= preview.times_s[-1]
+            gaps_m = np.where(known, leader_m - plan.positions_m, math.nan)
+    return {
+        "time_s": plan.times_s.tolist(),
+        "speed_m_s": plan.speeds_m_s.tolist(),
+        "gap_m": gaps_m.tolist(),
+        "cell_1_temperature_c": (plan.cell_1_temperatures_k - CELSIUS_ZERO_K).tolist(),
+        "cell_n_temperature_c": (plan.cell_n_temperatures_k - CELSIUS_ZERO_K).tolist(),
+        "compressor_power_w": plan.compressor_powers_w.tolist(),
+    }
+
+
+def road_height(data: bytes) -> dict[str, list[float]]:
+    """Return the height of the road over position, from the slope; 0 at the start of the trip.
+
+    Args:
+        data: CDR bytes of `v2x/slope`.
+
+    Raises:
+        MessageError: the message breaks its promise.
+    """
+    slope: SlopePreview = decode_slope(_message(Topic.SLOPE, data))
+    position_m, slope_rad = slope.positions_m, slope.slopes_rad
+    # The position counts along the road, so a piece of it climbs by the sine of its slope.
+    climb = np.sin(0.5 * (slope_rad[1:] + slope_rad[:-1])) * np.diff(position_m)
+    height_m = np.concatenate(([0.0], np.cumsum(climb)))
+    height_m -= np.interp(0.0, position_m, height_m)
+    return {"position_m": position_m.tolist(), "height_m": height_m.tolist()}
+
+
+def _message(topic: Topic, data: bytes) -> Any:
+    return deserialize_message(data, TOPICS[topic].message_type)

@@ -1,0 +1,185 @@
+"""Serves the page: its static files, and what happens as server-sent events; this machine only."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import suppress
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+from iptm_core.errors import ViewError
+from iptm_view.page_feed import Cursor, PageEvent, PageFeed
+
+HOST = "127.0.0.1"
+DEFAULT_PORT = 8780
+MAX_BROWSERS = 32
+FRAME_S = 0.1
+"""Shortest time between two messages to a browser."""
+KEEP_ALIVE_S = 10.0
+SEND_TIMEOUT_S = 60.0
+"""A browser that has taken nothing for so long is let go; it comes back by itself when it reads again."""
+
+PAGE = Path(__file__).parent / "page"
+_KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+# The page may load nothing and talk to nobody but this server.
+_POLICY = "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+
+
+class PageServer:
+    """The web server of one feed, in threads of its own."""
+
+    def __init__(self, feed: PageFeed, port: int | None = None) -> None:
+        """Start serving.
+
+        Args:
+            feed: what to tell.
+            port: port on this machine; None for the usual one, or a free one where it is taken.
+
+        Raises:
+            ViewError: the named port is taken or may not be used.
+        """
+        self._server = _bind(feed, port)
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True
+        )
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{HOST}:{self._server.server_address[1]}/"
+
+    @property
+    def browsers(self) -> int:
+        """Browsers that listen at present."""
+        return self._server.browsers
+
+    def close(self) -> None:
+        """Stop serving; browsers that listen are let go."""
+        self._server.closing.set()
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    # Python would wait for the threads of browsers that hang.
+    block_on_close = False
+
+    def __init__(self, feed: PageFeed, port: int) -> None:
+        self.feed = feed
+        self.closing = threading.Event()
+        self.browsers = 0
+        self.lock = threading.Lock()
+        super().__init__((HOST, port), _Handler)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing about connections that a browser broke off."""
+
+
+def _bind(feed: PageFeed, port: int | None) -> _Server:
+    if port is None:
+        with suppress(OSError):
+            return _Server(feed, DEFAULT_PORT)
+        return _Server(feed, 0)
+    try:
+        return _Server(feed, port)
+    except (OSError, OverflowError) as error:
+        raise ViewError(
+            f"port of the page is {port} ({error}); allowed: a free port from 1024 to 65535"
+        ) from None
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers one connection."""
+
+    server: _Server
+    protocol_version = "HTTP/1.1"
+    timeout = SEND_TIMEOUT_S
+
+    def do_GET(self) -> None:
+        """Answer with a file of the page, or with the events."""
+        host = self.headers.get("Host", "").rsplit(":", 1)[0]
+        # A foreign page must not read the run by a name that resolves to this machine.
+        if host not in {HOST, "localhost"}:
+            self._refuse(HTTPStatus.FORBIDDEN)
+            return
+        path = self.path.split("?", maxsplit=1)[0]
+        if path == "/events":
+            self._tell_events()
+            return
+        file = PAGE / ("index.html" if path == "/" else path[1:])
+        if file.parent != PAGE or file.suffix not in _KINDS or not file.is_file():
+            self._refuse(HTTPStatus.NOT_FOUND)
+            return
+        content = file.read_bytes()
+        self._head(HTTPStatus.OK, _KINDS[file.suffix], len(content))
+        self.wfile.write(content)
+
+    def _refuse(self, status: HTTPStatus) -> None:
+        content = f"{status.value} {status.phrase}\n".encode()
+        self._head(status, "text/plain; charset=utf-8", len(content))
+        self.wfile.write(content)
+
+    def _head(self, status: HTTPStatus, kind: str, length: int | None) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        if length is None:
+            self.send_header("Connection", "close")
+            self.close_connection = True
+        else:
+            self.send_header("Content-Length", str(length))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Content-Security-Policy", _POLICY)
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.end_headers()
+
+    def _tell_events(self) -> None:
+        with self.server.lock:
+            if self.server.browsers >= MAX_BROWSERS:
+                is_full = True
+            else:
+                is_full = False
+                self.server.browsers += 1
+        if is_full:
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
+            return
+        try:
+            self._head(HTTPStatus.OK, "text/event-stream; charset=utf-8", None)
+            self._follow()
+        except OSError:
+            pass  # the browser has gone, or takes nothing any more
+        finally:
+            with self.server.lock:
+                self.server.browsers -= 1
+
+    def _follow(self) -> None:
+        cursor = Cursor()
+        said_s = time.monotonic()
+        while not self.server.closing.is_set():
+            cursor, events = self.server.feed.changes(cursor, timeout_s=1.0)
+            now_s = time.monotonic()
+            if events:
+                self.wfile.write("".join(map(_as_text, events)).encode())
+            elif now_s - said_s >= KEEP_ALIVE_S:
+                self.wfile.write(b": nothing new\n\n")
+            else:
+                continue
+            said_s = now_s
+            time.sleep(FRAME_S)
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 - the name of the base class
+        """Say nothing about requests."""
+
+
+def _as_text(event: PageEvent) -> str:
+    return f"event: {event.kind}\ndata: {event.text}\n\n"

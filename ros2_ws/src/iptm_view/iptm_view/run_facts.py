@@ -1,0 +1,182 @@
+"""What is known of a run beside its messages: title, limits, and the trip for a reference car.
+
+It comes from the parameters of the three nodes, as a bag stores them or as the nodes answer when asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import yaml
+
+from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.declaration import Settings, parameter_specs
+from iptm_core.errors import IptmError
+from iptm_core.parameters import ModelParameters
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.settings import (
+    IntegrationSettings,
+    ModelSettings,
+    PreviewSettings,
+    SamplingSettings,
+    TripSettings,
+)
+from iptm_recording.run_information import RunInformation, stored_model_parameters
+from iptm_view.page_row import PAGE_COLUMNS
+
+PLANT = "plant"
+BRIDGE = "v2x_bridge"
+CONTROLLER = "controller"
+
+NodeParameters = Mapping[str, Mapping[str, Any]]
+"""Parameters by node and name."""
+
+ASKED: Mapping[str, tuple[type[Settings], ...]] = {
+    PLANT: (TripSettings, ModelSettings, IntegrationSettings, SamplingSettings),
+    BRIDGE: (PreviewSettings,),
+}
+"""Settings of the nodes that the view can make use of."""
+
+ASKED_OF_CONTROLLER = ("strategy", "horizon", "solver")
+_OF_THE_PLANT_ALONE = (IntegrationSettings, SamplingSettings)
+
+
+@dataclass(frozen=True, eq=False)
+class RunFacts:
+    """What is known of a run.
+
+    Attributes:
+        source: where its messages come from, in words.
+        parameters: of the model; None where they are not known.
+        nodes: parameters of the nodes; empty where they are not known.
+        notes: what is missing, in sentences for the reader of the page.
+        foxglove: address of the Foxglove server, "" without one.
+        is_complete: whether no more will become known.
+    """
+
+    source: str
+    parameters: ModelParameters | None = None
+    nodes: NodeParameters | None = None
+    notes: tuple[str, ...] = ()
+    foxglove: str = ""
+    is_complete: bool = False
+
+    @property
+    def title(self) -> str:
+        """What is driven and by whom, as far as it is known."""
+        nodes = self.nodes or {}
+        trip, control = nodes.get(PLANT, {}), nodes.get(CONTROLLER, {})
+        words = [f"cycle {trip['cycle']}"] if "cycle" in trip else []
+        words += [f"{name} {control[name]}" for name in ASKED_OF_CONTROLLER[:2] if name in control]
+        return ", ".join(words) or "a run"
+
+    def with_note(self, note: str) -> RunFacts:
+        """Return the same facts with another sentence."""
+        return self if note in self.notes else replace(self, notes=(*self.notes, note))
+
+    def document(self) -> dict[str, Any]:
+        """Return what the page is told."""
+        return {
+            "title": self.title,
+            "source": self.source,
+            "columns": list(PAGE_COLUMNS),
+            "limits": _limits(self.parameters),
+            "initial_capacity_loss": None
+            if self.parameters is None
+            else 2.0 * self.parameters.aging.initial_capacity_loss,
+            "statuses": {int(status): _words(status.name) for status in SolveStatus},
+            "rungs": {int(rung): _words(rung.name) for rung in Rung},
+            "notes": list(self.notes),
+            "foxglove": self.foxglove,
+        }
+
+    def trip_scenario(self) -> str | None:
+        """Return the trip as the YAML text of a scenario, None where it is not known."""
+        nodes = self.nodes or {}
+        given = {**nodes.get(BRIDGE, {}), **nodes.get(PLANT, {})}
+        content: dict[str, Any] = {}
+        own: dict[str, Any] = {}
+        for group in (group for groups in ASKED.values() for group in groups):
+            for spec in parameter_specs(group):
+                into = own if group in _OF_THE_PLANT_ALONE else content
+                if spec.name in given:
+                    into[spec.name] = given[spec.name]
+        if "cycle" not in content or "duration_s" not in content:
+            return None
+        if own:
+            content["node_parameters"] = {PLANT: own}
+        text: str = yaml.safe_dump(content, sort_keys=False)
+        return text
+
+
+def facts_of_information(source: str, information: RunInformation) -> RunFacts:
+    """Return what stands in a bag, or in the file that a recorder is given, about a run.
+
+    Args:
+        source: where the messages come from, in words.
+        information: of the run.
+
+    Raises:
+        BagError: the parameters of the model are malformed.
+    """
+    try:
+        nodes = yaml.safe_load(information.parameters)
+    except yaml.YAMLError:
+        nodes = None
+    known = {
+        node: dict(given)
+        for node, given in (nodes.items() if isinstance(nodes, dict) else ())
+        if node in {PLANT, BRIDGE, CONTROLLER} and isinstance(given, dict)
+    }
+    parameters = stored_model_parameters(information)
+    facts = RunFacts(source, parameters, known, is_complete=True)
+    return facts if parameters is not None else facts.with_note(_NO_LIMITS)
+
+
+def facts_of_nodes(source: str, nodes: NodeParameters) -> RunFacts:
+    """Return what the nodes of a graph tell, as far as they were there to be asked.
+
+    Args:
+        source: where the messages come from, in words.
+        nodes: parameters by node and name.
+    """
+    is_complete = {PLANT, BRIDGE, CONTROLLER} <= nodes.keys()
+    names = [spec.name for spec in parameter_specs(ModelSettings)]
+    of_plant = nodes.get(PLANT, {})
+    given = {name: of_plant[name] for name in names if name in of_plant}
+    if len(given) < len(names):
+        return RunFacts(source, None, nodes, (_NO_LIMITS,), is_complete=is_complete)
+    try:
+        parameters = ModelSettings(**given).model().values
+    except IptmError as error:
+        return RunFacts(source, None, nodes, (f"{_NO_LIMITS} ({error})",), is_complete=is_complete)
+    return RunFacts(source, parameters, nodes, is_complete=is_complete)
+
+
+_NO_LIMITS = "the parameters of the model are not known: limits are left out"
+
+
+def _limits(parameters: ModelParameters | None) -> dict[str, float] | None:
+    if parameters is None:
+        return None
+    limits, gap = parameters.limits, parameters.gap
+    return {
+        "max_gap_m": gap.max_gap_m,
+        "max_speed_m_s": limits.max_speed_m_s,
+        "min_temperature_c": limits.min_temperature_k - CELSIUS_ZERO_K,
+        "max_temperature_c": limits.max_temperature_k - CELSIUS_ZERO_K,
+        "max_compressor_power_w": limits.max_compressor_power_w,
+    }
+
+
+def _words(name: str) -> str:
+    return name.lower().replace("_", " ")
+
+
+def asked_names(node: str) -> list[str]:
+    """Return the names of the parameters that the view asks a node for."""
+    if node == CONTROLLER:
+        return list(ASKED_OF_CONTROLLER)
+    return [spec.name for group in ASKED[node] for spec in parameter_specs(group)]

@@ -1,0 +1,159 @@
+"""From the messages of a run to the feed of the page: joined by stamp, decoded as often as anyone can see.
+
+Where the messages come from, the graph or a bag, makes no difference here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import deserialize_message
+
+from iptm_core.errors import MessageError
+from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces.diagnostics import Level, status_values
+from iptm_interfaces.topics import Topic
+from iptm_recording.timeline import read_stamp_ns
+from iptm_view.page_feed import PageFeed
+from iptm_view.page_row import AHEAD_TOPICS, ROW_TOPICS, page_row, plan_ahead, road_height
+from iptm_view.run_facts import RunFacts
+
+JOINED_TOPICS = (*ROW_TOPICS, *AHEAD_TOPICS, Topic.COMMAND)
+"""Topics that belong together by their stamps."""
+
+PAGE_TOPICS = (*JOINED_TOPICS, Topic.SLOPE, Topic.DIAGNOSTICS)
+"""Topics that the page needs."""
+
+# All but the plan, of which there is none on a fallback; the command is the controller's last word in a tick.
+_ALWAYS = (*ROW_TOPICS, Topic.LEADER_PREVIEW, Topic.COMMAND)
+_STAMPS_KEPT = 64
+_SET_BACK_NS = 10 * NS_PER_S
+_LEVELS = {level.value: level.name for level in Level}
+
+
+class RunFollower:
+    """Takes messages as they come and keeps a feed up to date.
+
+    Attributes:
+        facts: what is known of the run; set it as soon as it is.
+    """
+
+    def __init__(self, feed: PageFeed, facts: RunFacts) -> None:
+        """Begin with an empty page.
+
+        Args:
+            feed: what browsers are told from.
+            facts: what is known of the run.
+        """
+        self._feed = feed
+        self._pending: dict[int, dict[Topic, bytes]] = {}
+        self._expected = frozenset(_ALWAYS)
+        self._last_ns = -1
+        self._statuses: dict[str, dict[str, Any]] = {}
+        self._road: bytes | None = None
+        self._faults: dict[str, None] = {}
+        self.facts = facts
+        feed.begin_trip()
+        self.show_facts(facts)
+
+    def expect(self, topics: Iterable[Topic]) -> None:
+        """Tell which topics there are; a tick is complete when it has all of them."""
+        self._expected = frozenset(topics) & frozenset(_ALWAYS)
+
+    def take(self, topic: Topic, data: bytes) -> None:
+        """Take one message, given by its CDR bytes."""
+        if topic is Topic.DIAGNOSTICS:
+            self._take_diagnostics(deserialize_message(data, DiagnosticArray))
+        elif topic is Topic.SLOPE:
+            self._road = data
+            self._show_road()
+        elif topic in JOINED_TOPICS:
+            stamp_ns = read_stamp_ns(data)
+            if stamp_ns is not None:
+                self._join(topic, stamp_ns, data)
+
+    def show(self, most: int | None = None, *, incomplete: bool = False) -> int:
+        """Bring the page up to date.
+
+        Args:
+            most: so many ticks at most, the newest ones; None for all.
+            incomplete: show ticks of which messages are missing, too; for the end of a run.
+
+        Returns:
+            How many rows were added.
+        """
+        ready = [
+            stamp
+            for stamp, found in sorted(self._pending.items())
+            if Topic.PLANT_ODOMETRY in found and (incomplete or self._expected <= found.keys())
+        ]
+        if not ready:
+            return 0
+        shown = ready if most is None else ready[-most:]
+        for stamp_ns in shown:
+            self._show_row(stamp_ns)
+        self._show_plan(ready[-1])
+        for stamp in [stamp for stamp in self._pending if stamp <= ready[-1]]:
+            del self._pending[stamp]
+        self._last_ns = ready[-1]
+        return len(shown)
+
+    def show_facts(self, facts: RunFacts) -> None:
+        """Replace what is known of the run."""
+        self.facts = facts
+        self._feed.put("facts", facts.document())
+
+    def _join(self, topic: Topic, stamp_ns: int, data: bytes) -> None:
+        if stamp_ns < self._last_ns and (stamp_ns == 0 or self._last_ns - stamp_ns > _SET_BACK_NS):
+            # Time has been set back, this is no late message: another trip has begun.
+            self._pending.clear()
+            self._last_ns = -1
+            self._feed.begin_trip()
+        if stamp_ns <= self._last_ns:
+            return
+        self._pending.setdefault(stamp_ns, {})[topic] = data
+        if len(self._pending) > _STAMPS_KEPT:
+            del self._pending[min(self._pending)]
+
+    def _show_row(self, stamp_ns: int) -> None:
+        row, faults = page_row(stamp_ns, self._pending[stamp_ns], self.facts.parameters)
+        self._note(faults)
+        self._feed.add_row(row.values())
+
+    def _show_plan(self, stamp_ns: int) -> None:
+        try:
+            self._feed.put("plan", plan_ahead(self._pending[stamp_ns]))
+        except MessageError as error:
+            self._note([str(error)])
+
+    def _show_road(self) -> None:
+        if self._road is None:
+            return
+        try:
+            self._feed.put("road", road_height(self._road))
+        except MessageError as error:
+            self._note([str(error)])
+
+    def _note(self, faults: Iterable[str]) -> None:
+        new = [fault for fault in faults if fault not in self._faults]
+        if new and len(self._faults) < _STAMPS_KEPT:
+            self._faults.update(dict.fromkeys(new))
+            self._show_statuses()
+
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self._statuses[status.name] = {
+                "name": status.name,
+                "level": _LEVELS.get(status.level, "UNKNOWN"),
+                "reason": status.message,
+                "values": status_values(status),
+            }
+        self._show_statuses()
+
+    def _show_statuses(self) -> None:
+        self._feed.put(
+            "statuses",
+            {"statuses": list(self._statuses.values()), "faults": list(self._faults)},
+        )

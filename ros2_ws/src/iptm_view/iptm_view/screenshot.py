@@ -1,0 +1,167 @@
+"""Pictures of the page, taken in a Chromium without a window."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import shutil
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from iptm_core.errors import ViewError
+from iptm_view.bag_source import AT_ONCE, BagSource
+from iptm_view.page_feed import PageFeed
+from iptm_view.page_server import PageServer
+from iptm_view.reference_curve import ReferenceCurve
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+_FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+_LARGEST_PIXELS = 4096
+_REFERENCE_TIMEOUT_S = 600.0
+_PAGE_TIMEOUT_MS = 60_000
+_PHONE_WIDTH = 600
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a picture of the page shall look like.
+
+    Attributes:
+        width: of the window, pixels.
+        height: of the window, pixels.
+        is_dark: whether the browser prefers dark colours.
+        at_s: trip time to show, None for the end.
+    """
+
+    width: int = 1280
+    height: int = 800
+    is_dark: bool = False
+    at_s: float | None = None
+
+    @classmethod
+    def of_text(cls, size: str, *, is_dark: bool, at_s: float | None) -> Picture:
+        """Return a picture whose size is given as text.
+
+        Raises:
+            ViewError: the size is malformed.
+        """
+        match = re.fullmatch(r"(\d+)x(\d+)", size)
+        sides = [int(side) for side in match.groups()] if match else []
+        if not sides or not all(200 <= side <= _LARGEST_PIXELS for side in sides):
+            raise ViewError(
+                f"size is {size!r}; allowed: WIDTHxHEIGHT, each from 200 to {_LARGEST_PIXELS}"
+            )
+        return cls(sides[0], sides[1], is_dark, at_s)
+
+
+def find_browser() -> str:
+    """Return the path of an installed Chromium.
+
+    Raises:
+        ViewError: there is none.
+    """
+    for name in BROWSERS:
+        path = shutil.which(name)
+        if path is not None:
+            return path
+    raise ViewError(
+        f"no browser is installed that can be driven; allowed: one of {', '.join(BROWSERS)}"
+        " (Debian: apt install chromium)"
+    )
+
+
+@contextmanager
+def opened_page(url: str, picture: Picture) -> Iterator[Any]:
+    """Open a page in a Chromium without a window; yield Playwright's page.
+
+    Args:
+        url: of the page.
+        picture: size and colours.
+
+    Raises:
+        ViewError: Playwright or a browser is missing.
+    """
+    try:
+        playwright = importlib.import_module("playwright.sync_api")
+    except ImportError:
+        raise ViewError(
+            "playwright is not installed, which drives the browser; to have it: .venv/bin/python"
+            " -m pip install --require-hashes -r requirements/view.txt"
+        ) from None
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=find_browser(), args=list(_FLAGS))
+        try:
+            context = browser.new_context(
+                viewport={"width": picture.width, "height": picture.height},
+                color_scheme="dark" if picture.is_dark else "light",
+                device_scale_factor=2 if picture.width < _PHONE_WIDTH else 1,
+            )
+            page = context.new_page()
+            page.set_default_timeout(_PAGE_TIMEOUT_MS)
+            page.goto(url)
+            yield page
+        finally:
+            browser.close()
+
+
+@contextmanager
+def served_bag(bag: Path, strategy: str, until_s: float | None = None) -> Iterator[PageServer]:
+    """Serve the page of a whole bag, with the reference car where its trip is known.
+
+    Args:
+        bag: bag folder or .mcap file.
+        strategy: of the reference car, "none" for no such car.
+        until_s: where to stop, recorded time; None at the end.
+
+    Raises:
+        BagError: the bag cannot be read.
+    """
+    feed, reference, never = PageFeed(), ReferenceCurve(strategy), threading.Event()
+    with BagSource(bag, AT_ONCE, duration_s=until_s) as source:
+        facts = reference.start(source.facts)
+        source.play(feed, facts, None, never.wait)
+    fault = reference.wait(feed, _REFERENCE_TIMEOUT_S)
+    if fault:
+        feed.put("facts", facts.with_note(fault).document())
+    server = PageServer(feed, 0)
+    try:
+        yield server
+    finally:
+        server.close()
+
+
+def take_screenshot(bag: Path, file: Path, picture: Picture, strategy: str) -> None:
+    """Write a picture of the page of a bag.
+
+    Args:
+        bag: bag folder or .mcap file.
+        file: PNG file to write.
+        picture: size, colours and instant.
+        strategy: of the reference car, "none" for no such car.
+
+    Raises:
+        BagError: the bag cannot be read.
+        ViewError: Playwright or a browser is missing, or the file cannot be written.
+    """
+    find_browser()
+    with (
+        served_bag(bag, strategy, picture.at_s) as server,
+        opened_page(server.url, picture) as page,
+    ):
+        page.wait_for_function("document.body.dataset.ended === 'true'")
+        try:
+            page.screenshot(path=str(file))
+        except OSError as error:
+            raise ViewError(f"cannot write {file}: {error}") from None

@@ -1,0 +1,70 @@
+"""A fresh node gets what a bag recorded: it answers as it did, unless something has changed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from iptm_bringup.replay_check import OUTPUTS, check_node, read_recorded
+from iptm_core.errors import BagError, ScenarioError
+from iptm_interfaces.topics import TOPICS
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.bag_writer import BagWriter
+
+BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
+CHANGES = {
+    "controller": "body.mass_kg=1700",
+    "plant": "aging.pre_exponential_factor=0.0033",
+}
+
+
+@pytest.fixture(autouse=True)
+def own_domain(ros_environment: dict[str, str]) -> None:
+    """Nothing here talks outside a domain of its own."""
+
+
+@pytest.mark.parametrize("node", OUTPUTS)
+def test_the_example_bag_is_answered_as_recorded(node: str) -> None:
+    comparison = check_node(BAG, node)
+    names = {f"/{TOPICS[topic].name.lstrip('/')}" for topic in OUTPUTS[node]}
+    assert {outcome.topic.split(" ")[0] for outcome in comparison} == names
+    for outcome in comparison:
+        assert outcome.agrees, outcome.divergence_text() or outcome
+        assert outcome.counts[0] == outcome.counts[1] >= 1
+    assert max(outcome.counts[0] for outcome in comparison) == 121
+
+
+@pytest.mark.parametrize("node", CHANGES)
+def test_a_changed_physical_constant_is_found(launcher: Any, node: str) -> None:
+    change = f"parameter_overrides={CHANGES[node]}"
+    process = launcher.start_module(
+        "iptm_bringup.replay_check", "--check", node, BAG, "--set", change
+    )
+    assert process.wait(240.0) == 1, process.stderr
+    assert "first differs at " in process.stdout
+    assert f"{node} does not answer as recorded" in process.stdout
+
+
+def test_what_cannot_be_checked_is_said(tmp_path: Path) -> None:
+    with BagReader(BAG) as reader:
+        data = reader.custom_data
+        topics, messages = reader.topics, list(reader.raw_messages())
+
+    def changed(name: str, before: str, after: str) -> Path:
+        custom = {**data, "parameters": data["parameters"].replace(before, after)}
+        with BagWriter(tmp_path / name, custom_data=custom) as writer:
+            keys = {
+                topic: writer.add_topic(topic, record.type_name) for topic, record in topics.items()
+            }
+            for message in messages:
+                writer.write(keys[message.topic], message.data, message.log_time_ns)
+        return tmp_path / name
+
+    with pytest.raises(BagError, match=r"mode of .* is real_time; allowed: lock_step"):
+        read_recorded(changed("wall", "mode: lock_step", "mode: real_time"), "plant")
+    with pytest.raises(BagError, match="parameters of v2x_bridge"):
+        read_recorded(changed("mute", "v2x_bridge:", "other:"), "v2x_bridge")
+    with pytest.raises(ScenarioError, match="horizon"):
+        check_node(BAG, "controller", changes={"horizon": "0x1"})

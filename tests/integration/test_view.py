@@ -1,0 +1,154 @@
+"""The live view as a real process: beside a replay and beside a run, and never in their way."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import threading
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from iptm_core.trajectory import Trajectory
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.trajectory_reader import read_trajectory
+
+BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
+
+
+class Browser:
+    """Follows the events of a page in a thread and keeps what they tell."""
+
+    def __init__(self, url: str) -> None:
+        self.documents: dict[str, Any] = {}
+        self.rows: list[list[float]] = []
+        threading.Thread(target=self._follow, args=(url,), daemon=True).start()
+
+    def _follow(self, url: str) -> None:
+        kind = ""
+        try:
+            with urllib.request.urlopen(f"{url}events", timeout=120.0) as answer:  # noqa: S310
+                for line in answer:
+                    name, _, text = line.decode().rstrip("\n").partition(": ")
+                    if name == "event":
+                        kind = text
+                    elif name == "data" and kind == "rows":
+                        self.rows += json.loads(text)
+                    elif name == "data":
+                        self.documents[kind] = json.loads(text)
+        except OSError:
+            pass  # the server has ended
+
+    @property
+    def has_ended(self) -> bool:
+        return bool(self.documents.get("end", {}).get("ended"))
+
+    def assert_rows_are_those_of(self, driven: Trajectory) -> None:
+        names = self.documents["facts"]["columns"]
+        by_time = dict(zip(driven.time_s.tolist(), range(len(driven)), strict=True))
+        assert self.rows
+        for row in self.rows:
+            values = dict(zip(names, row, strict=True))
+            k = by_time[values["time_s"]]
+            for name in ("position_m", "speed_m_s", "leader_speed_m_s", "chiller_heat_w", "gap_m"):
+                assert values[name] == getattr(driven, name)[k], (name, values["time_s"])
+
+
+@pytest.fixture
+def view(launcher: Any, wait_until: Callable[..., None]) -> Callable[..., tuple[Any, Browser]]:
+    """Start a view and follow its page."""
+
+    def start(*arguments: str) -> tuple[Any, Browser]:
+        process = launcher.start_module("iptm_view.cli", "--against", "none", *arguments)
+        address = re.compile(r"http://\S+")
+        wait_until(lambda: address.search(process.stdout), what="address of the page")
+        found = address.search(process.stdout)
+        assert found is not None
+        return process, Browser(found.group(0))
+
+    return start
+
+
+def test_a_replay_drives_the_view_as_the_bag_does(
+    launcher: Any, view: Callable[..., tuple[Any, Browser]], wait_until: Callable[..., None]
+) -> None:
+    process, browser = view("--no-foxglove")
+    player = launcher.start_module(
+        "iptm_recording.player_cli", BAG, "--rate", "10", "--wait-for-subscribers", "11"
+    )
+    wait_until(lambda: browser.has_ended, 120.0, "end of the replay")
+    assert player.wait() == 0
+    browser.assert_rows_are_those_of(read_trajectory(BAG))
+    assert browser.rows[-1][0] == 120.0
+    # No node is there to be asked.
+    assert browser.documents["facts"]["limits"] is None
+    assert process.stop(signal.SIGINT) == 0
+
+
+def test_a_run_with_a_view_is_whole_and_seen(
+    launcher: Any, wait_until: Callable[..., None], tmp_path: Path
+) -> None:
+    """In lock-step, in a namespace, with a view there from before the start until after the end."""
+    output = tmp_path / "run"
+    # Long enough that a fast machine cannot be through before the view has joined.
+    trip = ["wltc", "--duration-s", "600", "--mode", "lock_step", "--namespace", "car_1"]
+    options = [*trip, "--view", "--no-picture", "--output", str(output)]
+    runner = launcher.start_module("iptm_bringup.run_closed_loop", *options)
+    address = re.compile(r"live view: (http://\S+)")
+    wait_until(lambda: address.search(runner.stdout), what="address of the page")
+    found = address.search(runner.stdout)
+    assert found is not None
+    browser = Browser(found.group(1))
+    assert runner.wait(180.0) == 0, runner.stdout
+    driven = read_trajectory(output, "car_1")
+    assert len(driven) == 601
+    browser.assert_rows_are_those_of(driven)
+    assert browser.documents["facts"]["limits"]["max_gap_m"] == 120.0
+    assert browser.documents["facts"]["title"].startswith("cycle wltc_class3b, strategy")
+    assert browser.documents["road"]["height_m"][0] == 0.0
+
+
+def test_the_view_is_not_counted_as_a_peer(
+    launcher: Any, view: Callable[..., tuple[Any, Browser]], peer: Any
+) -> None:
+    """A plant that waits for one listener must not take a view for it."""
+    view("--no-foxglove")
+    parameters = {"cycle": "nycc", "duration_s": 5.0, "expected_peers": 1}
+    statuses = peer.statuses("/plant")
+    launcher.start_node("iptm_plant_sim.node", parameters=parameters)
+    name = "/plant/powers"
+    peer.wait_until(
+        lambda: any(i.node_name == "view" for i in peer.node.get_subscriptions_info_by_topic(name)),
+        60.0,
+        "the view to listen to the powers",
+    )
+    seen = len(statuses)
+    peer.wait_until(lambda: len(statuses) > seen + 2, what="more reports of the plant")
+    assert statuses[-1].message.startswith("waiting for peers on plant/odometry")
+
+
+def test_a_bag_is_shown_without_a_graph(
+    view: Callable[..., tuple[Any, Browser]], wait_until: Callable[..., None]
+) -> None:
+    process, browser = view(str(BAG), "--rate", "200")
+    wait_until(lambda: browser.has_ended, 60.0, "end of the bag")
+    browser.assert_rows_are_those_of(read_trajectory(BAG))
+    assert len(browser.rows) == 121
+    with BagReader(BAG) as reader:
+        assert browser.documents["facts"]["source"] == f"bag {reader.path.name}"
+    assert process.stop(signal.SIGTERM) == 0
+
+
+def test_mistakes_are_told_in_one_line(launcher: Any, tmp_path: Path) -> None:
+    for arguments, message in (
+        ([str(tmp_path / "none")], "does not exist"),
+        (["--screenshot", "x.png"], "allowed: scripts/view BAG"),
+        (["--namespace", "1 car"], "1 car"),
+        ([str(BAG), "--rate", "-1"], "rate is -1; allowed"),
+    ):
+        process = launcher.start_module("iptm_view.cli", "--no-foxglove", *arguments)
+        process.assert_refused(message)

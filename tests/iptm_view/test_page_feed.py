@@ -1,0 +1,93 @@
+"""The feed behind the page: complete for who listens, bounded for who does not."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from typing import Any
+
+from iptm_view.page_feed import Cursor, PageFeed
+
+
+def told(feed: PageFeed, cursor: Cursor = Cursor()) -> tuple[Cursor, dict[str, Any]]:  # noqa: B008
+    """Return everything that a browser is told, by kind; rows of several events joined."""
+    found: dict[str, Any] = {}
+    while True:
+        cursor, events = feed.changes(cursor, timeout_s=0.0)
+        if not events:
+            return cursor, found
+        for event in events:
+            content = json.loads(event.text)
+            found[event.kind] = (
+                [*found.get("rows", []), *content] if event.kind == "rows" else content
+            )
+
+
+def test_a_browser_is_told_everything_once() -> None:
+    feed = PageFeed()
+    feed.put("road", {"height_m": [1.0]})
+    feed.add_row([0.0, math.nan])
+    cursor, first = told(feed)
+    assert first["rows"] == [[0.0, None]]
+    assert first["road"] == {"height_m": [1.0]}
+    feed.add_row([1.0, 2.0])
+    feed.put("road", {"height_m": [1.0]})
+    cursor, second = told(feed, cursor)
+    assert second == {"rows": [[1.0, 2.0]]}
+    assert told(feed, cursor)[1] == {}
+    assert told(feed)[1]["rows"] == [[0.0, None], [1.0, 2.0]]
+
+
+def test_rows_that_nobody_reads_are_dropped_oldest_first() -> None:
+    feed = PageFeed(capacity=10)
+    stalled, _ = told(feed)
+    for k in range(1000):
+        feed.add_row([float(k)])
+        feed.put("plan", {"k": k})
+    _, late = told(feed, stalled)
+    rows = [row[0] for row in late["rows"]]
+    assert 10 <= len(rows) <= 20
+    assert rows == [float(k) for k in range(1000 - len(rows), 1000)]
+    assert late["plan"] == {"k": 999}
+    assert feed.row_count == 1000
+
+
+def test_a_new_trip_begins_with_an_empty_page_but_the_same_road() -> None:
+    feed = PageFeed()
+    feed.put("road", {"height_m": [1.0]})
+    feed.put("plan", {"time_s": [5.0]})
+    feed.add_row([9.0])
+    cursor, _ = told(feed)
+    feed.begin_trip()
+    feed.add_row([0.0])
+    _, again = told(feed, cursor)
+    assert again["rows"] == [[0.0]]
+    assert "plan" not in again
+    assert again["road"] == {"height_m": [1.0]}
+    assert "trip" in again
+
+
+def test_the_end_is_told_last() -> None:
+    feed = PageFeed()
+    feed.put("end", {"ended": True})
+    feed.add_row([1.0])
+    feed.put("road", {})
+    _, events = feed.changes(Cursor(), timeout_s=0.0)
+    assert [event.kind for event in events] == ["trip", "road", "rows", "end"]
+
+
+def test_a_waiting_browser_is_woken() -> None:
+    feed = PageFeed()
+    cursor, _ = told(feed)
+    heard: list[str] = []
+
+    def listen() -> None:
+        _, events = feed.changes(cursor, timeout_s=60.0)
+        heard.extend(event.kind for event in events)
+
+    thread = threading.Thread(target=listen)
+    thread.start()
+    feed.add_row([1.0])
+    thread.join(timeout=30.0)
+    assert heard == ["rows"]

@@ -1,0 +1,111 @@
+"""The web server of the page: what it gives, to whom, and what a browser that hangs costs it."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import socket
+import time
+from collections.abc import Callable, Iterator
+from urllib.parse import urlsplit
+
+import pytest
+
+from iptm_core.errors import ViewError
+from iptm_view.page_feed import PageFeed
+from iptm_view.page_server import PAGE, PageServer
+
+TIMEOUT_S = 30.0
+
+
+@pytest.fixture
+def feed() -> PageFeed:
+    return PageFeed()
+
+
+@pytest.fixture
+def server(feed: PageFeed) -> Iterator[PageServer]:
+    server = PageServer(feed, 0)
+    yield server
+    server.close()
+
+
+def get(
+    server: PageServer, path: str, **headers: str
+) -> tuple[int, http.client.HTTPMessage, bytes]:
+    connection = http.client.HTTPConnection(urlsplit(server.url).netloc, timeout=TIMEOUT_S)
+    connection.request("GET", path, headers=headers)
+    answer = connection.getresponse()
+    found = answer.status, answer.headers, answer.read()
+    connection.close()
+    return found
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_every_file_of_the_page_is_served_and_may_load_nothing_else(server: PageServer) -> None:
+    for file in PAGE.iterdir():
+        status, headers, content = get(server, f"/{file.name}")
+        assert (status, content) == (200, file.read_bytes())
+        assert headers["Content-Security-Policy"].startswith("default-src 'self'")
+    assert get(server, "/")[2] == (PAGE / "index.html").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "path", ["/../page_server.py", "/none.html", "//etc/passwd", "/%2e%2e/cli.py"]
+)
+def test_nothing_else_is_served(server: PageServer, path: str) -> None:
+    assert get(server, path)[0] == 404
+
+
+def test_a_name_that_was_pointed_at_this_machine_gets_nothing(server: PageServer) -> None:
+    assert get(server, "/", Host="evil.example")[0] == 403
+    assert server.url.startswith("http://127.0.0.1:")
+
+
+def test_events_arrive_as_they_happen(server: PageServer, feed: PageFeed) -> None:
+    feed.put("facts", {"title": "Fahrt, 35 °C"})
+    connection = http.client.HTTPConnection(urlsplit(server.url).netloc, timeout=TIMEOUT_S)
+    connection.request("GET", "/events")
+    answer = connection.getresponse()
+    assert answer.headers["Content-Type"].startswith("text/event-stream")
+
+    def next_event(kind: str) -> object:
+        while answer.readline() != f"event: {kind}\n".encode():
+            pass
+        return json.loads(answer.readline().decode().removeprefix("data: "))
+
+    assert next_event("facts") == {"title": "Fahrt, 35 °C"}
+    feed.add_row([1.0, 0.1 + 0.2])
+    assert next_event("rows") == [[1.0, 0.1 + 0.2]]
+    assert server.browsers == 1
+    answer.close()
+    connection.close()
+
+
+def test_a_browser_that_stops_reading_holds_up_nobody(server: PageServer, feed: PageFeed) -> None:
+    host, port = urlsplit(server.url).netloc.split(":")
+    with socket.create_connection((host, int(port)), timeout=TIMEOUT_S) as stalled:
+        stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        stalled.sendall(f"GET /events HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+        wait_until(lambda: server.browsers == 1)
+        # Far more than the kernel buffers for a socket, while nobody reads.
+        plan = {"speed_m_s": [0.123456789] * 2000}
+        for k in range(3000):
+            feed.add_row([float(k)] * 22)
+            feed.put("plan", {**plan, "k": k})
+        assert get(server, "/")[0] == 200
+        assert feed.row_count == 3000
+
+
+def test_a_named_port_that_is_taken_is_refused(server: PageServer, feed: PageFeed) -> None:
+    port = int(urlsplit(server.url).port or 0)
+    with pytest.raises(ViewError, match=f"port of the page is {port} .*allowed"):
+        PageServer(feed, port)
+    with pytest.raises(ViewError, match="99999"):
+        PageServer(feed, 99999)

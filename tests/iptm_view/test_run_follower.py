@@ -1,0 +1,184 @@
+"""From messages to the page: the numbers are those of the bag, in whatever order they arrive."""
+
+from __future__ import annotations
+
+import json
+import random
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iptm_core.errors import BagError
+from iptm_core.metrics import gap_margins_m
+from iptm_core.trajectory import Trajectory
+from iptm_interfaces.topics import TOPICS, Topic, find_topic
+from iptm_recording.bag_reader import BagReader, read_model_parameters
+from iptm_recording.trajectory_reader import read_decisions
+from iptm_view.bag_source import AT_ONCE, BagSource
+from iptm_view.page_feed import Cursor, PageFeed
+from iptm_view.page_row import PAGE_COLUMNS
+from iptm_view.run_facts import RunFacts, facts_of_nodes
+from iptm_view.run_follower import RunFollower
+
+CELSIUS = 273.15
+
+
+def documents(feed: PageFeed) -> dict[str, Any]:
+    """Everything that a browser is told: documents by kind, rows as arrays by column."""
+    _, events = feed.changes(Cursor(), timeout_s=0.0)
+    found = {event.kind: json.loads(event.text) for event in events}
+    table = np.array(found.get("rows", []), dtype=np.float64).reshape(-1, len(PAGE_COLUMNS))
+    return {**found, "rows": dict(zip(PAGE_COLUMNS, table.T, strict=True))}
+
+
+def shown(bag: Path) -> dict[str, Any]:
+    feed = PageFeed()
+    with BagSource(bag, AT_ONCE) as source:
+        source.play(feed, source.facts, None, threading.Event().wait)
+    return documents(feed)
+
+
+@pytest.fixture(scope="module")
+def page(bag: Path) -> dict[str, Any]:
+    return shown(bag)
+
+
+def test_every_value_on_the_page_is_that_of_the_bag(
+    page: dict[str, Any], driven: Trajectory, bag: Path
+) -> None:
+    rows, decisions = page["rows"], read_decisions(bag)
+    parameters, _ = read_model_parameters(bag)
+    expected = {
+        **{name: getattr(driven, name) for name in PAGE_COLUMNS if hasattr(driven, name)},
+        "min_gap_m": driven.gap_m - gap_margins_m(driven, parameters),
+        "cell_n_temperature_c": driven.cell_n_temperature_k - CELSIUS,
+        "cell_1_temperature_c": driven.cell_1_temperature_k - CELSIUS,
+        "coolant_inlet_temperature_c": driven.coolant_inlet_temperature_k - CELSIUS,
+        "coolant_outlet_temperature_c": driven.coolant_outlet_temperature_k - CELSIUS,
+        "capacity_loss": driven.cell_1_capacity_loss + driven.cell_n_capacity_loss,
+        "status_code": decisions.status,
+        "solve_time_s": decisions.solve_time_s,
+        "iterations": decisions.iterations,
+        "fallback_rung": decisions.rung,
+        "limiter_active": decisions.limiter_active,
+        "preview_age_s": decisions.preview_age_s,
+    }
+    assert set(expected) == set(PAGE_COLUMNS)
+    for name, values in expected.items():
+        np.testing.assert_allclose(rows[name], values, rtol=1e-13, atol=1e-12, err_msg=name)
+
+
+def test_limits_plan_road_and_trip_are_those_of_the_run(
+    page: dict[str, Any], driven: Trajectory
+) -> None:
+    limits = page["facts"]["limits"]
+    assert limits["max_gap_m"] == 120.0
+    assert limits["max_temperature_c"] == pytest.approx(40.0)
+    assert page["facts"]["title"].startswith("cycle us06, strategy aging_cost_to_go")
+    plan = page["plan"]
+    # The plan begins with the state that it answers, and looks ahead of it.
+    assert plan["time_s"][0] == 120.0
+    assert plan["speed_m_s"][0] == pytest.approx(driven.speed_m_s[-1])
+    assert plan["gap_m"][0] == pytest.approx(driven.gap_m[-1])
+    assert plan["time_s"][-1] > 140.0
+    road = page["road"]
+    height_m = np.interp([0.0, 1500.0], road["position_m"], road["height_m"])
+    assert height_m[0] == 0.0
+    assert abs(height_m[1]) > 0.1
+    assert page["end"]["ended"] is True
+    assert {"/plant: vehicle", "/controller: optimal control"} <= {
+        status["name"] for status in page["statuses"]["statuses"]
+    }
+
+
+def test_order_and_duplicates_within_a_tick_do_not_matter(bag: Path, page: dict[str, Any]) -> None:
+    generator = random.Random(7)  # noqa: S311
+    feed = PageFeed()
+    follower = RunFollower(feed, RunFacts("test"))
+    with BagReader(bag) as reader:
+        messages = [(find_topic(raw.topic), raw) for raw in reader.raw_messages()]
+    by_tick: dict[int, list[Any]] = {}
+    for spec, raw in messages:
+        by_tick.setdefault(raw.log_time_ns, []).append((spec, raw))
+    for tick in sorted(by_tick):
+        heard = by_tick[tick] + by_tick[tick][:3]
+        generator.shuffle(heard)
+        for spec, raw in heard:
+            follower.take(spec.topic, raw.data)
+        follower.show()
+    rows = documents(feed)["rows"]
+    for name in set(PAGE_COLUMNS) - {"min_gap_m"}:
+        np.testing.assert_array_equal(rows[name], page["rows"][name], err_msg=name)
+
+
+def test_a_fast_run_costs_no_more_than_it_shows(bag: Path) -> None:
+    """What came between two looks is not decoded: only the newest ticks are shown."""
+    feed = PageFeed()
+    follower = RunFollower(feed, RunFacts("test"))
+    with BagReader(bag) as reader:
+        for raw in reader.raw_messages():
+            spec = find_topic(raw.topic)
+            if spec is not None and raw.log_time_ns <= 40 * 10**9:
+                follower.take(spec.topic, raw.data)
+    assert follower.show(2) == 2
+    assert documents(feed)["rows"]["time_s"].tolist() == [39.0, 40.0]
+    assert follower.show(2) == 0
+
+
+def test_the_same_trip_again_begins_a_new_page(bag: Path) -> None:
+    feed = PageFeed()
+    follower = RunFollower(feed, RunFacts("test"))
+    with BagReader(bag) as reader:
+        messages = [(find_topic(raw.topic), raw.data) for raw in reader.raw_messages()]
+    for _ in range(2):
+        for spec, data in messages:
+            follower.take(spec.topic, data)
+            follower.show()
+    assert documents(feed)["rows"]["time_s"].tolist() == [float(k) for k in range(121)]
+
+
+def test_broken_messages_are_named_and_leave_a_hole(bag: Path) -> None:
+    feed = PageFeed()
+    follower = RunFollower(feed, RunFacts("test"))
+    with BagReader(bag) as reader:
+        messages = [(find_topic(raw.topic), raw) for raw in reader.raw_messages()]
+    for spec, raw in messages:
+        data = bytearray(raw.data)
+        if spec.topic is Topic.PLANT_CELL_1_TEMPERATURE:
+            data[-16:-8] = np.array([np.nan]).tobytes()  # the temperature, before its variance
+        follower.take(spec.topic, bytes(data))
+    follower.show()
+    found = documents(feed)
+    assert np.isnan(found["rows"]["cell_1_temperature_c"]).all()
+    assert np.isfinite(found["rows"]["cell_n_temperature_c"]).all()
+    (fault,) = found["statuses"]["faults"]
+    assert TOPICS[Topic.PLANT_CELL_1_TEMPERATURE].name in fault
+
+
+def test_a_bag_without_a_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BagError, match="does not exist"):
+        BagSource(tmp_path / "none", AT_ONCE)
+
+
+def test_what_the_nodes_do_not_tell_is_left_out_and_said() -> None:
+    unknown = facts_of_nodes("graph", {})
+    assert unknown.document()["limits"] is None
+    assert "limits are left out" in unknown.document()["notes"][0]
+    assert unknown.trip_scenario() is None
+    known = facts_of_nodes(
+        "graph",
+        {
+            "plant": {
+                "cycle": "nycc", "slope": "none", "duration_s": 30.0, "period_s": 0.5,
+                "parameter_set": "paper_calibrated", "parameter_overrides": "gap.max_gap_m=80",
+            }
+        },
+    )  # fmt: skip
+    assert known.document()["limits"]["max_gap_m"] == 80.0
+    scenario = known.trip_scenario()
+    assert scenario is not None
+    assert "nycc" in scenario
+    assert "period_s: 0.5" in scenario
