@@ -219,6 +219,7 @@ def _compiler_version() -> str:
     if compiler is None:
         return "none"
     done = subprocess.run(  # noqa: S603 - the compiler found on the user's own path
-        [compiler, "-dumpfullversion"], capture_output=True, text=True, timeout=30, check=False
+        [*compiler, "--version"], capture_output=True, text=True, timeout=30, check=False
     )
-    return f"{Path(compiler).name} {done.stdout.strip()}"
+    numbers = re.findall(r"\d+(?:\.\d+)+", done.stdout.partition("\n")[0])
+    return " ".join([Path(compiler[0]).name, *numbers[-1:]])

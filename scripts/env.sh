@@ -4,12 +4,12 @@
 #
 # Afterwards `python` is the project's own, and `python -m iptm_plant_sim.node --help` works from any folder.
 # The commands in scripts/ do this by themselves. Existing values of ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE,
-# FASTRTPS_DEFAULT_PROFILES_FILE, OMP_NUM_THREADS and OPENBLAS_NUM_THREADS are kept.
+# OMP_NUM_THREADS and OPENBLAS_NUM_THREADS are kept.
 # Works in bash and zsh, and leaves the shell's options alone.
 # shellcheck shell=bash
 
 _iptm_enter() {
-    local root="$1" stamp venv mode package entry modules profile
+    local root="$1" stamp venv mode package entry modules
     venv="$root/.venv"
     stamp="$venv/iptm-setup.stamp"
     if [ ! -f "$stamp" ] || [ ! -x "$venv/bin/python" ]; then
@@ -48,16 +48,12 @@ _iptm_enter() {
     case ":$PATH:" in *":$venv/bin:"*) ;; *) export PATH="$venv/bin:$PATH" ;; esac
     export IPTM_ROOT="$root"
 
-    # Nodes of this machine only, unless told otherwise: a demo must not drive a neighbour's plant.
+    # Nodes of this machine only, unless told otherwise: a demo must not drive a neighbour's plant. The nodes of the
+    # suite take it from there (iptm_interfaces/discovery.py); for your own this is what ROS makes of it.
     export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
     # One solver thread per node: the vehicle computer has two cores for three nodes.
     export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"
     export OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
-    # Announces participants faster than Fast DDS does by itself, so that nodes find each other sooner.
-    profile="$(find "$root/ros2_ws/src/iptm_interfaces/iptm_interfaces/data" -name '*.xml' -print -quit 2> /dev/null)"
-    if [ -z "${FASTRTPS_DEFAULT_PROFILES_FILE:-}" ] && [ -n "$profile" ]; then
-        export FASTRTPS_DEFAULT_PROFILES_FILE="$profile"
-    fi
 }
 
 if [ -n "${ZSH_VERSION:-}" ]; then

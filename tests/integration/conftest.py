@@ -22,7 +22,7 @@ from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 
 from iptm_interfaces.diagnostics import find_status
-from iptm_interfaces.discovery import PROFILE_VARIABLE, discovery_profile_path, reserve_domain
+from iptm_interfaces.discovery import middleware_settings, reserve_domain
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 
@@ -181,10 +181,9 @@ def ros_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator
     with reserve_domain() as domain:
         settings = {
             "ROS_DOMAIN_ID": str(domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_PYTHON_CHECK_FIELDS": "1",
             "ROS_LOG_DIR": str(tmp_path / "ros_log"),
-            PROFILE_VARIABLE: str(discovery_profile_path()),
+            **middleware_settings({}),
         }
         for name, value in settings.items():
             monkeypatch.setenv(name, value)

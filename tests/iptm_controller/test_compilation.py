@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +19,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import compilation
 from iptm_controller.ocp.compilation import (
     CACHE_VARIABLE,
+    WHEEL_COMPILER,
     cache_directory,
     compile_functions,
     find_compiler,
@@ -34,11 +37,19 @@ def square(factor: float = 1.0) -> ca.Function:
 
 
 @pytest.fixture
-def compiler() -> str:
+def compiler() -> tuple[str, ...]:
     found = find_compiler()
     if found is None:
         pytest.skip("no C compiler on this machine")
     return found
+
+
+@pytest.fixture
+def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hide every compiler, of the system and of the environment."""
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setitem(sys.modules, WHEEL_COMPILER, None)
 
 
 @pytest.fixture
@@ -64,7 +75,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 
 
 def test_compiles_once_and_finds_it_again(
-    cache: Path, compiler: str, runs: list[list[str]]
+    cache: Path, compiler: tuple[str, ...], runs: list[list[str]]
 ) -> None:
     library = compile_functions([square()], compiler)
     assert library.parent == cache
@@ -85,7 +96,7 @@ def test_second_start_of_a_solver_compiles_nothing(runs: list[list[str]]) -> Non
 
 @pytest.mark.parametrize("damage", [lambda c: c[:2000], lambda c: c + b"x", lambda _: b""])
 def test_a_damaged_library_is_compiled_again(
-    cache: Path, compiler: str, runs: list[list[str]], damage: Callable[[bytes], bytes]
+    cache: Path, compiler: tuple[str, ...], runs: list[list[str]], damage: Callable[[bytes], bytes]
 ) -> None:
     """The loader would crash the process on a cut one, at every start."""
     library = compile_functions([square()], compiler)
@@ -102,7 +113,7 @@ def test_a_damaged_library_is_compiled_again(
 )
 def test_a_library_of_something_else_is_a_clear_error(
     cache: Path,
-    compiler: str,
+    compiler: tuple[str, ...],
     monkeypatch: pytest.MonkeyPatch,
     name: str,
     module: ModuleType,
@@ -117,7 +128,7 @@ def test_a_library_of_something_else_is_a_clear_error(
 
 
 def test_a_cache_that_cannot_be_written_is_named(
-    tmp_path: Path, compiler: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, compiler: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_text("in the way")
     folder = tmp_path / "file" / "cache"
@@ -146,14 +157,13 @@ def test_a_compiler_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.M
     fake.chmod(0o755)
     monkeypatch.setattr(compilation, "COMPILE_TIMEOUT_S", 0.2)
     with pytest.raises(SolverSetupError, match="did not finish within"):
-        compile_functions([square()], str(fake))
+        compile_functions([square()], [str(fake)])
 
 
+@pytest.mark.usefixtures("no_compiler")
 def test_without_a_compiler_it_says_so_and_works(
-    cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    cache: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setenv("PATH", "")
-    monkeypatch.delenv("CC", raising=False)
     assert find_compiler() is None
     with caplog.at_level(logging.WARNING):
         solver = build_plain_solver(Horizon.parse("1x1"), PARAMETERS, SolverOptions())
@@ -162,6 +172,7 @@ def test_without_a_compiler_it_says_so_and_works(
     assert not cache.exists()
 
 
+@pytest.mark.usefixtures("no_compiler")
 def test_compiler_of_the_environment_comes_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -169,12 +180,39 @@ def test_compiler_of_the_environment_comes_first(
     own.write_text("#!/bin/sh\n")
     own.chmod(0o755)
     monkeypatch.setenv("CC", str(own))
-    assert find_compiler() == str(own)
+    assert find_compiler() == (str(own),)
+    monkeypatch.setenv("CC", f"{own} -march=native")
+    assert find_compiler() == (str(own), "-march=native")
     monkeypatch.setenv("CC", "no_such_compiler_anywhere")
     monkeypatch.setenv("PATH", str(tmp_path))
     assert find_compiler() is None
     own.rename(tmp_path / "gcc")
-    assert find_compiler() == str(tmp_path / "gcc")
+    assert find_compiler() == (str(tmp_path / "gcc"),)
+
+
+def test_compiler_of_the_environments_wheel_comes_last(
+    tmp_path: Path, cache: Path, compiler: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its default is the processor of this machine; what is in the cache must run on any."""
+    compile_functions([square()], compiler)
+    package = tmp_path / "site" / WHEEL_COMPILER
+    package.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    shim = f'PATH={os.environ["PATH"]}\n[ "$1 $2" = "cc -target" ] && shift 3 && exec '
+    (package / "zig").write_text(f'#!/bin/sh\n{shim}{" ".join(compiler)} "$@"\n')
+    (package / "zig").chmod(0o755)
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delitem(sys.modules, WHEEL_COMPILER, raising=False)
+    monkeypatch.syspath_prepend(package.parent)
+    found = find_compiler()
+    assert found is not None
+    assert found[:3] == (str(package / "zig"), "cc", "-target")
+    assert float(ca.external("square", str(compile_functions([square()], found)))(3.0)) == 9.0
+    # What another command makes of the same source is another entry.
+    assert len(list(cache.iterdir())) == 2
+    monkeypatch.setenv("CC", compiler[0])
+    assert find_compiler() == compiler[:1]
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from tests.iptm_controller.scenes import PARAMETERS, Problem, make_scene, plain_
 from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
+from iptm_controller.ocp.compilation import find_compiler
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolverOptions
@@ -139,6 +140,7 @@ def test_recovers_at_once_from_a_broken_problem(solver: SolverBackend, problem: 
     np.testing.assert_array_equal(again.variables, expected.variables)
 
 
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 def test_machine_code_and_virtual_machine_agree(ordinary_scene: Measurements) -> None:
     problem = problem_of(ordinary_scene, "3x1+5x5", "aging")
     compiled = plain_solver("3x1+5x5")

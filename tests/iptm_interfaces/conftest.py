@@ -9,7 +9,7 @@ import pytest
 import rclpy
 from rclpy.context import Context
 
-from iptm_interfaces.discovery import PROFILE_VARIABLE, discovery_profile_path, reserve_domain
+from iptm_interfaces.discovery import middleware_settings, reserve_domain
 from iptm_interfaces.suite_node import SuiteNode
 
 
@@ -18,9 +18,9 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """Reserve a ROS domain for this test and set the environment of it and its processes."""
     with reserve_domain() as number:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         monkeypatch.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
-        monkeypatch.setenv(PROFILE_VARIABLE, str(discovery_profile_path()))
+        for name, value in middleware_settings({}).items():
+            monkeypatch.setenv(name, value)
         yield number
 
 

@@ -9,8 +9,10 @@ import pytest
 
 from iptm_core.errors import ScenarioError
 from iptm_interfaces import discovery
-from iptm_interfaces.discovery import discovery_profile_path, reserve_domain
+from iptm_interfaces.discovery import PROFILE_VARIABLE, middleware_settings, reserve_domain
 
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+PEERS = "ROS_STATIC_PEERS"
 NAMESPACE = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
 
 
@@ -19,8 +21,10 @@ def _own_temporary_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
-def test_profile_is_the_default_and_announces_twice_a_second() -> None:
-    root = ET.parse(discovery_profile_path()).getroot()  # noqa: S314  our own file
+@pytest.mark.parametrize("opened", ["", "SUBNET"])
+def test_profile_is_the_default_and_announces_twice_a_second(opened: str) -> None:
+    profile = middleware_settings({RANGE: opened})[PROFILE_VARIABLE]
+    root = ET.parse(profile).getroot()  # noqa: S314  our own file
     participant = root.find(f".//{NAMESPACE}participant")
     assert participant is not None
     assert participant.get("is_default_profile") == "true"
@@ -30,6 +34,36 @@ def test_profile_is_the_default_and_announces_twice_a_second() -> None:
     announcement = participant.find(path)
     assert announcement is not None
     assert [child.text for child in announcement] == ["0", "500000000"]
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{}, {RANGE: ""}, {RANGE: "LOCALHOST"}, {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}],
+)
+def test_without_other_wishes_a_process_is_local(environment: dict[str, str]) -> None:
+    """The range that ROS calls local would open sockets on all interfaces beside the profile."""
+    settings = middleware_settings(environment)
+    assert Path(settings[PROFILE_VARIABLE]).name == "fastdds_local.xml"
+    assert settings[RANGE] == "SYSTEM_DEFAULT"
+    assert middleware_settings({**environment, **settings}) == {}
+
+
+@pytest.mark.parametrize(
+    ("environment", "expected"),
+    [
+        ({RANGE: "SUBNET"}, {PROFILE_VARIABLE: "fastdds_discovery.xml"}),
+        ({RANGE: "LOCALHOST", PEERS: "10.0.0.7"}, {PROFILE_VARIABLE: "fastdds_discovery.xml"}),
+        ({PEERS: "10.0.0.7"}, {PROFILE_VARIABLE: "fastdds_discovery.xml", RANGE: "LOCALHOST"}),
+        ({PROFILE_VARIABLE: "mine.xml"}, {RANGE: "LOCALHOST"}),
+        ({PROFILE_VARIABLE: "mine.xml", RANGE: "SUBNET"}, {}),
+        ({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, {RANGE: "LOCALHOST"}),
+    ],
+)
+def test_what_the_user_has_set_is_kept(
+    environment: dict[str, str], expected: dict[str, str]
+) -> None:
+    settings = middleware_settings(environment)
+    assert {name: Path(value).name for name, value in settings.items()} == expected
 
 
 def test_reservations_at_the_same_time_differ() -> None:

@@ -130,6 +130,7 @@ case "$*" in
     "-m pip "*)
         echo "pip $*" >> "$FAKE_RECORD"
         sleep "${FAKE_PIP_SECONDS:-0}"
+        if [ -n "${FAKE_LACKING:-}" ] && [[ "$*" == *"$FAKE_LACKING" ]]; then exit 1; fi
         if [ -n "${FAKE_PIP_FAILS:-}" ]; then echo "$FAKE_PIP_FAILS"; exit 1; fi ;;
     "- "*) cat > /dev/null ;;
     "-c import rclpy") [ -n "${FAKE_ROS:-}" ] ;;
@@ -150,6 +151,7 @@ class Clone:
         self.bin = folder / "bin"
         self.bin.mkdir()
         self.add_program("python3", FAKE_PYTHON)
+        self.add_program("cc", "#!/bin/sh\n")
         shutil.copytree(ROOT / "scripts", folder / "scripts")
         shutil.copytree(ROOT / "requirements", folder / "requirements")
         for package in (ROOT / "ros2_ws" / "src").iterdir():

@@ -10,12 +10,14 @@ from typing import Any
 
 import pytest
 
+from iptm_core.program import PROGRAMS
+
 SOURCE = Path(__file__).resolve().parents[2] / "ros2_ws" / "src"
 PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/package.xml"))
 
 # Import name -> (key in package.xml, name on the package index). ROS packages are their own key.
 LIBRARIES = {
-    "casadi": ("python3-casadi-pip", "casadi"),
+    "casadi": ("casadi-pip", "casadi"),
     "cma": ("python3-cma-pip", "cma"),
     "dask": ("python3-dask-pip", "dask"),
     "distributed": ("python3-distributed-pip", "distributed"),
@@ -111,9 +113,14 @@ def test_everything_is_installed(package: str, setup_of: Callable[[str], dict[st
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_executables_exist(package: str, setup_of: Callable[[str], dict[str, Any]]) -> None:
-    setup = setup_of(package)
-    for line in setup.get("entry_points", {}).get("console_scripts", []):
-        executable, module, function = re.fullmatch(r"(\w+) = ([\w.]+):(\w+)", line).groups()
+    entry_points = setup_of(package).get("entry_points", {})
+    programs = [line.split(" = ") for line in entry_points.get(PROGRAMS, [])]
+    # Each starts where a missing library is told in one line.
+    assert entry_points.get("console_scripts", []) == [
+        f"{executable} = iptm_core.program:main" for executable, _ in programs
+    ]
+    for executable, target in programs:
+        module, function = target.split(":")
         spec = importlib.util.find_spec(module)
         assert spec is not None, f"executable {executable}: no module {module}"
         assert spec.origin is not None
@@ -125,6 +132,16 @@ def test_executables_exist(package: str, setup_of: Callable[[str], dict[str, Any
     # `ros2 run` looks for executables in lib/<package>.
     assert f"script_dir=$base/lib/{package}\n" in config
     assert f"install_scripts=$base/lib/{package}\n" in config
+
+
+def test_no_two_executables_have_one_name(setup_of: Callable[[str], dict[str, Any]]) -> None:
+    lines = [
+        line
+        for package in PACKAGES
+        for line in setup_of(package).get("entry_points", {}).get(PROGRAMS, [])
+    ]
+    names = [line.split(" = ")[0] for line in lines]
+    assert len(set(names)) == len(names) > 0
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -20,6 +20,18 @@ def test_every_command_is_described() -> None:
     assert missing == set(), f"the README does not mention {missing}"
 
 
+def test_rosdep_skips_exactly_what_comes_with_pip() -> None:
+    manifests = (ROOT / "ros2_ws" / "src").glob("*/package.xml")
+    keys = {
+        key
+        for manifest in manifests
+        for key in re.findall(r"<exec_depend>([\w-]+-pip)<", manifest.read_text(encoding="utf-8"))
+    }
+    skipped = re.search(r'--skip-keys "([^"]+)"', README)
+    assert skipped is not None
+    assert skipped[1].split() == sorted(keys)
+
+
 def test_messages_of_the_troubleshooting_table_are_real() -> None:
     printed = " ".join(
         (ROOT / "scripts" / name).read_text(encoding="utf-8") for name in ("setup", "env.sh")
@@ -32,6 +44,7 @@ def test_messages_of_the_troubleshooting_table_are_real() -> None:
         "is not the one in the lock",
         ".venv was made for a sourced ROS 2 Jazzy, but none is sourced",
         "another set-up of this folder is running",
+        "cannot fetch a C compiler",
     ):
         assert message in printed, message
         assert message in README, message

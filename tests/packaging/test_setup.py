@@ -36,6 +36,41 @@ def test_tools_are_added_to_what_is_there(clone: Any) -> None:
     assert clone.setup("--dev") == (0, "")
 
 
+def test_a_compiler_is_fetched_where_there_is_none(clone: Any) -> None:
+    (clone.bin / "cc").unlink()
+    assert clone.setup()[0] == 0
+    installs = [call for call in clone.calls() if call.startswith("pip")]
+    assert "--require-hashes" in installs[-1]
+    assert "requirements/compiler.txt" in installs[-1]
+    assert clone.setup("--dev")[0] == 0
+    assert clone.setup("--dev") == (0, "")
+    # A new lock means a new compiler.
+    with (clone.folder / "requirements" / "compiler.txt").open("a", encoding="utf-8") as lock:
+        lock.write("# changed\n")
+    assert clone.setup("--check")[0] == 1
+
+
+def test_no_compiler_is_fetched_where_there_is_one_or_none_is_wanted(clone: Any) -> None:
+    clone.setup()
+    (clone.bin / "cc").unlink()
+    assert clone.setup() == (0, "")
+    clone.setup("--force", IPTM_COMPILER="none")
+    clone.add_program("my_cc", "#!/bin/sh\n")
+    clone.setup("--force", CC="my_cc -march=native")
+    assert not any("compiler.txt" in call for call in clone.calls())
+    code, errors = clone.setup("--force", IPTM_COMPILER="yes")
+    assert code == 1
+    assert "IPTM_COMPILER is 'yes'; allowed: none" in errors
+
+
+def test_a_compiler_that_cannot_be_fetched_is_reported_and_done_without(clone: Any) -> None:
+    (clone.bin / "cc").unlink()
+    code, errors = clone.setup(FAKE_LACKING="compiler.txt")
+    assert code == 0
+    assert "the solver will run interpreted" in errors
+    assert clone.setup() == (0, "")
+
+
 def test_interrupted_set_up_starts_afresh(clone: Any) -> None:
     code, errors = clone.setup(FAKE_PIP_FAILS="No space left on device")
     assert code == 1

@@ -32,8 +32,7 @@ setup(
     description="Launch files, scenarios and the closed-loop runner",
     license="Apache-2.0",
     entry_points={
-        "console_scripts": [
-            "run_closed_loop = iptm_bringup.run_closed_loop:main",
-        ],
+        "console_scripts": ["run_closed_loop = iptm_core.program:main"],
+        "iptm.programs": ["run_closed_loop = iptm_bringup.run_closed_loop:main"],
     },
 )

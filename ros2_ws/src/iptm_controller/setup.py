@@ -20,8 +20,7 @@ setup(
     description="Model predictive controller of speed and battery cooling",
     license="Apache-2.0",
     entry_points={
-        "console_scripts": [
-            "controller = iptm_controller.node:main",
-        ],
+        "console_scripts": ["controller = iptm_core.program:main"],
+        "iptm.programs": ["controller = iptm_controller.node:main"],
     },
 )

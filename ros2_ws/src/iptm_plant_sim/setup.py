@@ -20,8 +20,7 @@ setup(
     description="Simulated vehicle with battery, aging and cooling loop",
     license="Apache-2.0",
     entry_points={
-        "console_scripts": [
-            "plant = iptm_plant_sim.node:main",
-        ],
+        "console_scripts": ["plant = iptm_core.program:main"],
+        "iptm.programs": ["plant = iptm_plant_sim.node:main"],
     },
 )

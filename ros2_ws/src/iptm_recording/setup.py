@@ -29,6 +29,13 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
+            "recorder = iptm_core.program:main",
+            "player = iptm_core.program:main",
+            "recover_bag = iptm_core.program:main",
+            "bag_info = iptm_core.program:main",
+            "compare_bags = iptm_core.program:main",
+        ],
+        "iptm.programs": [
             "recorder = iptm_recording.recorder_cli:main",
             "player = iptm_recording.player_cli:main",
             "recover_bag = iptm_recording.recover:main",

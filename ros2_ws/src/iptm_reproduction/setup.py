@@ -27,9 +27,13 @@ setup(
     maintainer_email="maintainers@iptm.example.org",
     entry_points={
         "console_scripts": [
+            "identify = iptm_core.program:main",
+            "reproduce = iptm_core.program:main",
+        ],
+        "iptm.programs": [
             "identify = iptm_reproduction.identification.cli:main",
             "reproduce = iptm_reproduction.cli:main",
-        ]
+        ],
     },
     description="The paper's results beside this project's: statements, tables, figures, one page",
     license="Apache-2.0",

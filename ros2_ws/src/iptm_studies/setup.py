@@ -24,7 +24,10 @@ setup(
     zip_safe=False,
     maintainer="iptm maintainers",
     maintainer_email="maintainers@iptm.example.org",
-    entry_points={"console_scripts": ["studies = iptm_studies.cli:main"]},
+    entry_points={
+        "console_scripts": ["studies = iptm_core.program:main"],
+        "iptm.programs": ["studies = iptm_studies.cli:main"],
+    },
     description="Closed loops without ROS, strategy and sensitivity studies of them",
     license="Apache-2.0",
 )

@@ -19,5 +19,8 @@ setup(
     maintainer_email="maintainers@iptm.example.org",
     description="Predicted motion of the leader and slope of the road, with the faults of a link",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["bridge = iptm_v2x_bridge.node:main"]},
+    entry_points={
+        "console_scripts": ["bridge = iptm_core.program:main"],
+        "iptm.programs": ["bridge = iptm_v2x_bridge.node:main"],
+    },
 )

@@ -19,8 +19,8 @@ from iptm_bringup.supervisor import ProcessEnd, Supervisor
 from iptm_interfaces.process import EXIT_USER_ERROR, StopRequest
 from iptm_interfaces.topics import Topic
 
-START_TIMEOUT_S = 180.0
-"""Enough for a slow machine to compile the controller's problem for the first time."""
+START_TIMEOUT_S = 660.0
+"""Enough for the two compilations of a first start, which are given up after 300 s each."""
 SILENCE_TIMEOUT_S = 30.0
 """The plant reports once a second even when it waits; silence for so long means that it hangs."""
 AFTER_KILL_S = 10.0

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from iptm_bringup.scenario import AUTOMATIC_DOMAIN, MAX_DOMAIN
 from iptm_core.errors import ScenarioError
-from iptm_interfaces.discovery import PROFILE_VARIABLE, discovery_profile_path, reserve_domain
+from iptm_interfaces.discovery import middleware_settings, reserve_domain
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 
@@ -68,9 +68,6 @@ def environment_of_run(
         base: environment to start from.
     """
     defaults = {
-        # A run must not drive a plant in the next room.
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        PROFILE_VARIABLE: str(discovery_profile_path()),
         # ROS from wheels does not say where it is installed.
         "AMENT_PREFIX_PATH": sys.prefix,
         # Four processes share the cores already.
@@ -81,6 +78,8 @@ def environment_of_run(
     return {
         **base,
         **chosen,
+        # A run must not drive a plant in the next room.
+        **middleware_settings(base),
         DOMAIN_VARIABLE: str(domain),
         "ROS_LOG_DIR": str(log_folder),
         "RCUTILS_COLORIZED_OUTPUT": "0",

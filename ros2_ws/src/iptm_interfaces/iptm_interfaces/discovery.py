@@ -1,7 +1,11 @@
-"""Find each other fast, and only each other: discovery profile and private domains.
+"""Find each other fast, on this machine, and nobody else: profiles of the middleware and private domains.
 
 Fast DDS announces a participant a few times at start and then only every three seconds, so that an
-announcement lost at start costs seconds. The profile shipped here repeats it twice a second.
+announcement lost at start costs seconds. The profiles shipped here repeat it twice a second.
+
+``ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`` keeps a node from looking for peers elsewhere, but not a peer
+elsewhere from reaching it: it listens on all interfaces, and whoever names the host in its
+``ROS_STATIC_PEERS`` takes part. The local profile binds every socket to the loopback interface.
 """
 
 from __future__ import annotations
@@ -9,7 +13,7 @@ from __future__ import annotations
 import fcntl
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,13 +21,41 @@ from iptm_core.errors import ScenarioError
 
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 """Environment variable from which Fast DDS 2.14 (Jazzy) reads its profile."""
+RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+PEERS_VARIABLE = "ROS_STATIC_PEERS"
+MIDDLEWARE_VARIABLE = "RMW_IMPLEMENTATION"
+FAST_DDS = "fastrtps"
+LOCALHOST = "LOCALHOST"
+AS_PROFILE_SAYS = "SYSTEM_DEFAULT"
+"""Range with which ROS adds nothing to the profile, see ``data/fastdds_local.xml``."""
 
+_DATA = Path(__file__).parent / "data"
 _DOMAINS = range(1, 102)  # higher ones collide with the ephemeral ports of Linux
 
 
-def discovery_profile_path() -> Path:
-    """Return the path of the Fast DDS profile; give it to processes as `PROFILE_VARIABLE`."""
-    return Path(__file__).parent / "data" / "fastdds_discovery.xml"
+def middleware_settings(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """Return what a process of the suite sets before it takes part in the graph.
+
+    Without other wishes it talks on this machine only. A range beyond `LOCALHOST`, or peers named,
+    open it to the network; a profile of the user's own is left alone.
+
+    Args:
+        environment: what the user has set; an empty value counts as not set.
+
+    Returns:
+        Variables to set; reading them again from an environment that has them changes nothing.
+    """
+    given_range = environment.get(RANGE_VARIABLE, "")
+    default_range = {} if given_range else {RANGE_VARIABLE: LOCALHOST}
+    middleware = environment.get(MIDDLEWARE_VARIABLE) or FAST_DDS
+    if environment.get(PROFILE_VARIABLE) or FAST_DDS not in middleware:
+        return default_range
+    if given_range in ("", LOCALHOST) and not environment.get(PEERS_VARIABLE):
+        return {
+            RANGE_VARIABLE: AS_PROFILE_SAYS,
+            PROFILE_VARIABLE: str(_DATA / "fastdds_local.xml"),
+        }
+    return {PROFILE_VARIABLE: str(_DATA / "fastdds_discovery.xml"), **default_range}
 
 
 @contextmanager

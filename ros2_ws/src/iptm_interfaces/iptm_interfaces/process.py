@@ -11,6 +11,7 @@ Errors in callbacks end no process; see `iptm_interfaces.suite_node.SuiteNode.gu
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import traceback
@@ -28,6 +29,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError
+from iptm_interfaces.discovery import middleware_settings
 from iptm_interfaces.suite_node import SuiteNode
 
 EXIT_OK = 0
@@ -94,6 +96,8 @@ def run_node(
     program = Path(command[0]).parent.name if program in {"__main__", "node"} else program
     stop = StopRequest()
     stop.install()
+    # As well where no script has prepared the shell: under `ros2 run` and `ros2 launch`.
+    os.environ.update(middleware_settings())
     try:
         rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
         node = factory()

@@ -9,6 +9,7 @@ digest of what is before it, which the loader ignores: a damaged one is compiled
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import logging
 import os
 import platform
@@ -26,6 +27,9 @@ LOGGER = logging.getLogger(__name__)
 COMPILER_FLAGS = ("-O2", "-fPIC", "-shared")
 COMPILE_TIMEOUT_S = 300.0
 CACHE_VARIABLE = "IPTM_CACHE_DIR"
+WHEEL_COMPILER = "ziglang"
+OLDEST_GLIBC = "2.28"
+"""What the wheels of ROS need, see scripts/setup."""
 DIGEST_SIZE = hashlib.sha256().digest_size
 
 
@@ -38,23 +42,34 @@ def cache_directory() -> Path:
     return (Path(root) if root else Path.home() / ".cache") / "iptm"
 
 
-def find_compiler() -> str | None:
-    """Return the path of a C compiler (``$CC``, ``cc``, ``gcc``, ``clang``); None with a warning if none."""
-    for candidate in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        if candidate:
-            path = shutil.which(candidate)
-            if path is not None:
-                return path
+def find_compiler() -> tuple[str, ...] | None:
+    """Return the command of a C compiler; None with a warning if there is none.
+
+    That is ``$CC``, ``cc``, ``gcc`` or ``clang``, else the one that the set-up installs as a wheel
+    on machines without.
+    """
+    for candidate in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        program, *arguments = candidate.split() or [""]
+        path = shutil.which(program)
+        if path is not None:
+            return (path, *arguments)
+    wheel = importlib.util.find_spec(WHEEL_COMPILER)
+    for folder in () if wheel is None else wheel.submodule_search_locations or ():
+        path = shutil.which("zig", path=folder)
+        if path is not None:
+            # Named, the target is any processor and every supported C library, as with a system's
+            # compiler; left alone, it would be this very machine, and the cache may be shared.
+            return (path, "cc", "-target", f"{platform.machine()}-linux-gnu.{OLDEST_GLIBC}")
     LOGGER.warning("no C compiler found: the problem runs interpreted, several times slower")
     return None
 
 
-def compile_functions(functions: Sequence[ca.Function], compiler: str) -> Path:
+def compile_functions(functions: Sequence[ca.Function], compiler: Sequence[str]) -> Path:
     """Compile functions into one shared library, or find it in the cache.
 
     Args:
         functions: functions to export under their own names.
-        compiler: path of the C compiler.
+        compiler: command of the C compiler.
 
     Returns:
         Path of the shared library.
@@ -74,7 +89,7 @@ def compile_functions(functions: Sequence[ca.Function], compiler: str) -> Path:
             c_file = Path(scratch) / "ocp.c"
             c_file.write_text(source, encoding="ascii")
             built = Path(scratch) / "ocp.so"
-            _run_compiler([compiler, *COMPILER_FLAGS, str(c_file), "-o", str(built), "-lm"])
+            _run_compiler([*compiler, *COMPILER_FLAGS, str(c_file), "-o", str(built), "-lm"])
             with built.open("ab") as file:
                 file.write(hashlib.sha256(built.read_bytes()).digest())
             # Renaming is atomic: another process sees either nothing or the whole library.
@@ -117,9 +132,12 @@ def _run_compiler(command: list[str]) -> None:
         )
 
 
-def _cache_key(source: str, compiler: str) -> str:
-    version = subprocess.run(  # noqa: S603 - as above
-        [compiler, "--version"], capture_output=True, text=True, timeout=30, check=False
+def _cache_key(source: str, compiler: Sequence[str]) -> str:
+    answer = subprocess.run(  # noqa: S603 - as above
+        [*compiler, "--version"], capture_output=True, text=True, timeout=30, check=False
     ).stdout
-    parts = (source, version, " ".join(COMPILER_FLAGS), platform.machine(), ca.CasadiMeta.version())
+    # The further lines may name folders and the kernel, which change nothing.
+    version = answer.partition("\n")[0]
+    flags = " ".join([*compiler[1:], *COMPILER_FLAGS])
+    parts = (source, version, flags, platform.machine(), ca.CasadiMeta.version())
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
