@@ -160,7 +160,7 @@ def test_inputs_are_waited_for_in_trip_time_too() -> None:
             pause_s = time.monotonic() + 0.03
             bench.spin_until(lambda pause_s=pause_s: time.monotonic() > pause_s)
         assert time.monotonic() - begin_s < 2.0, "too slow a machine to tell"
-        assert bench.stamps(Topic.COMMAND) == [0, 2, 4, 6, 8]
+        assert bench.stamps(Topic.COMMAND) == [0, 3, 6, 9]
 
 
 def clock(time_ns: int) -> dict[Topic, Any]:
@@ -239,6 +239,22 @@ def test_the_plant_says_that_commands_arrive_but_do_not_fit(plant: NodeBench) ->
     assert "their stamps answer no state" in reason
     answer(plant, 0)
     assert plant.situation == (Level.OK, "running")
+
+
+def test_a_second_controller_is_told_when_both_speak(plant: NodeBench) -> None:
+    second = SuiteNode("second")
+    second.advertise(Topic.COMMAND)
+    plant.spin_until(lambda: plant.node.count_publishers(Topic.COMMAND.value) == 2)
+
+    def told() -> bool:
+        tick = plant.stamps(Topic.PLANT_ODOMETRY)[-1]
+        for _ in range(2):
+            answer(plant, tick)
+        return plant.situation == (Level.ERROR, "more than one controller on this graph")
+
+    plant.spin_until(told)
+    second.destroy_node()
+    plant.spin_until(lambda: plant.situation[0] is not Level.ERROR)
 
 
 def test_the_plant_repeats_its_state_until_it_is_answered(plant: NodeBench) -> None:

@@ -137,7 +137,7 @@ class ControllerNode(SuiteNode):
             self._waiting_since_s = now_s
         # Where trip time runs fast, a plant has lost its controller long before the wall clock says so.
         elif (
-            self._matcher.backlog_ns >= NS_PER_S * self._options.input_timeout_s
+            self._matcher.backlog_ns > NS_PER_S * self._options.input_timeout_s
             and now_s - self._waiting_since_s >= LEAST_WAIT_S
         ):
             self._answer_incomplete()
