@@ -271,7 +271,7 @@ def test_existing_bag_and_missing_information_are_mistakes_of_the_user(
     (tmp_path / "bag").mkdir()
     for arguments, message in (
         (("bag",), "record: "),
-        (("new", "--run-information", "none.yaml"), "cannot read run information"),
+        (("new", "--run-information", "none.yaml"), "none.yaml: no such file"),
         (("new", "--exclude", "/clock"), "--time wall"),
     ):
         launcher.start_module(RECORDER, *arguments).assert_refused(message)

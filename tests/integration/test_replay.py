@@ -97,3 +97,17 @@ def test_bags_that_cannot_be_played(
         (tmp_path / "foreign.mcap", "no MCAP file"),
     ):
         play(bag).assert_refused(message)
+
+
+def test_a_damaged_bag_ends_the_player_with_one_sentence(
+    play: Callable[..., Any], tmp_path: Path
+) -> None:
+    with BagWriter(tmp_path / "bag", compression="lz4") as writer:
+        topic = writer.add_topic("/number", "std_msgs/msg/Float64")
+        for k in range(200):
+            writer.write(topic, bytes([0, 1, 0, 0]) + struct.pack("<d", k), k)
+    file = tmp_path / "bag" / "bag_0.mcap"
+    data = bytearray(file.read_bytes())
+    data[data.index(b"lz4") + 11] ^= 0xFF  # first byte of the compressed content
+    file.write_bytes(data)
+    play(tmp_path / "bag", "--delay", "0").assert_refused("damaged")

@@ -67,7 +67,10 @@ def test_a_trip_without_traction_is_compared_as_far_as_it_goes(comparison: Compa
 
 
 def test_the_plant_of_the_scenario_is_the_one_compared_with() -> None:
-    own = {"plant": {"thermal_model": "full_channel", "period_s": 0.5}}
+    own = {
+        "plant": {"thermal_model": "full_channel", "period_s": 0.5},
+        "controller": {"period_s": 0.5},
+    }
     scenario = Scenario(cycle="nycc", duration_s=20.0, node_parameters=own)
     full = drive_comparison(prepare(scenario), "reference").metrics
     usual = drive_comparison(prepare(replace(scenario, node_parameters={})), "reference").metrics

@@ -139,6 +139,14 @@ def test_a_broken_hard_limit_is_a_problem(prepared: PreparedScenario, heard: Hea
     assert problem == "hard limit broken in 1 rows: collision, worst by 0.5 m at 6 s"
 
 
+def test_a_leader_that_nobody_could_follow_is_noted(
+    prepared: PreparedScenario, heard: Heard
+) -> None:
+    heard[Topic.LEADER][6] = bytes(serialize_message(encode_leader(LeaderState(6.0, 99.0, 60.0))))
+    notes = judge(prepared, heard, None).warnings
+    assert any("the leader drives up to 60 m/s, the host at most 37.5" in note for note in notes)
+
+
 def test_parameters_of_another_vehicle_are_noticed(
     prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:

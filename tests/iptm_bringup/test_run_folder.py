@@ -48,3 +48,10 @@ def test_runs_land_under_bags(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     monkeypatch.setenv("IPTM_ROOT", str(tmp_path))
     assert default_output("wltc").parent == tmp_path / "bags"
     assert default_output("wltc").name.startswith("wltc_2")
+
+
+def test_a_name_too_long_for_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="has 300 bytes; allowed: up to 200"):
+        RunFolder(tmp_path / ("x" * 300))
+    with pytest.raises(ScenarioError, match="cannot write to"):
+        RunFolder(tmp_path / ("x" * 300) / "run")

@@ -174,6 +174,23 @@ def test_parts_that_do_not_fit_are_refused_before_anything_starts(
         assert part in str(caught.value)
 
 
+def test_plant_and_controller_must_have_one_period() -> None:
+    with pytest.raises(ScenarioError, match="period_s is 2 s for plant and 1 s for controller"):
+        prepare(Scenario(node_parameters={"plant": {"period_s": 2.0}}))
+    both = {"plant": {"period_s": 2}, "controller": {"period_s": 2.0}}
+    prepare(Scenario(node_parameters=both))
+
+
+def test_numbers_only_python_understands_are_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"body\.mass_kg=1_600"):
+        prepare(Scenario(parameter_overrides="body.mass_kg=1_600"))
+
+
+def test_a_scenario_with_a_name_no_file_can_have() -> None:
+    with pytest.raises(ScenarioError, match="too long"):
+        load_scenario("x" * 300)
+
+
 def test_node_parameters_are_laid_over_those_of_the_file() -> None:
     scenario = Scenario(node_parameters={"controller": {"tolerance": 1e-6}})
     merged = with_node_parameters(

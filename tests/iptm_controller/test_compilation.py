@@ -54,9 +54,8 @@ def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    folder = tmp_path / "cache"
-    monkeypatch.setenv(CACHE_VARIABLE, str(folder))
-    return folder
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    return cache_directory()
 
 
 @pytest.fixture
@@ -135,7 +134,7 @@ def test_a_cache_that_cannot_be_written_is_named(
     monkeypatch.setenv(CACHE_VARIABLE, str(folder))
     with pytest.raises(SolverSetupError) as caught:
         compile_functions([square()], compiler)
-    assert f"compiler cache '{folder}' cannot be written" in str(caught.value)
+    assert f"compiler cache '{cache_directory()}' cannot be written" in str(caught.value)
 
 
 def test_a_compiler_that_fails_is_quoted(
@@ -230,4 +229,45 @@ def test_place_of_the_cache(
         monkeypatch.delenv(name, raising=False)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
-    assert cache_directory() == Path(expected)
+    assert cache_directory() == Path(expected) / f"user_{os.getuid()}"
+
+
+def test_code_of_others_is_never_loaded(
+    cache: Path, compiler: str, runs: list[list[str]], tmp_path: Path
+) -> None:
+    """Whoever can write into the folder could have code run by its owner."""
+    cache.mkdir(parents=True, mode=0o777)
+    cache.chmod(0o777)
+    library = compile_functions([square()], compiler)
+    assert cache.stat().st_mode & 0o777 == 0o700
+    library.chmod(0o666)  # anybody could have written it
+    compile_functions([square()], compiler)
+    assert len(runs) == 2
+    moved = library.rename(tmp_path / "elsewhere.so")
+    library.symlink_to(moved)
+    compile_functions([square()], compiler)
+    assert len(runs) == 3
+    assert not library.is_symlink()
+
+
+def test_a_folder_of_somebody_else_is_refused(
+    cache: Path, compiler: str, tmp_path: Path, runs: list[list[str]]
+) -> None:
+    (tmp_path / "theirs").mkdir()
+    cache.parent.mkdir()
+    cache.symlink_to(tmp_path / "theirs")
+    with pytest.raises(SolverSetupError, match="not a folder of this user"):
+        compile_functions([square()], compiler)
+    assert not runs
+
+
+def test_what_killed_compilations_left_is_removed(cache: Path, compiler: str) -> None:
+    cache.mkdir(parents=True)
+    old, new = cache / "build_old", cache / "build_new"
+    for folder in (old, new):
+        folder.mkdir()
+        (folder / "ocp.c").touch()
+    os.utime(old, (0, 0))
+    compile_functions([square()], compiler)
+    assert not old.exists()
+    assert new.exists(), "somebody may still be compiling there"

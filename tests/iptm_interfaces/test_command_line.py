@@ -55,3 +55,30 @@ def test_stray_argument_is_refused(stray: str, capsys: pytest.CaptureFixture[str
     assert shown.out == ""
     assert shown.err.startswith(f"example: argument {stray!r} is unknown; allowed: --help")
     assert shown.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--params-file", "/nonexistent.yaml"],
+        ["--params-file", "/"],
+        ["--params-file"],
+        ["-p", "foo"],
+        ["-p", "a:=[1,b"],
+        ["-p"],
+        ["-r", "foo"],
+        ["-r", "__ns:=1bad"],
+        ["-r", "__node:=a/b"],
+        ["--remap"],
+        ["--log-level", "nosuch"],
+        ["--foo"],
+    ],
+)
+def test_a_mistake_in_the_ros_arguments_is_one_line(
+    arguments: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert node_main("example", Example, Parameters, ["example", "--ros-args", *arguments]) == 2
+    (line,) = [line for line in capfd.readouterr().err.splitlines() if "[rcl]" not in line]
+    assert line.startswith("example: ")
+    assert "; allowed: -p NAME:=VALUE" in line
+    assert " at /" not in line

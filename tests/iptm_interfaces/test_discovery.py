@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import tempfile
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -17,8 +19,9 @@ NAMESPACE = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
 
 
 @pytest.fixture(autouse=True)
-def _own_temporary_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+def _own_reservations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the domains of other runs on this machine alone."""
+    monkeypatch.setattr(discovery, "_NAME", f"\0iptm_test_{os.getpid()}")
 
 
 @pytest.mark.parametrize("opened", ["", "SUBNET"])
@@ -79,20 +82,29 @@ def test_reservation_ends_with_its_context() -> None:
         assert second == first
 
 
-def test_locked_and_unusable_files_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "getpid", lambda: 0)
+def test_domains_of_other_processes_are_passed_over() -> None:
     with reserve_domain() as first:
-        assert first == 1
-        real_open = os.open
+        code = (
+            "from iptm_interfaces import discovery\n"
+            f"discovery._NAME = {discovery._NAME!r}\n"
+            f"discovery._DOMAINS = range({first}, {first} + 2)\n"
+            "with discovery.reserve_domain() as other: print(other)"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+    assert done.stdout.split() == [str(first + 1)]
 
-        def refuse_second(path: Path, *arguments: int) -> int:
-            if path.name == "iptm_ros_domain_2.lock":
-                raise PermissionError(path)
-            return real_open(path, *arguments)
 
-        monkeypatch.setattr(os, "open", refuse_second)
-        with reserve_domain() as other:
-            assert other == 3
+def test_no_file_is_opened_in_a_folder_of_everybody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Anybody may put links into the temporary folder; they must not be followed."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    for domain in range(1, 102):
+        (tmp_path / f"iptm_ros_domain_{domain}.lock").symlink_to(tmp_path / "precious")
+    with reserve_domain():
+        assert not (tmp_path / "precious").exists()
 
 
 def test_no_domain_left(monkeypatch: pytest.MonkeyPatch) -> None:

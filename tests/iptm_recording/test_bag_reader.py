@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
@@ -187,7 +189,7 @@ def test_topic_by_relative_name(tmp_path: Path) -> None:
     [
         ("", "does not describe a bag"),
         ("- 1", "does not describe a bag"),
-        ("{", "not YAML"),
+        ("{", "not valid YAML"),
         ("rosbag2_bagfile_information: {storage_identifier: mcap}", "names no file"),
         (
             "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [no.mcap]}",
@@ -216,8 +218,105 @@ def test_split_bag(small_bag: Path, tmp_path: Path, encode: Encode) -> None:
         topic = writer.add_topic("/a", FLOAT)
         writer.write(topic, encode(99.0), 30 * 10**9)
     (tmp_path / "more" / "more_0.mcap").rename(small_bag / "small_1.mcap")
-    edit_metadata(small_bag, relative_file_paths=["small_0.mcap", "small_1.mcap"])
+    edit_metadata(small_bag, relative_file_paths=["small_0.mcap", "small_1.mcap"], message_count=41)
     with BagReader(small_bag) as reader:
         assert reader.topics["/a"].message_count == 21
         assert reader.end_ns == 30 * 10**9
         assert [m.message.data for m in reader.messages(["/a"])][-1] == 99.0
+
+
+def without_a_chunk(file: Path, *, checksum: bool) -> None:
+    """Change one byte of the summary: the entry of a chunk becomes a record that readers skip."""
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[0]
+    place = struct.pack(
+        "<QQQ", chunk.message_start_time, chunk.message_end_time, chunk.chunk_start_offset
+    )
+    data = bytearray(file.read_bytes())
+    data[data.index(place) - 9] = 0x88
+    if not checksum:
+        data[-12:-8] = bytes(4)  # of the summary: other writers leave it out
+    file.write_bytes(data)
+
+
+@pytest.fixture
+def chunked_bag(tmp_path: Path, encode: Encode) -> Path:
+    with BagWriter(tmp_path / "chunked", chunk_bytes=200) as writer:
+        topic = writer.add_topic("/a", FLOAT)
+        for k in range(40):
+            writer.write(topic, encode(k), k)
+    return tmp_path / "chunked"
+
+
+@pytest.mark.parametrize("checksum", [True, False])
+def test_messages_that_the_summary_hides_are_missed(chunked_bag: Path, *, checksum: bool) -> None:
+    without_a_chunk(chunked_bag / "chunked_0.mcap", checksum=checksum)
+    with (
+        pytest.raises(BagError, match=r"damaged .*(checksum|by its statistics it holds 40)"),
+        BagReader(chunked_bag) as reader,
+    ):
+        list(reader.raw_messages(["/a"]))
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+def test_a_damaged_compressed_chunk_is_one_sentence(
+    compression: str, tmp_path: Path, encode: Encode
+) -> None:
+    with BagWriter(tmp_path / "bag", compression=compression) as writer:
+        topic = writer.add_topic("/a", FLOAT)
+        for k in range(200):
+            writer.write(topic, encode(k), k)
+    file = tmp_path / "bag" / "bag_0.mcap"
+    whole = file.read_bytes()
+    start = whole.index(compression.encode()) + len(compression) + 8
+    for offset in range(0, 60, 3):
+        file.write_bytes(whole[: start + offset] + b"\x5a\xa5" + whole[start + offset + 2 :])
+        with (
+            BagReader(tmp_path / "bag") as reader,
+            pytest.raises(BagError, match=r"damaged.*recover_bag"),
+        ):
+            list(reader.raw_messages())
+
+
+def test_texts_about_the_run_are_covered_by_a_checksum(small_bag: Path) -> None:
+    file = small_bag / "small_0.mcap"
+    file.write_bytes(file.read_bytes().replace(b"\x01\0\0\x007", b"\x01\0\0\x008", 1))
+    with BagReader(small_bag) as reader, pytest.raises(BagError, match="do not match"):
+        reader.run_information()
+
+
+def test_metadata_that_promises_more_messages(small_bag: Path) -> None:
+    edit_metadata(small_bag, message_count=41)
+    with pytest.raises(BagError, match=r"says 41 messages, its files hold 40"):
+        BagReader(small_bag)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        "&a [x, x]\n" + "".join(f"- &a{k} [*a, *a, *a]\n" for k in range(3)),
+        "a: &a [1, *a]",
+        "x" * 600_000,
+    ],
+    ids=["depth", "broken", "itself", "size"],
+)
+def test_hostile_metadata_is_one_sentence(text: str, small_bag: Path) -> None:
+    (small_bag / "metadata.yaml").write_text(text)
+    with pytest.raises(BagError) as caught:
+        BagReader(small_bag)
+    assert "\n" not in str(caught.value)
+
+
+def test_bags_of_other_kinds_name_the_way_out(tmp_path: Path) -> None:
+    for name in ("run.bag", "run_0.mcap.zstd"):
+        (tmp_path / name).write_bytes(b"#ROSBAG V2.0\n")
+        with pytest.raises(BagError, match="rosbags-convert --src"):
+            BagReader(tmp_path / name)
+
+
+def test_a_name_no_file_can_have(tmp_path: Path) -> None:
+    with pytest.raises(BagError, match="too long"):
+        BagReader(tmp_path / ("x" * 300))

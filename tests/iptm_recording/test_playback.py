@@ -72,12 +72,15 @@ def test_own_clock_replaces_the_recorded_one(tmp_path: Path, encode: Encode) -> 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"rate": 0.0}, "rate is 0; allowed: greater than 0"),
+        ({"rate": 0.0}, "rate is 0; allowed: 1e-06 to 1e\\+09"),
         ({"rate": math.nan}, "rate is nan"),
         ({"start_s": -1.0}, "start is -1"),
         ({"duration_s": 0.0}, "duration is 0"),
         ({"clock_hz": -1.0}, "clock rate is -1"),
         ({"delay_s": -0.1}, "delay is -0.1"),
+        ({"delay_s": math.inf}, "delay is inf; allowed: 0 to 1e\\+09 s"),
+        ({"duration_s": math.inf}, "duration is inf"),
+        ({"start_s": math.nan}, "start is nan"),
     ],
 )
 def test_numbers_out_of_range(change: dict[str, float], message: str, small_bag: Path) -> None:
@@ -95,3 +98,14 @@ def test_nothing_to_play(small_bag: Path, tmp_path: Path) -> None:
     ):
         with pytest.raises(BagError, match=message):
             played(options)
+
+
+def test_own_clock_replaces_a_clock_of_another_name(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        for name in ("/car_9/clock", "/x"):
+            type_name = "rosgraph_msgs/msg/Clock" if "clock" in name else "std_msgs/msg/Float64"
+            writer.write(writer.add_topic(name, type_name), bytes([0, 1, 0, 0]) + bytes(8), S)
+    with BagReader(tmp_path / "bag") as reader:
+        own = Playback(reader, PlaybackOptions(tmp_path / "bag", clock_hz=10.0))
+        assert own.clock_topic == "/car_9/clock"
+        assert [topic.name for topic in own.topics] == ["/x"]

@@ -6,13 +6,15 @@ import struct
 import subprocess
 import sys
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.records import Message
+from mcap.reader import make_reader
+from mcap.records import ChunkIndex, Message
 
 from iptm_core.errors import BagError
 from iptm_recording import recover as recover_module
@@ -255,3 +257,49 @@ def test_command(
     assert "bytes dropped" in capsys.readouterr().out
     assert recover_module.main([str(source), "-o", str(tmp_path / "out")]) == 1
     assert "exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+def test_the_report_counts_what_a_damaged_chunk_held(
+    compression: str, content: dict[str, tuple[bytes, list[RawMessage]]], tmp_path: Path
+) -> None:
+    whole, messages = content[compression]
+    with make_chunk_list(whole, tmp_path) as chunks:
+        damaged = bytearray(whole)
+        middle = chunks[1].chunk_start_offset + chunks[1].chunk_length // 2 + 20
+        damaged[middle] ^= 0xFF
+    report = recover(cut(tmp_path / "bag", bytes(damaged)))
+    lost = len(messages) - report.message_count
+    assert 0 < lost == report.lost_count == sum(report.lost_counts.values())
+    assert report.is_loss_exact
+    assert not report.was_complete
+    text = str(report)
+    assert f"{lost} messages lost, by the statistics of the source" in text
+    assert f"from byte {chunks[1].chunk_start_offset} on left out" in text
+    assert f"{lost} messages from" in text
+
+
+@pytest.mark.parametrize("what", ["opcode", "length"])
+def test_recovery_goes_on_behind_damage_of_the_structure(
+    what: str, content: dict[str, tuple[bytes, list[RawMessage]]], tmp_path: Path
+) -> None:
+    whole, messages = content["none"]
+    with make_chunk_list(whole, tmp_path) as chunks:
+        damaged = bytearray(whole)
+        damaged[chunks[0].chunk_start_offset + (0 if what == "opcode" else 2)] = 0x7F
+        held = chunks[1].chunk_start_offset - chunks[0].chunk_start_offset
+    report = recover(cut(tmp_path / "bag", bytes(damaged)))
+    assert report.dropped_bytes == held
+    saved = messages_of(report.output)
+    assert saved == messages[-len(saved) :]
+    assert report.lost_count == len(messages) - len(saved) > 0
+
+
+@contextmanager
+def make_chunk_list(whole: bytes, folder: Path) -> Iterator[list[ChunkIndex]]:
+    """Give the chunks of a file by their place in it."""
+    (folder / "whole.mcap").write_bytes(whole)
+    with (folder / "whole.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+        assert summary is not None
+        yield sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)

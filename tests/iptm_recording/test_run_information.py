@@ -43,7 +43,7 @@ def test_file_of_the_runner(tmp_path: Path) -> None:
     ("text", "reason"),
     [
         ("- 1", "allowed: a mapping"),
-        ("{", "not YAML"),
+        ("{", "not valid YAML"),
         ("seed: many", "seed is 'many'"),
         ("seed: true", "seed is True"),
         ("parameters: [1]", "parameters are a list"),
@@ -57,7 +57,7 @@ def test_malformed_file_of_the_runner(text: str, reason: str, tmp_path: Path) ->
 
 
 def test_missing_file_of_the_runner(tmp_path: Path) -> None:
-    with pytest.raises(BagError, match="cannot read"):
+    with pytest.raises(BagError, match="no such file"):
         load_run_information(tmp_path / "no.yaml")
 
 
@@ -78,3 +78,13 @@ def test_bag_without_model_parameters_is_judged_by_the_default_set(small_bag: Pa
 def test_malformed_model_parameters(text: str) -> None:
     with pytest.raises(BagError):
         stored_model_parameters(RunInformation(parameters=text))
+
+
+def test_references_that_multiply_are_refused(tmp_path: Path) -> None:
+    """Ten lines stand for ten billion values; written out they would fill the memory."""
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 10)]
+    path = tmp_path / "bomb.yaml"
+    path.write_text("\n".join(lines))
+    with pytest.raises(BagError, match="more than 200000 values, references counted"):
+        load_run_information(path)

@@ -97,3 +97,10 @@ def test_wall_time() -> None:
     assert before <= log_ns == publish_ns <= time.time_ns()
     log_ns, publish_ns = timeline.times_ns(stamped(before), HEADER) or (0, 0)
     assert publish_ns == before <= log_ns
+
+
+def test_a_remapped_clock_is_the_clock() -> None:
+    spec = TOPICS[Topic.CLOCK]
+    text = message_definition(spec.type_name).text
+    assert stamp_kind("/car_9/clock", spec.type_name, text, "/car_9/clock") is CLOCK
+    assert stamp_kind("/clock", spec.type_name, text, "/car_9/clock") is NONE

@@ -185,7 +185,17 @@ def test_too_many_cases(study_file: WriteFile) -> None:
     axis = "[" + ", ".join(f"{{labels: {{l%s: {number}}}}}" for number in range(101)) + "]"
     axes = ", ".join(axis.replace("%s", str(number)) for number in (1, 2))
     path = study_file(f"title: t\ncases: [{{name: '{{l1}}/{{l2}}', for_each: [{axes}]}}]\n")
-    with pytest.raises(ScenarioError, match="more than 10000 cases"):
+    with pytest.raises(ScenarioError, match="10201 cases; allowed: 10000"):
+        read_study(path)
+
+
+def test_a_product_of_axes_is_refused_before_it_is_multiplied_out(study_file: WriteFile) -> None:
+    axes = [
+        "[" + ", ".join(f"{{labels: {{l{axis}: {k}}}}}" for k in range(60)) + "]"
+        for axis in range(5)
+    ]
+    path = study_file(f"title: t\ncases: [{{name: n, for_each: [{', '.join(axes)}]}}]\n")
+    with pytest.raises(ScenarioError, match="777600000 cases; allowed: 10000"):
         read_study(path)
 
 

@@ -21,8 +21,12 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "injector = iptm_faults.node:main",
-            "controller = iptm_faults.node_controller:main",
-        ]
+            "fault_injector = iptm_core.program:main",
+            "faulty_controller = iptm_core.program:main",
+        ],
+        "iptm.programs": [
+            "fault_injector = iptm_faults.node:main",
+            "faulty_controller = iptm_faults.node_controller:main",
+        ],
     },
 )

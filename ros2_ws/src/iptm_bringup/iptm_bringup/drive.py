@@ -144,7 +144,9 @@ class Drive(AbstractContextManager["Drive"]):
                 )
             return self._intruded()
 
-        return self._spin_until(lambda: self.monitor.first_clock_s is not None, show)
+        return self._spin_until(
+            lambda: self.monitor.first_clock_s is not None or self._has_ended(), show
+        )
 
     def _intruded(self) -> DriveResult | None:
         crowded = self.monitor.crowded_topics
@@ -226,13 +228,24 @@ class Drive(AbstractContextManager["Drive"]):
             started = self.monitor.time_ns is not None
             if self.process_faults.is_excused(ending.name):
                 continue
-            if ending.name == self.process_faults.current(PLANT) and ending.code == 0 and started:
+            if ending.name == self.process_faults.current(PLANT) and self._has_ended():
                 continue
             if ending.code == EXIT_USER_ERROR and not started:
                 said = ending.last_lines[-1] if ending.last_lines else ""
                 return DriveResult(DriveOutcome.REFUSED, said or f"{ending.name} {ending.how}")
             return DriveResult(DriveOutcome.FAILED, self._what_ended(ending), ending.last_lines)
         return None
+
+    def _has_ended(self) -> bool:
+        """Return whether the plant ended as it does after a trip.
+
+        Of a recorded trip the runner may have heard nothing: the bag tells what happened.
+        """
+        is_witnessed = self.monitor.time_ns is not None or RECORDER in self.supervisor.names
+        return is_witnessed and any(
+            ending.name == self.process_faults.current(PLANT) and ending.code == 0
+            for ending in self.supervisor.endings()
+        )
 
     def _what_ended(self, ending: ProcessEnd) -> str:
         reason = f" ({self.monitor.plant_reason})" if ending.name == PLANT and ending.code else ""

@@ -119,6 +119,12 @@ def evaluate(
             found.append(f"the bag lacks {lost} states that the runner heard")
         if missed:
             notes.append(f"the runner did not hear {missed} states; the bag holds them")
+    fastest_m_s = float(trajectory.leader_speed_m_s.max())
+    if fastest_m_s > parameters.limits.max_speed_m_s:
+        notes.append(
+            f"the leader drives up to {fastest_m_s:.3g} m/s, the host at most"
+            f" {parameters.limits.max_speed_m_s:.3g} m/s: it could not follow"
+        )
     metrics = compute_metrics(trajectory, parameters, decisions)
     found += _unfinished(trajectory, prepared) + _broken_limits(metrics)
     return RunResults(

@@ -13,10 +13,13 @@ from datetime import datetime
 from pathlib import Path
 
 from iptm_core.errors import ScenarioError
+from iptm_core.strict_mapping import shown
 
 PICTURE = "closed_loop.png"
 RESULTS = "results.json"
 LOGS = "logs"
+LONGEST_NAME = 200
+"""Bytes; file systems take 255, and the names of files inside are longer."""
 
 
 def default_output(scenario_name: str) -> Path:
@@ -40,13 +43,20 @@ class RunFolder:
             ScenarioError: it exists, or nothing can be written next to it.
         """
         self.output = output.absolute()
-        if self.output.exists():
-            raise ScenarioError(f"{output} exists already; a run never overwrites another one")
+        # The bag inside is named after the folder.
+        if len(os.fsencode(self.output.name)) > LONGEST_NAME:
+            raise ScenarioError(
+                f"the name of the output folder has {len(os.fsencode(self.output.name))} bytes;"
+                f" allowed: up to {LONGEST_NAME}"
+            )
         try:
+            if self.output.exists():
+                raise ScenarioError(f"{output} exists already; a run never overwrites another one")
             self.output.parent.mkdir(parents=True, exist_ok=True)
             hidden = tempfile.mkdtemp(prefix=f".{self.output.name}.", dir=self.output.parent)
         except OSError as error:
-            raise ScenarioError(f"cannot write to {output.parent}: {error}") from None
+            where = shown(str(output.parent))
+            raise ScenarioError(f"cannot write to {where}: {error.strerror}") from None
         self.logs = Path(hidden)
 
     @property

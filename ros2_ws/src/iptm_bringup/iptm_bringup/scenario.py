@@ -16,7 +16,13 @@ from rclpy.validate_namespace import validate_namespace
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.settings import ControllerSettings
-from iptm_core.declaration import Scalar, Settings, parameter, parameter_specs
+from iptm_core.declaration import (
+    Scalar,
+    Settings,
+    checked_value,
+    parameter,
+    parameter_specs,
+)
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import ParameterSet
 from iptm_core.routes import Route
@@ -26,6 +32,7 @@ from iptm_core.settings import (
     PaceSettings,
     PreviewSettings,
     RoadSettings,
+    SamplingSettings,
     TripSettings,
 )
 from iptm_faults.fault import Fault
@@ -117,7 +124,7 @@ def prepare(scenario: Scenario) -> PreparedScenario:
 
     Raises:
         ScenarioError: a part cannot be built: unknown cycle, malformed horizon, contradictory
-            parameters or namespace.
+            parameters, periods or namespace.
     """
 
     def part(keys: str, build: Callable[[], T]) -> T:
@@ -131,7 +138,21 @@ def prepare(scenario: Scenario) -> PreparedScenario:
     route = part("cycle, slope", lambda: scenario.trip_route(initial_gap_m))
     part("horizon", lambda: Horizon.parse(scenario.horizon))
     part("namespace", lambda: _check_namespace(scenario.full_namespace))
+    part("node_parameters", lambda: _check_periods(scenario.node_parameters))
     return PreparedScenario(scenario, parameters, route)
+
+
+def _check_periods(node_parameters: Mapping[str, Mapping[str, Scalar]]) -> None:
+    (spec,) = parameter_specs(SamplingSettings)
+    plant, controller = (
+        checked_value(spec, node_parameters.get(node, {}).get(spec.name, spec.default))
+        for node in (PLANT, CONTROLLER)
+    )
+    if plant != controller:
+        raise ScenarioError(
+            f"{spec.name} is {plant:g} s for {PLANT} and {controller:g} s for {CONTROLLER}; "
+            "allowed: the same for both"
+        )
 
 
 def _check_namespace(namespace: str) -> None:

@@ -22,7 +22,7 @@ from iptm_bringup.scenario import NODES, Scenario
 from iptm_core.declaration import ParameterSpec, Scalar, checked_value, parameter_specs, plain
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
-from iptm_core.strict_mapping import StrictMapping, suggestion
+from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 from iptm_faults.fault import faults_from, plain_faults
 
 DEFAULT_SCENARIO = "wltc"
@@ -155,8 +155,11 @@ def _find(name_or_path: str | Path) -> Path:
     if text in names:
         return scenario_folder() / f"{text}.yaml"
     path = Path(text)
-    if path.suffix in _SUFFIXES or path.is_file():
-        return path
+    try:
+        if path.suffix in _SUFFIXES or path.is_file():
+            return path
+    except OSError as error:  # the name is too long
+        raise ScenarioError(f"scenario {shown(text)}: {error.strerror}") from None
     raise ScenarioError(
         f"scenario {text!r} is unknown; {suggestion(text, names)}, or the path of a .yaml file"
     )

@@ -104,7 +104,7 @@ class ControllerNodeParameters(
         base = strategy_by_name(self.strategy)
 
         def chosen(given: float, of_strategy: float) -> float:
-            return given if given >= 0.0 else of_strategy
+            return of_strategy if given == FROM_STRATEGY else given
 
         return replace(
             base,

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 import textwrap
 from collections.abc import Sequence
 from typing import Any
 
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.utilities import remove_ros_args
 
 from iptm_core.declaration import ParameterSpec, Scalar, parameter_specs, plain
+from iptm_core.errors import ParameterError
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, run_node
 from iptm_interfaces.suite_node import SuiteNode
 
 _WIDTH = 100
+_ALLOWED = "-p NAME:=VALUE, --params-file FILE, -r FROM:=TO, --log-level LEVEL"
+_PLACE_IN_SOURCE = re.compile(r",? at /\S+:\d+")  # of rcl
 
 
 def node_main(
@@ -38,18 +43,40 @@ def node_main(
         Exit code of the process, see `iptm_interfaces.process`.
     """
     command = list(sys.argv if arguments is None else arguments)
-    own = remove_ros_args(command)[1:]
+    try:
+        own = own_arguments(command)
+    except ParameterError as error:
+        print(f"{program}: {error}", file=sys.stderr)
+        return EXIT_USER_ERROR
     if "-h" in own or "--help" in own:
         print(help_text(program, inspect.getdoc(node) or "", parameter_specs(parameters)))
         return EXIT_OK
     if own:
         print(
             f"{program}: argument {own[0]!r} is unknown; allowed: --help, and behind --ros-args "
-            "-p NAME:=VALUE, --params-file FILE, -r FROM:=TO",
+            f"{_ALLOWED}",
             file=sys.stderr,
         )
         return EXIT_USER_ERROR
     return run_node(node, command)
+
+
+def own_arguments(command: Sequence[str]) -> list[str]:
+    """Return the arguments of a program without its name and without those for ROS.
+
+    Args:
+        command: command line with the program name.
+
+    Raises:
+        ParameterError: ROS does not understand its part: one sentence.
+    """
+    try:
+        return list(remove_ros_args(list(command))[1:])
+    except rclpy_implementation.UnknownROSArgsError as error:
+        raise ParameterError(f"ROS arguments {error} are unknown; allowed: {_ALLOWED}") from None
+    except (RuntimeError, ValueError, TypeError) as error:  # the errors of rcl are RuntimeErrors
+        reason = _PLACE_IN_SOURCE.sub("", " ".join(str(error).split()))
+        raise ParameterError(f"{reason or type(error).__name__}; allowed: {_ALLOWED}") from None
 
 
 def help_text(program: str, description: str, specs: Sequence[ParameterSpec]) -> str:

@@ -10,9 +10,8 @@ elsewhere from reaching it: it listens on all interfaces, and whoever names the 
 
 from __future__ import annotations
 
-import fcntl
 import os
-import tempfile
+import socket
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,6 +29,7 @@ AS_PROFILE_SAYS = "SYSTEM_DEFAULT"
 """Range with which ROS adds nothing to the profile, see ``data/fastdds_local.xml``."""
 
 _DATA = Path(__file__).parent / "data"
+_NAME = "\0iptm_ros_domain"  # the null character makes it abstract (Linux)
 _DOMAINS = range(1, 102)  # higher ones collide with the ephemeral ports of Linux
 
 
@@ -62,8 +62,9 @@ def middleware_settings(environment: Mapping[str, str] = os.environ) -> dict[str
 def reserve_domain() -> Iterator[int]:
     """Reserve a ROS domain that no other reservation on this machine holds at the same time.
 
-    Two runs in the same domain would hear each other. The reservation is a lock on a file in the
-    temporary directory and ends with the context or with the process, however that dies.
+    Two runs in the same domain would hear each other. The reservation is an abstract socket: it reaches
+    as far as the loopback device over which the runs would hear each other, is no file that anybody
+    could put a link in the place of, and ends with the context or with the process, however that dies.
 
     Yields:
         The domain id, to be given to processes as `ROS_DOMAIN_ID`.
@@ -74,13 +75,11 @@ def reserve_domain() -> Iterator[int]:
     # Starting at a place of its own keeps one process from reusing a domain that was just left.
     start = os.getpid() % len(_DOMAINS)
     for domain in [*_DOMAINS[start:], *_DOMAINS[:start]]:
-        descriptor = _lock(Path(tempfile.gettempdir()) / f"iptm_ros_domain_{domain}.lock")
-        if descriptor is None:
+        reservation = _reserved(domain)
+        if reservation is None:
             continue
-        try:
+        with reservation:
             yield domain
-        finally:
-            os.close(descriptor)
         return
     raise ScenarioError(
         f"ROS domains {_DOMAINS[0]} to {_DOMAINS[-1]} are all reserved; allowed: at most "
@@ -88,15 +87,12 @@ def reserve_domain() -> Iterator[int]:
     )
 
 
-def _lock(path: Path) -> int | None:
-    """Return the descriptor of a locked file, or None if someone else holds the lock."""
+def _reserved(domain: int) -> socket.socket | None:
+    """Return what holds a reservation, or None if someone else has it."""
+    reservation = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-    except PermissionError:  # left behind by another user
+        reservation.bind(f"{_NAME}_{domain}")
+    except OSError:
+        reservation.close()
         return None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        return None
-    return descriptor
+    return reservation

@@ -121,6 +121,7 @@ def print_information(
         information = reader.run_information()
         console.print(overview_table(reader, information))
         console.print(topics_table(reader))
+        reader.verify()  # the tables above say what the bag claims
     try:
         for table in result_tables(path, namespace):
             console.print(table)

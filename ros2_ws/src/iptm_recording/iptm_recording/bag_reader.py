@@ -14,7 +14,8 @@ from typing import Any, final
 
 from iptm_core.errors import BagError
 from iptm_core.parameters import ModelParameters, load_parameters
-from iptm_recording.bag_files import BagFile, find_files
+from iptm_core.strict_mapping import shown
+from iptm_recording.bag_files import BagFile, check_exists, find_files
 from iptm_recording.message_types import Decoder, MessageDefinition
 from iptm_recording.metadata import METADATA_FILE, read_metadata
 from iptm_recording.recorded_topics import TopicRecord, parse_profiles
@@ -64,12 +65,14 @@ class BagReader(AbstractContextManager["BagReader"]):
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        check_exists(path)
         self._metadata = read_metadata(path) if (path / METADATA_FILE).is_file() else {}
         self._files: list[BagFile] = []
         try:
             for file in find_files(path, self._metadata):
                 self._files.append(BagFile(file))
             self.topics: Mapping[str, TopicRecord] = _merge_topics(path, self._files)
+            self._compare_with_metadata()
         except BagError:
             self.close()
             raise
@@ -206,10 +209,29 @@ class BagReader(AbstractContextManager["BagReader"]):
                 f"{self.path}: message of {raw.topic} at {raw.log_time_ns} ns: {error}"
             ) from None
 
+    def verify(self) -> None:
+        """Read everything once.
+
+        Raises:
+            BagError: a file is damaged, or holds fewer messages than it says.
+        """
+        for file in self._files:
+            file.metadata_record(RECORD_NAME)
+            for _ in file.messages(None, None, None):
+                pass
+
     def close(self) -> None:
         """Close the files; a second call is free."""
         for file in self._files:
             file.close()
+
+    def _compare_with_metadata(self) -> None:
+        said = self._metadata.get("message_count", self.message_count)
+        if said != self.message_count:
+            raise BagError(
+                f"{self.path / METADATA_FILE} says {shown(said)} messages, its files hold"
+                f" {self.message_count}; save what is whole with: scripts/recover_bag {self.path}"
+            )
 
     def __exit__(self, *error: object) -> None:
         """Close the files."""

@@ -18,6 +18,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.interfaces import Qos
 
 from iptm_core.errors import BagError
+from iptm_core.strict_mapping import shown
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition, message_definition
 from iptm_recording.metadata import NO_START_NS, describe_bag, metadata_text, write_metadata
 from iptm_recording.recorded_topics import TopicRecord, dump_profiles
@@ -75,9 +76,14 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         except FileExistsError:
             raise BagError(f"{folder} exists already; a bag is never overwritten") from None
         except OSError as error:
-            raise BagError(f"cannot create the bag {folder}: {error}") from None
+            raise BagError(
+                f"cannot create the bag {shown(str(folder))}: {error.strerror}"
+            ) from None
         self._writer = Writer(
-            self._file, chunk_size=chunk_bytes, compression=COMPRESSIONS[compression]
+            self._file,
+            chunk_size=chunk_bytes,
+            compression=COMPRESSIONS[compression],
+            enable_data_crcs=True,  # texts about the run have no other checksum
         )
         try:
             self._writer.start(Profile.ROS2, library="iptm_recording")
@@ -164,6 +170,22 @@ class BagWriter(AbstractContextManager["BagWriter"]):
                 log_time_ns if publish_time_ns is None else publish_time_ns,
                 self._counts[topic_id] & _SEQUENCE_MASK,
             )
+        except (OSError, ValueError) as error:
+            raise self._failed(error) from None
+
+    def add_information(self, texts: Mapping[str, str]) -> None:
+        """Store further texts about the run, or others in the place of those so far.
+
+        Args:
+            texts: by name.
+
+        Raises:
+            BagError: the file cannot be written (disk full).
+        """
+        self._custom_data.update(texts)
+        try:
+            self._writer.add_metadata(RECORD_NAME, dict(texts))
+            self._file.flush()
         except (OSError, ValueError) as error:
             raise self._failed(error) from None
 

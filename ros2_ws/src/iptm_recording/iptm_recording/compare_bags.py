@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from iptm_core.errors import BagError
+from iptm_core.user_input import number
 from iptm_recording.bag_reader import BagReader, RawMessage
 from iptm_recording.field_differences import FieldDifference, NumberTolerance, differences
 from iptm_recording.recorded_topics import TopicSelection
@@ -209,8 +210,12 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="FIELD",
         help=f"fields that may differ (default: {' '.join(DEFAULT_IGNORED_FIELDS)})",
     )
-    parser.add_argument("--absolute", type=float, default=0.0, help="absolute tolerance of numbers")
-    parser.add_argument("--relative", type=float, default=0.0, help="relative tolerance of numbers")
+    parser.add_argument(
+        "--absolute", type=number, default=0.0, help="absolute tolerance of numbers"
+    )
+    parser.add_argument(
+        "--relative", type=number, default=0.0, help="relative tolerance of numbers"
+    )
     return parser
 
 

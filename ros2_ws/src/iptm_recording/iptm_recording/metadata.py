@@ -10,6 +10,7 @@ import yaml
 from rosbags.rosbag2.metadata import dump_qos_v9
 
 from iptm_core.errors import BagError
+from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_recording.recorded_topics import TopicRecord
 
 METADATA_FILE = "metadata.yaml"
@@ -92,12 +93,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
         BagError: the file is missing, unreadable or not the metadata of a bag.
     """
     path = folder / METADATA_FILE
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise BagError(f"cannot read {path}: {error}") from None
-    except yaml.YAMLError as error:
-        raise BagError(f"{path} is not YAML: {error}") from None
+    content = read_yaml(path, BagError)
     if not isinstance(content, dict) or not isinstance(content.get(_ROOT_KEY), dict):
         raise BagError(f"{path} has no entry {_ROOT_KEY!r}: it does not describe a bag")
     information: dict[str, Any] = content[_ROOT_KEY]

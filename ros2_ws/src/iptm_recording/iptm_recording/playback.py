@@ -9,7 +9,13 @@ from pathlib import Path
 from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader, RawMessage
 from iptm_recording.recorded_topics import TopicRecord, TopicSelection
-from iptm_recording.timeline import CLOCK_TOPIC
+from iptm_recording.timeline import CLOCK_TOPIC, CLOCK_TYPE
+
+MAX_TIME_S = 1e9
+"""Longest time that is waited or skipped (thirty years); what is longer is a mistake."""
+_LEAST_RATE, _MOST_RATE = 1e-6, 1e9
+_MOST_CLOCK_HZ = 1e4
+_LEAST_DURATION_S = 1e-9
 
 
 @dataclass(frozen=True)
@@ -22,8 +28,8 @@ class PlaybackOptions:
         start_s: offset into the bag at which to begin.
         duration_s: length of the part to play, recorded time; None up to the end.
         selection: topics wanted.
-        clock_hz: publish `/clock` at this rate (of the computer's time) instead of the recorded
-            one; None plays the recorded clock like any other topic.
+        clock_hz: publish the clock at this rate (of the computer's time) instead of the recorded
+            one, under its name; None plays the recorded clock like any other topic.
         wait_for_subscribers: subscriptions, over all topics, to wait for before beginning.
         delay_s: time for subscribers to find the player before it begins.
     """
@@ -38,15 +44,13 @@ class PlaybackOptions:
     delay_s: float = 1.0
 
     def __post_init__(self) -> None:
-        _check("rate", self.rate, "greater than 0", is_allowed=self.rate > 0.0)
-        _check("start", self.start_s, "at least 0 s", is_allowed=self.start_s >= 0.0)
+        _check("rate", self.rate, _LEAST_RATE, _MOST_RATE)
+        _check("start", self.start_s, 0.0, MAX_TIME_S, " s")
         if self.duration_s is not None:
-            allowed = self.duration_s > 0.0
-            _check("duration", self.duration_s, "greater than 0 s", is_allowed=allowed)
+            _check("duration", self.duration_s, _LEAST_DURATION_S, MAX_TIME_S, " s")
         if self.clock_hz is not None:
-            allowed = self.clock_hz > 0.0
-            _check("clock rate", self.clock_hz, "greater than 0 Hz", is_allowed=allowed)
-        _check("delay", self.delay_s, "at least 0 s", is_allowed=self.delay_s >= 0.0)
+            _check("clock rate", self.clock_hz, _LEAST_RATE, _MOST_CLOCK_HZ, " Hz")
+        _check("delay", self.delay_s, 0.0, MAX_TIME_S, " s")
 
 
 class Playback:
@@ -55,6 +59,9 @@ class Playback:
     Args:
         reader: the bag.
         options: what to play.
+
+    Attributes:
+        clock_topic: full name of the clock of the bag.
 
     Raises:
         BagError: the bag is empty, a pattern matches no topic, or the part holds no message.
@@ -76,6 +83,9 @@ class Playback:
             )
         self._reader = reader
         self._options = options
+        clocks = [topic.name for topic in reader.topics.values() if topic.type_name == CLOCK_TYPE]
+        # With the clocks of several vehicles nobody knows which one is meant.
+        self.clock_topic = clocks[0] if len(clocks) == 1 else CLOCK_TOPIC
         self.start_ns = reader.start_ns + round(options.start_s * 1e9)
         self.end_ns = reader.end_ns
         if options.duration_s is not None:
@@ -127,9 +137,9 @@ class Playback:
 
     def _is_kept(self, topic: TopicRecord) -> bool:
         """Leave out the recorded clock where another one is published."""
-        return self._options.clock_hz is None or topic.name != CLOCK_TOPIC
+        return self._options.clock_hz is None or topic.name != self.clock_topic
 
 
-def _check(name: str, value: float, allowed: str, *, is_allowed: bool) -> None:
-    if not is_allowed:
-        raise BagError(f"{name} is {value:g}; allowed: {allowed}")
+def _check(name: str, value: float, least: float, most: float, unit: str = "") -> None:
+    if not least <= value <= most:  # NaN is not, either
+        raise BagError(f"{name} is {value:g}; allowed: {least:g} to {most:g}{unit}")

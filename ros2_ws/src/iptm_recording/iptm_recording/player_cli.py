@@ -7,9 +7,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rclpy.utilities import remove_ros_args
-
-from iptm_interfaces.process import run_node
+from iptm_core.errors import ParameterError
+from iptm_core.user_input import number, whole_number
+from iptm_interfaces.command_line import own_arguments
+from iptm_interfaces.process import EXIT_USER_ERROR, run_node
 from iptm_recording.playback import PlaybackOptions
 from iptm_recording.player_node import PlayerNode
 from iptm_recording.recorded_topics import TopicSelection
@@ -26,13 +27,13 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("bag", type=Path, help="bag folder or .mcap file")
     parser.add_argument(
-        "--rate", type=float, default=1.0, help="times the recorded speed (default: 1)"
+        "--rate", type=number, default=1.0, help="times the recorded speed (default: 1)"
     )
     parser.add_argument(
-        "--start", type=float, default=0.0, metavar="S", help="begin so many seconds into the bag"
+        "--start", type=number, default=0.0, metavar="S", help="begin so many seconds into the bag"
     )
     parser.add_argument(
-        "--duration", type=float, metavar="S", help="play so many recorded seconds (default: all)"
+        "--duration", type=number, metavar="S", help="play so many recorded seconds (default: all)"
     )
     parser.add_argument(
         "--topics", nargs="+", default=[], metavar="TOPIC", help="names or patterns to play"
@@ -42,7 +43,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--clock",
-        type=float,
+        type=number,
         nargs="?",
         const=_DEFAULT_CLOCK_HZ,
         metavar="HZ",
@@ -50,14 +51,14 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--wait-for-subscribers",
-        type=int,
+        type=whole_number,
         default=0,
         metavar="N",
         help="begin when the played topics have N subscriptions together",
     )
     parser.add_argument(
         "--delay",
-        type=float,
+        type=number,
         default=1.0,
         metavar="S",
         help="time for subscribers to find the player before it begins (default: 1)",
@@ -90,7 +91,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 at the end or when stopped, 2 after a mistake of the user.
     """
     command = list(sys.argv if arguments is None else arguments)
-    parsed = build_parser().parse_args(remove_ros_args(command)[1:])
+    try:
+        parsed = build_parser().parse_args(own_arguments(command))
+    except ParameterError as error:
+        print(f"replay: {error}", file=sys.stderr)
+        return EXIT_USER_ERROR
     return run_node(lambda: PlayerNode(options_from(parsed)), ["replay", *command[1:]])
 
 

@@ -12,13 +12,12 @@ from rosgraph_msgs.msg import Clock
 
 from iptm_core.errors import BagError
 from iptm_interfaces.codecs.time import time_from_ns
-from iptm_interfaces.process import EXIT_USER_ERROR
+from iptm_interfaces.process import EXIT_DEFECT, EXIT_USER_ERROR
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.playback import Playback, PlaybackOptions
 from iptm_recording.rclpy_types import message_class, to_profile
 from iptm_recording.recorded_topics import TopicRecord, offer_for
-from iptm_recording.timeline import CLOCK_TOPIC
 
 STARTED_LINE = "player started"
 # Fast playback must not push unacknowledged messages out of a short queue.
@@ -58,7 +57,9 @@ class PlayerNode(SuiteNode):
         self._next_clock_s = 0.0
         self._clock_publisher: Publisher | None = None
         if options.clock_hz is not None:
-            self._clock_publisher = self.create_publisher(Clock, CLOCK_TOPIC, _CLOCK_DEPTH)
+            self._clock_publisher = self.create_publisher(
+                Clock, self._playback.clock_topic, _CLOCK_DEPTH
+            )
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._thread.start()
@@ -91,6 +92,9 @@ class PlayerNode(SuiteNode):
         except BagError as error:
             print(f"play: {error}", file=sys.stderr, flush=True)
             self.finish(EXIT_USER_ERROR)
+        except Exception as error:  # noqa: BLE001  a thread that dies in silence would leave the node waiting
+            print(f"play: unexpected {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+            self.finish(EXIT_DEFECT)
         else:
             self.finish()
 

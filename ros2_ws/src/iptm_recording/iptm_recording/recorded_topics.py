@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from functools import lru_cache
 
 import yaml
 from rosbags.interfaces import (
@@ -22,6 +23,8 @@ from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 
 from iptm_core.errors import BagError
+from iptm_core.parameters.strict_yaml import parse_yaml
+from iptm_core.strict_mapping import shown
 
 # rosbag2 writes an unlimited duration as the largest 64-bit count of nanoseconds.
 UNLIMITED = QosTime(9223372036, 854775807)
@@ -103,17 +106,22 @@ def dump_profiles(profiles: Sequence[Qos]) -> str:
     return text
 
 
+@lru_cache(maxsize=256)  # most topics of a bag have the same ones
 def parse_profiles(text: str) -> tuple[Qos, ...]:
     """Return the profiles in the YAML text of an MCAP channel, of any metadata version.
 
     Raises:
         BagError: the text is no YAML or holds no list of profiles.
     """
+    allowed = "a YAML list of QoS profiles"
+    entries = parse_yaml(text, "offered_qos_profiles", BagError)
+    if entries is not None and not isinstance(entries, list):
+        raise BagError(f"offered_qos_profiles is {shown(text)}; allowed: {allowed}")
     try:
-        return tuple(parse_qos(text))
-    except (ReaderError, KeyError, TypeError, AttributeError) as error:
+        return tuple(parse_qos(entries or []))
+    except (ReaderError, LookupError, TypeError, ValueError, AttributeError) as error:
         raise BagError(
-            f"offered_qos_profiles is {text!r} ({error}); allowed: a YAML list of QoS profiles"
+            f"offered_qos_profiles is {shown(text)} ({error!r}); allowed: {allowed}"
         ) from None
 
 

@@ -9,15 +9,15 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
-from rclpy.utilities import remove_ros_args
-
-from iptm_core.errors import BagError
-from iptm_interfaces.process import run_node
+from iptm_core.errors import ParameterError
+from iptm_core.user_input import whole_number
+from iptm_interfaces.command_line import own_arguments
+from iptm_interfaces.process import EXIT_USER_ERROR, run_node
 from iptm_recording.bag_writer import COMPRESSIONS
 from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.recorder_node import DEFAULT_DEPTH, RecorderNode, RecorderOptions
 from iptm_recording.run_information import collect_run_information, load_run_information
-from iptm_recording.timeline import CLOCK_TOPIC, TimeSource
+from iptm_recording.timeline import TimeSource
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -51,7 +51,8 @@ def build_parser() -> argparse.ArgumentParser:
         "--time",
         choices=[source.value for source in TimeSource],
         default=TimeSource.SIMULATED.value,
-        help="time that orders the bag: sim = from /clock (default), wall = of the computer",
+        help="time that orders the bag: sim = from the clock of the trip, /clock unless remapped"
+        " (default), wall = of the computer",
     )
     parser.add_argument(
         "--run-information",
@@ -67,7 +68,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--depth",
-        type=int,
+        type=whole_number,
         default=DEFAULT_DEPTH,
         help="messages queued per topic (default: %(default)s)",
     )
@@ -78,7 +79,7 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
     """Turn parsed arguments into options.
 
     Raises:
-        BagError: the file with the run information is missing or malformed, or the clock is excluded.
+        BagError: the file with the run information is missing or malformed.
     """
     now = datetime.now().astimezone()
     root = Path(os.environ.get("IPTM_ROOT", "."))
@@ -87,30 +88,15 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
         if arguments.run_information is not None
         else collect_run_information()
     )
-    source = TimeSource(arguments.time)
     return RecorderOptions(
         output=arguments.output or root / "bags" / f"run_{now:%Y%m%d_%H%M%S}",
-        selection=_selection(arguments, source),
+        selection=TopicSelection(tuple(arguments.topics), tuple(arguments.exclude)),
         discover=arguments.all or bool(arguments.topics),
-        time_source=source,
+        time_source=TimeSource(arguments.time),
         run_information=information,
         compression=arguments.compression,
         depth=max(1, arguments.depth),
     )
-
-
-def _selection(arguments: argparse.Namespace, source: TimeSource) -> TopicSelection:
-    """Return the topics wanted; always with the clock where the times come from it."""
-    include = tuple(arguments.topics)
-    if source is TimeSource.SIMULATED:
-        include = (*include, CLOCK_TOPIC) if include else include
-    selection = TopicSelection(include, tuple(arguments.exclude))
-    if source is TimeSource.SIMULATED and not selection.takes(CLOCK_TOPIC):
-        raise BagError(
-            f"{CLOCK_TOPIC} is excluded, but the times of the bag come from it;"
-            " use --time wall to record without it"
-        )
-    return selection
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -120,7 +106,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 after a clean end, 2 after a mistake of the user or a full disk.
     """
     command = list(sys.argv if arguments is None else arguments)
-    parsed = build_parser().parse_args(remove_ros_args(command)[1:])
+    try:
+        parsed = build_parser().parse_args(own_arguments(command))
+    except ParameterError as error:
+        print(f"record: {error}", file=sys.stderr)
+        return EXIT_USER_ERROR
     return run_node(lambda: RecorderNode(options_from(parsed)), ["record", *command[1:]])
 
 

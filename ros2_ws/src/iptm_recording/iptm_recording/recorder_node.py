@@ -8,19 +8,24 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import yaml
+
+from iptm_core.declaration import Scalar
 from iptm_core.errors import BagError
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.process import EXIT_USER_ERROR
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_writer import BagWriter
+from iptm_recording.node_parameters import ParameterCollector, with_model
 from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.run_information import RunInformation
 from iptm_recording.session import RecordingSession
 from iptm_recording.subscriptions import TopicSubscriber
-from iptm_recording.timeline import Timeline, TimeSource
+from iptm_recording.timeline import CLOCK_TOPIC, Timeline, TimeSource
 
 READY_LINE = "recorder ready"
 DEFAULT_DEPTH = 10_000
@@ -63,25 +68,37 @@ class RecorderNode(SuiteNode):
         options: what to record.
 
     Raises:
-        BagError: the output exists or cannot be created.
+        BagError: the output exists or cannot be created, or the clock is excluded.
     """
 
     def __init__(self, options: RecorderOptions) -> None:
         super().__init__("recorder")
         self._options = options
+        self._clock_topic = self.resolve_topic_name(CLOCK_TOPIC)
+        selection = options.selection
+        if options.time_source is TimeSource.SIMULATED:
+            selection = _with_clock(selection, self._clock_topic)
         self._writer = BagWriter(
             options.output,
             custom_data=options.run_information.to_custom_data(),
             compression=options.compression,
         )
-        self._session = RecordingSession(self._writer, Timeline(options.time_source))
+        self._session = RecordingSession(
+            self._writer, Timeline(options.time_source), self._clock_topic
+        )
         self._topics = TopicSubscriber(
             self,
             self._session,
-            options.selection,
+            selection,
             discover=options.discover,
             depth=options.depth,
             on_error=self._fail,
+        )
+        # A run that was started by hand is asked what it depends on.
+        self._collector = (
+            None
+            if options.run_information.parameters
+            else ParameterCollector(self, self._store_parameters)
         )
         self._stop_time_s: float | None = None
         self._looks_since_stop = 0
@@ -123,6 +140,8 @@ class RecorderNode(SuiteNode):
                 self.finish(self.exit_code)
             return
         self._topics.look()
+        if self._collector is not None:
+            self._collector.look()
         if now_s >= self._next_adaption_s:
             self._next_adaption_s = now_s + _ADAPTION_PERIOD_S
             self._topics.adapt()
@@ -153,16 +172,29 @@ class RecorderNode(SuiteNode):
             "subscriptions": self._topics.subscribed_count,
             "subscriptions_matched": self._topics.matched_count,
             "awaited_topics": ", ".join(self._topics.awaited_topics),
+            "lost_messages": sum(self._topics.lost_counts.values()),
         }
         level, reason = Level.OK, "recording" if is_recording else "waiting for data"
         if self._session.held_count > _MANY_HELD:
-            level, reason = Level.WARN, "waiting for /clock, messages are kept in memory"
+            level, reason = (
+                Level.WARN,
+                f"waiting for {self._clock_topic}, messages are kept in memory",
+            )
+        if self._topics.lost_counts:
+            level, reason = Level.WARN, "messages were lost: the recorder was too slow or stopped"
         self._diagnostics.report(self._session.now_ns or 0, level, reason, values)
 
     def _progress(self) -> str:
         now_ns = self._session.now_ns
         at = "" if now_ns is None else f", at {now_ns * 1e-9:.1f} s"
         return f"recorded {self._session.message_count} messages{at}"
+
+    def _store_parameters(self, by_node: Mapping[str, Mapping[str, Scalar]]) -> None:
+        text = yaml.safe_dump(with_model(by_node), sort_keys=False)
+        try:
+            self._writer.add_information({"parameters": text})
+        except BagError as error:
+            self._fail(error)
 
     def _fail(self, error: BagError) -> None:
         """Give up on an error of the disk; the bag so far can still be read or recovered."""
@@ -174,9 +206,31 @@ class RecorderNode(SuiteNode):
         if self._closed:
             return
         self._closed = True
+        lost = self._topics.lost_counts
         try:
+            if lost:
+                self._writer.add_information({"lost_messages": yaml.safe_dump(lost)})
             self._session.close()
         except BagError as error:
             self._fail(error)
             return
         print(f"{self._progress()}; closed {self._options.output}", flush=True)
+        if lost:
+            counts = ", ".join(f"{count} of {name}" for name, count in sorted(lost.items()))
+            print(f"recorder: {sum(lost.values())} messages lost: {counts}", file=sys.stderr)
+
+
+def _with_clock(selection: TopicSelection, clock_topic: str) -> TopicSelection:
+    """Return the topics wanted with the clock among them.
+
+    Raises:
+        BagError: the clock is excluded.
+    """
+    include = (*selection.include, clock_topic) if selection.include else ()
+    wanted = TopicSelection(include, selection.exclude)
+    if not wanted.takes(clock_topic):
+        raise BagError(
+            f"{clock_topic} is excluded, but the times of the bag come from it;"
+            " use --time wall to record without it"
+        )
+    return wanted

@@ -1,6 +1,7 @@
 """Makes a sound bag of one whose recording was cut short (kill, crash, full disk).
 
-Every complete message is taken over with its times; the source is never changed.
+Every complete message is taken over with its times; the source is never changed, and the report says
+exactly what is missing, as far as the source knows.
 """
 
 from __future__ import annotations
@@ -8,20 +9,24 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.well_known import MessageEncoding
 
 from iptm_core.errors import BagError, IptmError
+from iptm_recording.bag_files import check_exists
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_recording.metadata import read_metadata
 from iptm_recording.recorded_topics import parse_profiles
 from iptm_recording.run_information import RECORD_NAME
 from iptm_recording.salvage import SalvageReader
+
+_UNKNOWN_TOPIC = "unknown topic"
 
 
 @dataclass(frozen=True)
@@ -31,6 +36,9 @@ class RecoveryReport:
     Attributes:
         output: the new bag folder.
         message_counts: recovered messages by topic.
+        lost_counts: messages known to be lost, by topic; of topics nobody knows, under "unknown topic".
+        is_loss_exact: True when the source says how many messages it held; if not, more than
+            `lost_counts` may be missing.
         total_bytes: size of the source files together.
         dropped_bytes: bytes that belong to no complete message or record.
         was_complete: True when nothing was missing in the first place.
@@ -39,6 +47,8 @@ class RecoveryReport:
 
     output: Path
     message_counts: dict[str, int]
+    lost_counts: dict[str, int]
+    is_loss_exact: bool
     total_bytes: int
     dropped_bytes: int
     was_complete: bool
@@ -49,17 +59,33 @@ class RecoveryReport:
         """Recovered messages of all topics together."""
         return sum(self.message_counts.values())
 
+    @property
+    def lost_count(self) -> int:
+        """Messages of all topics together that are known to be lost."""
+        return sum(self.lost_counts.values())
+
     def __str__(self) -> str:
         topics = f"{len(self.message_counts)} topics"
         lines = [
             f"{self.message_count} messages on {topics} recovered to {self.output}",
             *(f"  {count:8d}  {topic}" for topic, count in sorted(self.message_counts.items())),
+            self._loss_text(),
+            *(f"  {count:8d}  {topic}" for topic, count in sorted(self.lost_counts.items())),
             f"{self.dropped_bytes} of {self.total_bytes} bytes dropped",
             *(f"note: {note}" for note in self.notes),
         ]
         if self.was_complete:
             lines.append("note: the source was complete; its messages were copied")
         return "\n".join(lines)
+
+    def _loss_text(self) -> str:
+        if self.is_loss_exact:
+            return f"{self.lost_count} messages lost, by the statistics of the source"
+        return (
+            f"at least {self.lost_count} messages lost: the source does not say how many it held"
+            if self.lost_count or self.dropped_bytes
+            else "no message of the source lost; what its recorder had not written yet is unknown"
+        )
 
 
 def recover(source: Path, output: Path | None = None) -> RecoveryReport:
@@ -77,30 +103,38 @@ def recover(source: Path, output: Path | None = None) -> RecoveryReport:
     if output is None:
         stem = source.absolute().name if source.is_dir() else source.stem
         output = source.absolute().parent / f"{stem}_recovered"
-    readers = [SalvageReader(path) for path in files]
-    writer = BagWriter(output, custom_data=_custom_data(folder, files))
-    notes = _copy(readers, writer)
+    contents = [_Contents.of(path) for path in files]
+    writer = BagWriter(output, custom_data=_custom_data(folder, contents))
+    copy = _Copy(writer)
+    for content in contents:
+        copy.add(content)
     writer.close()
     if not any(writer.message_counts.values()):
         shutil.rmtree(writer.folder)
         raise BagError(f"{source} holds no complete message: there is nothing to recover")
+    readers = [content.reader for content in contents]
+    notes = [str(damage) for reader in readers for damage in reader.damages]
+    notes += [note for reader in readers for note in reader.notes]
+    lost = dict(+copy.lost)  # without topics of which nothing is missing
     return RecoveryReport(
         output=output,
         message_counts=writer.message_counts,
+        lost_counts=lost,
+        is_loss_exact=all(reader.statistics is not None for reader in readers),
         total_bytes=sum(reader.total_bytes for reader in readers),
         dropped_bytes=sum(reader.dropped_bytes for reader in readers),
-        was_complete=all(reader.complete for reader in readers),
-        notes=(*(note for reader in readers for note in reader.notes), *notes),
+        was_complete=all(reader.complete for reader in readers) and not lost and not copy.notes,
+        notes=(*notes, *copy.notes),
     )
 
 
 def _mcap_files(source: Path) -> list[Path]:
     """Return the MCAP files of a bag folder in recording order, or the file itself."""
-    if not source.exists():
-        raise BagError(f"{source} does not exist")
+    check_exists(source)
     if source.is_file():
         return [source]
-    files = sorted(source.glob("*.mcap"), key=_file_number)
+    found = (path for path in source.glob("*.mcap") if path.is_file())
+    files = sorted(found, key=_file_number)
     if not files:
         raise BagError(f"{source} holds no .mcap file")
     return files
@@ -112,61 +146,125 @@ def _file_number(path: Path) -> tuple[int, str]:
     return (int(number) if number.isdecimal() else 0, path.name)
 
 
-def _custom_data(folder: Path, files: Sequence[Path]) -> dict[str, str]:
+@dataclass
+class _Contents:
+    """What a file holds beside its messages.
+
+    Attributes:
+        reader: the reader, when it has seen the whole file, with its findings.
+        schemas: message definitions by their number.
+        channels: topics by their number; sound chunks count for more than the summary.
+        texts: about the run, None without any.
+    """
+
+    reader: SalvageReader
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    texts: dict[str, str] | None = None
+
+    @classmethod
+    def of(cls, path: Path) -> _Contents:
+        """Look through a whole file."""
+        content = cls(SalvageReader(path))
+        for record in content.reader.records():
+            if isinstance(record, Schema):
+                content.schemas.setdefault(record.id, record)
+            elif isinstance(record, Channel):
+                content.channels.setdefault(record.id, record)
+            elif isinstance(record, Metadata) and record.name == RECORD_NAME:
+                content.texts = {**(content.texts or {}), **record.metadata}
+        return content
+
+    def topic_of(self, channel_id: int) -> str:
+        """Return the name of a topic as the report shows it."""
+        channel = self.channels.get(channel_id)
+        return _UNKNOWN_TOPIC if channel is None else channel.topic
+
+
+def _custom_data(folder: Path, contents: Sequence[_Contents]) -> dict[str, str]:
     """Return the texts about the run, from the files themselves or else from the metadata."""
-    for path in files:
-        for record in SalvageReader(path).records():
-            if isinstance(record, Metadata) and record.name == RECORD_NAME:
-                return dict(record.metadata)
-            if isinstance(record, Message):
-                break  # the writer puts them before the first message
+    for content in contents:
+        if content.texts is not None:
+            return content.texts
     try:
         return {str(k): str(v) for k, v in (read_metadata(folder)["custom_data"] or {}).items()}
     except (BagError, KeyError, AttributeError):
         return {}
 
 
-def _copy(readers: Sequence[SalvageReader], writer: BagWriter) -> list[str]:
-    """Write every message with a topic into a new bag; return what could not be taken over."""
-    topic_ids: dict[str, int | None] = {}
-    orphans = 0
-    for reader in readers:
-        schemas: dict[int, Schema] = {}
-        topics: dict[int, int | None] = {}
-        for record in reader.records():
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                if record.topic not in topic_ids:
-                    schema = schemas.get(record.schema_id)
-                    topic_ids[record.topic] = _announce(writer, record, schema)
-                topics[record.id] = topic_ids[record.topic]
-            elif isinstance(record, Message):
+class _Copy:
+    """Messages on their way into a new bag, file by file.
+
+    Attributes:
+        lost: messages by topic that the sources held and that are not in the new bag.
+        notes: topics that could not be taken over as they were.
+    """
+
+    def __init__(self, writer: BagWriter) -> None:
+        self._writer = writer
+        self._topic_ids: dict[str, int | None] = {}
+        self.lost: Counter[str] = Counter()
+        self.notes: list[str] = []
+
+    def add(self, content: _Contents) -> None:
+        """Write every message with a topic into the new bag, and count those that are missing."""
+        topics = {
+            number: self._topic_id(channel, content.schemas.get(channel.schema_id))
+            for number, channel in content.channels.items()
+        }
+        taken: Counter[int] = Counter()
+        orphans: Counter[int] = Counter()
+        for record in SalvageReader(content.reader.path).records():
+            if isinstance(record, Message):
                 topic_id = topics.get(record.channel_id)
-                if topic_id is not None:
-                    writer.write(topic_id, record.data, record.log_time, record.publish_time)
-                elif record.channel_id not in topics:
-                    orphans += 1
-    skipped = sorted(name for name, topic_id in topic_ids.items() if topic_id is None)
-    notes = [f"topic {name}: not a ROS 2 message in CDR" for name in skipped]
-    return [*notes, f"{orphans} messages without a topic were left out"] if orphans else notes
+                if topic_id is None:
+                    orphans[record.channel_id] += 1
+                else:
+                    self._writer.write(topic_id, record.data, record.log_time, record.publish_time)
+                    taken[record.channel_id] += 1
+        if content.reader.statistics is not None:
+            missing = Counter(content.reader.statistics.channel_message_counts) - taken
+        else:
+            missing = orphans
+            for damage in content.reader.damages:
+                missing += damage.message_counts or Counter()
+        for number, count in missing.items():
+            self.lost[content.topic_of(number)] += count
 
+    def _topic_id(self, channel: Channel, schema: Schema | None) -> int | None:
+        """Return the number of a topic in the new bag, None if it cannot be taken over."""
+        if channel.topic not in self._topic_ids:
+            try:
+                self._topic_ids[channel.topic] = self._announce(channel, schema)
+            except BagError as error:
+                self._topic_ids[channel.topic] = None
+                self.notes.append(f"topic {channel.topic} is left out: {error}")
+        return self._topic_ids[channel.topic]
 
-def _announce(writer: BagWriter, channel: Channel, schema: Schema | None) -> int | None:
-    """Add a topic to the new bag; return its id, or None if it carries no ROS 2 messages."""
-    is_ros = schema is not None and schema.encoding == SCHEMA_ENCODING
-    if schema is None or not is_ros or channel.message_encoding != MessageEncoding.CDR:
-        return None
-    return writer.add_topic(
-        channel.topic,
-        schema.name,
-        offered_qos=parse_profiles(channel.metadata.get("offered_qos_profiles", "")),
-        definition=MessageDefinition(
+    def _announce(self, channel: Channel, schema: Schema | None) -> int:
+        """Add a topic to the new bag and return its number.
+
+        Raises:
+            BagError: it carries no ROS 2 messages.
+        """
+        is_ros = schema is not None and schema.encoding == SCHEMA_ENCODING
+        if schema is None or not is_ros or channel.message_encoding != MessageEncoding.CDR:
+            raise BagError("not a ROS 2 message in CDR")
+        try:
+            offered_qos = parse_profiles(channel.metadata.get("offered_qos_profiles", ""))
+        except BagError as error:
+            offered_qos = ()
+            self.notes.append(f"topic {channel.topic}: {error}; left empty")
+        return self._writer.add_topic(
+            channel.topic,
             schema.name,
-            schema.data.decode(errors="replace"),
-            channel.metadata.get("topic_type_hash", ""),
-        ),
-    )
+            offered_qos=offered_qos,
+            definition=MessageDefinition(
+                schema.name,
+                schema.data.decode(errors="replace"),
+                channel.metadata.get("topic_type_hash", ""),
+            ),
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -177,7 +275,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(
         prog="recover_bag",
-        description="Make a sound bag of one whose recording was killed or cut short.",
+        description="Make a sound bag of one that was killed, cut short or damaged, and say what is lost.",
     )
     parser.add_argument("source", type=Path, help="bag folder or .mcap file; it is not changed")
     parser.add_argument(

@@ -16,7 +16,9 @@ import yaml
 
 from iptm_core.errors import BagError, ParameterError
 from iptm_core.parameters import ModelParameters, flat_to_parameters
+from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
 from iptm_core.provenance import UNKNOWN, git_revision, versions
+from iptm_core.strict_mapping import shown
 
 RECORD_NAME = "iptm_run"
 MODEL_KEY = "model"
@@ -71,12 +73,9 @@ class RunInformation:
             seed = int(seed_text) if seed_text else None
         except ValueError:
             raise BagError(f"seed of the run is {seed_text!r}; allowed: a whole number") from None
-        try:
-            known = yaml.safe_load(rest.pop("versions", "")) or {}
-        except yaml.YAMLError as error:
-            raise BagError(f"versions of the run are not YAML: {error}") from None
+        known = parse_yaml(rest.pop("versions", ""), "versions of the run", BagError) or {}
         if not isinstance(known, dict):
-            raise BagError(f"versions of the run are {known!r}; allowed: a mapping")
+            raise BagError(f"versions of the run are {shown(known)}; allowed: a mapping")
         return cls(
             scenario=rest.pop("scenario", ""),
             seed=seed,
@@ -123,19 +122,14 @@ def load_run_information(path: Path) -> RunInformation:
     Raises:
         BagError: the file is missing or malformed.
     """
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-    except (OSError, UnicodeDecodeError) as error:
-        raise BagError(f"cannot read run information {path}: {error}") from None
-    except yaml.YAMLError as error:
-        raise BagError(f"run information {path} is not YAML: {error}") from None
+    content = read_yaml(path, BagError) or {}
     if not isinstance(content, dict):
         raise BagError(f"run information {path} is a {type(content).__name__}; allowed: a mapping")
     scenario = content.pop("scenario", "")
     seed = content.pop("seed", None)
     parameters = content.pop("parameters", "")
     if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int)):
-        raise BagError(f"run information {path}: seed is {seed!r}; allowed: a whole number")
+        raise BagError(f"run information {path}: seed is {shown(seed)}; allowed: a whole number")
     if not isinstance(parameters, (str, dict)):
         kind = type(parameters).__name__
         raise BagError(f"run information {path}: parameters are a {kind}; allowed: mapping, text")
@@ -153,10 +147,7 @@ def stored_model_parameters(information: RunInformation) -> ModelParameters | No
     Raises:
         BagError: there are some, but malformed.
     """
-    try:
-        parameters = yaml.safe_load(information.parameters)
-    except yaml.YAMLError as error:
-        raise BagError(f"parameters of the run are not YAML: {error}") from None
+    parameters = parse_yaml(information.parameters, "parameters of the run", BagError)
     if not isinstance(parameters, dict) or MODEL_KEY not in parameters:
         return None
     try:

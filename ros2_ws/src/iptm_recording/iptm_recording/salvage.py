@@ -1,153 +1,279 @@
-"""Reads the complete records of an MCAP file from front to back, however the file ends.
+"""Reads the sound records of an MCAP file from front to back, however the file ends or is damaged.
 
 Ordinary readers start at the footer, which a file cut short does not have. This one walks from
-record to record with mcap's stream reader, checks every chunk, also looks into a last chunk that was
-cut, and hands out only what is complete.
+record to record, checks that each is as long as it says and each chunk against its checksum, looks
+into a last chunk that was cut, and goes on at the next sound chunk behind damage. What it cannot hand
+out it lists: where, how many bytes, and of which topics how many messages, as far as the file tells.
 """
 
 from __future__ import annotations
 
+import mmap
 import struct
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
 
+from mcap import records as mcap_records
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import Chunk, McapRecord
-from mcap.stream_reader import StreamReader
-from zstandard import ZstdError
+from mcap.records import Chunk, Footer, McapRecord, Message, MessageIndex, Statistics
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from iptm_core.errors import BagError
+from iptm_recording.soundness import (
+    DAMAGE,
+    DATA_END,
+    MAGIC,
+    PREFIX,
+    check_data_section,
+    summary_start,
+)
 
-MAGIC = b"\x89MCAP0\r\n"
-
-_PREFIX = struct.Struct("<BQ")
+_DATA_END_PREFIX = PREFIX.pack(Opcode.DATA_END, 4)
+_CHUNK_HEAD = struct.Struct("<QQQII")
+_LONGEST_COMPRESSION_NAME = 32
 _FIRST_PRIVATE_OPCODE = 0x80
 _KNOWN_OPCODES = frozenset(int(opcode) for opcode in Opcode)
-# lz4 reports damage as RuntimeError, a checksum that does not match is a ValueError.
-_DAMAGE = (McapError, ZstdError, RuntimeError, ValueError, struct.error)
+_READERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
+    int(opcode): getattr(mcap_records, opcode.name.title().replace("_", "")).read
+    for opcode in Opcode
+    if opcode is not Opcode.MESSAGE
+}
+_NS = 1e-9
 
 
+@dataclass
+class Damage:
+    """A stretch of a file that is left out.
+
+    Attributes:
+        position: its first byte.
+        size: bytes.
+        reason: what is wrong with it.
+        message_counts: messages that it held, by channel; None where nobody can tell.
+        span_ns: log times of these messages, None when unknown.
+    """
+
+    position: int
+    size: int
+    reason: str
+    message_counts: Counter[int] | None = None
+    span_ns: tuple[int, int] | None = None
+
+    def __str__(self) -> str:
+        text = f"{self.size} bytes from byte {self.position} on left out: {self.reason}"
+        if self.message_counts:
+            text += f"; {self.message_counts.total()} messages"
+            if self.span_ns is not None:
+                text += f" from {self.span_ns[0] * _NS:.3f} s to {self.span_ns[1] * _NS:.3f} s"
+        return text
+
+
+@dataclass
 class SalvageReader:
     """Front-to-back reader of one file; iterate over `records` once, then read the findings.
 
     Args:
-        path: MCAP file, whole or cut anywhere.
+        path: MCAP file, whole, cut anywhere or damaged.
 
     Attributes:
         total_bytes: size of the file.
-        dropped_bytes: bytes that belong to no complete record.
-        complete: True when the file ends with its footer.
-        notes: what was found to be damaged, one sentence each.
+        complete: True when the file ends with its footer and nothing of it is damaged.
+        damages: what was left out.
+        notes: what else is not as it should be, one sentence each.
+        statistics: what the file itself says about its messages; None if it does not or cannot be believed.
 
     Raises:
         BagError: the file cannot be read or is no MCAP file.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    path: Path
+    total_bytes: int = field(init=False, default=0)
+    complete: bool = field(init=False, default=False)
+    damages: list[Damage] = field(init=False, default_factory=list)
+    notes: list[str] = field(init=False, default_factory=list)
+    statistics: Statistics | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
         try:
-            with path.open("rb") as file:
+            with self.path.open("rb") as file:
                 start = file.read(len(MAGIC))
-            self.total_bytes = path.stat().st_size
+            self.total_bytes = self.path.stat().st_size
         except OSError as error:
-            raise BagError(f"cannot read {path}: {error}") from None
+            raise BagError(f"cannot read {self.path}: {error}") from None
         if start != MAGIC:
-            raise BagError(f"{path} is no MCAP file: it starts with {start!r}; allowed: {MAGIC!r}")
-        self.dropped_bytes = 0
-        self.complete = False
-        self.notes: list[str] = []
+            raise BagError(
+                f"{self.path} is no MCAP file: it starts with {start!r}; allowed: {MAGIC!r}"
+            )
+
+    @property
+    def dropped_bytes(self) -> int:
+        """Bytes that belong to no complete record."""
+        return sum(damage.size for damage in self.damages)
 
     def records(self) -> Iterator[McapRecord]:
         """Yield the records outside chunks and the content of chunks in file order."""
-        position: int | None = len(MAGIC)
-        with self._path.open("rb") as file:
-            while position is not None:
-                file.seek(position)
-                try:
-                    reader = StreamReader(
-                        file,
-                        skip_magic=True,
-                        emit_chunks=True,
-                        record_size_limit=self.total_bytes,
-                    )
-                    for record in reader.records:
-                        end = file.tell()
-                        if isinstance(record, Chunk):
-                            file.seek(position)
-                            yield from self._chunk(file.read(end - position), position)
-                        else:
-                            yield record
-                        position = end
-                except _DAMAGE as error:
-                    found, position = self._after_damage(file, position, error)
-                    yield from found
-                else:
-                    self.complete = True
-                    position = None
+        with (
+            self.path.open("rb") as file,
+            mmap.mmap(file.fileno(), self.total_bytes, access=mmap.ACCESS_READ) as data,
+        ):
+            ends_with_footer = yield from self._walk(data)
+            if ends_with_footer:
+                self._check_ends(data)
+            self.complete = ends_with_footer and not self.damages and not self.notes
 
-    def _chunk(self, raw: bytes, position: int) -> list[McapRecord]:
+    def _walk(self, data: mmap.mmap) -> Generator[McapRecord, None, bool]:
+        """Yield the sound records; return whether the footer was reached."""
+        position = len(MAGIC)
+        of_chunk: Damage | None = None  # the damaged chunk to which message indexes may belong
+        while position < self.total_bytes:
+            try:
+                record, end = _read_record(data, position)
+            except DAMAGE as error:
+                found, position = self._after_damage(data, position, str(error))
+                yield from found
+                of_chunk = None
+                continue
+            if isinstance(record, Chunk):
+                damages = len(self.damages)
+                yield from self._chunk(record, position, end)
+                of_chunk = self.damages[-1] if len(self.damages) > damages else None
+            elif isinstance(record, MessageIndex) and of_chunk is not None:
+                of_chunk.message_counts = of_chunk.message_counts or Counter()
+                of_chunk.message_counts[record.channel_id] += len(record.records)
+            elif isinstance(record, Footer):
+                return True
+            elif record is not None:
+                if isinstance(record, Statistics):
+                    self.statistics = record
+                if not isinstance(record, MessageIndex):
+                    of_chunk = None
+                yield record
+            position = end
+        return False
+
+    def _chunk(self, chunk: Chunk, position: int, end: int) -> list[McapRecord]:
         """Return the content of a whole chunk; nothing if it does not match its checksum."""
-        stream = StreamReader(BytesIO(raw), skip_magic=True, validate_crcs=True)
-        found: list[McapRecord] = []
         try:
-            found.extend(stream.records)
-        except EndOfFile:
-            pass  # the chunk is all that this stream holds
-        except _DAMAGE as error:
-            self.notes.append(f"chunk at byte {position} is damaged and left out: {error}")
-            self.dropped_bytes += len(raw)
-        return found
+            return breakup_chunk(chunk, validate_crc=True)
+        except DAMAGE as error:
+            reason = f"a damaged chunk ({error or type(error).__name__})"
+            span_ns = (chunk.message_start_time, chunk.message_end_time)
+            self.damages.append(Damage(position, end - position, reason, span_ns=span_ns))
+            return []
 
     def _after_damage(
-        self, file: BinaryIO, position: int, error: Exception
-    ) -> tuple[list[McapRecord], int | None]:
-        """Return what is complete of a record that cannot be read, and where to go on, if at all."""
-        file.seek(position)
-        prefix = file.read(_PREFIX.size)
-        left = self.total_bytes - position
-        if len(prefix) < _PREFIX.size:
-            self.dropped_bytes += left
-            return [], None
-        opcode, length = _PREFIX.unpack(prefix)
-        if opcode not in _KNOWN_OPCODES and opcode < _FIRST_PRIVATE_OPCODE:
-            self.notes.append(f"no record starts at byte {position} (opcode {opcode:#04x})")
-            self.dropped_bytes += left
-            return [], None
-        whole = _PREFIX.size + length
-        if whole <= left:
-            self.notes.append(f"record at byte {position} is unreadable: {error!r}")
-            self.dropped_bytes += whole
-            return [], position + whole
-        if opcode == Opcode.CHUNK:
-            self.notes.append(f"chunk at byte {position} was never finished")
-            return self._cut_chunk(file.read()), None
-        self.dropped_bytes += left
-        return [], None
+        self, data: mmap.mmap, position: int, reason: str
+    ) -> tuple[list[McapRecord], int]:
+        """Return what can be had of a record that cannot be read, and where to go on."""
+        further = _next_sound(data, position + 1)
+        if further is None and data[position] == Opcode.CHUNK:
+            return self._cut_chunk(data, position), self.total_bytes
+        end = self.total_bytes if further is None else further
+        self.damages.append(Damage(position, end - position, reason or "no record starts there"))
+        return [], end
 
-    def _cut_chunk(self, body: bytes) -> list[McapRecord]:
-        """Return the complete records of a chunk whose end is missing.
-
-        Args:
-            body: the fields of the chunk record as far as they go.
-        """
+    def _cut_chunk(self, data: mmap.mmap, position: int) -> list[McapRecord]:
+        """Return the complete records of a chunk whose end is missing."""
+        self.notes.append(f"chunk at byte {position} was never finished")
+        body = data[position + PREFIX.size :]
         found: list[McapRecord] = []
         content = b""
         try:
             chunk = Chunk.read(ReadDataStream(BytesIO(body)))
             content = b"" if chunk.compression else chunk.data
-        except _DAMAGE:
+        except DAMAGE:
             pass  # not even its header is complete
         stream = BytesIO(content)
         end = 0
         try:
             for record in StreamReader(stream, skip_magic=True).records:
+                # A message cut in its data is handed out shorter than it says.
+                if stream.tell() - end < PREFIX.size + PREFIX.unpack_from(content, end)[1]:
+                    break
                 found.append(record)
                 end = stream.tell()
-        except _DAMAGE:
+        except DAMAGE:
             pass
-        self.dropped_bytes += len(content) - end if content else _PREFIX.size + len(body)
+        dropped = len(content) - end if content else PREFIX.size + len(body)
+        if dropped:
+            at = self.total_bytes - dropped
+            self.damages.append(Damage(at, dropped, "the file ends within a record"))
         return found
+
+    def _check_ends(self, data: mmap.mmap) -> None:
+        """Note what is wrong with the summary of a file with a footer, or with texts outside chunks."""
+        try:
+            summary_start(data)
+            if not self.damages:
+                check_data_section(data)
+        except DAMAGE as error:
+            self.notes.append(f"{self.path.name}: {error}")
+            if "summary" in str(error):
+                self.statistics = None
+
+
+def _read_record(data: mmap.mmap, position: int) -> tuple[McapRecord | None, int]:
+    """Return the record at a position (None for one of a private kind) and where it ends.
+
+    Raises:
+        ValueError: no record can be there, or it is not as long as it says.
+        McapError, struct.error, EOFError: its content cannot be read.
+    """
+    left = len(data) - position
+    if left < PREFIX.size:
+        raise ValueError("the file ends within a record")
+    opcode, length = PREFIX.unpack_from(data, position)
+    if opcode not in _KNOWN_OPCODES and opcode < _FIRST_PRIVATE_OPCODE:
+        raise ValueError(f"no record starts there (opcode {opcode:#04x})")
+    end = position + PREFIX.size + length
+    if end > len(data):
+        raise ValueError("the file ends within a record")
+    body = data[position + PREFIX.size : end]
+    if opcode == Opcode.MESSAGE:
+        return Message.read(ReadDataStream(BytesIO(body)), length), end
+    reader = _READERS.get(opcode)
+    if reader is None:
+        if end < len(data) and data[end] not in _KNOWN_OPCODES:
+            raise ValueError(f"no record starts there (opcode {opcode:#04x})")
+        return None, end
+    stream = ReadDataStream(BytesIO(body))
+    record = reader(stream)
+    if stream.count != length:
+        raise ValueError(f"a {type(record).__name__} record is not as long as it says")
+    return record, end
+
+
+def _next_sound(data: mmap.mmap, position: int) -> int | None:
+    """Return where the next chunk that is as long as it says starts, or the end of the data section."""
+    last = data.find(_DATA_END_PREFIX, position)
+    while last >= 0:
+        behind = last + DATA_END.size
+        if behind < len(data) and data[behind] in _KNOWN_OPCODES:
+            break
+        last = data.find(_DATA_END_PREFIX, last + 1)
+    limit = last if last >= 0 else len(data)
+    mark = bytes([Opcode.CHUNK])
+    candidate = data.find(mark, position, limit)
+    while candidate >= 0:
+        if _is_chunk(data, candidate):
+            return candidate
+        candidate = data.find(mark, candidate + 1, limit)
+    return last if last >= 0 else None
+
+
+def _is_chunk(data: mmap.mmap, position: int) -> bool:
+    """Return whether the three lengths of a chunk record at a position fit together."""
+    body = position + PREFIX.size
+    if body + _CHUNK_HEAD.size > len(data):
+        return False
+    length = PREFIX.unpack_from(data, position)[1]
+    name_length = _CHUNK_HEAD.unpack_from(data, body)[-1]
+    rest = length - _CHUNK_HEAD.size - name_length - 8
+    if body + length > len(data) or name_length > _LONGEST_COMPRESSION_NAME or rest < 0:
+        return False
+    size: int = struct.unpack_from("<Q", data, body + _CHUNK_HEAD.size + name_length)[0]
+    return size == rest

@@ -9,7 +9,14 @@ from rosbags.interfaces import Qos
 
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.message_types import message_definition
-from iptm_recording.timeline import StampKind, Timeline, TimeSource, read_stamp_ns, stamp_kind
+from iptm_recording.timeline import (
+    CLOCK_TOPIC,
+    StampKind,
+    Timeline,
+    TimeSource,
+    read_stamp_ns,
+    stamp_kind,
+)
 
 # Messages kept in memory while simulated time has not begun; a graph without /clock reaches it.
 MAX_HELD_MESSAGES = 20_000
@@ -21,6 +28,7 @@ class _Channel:
     type_name: str
     offered_qos: Callable[[], Sequence[Qos]]
     kind: StampKind
+    offer: Sequence[Qos] | None = None
     topic_id: int | None = None
 
 
@@ -30,10 +38,14 @@ class RecordingSession:
     Args:
         writer: the bag.
         timeline: source of the times.
+        clock_topic: full name of the clock that counts.
     """
 
-    def __init__(self, writer: BagWriter, timeline: Timeline) -> None:
+    def __init__(
+        self, writer: BagWriter, timeline: Timeline, clock_topic: str = CLOCK_TOPIC
+    ) -> None:
         self._writer = writer
+        self._clock_topic = clock_topic
         self._timeline = timeline
         self._held: list[tuple[_Channel, bytes]] = []
         self._tick_ns = 0
@@ -70,7 +82,8 @@ class RecordingSession:
         Raises:
             BagError: the type is unknown.
         """
-        kind = stamp_kind(name, type_name, message_definition(type_name).text)
+        definition = message_definition(type_name).text
+        kind = stamp_kind(name, type_name, definition, self._clock_topic)
         channel = _Channel(name, type_name, offered_qos, kind)
 
         def take(data: bytes) -> None:
@@ -95,6 +108,10 @@ class RecordingSession:
 
     def _take(self, channel: _Channel, data: bytes) -> None:
         self.message_count += 1
+        if (
+            channel.offer is None
+        ):  # the publisher may be gone by the time that the message is written
+            channel.offer = channel.offered_qos()
         times = self._timeline.times_ns(data, channel.kind)
         if times is None:
             self._held.append((channel, data))
@@ -124,6 +141,6 @@ class RecordingSession:
             self._writer.flush()
         if channel.topic_id is None:
             channel.topic_id = self._writer.add_topic(
-                channel.name, channel.type_name, offered_qos=channel.offered_qos()
+                channel.name, channel.type_name, offered_qos=channel.offer or ()
             )
         self._writer.write(channel.topic_id, data, *times)

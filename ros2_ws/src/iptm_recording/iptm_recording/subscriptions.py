@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosHistory
 
 from iptm_core.errors import BagError
-from iptm_interfaces.topics import TOPICS, Topic, find_topic
+from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.rclpy_types import from_profile, message_class, to_profile
 from iptm_recording.recorded_topics import TopicSelection, request_for
 from iptm_recording.session import RecordingSession
@@ -91,6 +93,9 @@ class _Subscribed:
     take: Callable[[bytes], None]
     request: Qos
     subscription: Subscription
+    lost: int = 0
+    lost_before: int = 0
+    """Lost by subscriptions that were replaced."""
 
 
 class TopicSubscriber:
@@ -127,6 +132,7 @@ class TopicSubscriber:
         self._subscribed: dict[str, _Subscribed] = {}
         self._unrecordable: set[str] = set()
         names = {topic: node.resolve_topic_name(spec.name) for topic, spec in TOPICS.items()}
+        self._specs = {name: TOPICS[topic] for topic, name in names.items()}
         self._suite = {
             name: TOPICS[topic].type_name for topic, name in names.items() if selection.takes(name)
         }
@@ -141,6 +147,12 @@ class TopicSubscriber:
     def subscribed_count(self) -> int:
         """Topics subscribed to."""
         return len(self._subscribed)
+
+    @property
+    def lost_counts(self) -> dict[str, int]:
+        """Messages that were published and never reached the recorder, by topic, as the middleware counts."""
+        totals = {name: entry.lost_before + entry.lost for name, entry in self._subscribed.items()}
+        return {name: total for name, total in totals.items() if total}
 
     @property
     def matched_count(self) -> int:
@@ -173,6 +185,10 @@ class TopicSubscriber:
             if offered and request != subscribed.request:
                 self._node.destroy_subscription(subscribed.subscription)
                 subscribed.request = request
+                subscribed.lost_before, subscribed.lost = (
+                    subscribed.lost_before + subscribed.lost,
+                    0,
+                )
                 subscribed.subscription = self._raw_subscription(
                     name, subscribed.type_name, subscribed.take, request
                 )
@@ -240,7 +256,19 @@ class TopicSubscriber:
         self, name: str, type_name: str, take: Callable[[bytes], None], request: Qos
     ) -> Subscription:
         kind = message_class(type_name)
-        return self._node.create_subscription(kind, name, take, to_profile(request), raw=True)
+
+        def count_lost(event: Any) -> None:
+            if name in self._subscribed:
+                self._subscribed[name].lost = event.total_count
+
+        return self._node.create_subscription(
+            kind,
+            name,
+            take,
+            to_profile(request),
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=count_lost),
+        )
 
     def _offered_qos(self, name: str) -> list[Qos]:
         """Return what the publishers of a topic offer at present.
@@ -248,7 +276,7 @@ class TopicSubscriber:
         The middleware does not announce how many messages a publisher keeps; for the suite's own
         topics the table knows.
         """
-        spec = find_topic(name, self._node.get_namespace())
+        spec = self._specs.get(name)
         offered = []
         for endpoint in self._node.get_publishers_info_by_topic(name):
             qos = from_profile(endpoint.qos_profile)

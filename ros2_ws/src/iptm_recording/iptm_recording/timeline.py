@@ -20,6 +20,7 @@ from enum import Enum
 from iptm_core.trip_time import NS_PER_S
 
 CLOCK_TOPIC = "/clock"
+"""Name of the clock before remapping."""
 CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 # Stamps further ahead of the clock than this come from another clock (wall time, another run).
 MAX_LEAD_NS = 10 * NS_PER_S
@@ -45,16 +46,19 @@ class TimeSource(Enum):
     WALL = "wall"
 
 
-def stamp_kind(topic: str, type_name: str, definition: str) -> StampKind:
+def stamp_kind(
+    topic: str, type_name: str, definition: str, clock_topic: str = CLOCK_TOPIC
+) -> StampKind:
     """Return how the messages of a topic are stamped.
 
     Args:
         topic: fully qualified name.
         type_name: `package/msg/Type`.
         definition: text of the type's definition.
+        clock_topic: full name of the clock that counts; other clocks are messages like any other.
     """
     if type_name == CLOCK_TYPE:
-        return StampKind.CLOCK if topic == CLOCK_TOPIC else StampKind.NONE
+        return StampKind.CLOCK if topic == clock_topic else StampKind.NONE
     for line in definition.splitlines():
         content = line.split("#", maxsplit=1)[0].strip()
         if content and "=" not in content:

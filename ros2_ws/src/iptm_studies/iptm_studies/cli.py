@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 
 from iptm_core.errors import IptmError
+from iptm_core.user_input import whole_number
 from iptm_studies.campaign import NOT_COMPUTED, Campaign, plan_campaign
 from iptm_studies.cluster import ClusterOptions
 from iptm_studies.execution import execute, survey
@@ -135,7 +136,7 @@ def perform_command(command: Command, options: argparse.Namespace) -> int:
 def add_cluster_options(parser: argparse.ArgumentParser) -> None:
     """Add the options on where runs are computed, the fields of `ClusterOptions`."""
     parser.add_argument(
-        "--workers", type=int, metavar="N", help="processes, one per core by default"
+        "--workers", type=whole_number, metavar="N", help="processes, one per core by default"
     )
     parser.add_argument(
         "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"

@@ -9,6 +9,7 @@ replaced by the value of a label.
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
@@ -81,9 +82,7 @@ def read_study(path: Path) -> Study:
     cases: list[Case] = []
     for number, entry in enumerate(content.entries("cases"), start=1):
         written = StrictMapping(entry, f"{path}: case {number}", _CASE_KEYS)
-        cases += _read_cases(written, defaults, path.parent)
-        if len(cases) > MAX_CASES:
-            raise ScenarioError(f"{path}: more than {MAX_CASES} cases")
+        cases += _read_cases(written, defaults, path.parent, MAX_CASES - len(cases))
     return Study(
         name=path.stem,
         title=content.text("title"),
@@ -92,8 +91,10 @@ def read_study(path: Path) -> Study:
     )
 
 
-def _read_cases(content: StrictMapping, defaults: Mapping[str, Any], folder: Path) -> list[Case]:
-    """Return all cases that an entry stands for: its axes are multiplied out."""
+def _read_cases(
+    content: StrictMapping, defaults: Mapping[str, Any], folder: Path, most: int
+) -> list[Case]:
+    """Return all cases that an entry stands for: its axes are multiplied out, if that is not too many."""
     name = content.text("name")
     axes = [[_read_point(content)]]
     for number, axis in enumerate(content.entries("for_each", may_be_empty=True), start=1):
@@ -107,6 +108,11 @@ def _read_cases(content: StrictMapping, defaults: Mapping[str, Any], folder: Pat
             ]
         )
     where = f"{content.where} ({name})"
+    count = math.prod(map(len, axes))
+    if count > most:
+        raise ScenarioError(
+            f"{where}: {count} cases; allowed: {MAX_CASES} in a study, {most} are left"
+        )
     return [_case(name, where, defaults, points, folder) for points in itertools.product(*axes)]
 
 

@@ -8,14 +8,17 @@ digest of what is before it, which the loader ignores: a damaged one is compiled
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib.util
 import logging
 import os
 import platform
 import shutil
+import stat
 import subprocess
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -30,16 +33,23 @@ CACHE_VARIABLE = "IPTM_CACHE_DIR"
 WHEEL_COMPILER = "ziglang"
 OLDEST_GLIBC = "2.28"
 """What the wheels of ROS need, see scripts/setup."""
+_OF_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+_WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+_SCRATCH_PREFIX = "build_"
 DIGEST_SIZE = hashlib.sha256().digest_size
 
 
 def cache_directory() -> Path:
-    """Return the folder of compiled problems: ``$IPTM_CACHE_DIR``, else ``iptm`` in the user's cache."""
-    explicit = os.environ.get(CACHE_VARIABLE)
-    if explicit:
-        return Path(explicit)
-    root = os.environ.get("XDG_CACHE_HOME")
-    return (Path(root) if root else Path.home() / ".cache") / "iptm"
+    """Return the folder of this user's compiled problems.
+
+    It lies in ``$IPTM_CACHE_DIR``, else in ``iptm`` in the user's cache. Code in it is loaded into the
+    process, so users who share a cache have folders of their own in it.
+    """
+    explicit, root = os.environ.get(CACHE_VARIABLE), os.environ.get("XDG_CACHE_HOME")
+    shared = (
+        Path(explicit) if explicit else (Path(root) if root else Path.home() / ".cache") / "iptm"
+    )
+    return shared / f"user_{os.getuid()}"
 
 
 def find_compiler() -> tuple[str, ...] | None:
@@ -75,17 +85,18 @@ def compile_functions(functions: Sequence[ca.Function], compiler: Sequence[str])
         Path of the shared library.
 
     Raises:
-        SolverSetupError: the compiler fails, or the cache folder cannot be written.
+        SolverSetupError: the compiler fails, or the cache folder cannot be written or is not private.
     """
     source = _generate_source(functions)
     folder = cache_directory()
     library = folder / f"ocp_{_cache_key(source, compiler)}.so"
+    _make_private(folder)
     if _is_intact(library):
         return library
     LOGGER.info("compiling the optimal control problem (once per vehicle and horizon) ...")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        _remove_abandoned(folder)
+        with tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=folder) as scratch:
             c_file = Path(scratch) / "ocp.c"
             c_file.write_text(source, encoding="ascii")
             built = Path(scratch) / "ocp.so"
@@ -95,14 +106,52 @@ def compile_functions(functions: Sequence[ca.Function], compiler: Sequence[str])
             # Renaming is atomic: another process sees either nothing or the whole library.
             built.replace(library)
     except OSError as error:
-        raise SolverSetupError(f"compiler cache '{folder}' cannot be written: {error}") from error
+        raise _not_writable(folder, error) from error
     return library
 
 
-def _is_intact(library: Path) -> bool:
-    """Return whether a library is there and as it was written; loading a cut one would crash the process."""
+def _not_writable(folder: Path, error: OSError) -> SolverSetupError:
+    return SolverSetupError(f"compiler cache '{folder}' cannot be written: {error}")
+
+
+def _make_private(folder: Path) -> None:
+    """Create the folder, or see to it that nobody else can put code into it.
+
+    Raises:
+        SolverSetupError: it belongs to another user, is a link, or cannot be created.
+    """
     try:
-        content = library.read_bytes()
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+        if status.st_uid != os.getuid() or not stat.S_ISDIR(status.st_mode):
+            raise SolverSetupError(
+                f"compiler cache '{folder}' is not a folder of this user; allowed: another place in "
+                f"${CACHE_VARIABLE}"
+            )
+        if status.st_mode & _OF_OTHERS:
+            folder.chmod(0o700)
+    except OSError as error:
+        raise _not_writable(folder, error) from error
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove what processes left behind that were killed while they compiled."""
+    for scratch in folder.glob(f"{_SCRATCH_PREFIX}*"):
+        with contextlib.suppress(OSError):
+            if time.time() - scratch.lstat().st_mtime > 2.0 * COMPILE_TIMEOUT_S:
+                shutil.rmtree(scratch)
+
+
+def _is_intact(library: Path) -> bool:
+    """Return whether a library is there and as this user wrote it; a cut one would crash the process."""
+    try:
+        descriptor = os.open(library, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+        with os.fdopen(descriptor, "rb") as file:
+            status = os.fstat(descriptor)
+            if status.st_uid != os.getuid() or status.st_mode & _WRITABLE_BY_OTHERS:
+                return False
+            content = file.read()
     except OSError:
         return False
     return hashlib.sha256(content[:-DIGEST_SIZE]).digest() == content[-DIGEST_SIZE:]

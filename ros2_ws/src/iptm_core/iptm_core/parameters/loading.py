@@ -21,6 +21,7 @@ from iptm_core.parameters.flat import (
 from iptm_core.parameters.layers import Layer, read_layer
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
+from iptm_core.user_input import number
 
 DEFAULT_SET = "paper_calibrated"
 _SUFFIXES = (".yaml", ".yml")
@@ -120,7 +121,7 @@ def parse_overrides(text: str) -> dict[str, float]:
     for entry in filter(None, (part.strip() for part in text.split(","))):
         key, separator, value = (part.strip() for part in entry.partition("="))
         try:
-            number = float(value)
+            value_of_entry = number(value)
         except ValueError:
             separator = ""
         if not separator or not key or key in overrides:
@@ -128,7 +129,7 @@ def parse_overrides(text: str) -> dict[str, float]:
                 f"parameter overrides have the entry {entry!r}; allowed: "
                 "different entries key=number, separated by commas"
             )
-        overrides[key] = number
+        overrides[key] = value_of_entry
     return overrides
 
 

@@ -11,6 +11,10 @@ import numpy as np
 
 from iptm_core.errors import RouteError
 from iptm_core.state import FloatArray
+from iptm_core.user_input import number, read_bounded
+
+MAX_BYTES = 20_000_000
+"""A week at 1 Hz and more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +62,11 @@ def read_csv_table(path: Path, known: Sequence[str]) -> CsvTable:
         The table, with at least one row, all values finite.
 
     Raises:
-        RouteError: missing or unreadable file, wrong encoding, unknown, duplicate or no columns,
+        RouteError: missing, unreadable or huge file, wrong encoding, unknown, duplicate or no columns,
             a row of the wrong length, or something that is not a finite number.
     """
     try:
-        raw = path.read_bytes()
+        raw = read_bounded(path, MAX_BYTES)
     except FileNotFoundError:
         raise RouteError(f"{path}: no such file; give the path of an existing CSV file") from None
     except (OSError, ValueError) as reason:  # ValueError: a null character in the path
@@ -123,14 +127,14 @@ def _decode(raw: bytes, source: str) -> str:
 
 
 def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
-    for number, line in enumerate(text.splitlines(), start=1):
+    for place, line in enumerate(text.splitlines(), start=1):
         stripped = line.strip()
         if stripped and not stripped.startswith("#"):
             try:
-                yield number, next(csv.reader([stripped], skipinitialspace=True))
+                yield place, next(csv.reader([stripped], skipinitialspace=True))
             except csv.Error as reason:
                 raise RouteError(
-                    f"{source}, line {number}: {reason}; plain comma-separated numbers are needed"
+                    f"{source}, line {place}: {reason}; plain comma-separated numbers are needed"
                 ) from reason
 
 
@@ -151,8 +155,7 @@ def _number(cell: str, source: str, line: int, column: str) -> float:
     text = cell.strip()
     where = f"{source}, line {line}, column {column}"
     try:
-        # Python would read 1_000 as a number, no other tool does.
-        value = float(text.replace("_", "?"))
+        value = number(text)
     except ValueError:
         raise RouteError(f"{where}: {text!r} is not a number; allowed: a plain decimal") from None
     if not np.isfinite(value):

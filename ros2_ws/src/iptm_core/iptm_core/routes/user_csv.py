@@ -20,7 +20,8 @@ from iptm_core.state import FloatArray
 
 ROAD_COLUMNS = ("slope_percent", "slope_rad", "elevation_m")
 
-MAX_SPEED_M_S = 100.0
+MAX_SPEED_M_S = 70.0
+"""252 km/h: no road car follows anything faster."""
 MAX_ACCELERATION_M_S2 = 12.0
 MAX_TIME_GAP_S = 60.0
 LAUNCH_ACCELERATION_M_S2 = 1.5

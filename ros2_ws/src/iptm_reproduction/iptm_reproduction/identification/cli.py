@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from iptm_core.user_input import whole_number
 from iptm_reproduction.identification.evaluations import Evaluation, EvaluationTable
 from iptm_reproduction.identification.objective import deviations, misfit
 from iptm_reproduction.identification.search import STAGES, Scored, Search, Stage
@@ -42,7 +43,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--table", default="", metavar="FILE", help="table of the runs")
     parser.add_argument("--unknowns", default="", metavar="FILE", help="bounds and priors")
     add_cluster_options(parser)
-    parser.add_argument("--best", type=int, default=5, metavar="N", help="candidates to show")
+    parser.add_argument(
+        "--best", type=whole_number, default=5, metavar="N", help="candidates to show"
+    )
     return perform_command(_run, parser.parse_args(arguments))
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from rich.console import Console
 
 from iptm_controller.ocp.compilation import CACHE_VARIABLE
+from iptm_core.user_input import number, whole_number
 from iptm_studies.campaign import Campaign
 from iptm_studies.cli import EXIT_FAILED_RUNS, add_cluster_options, compute, perform_command
 from iptm_studies.cluster import ClusterOptions
@@ -36,13 +37,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="campaign", description=__doc__)
     parser.add_argument(
-        "--runs", type=int, default=RUNS, metavar="N", help=f"number of runs, {RUNS} by default"
+        "--runs",
+        type=whole_number,
+        default=RUNS,
+        metavar="N",
+        help=f"number of runs, {RUNS} by default",
     )
     parser.add_argument(
-        "--seed", type=int, default=SEED, metavar="S", help=f"seed of all draws, {SEED} by default"
+        "--seed",
+        type=whole_number,
+        default=SEED,
+        metavar="S",
+        help=f"seed of all draws, {SEED} by default",
     )
     parser.add_argument(
-        "--duration-s", type=float, metavar="T", help="length of all trips instead of those drawn"
+        "--duration-s", type=number, metavar="T", help="length of all trips instead of those drawn"
     )
     parser.add_argument(
         "--without-twins",

@@ -1,0 +1,54 @@
+"""What users hand over as files and numbers, read so that no mistake hangs or floods the process."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+
+def read_bounded(path: Path, most_bytes: int) -> bytes:
+    """Return the content of a regular file.
+
+    Args:
+        path: the file; links are followed.
+        most_bytes: largest size that is read.
+
+    Raises:
+        OSError: there is no such file, it cannot be read, is no regular file (a pipe would never end, a
+            device neither) or is too large.
+    """
+    # Without waiting: opening a pipe would last until somebody writes into it.
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError("not a regular file")
+        if status.st_size > most_bytes:
+            raise OSError(f"{status.st_size} bytes; at most {most_bytes} are read")
+        with os.fdopen(descriptor, "rb", closefd=False) as file:
+            return file.read(most_bytes)
+    finally:
+        os.close(descriptor)
+
+
+def number(text: str) -> float:
+    """Read a plain decimal, as any other tool would: Python alone takes ``1_600`` for a number.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if "_" in text or not text.isascii():
+        raise ValueError(f"{text!r} is no plain number")
+    return float(text)
+
+
+def whole_number(text: str) -> int:
+    """Read a plain whole number; see `number`.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if "_" in text or not text.isascii():
+        raise ValueError(f"{text!r} is no plain whole number")
+    return int(text)

@@ -1,0 +1,114 @@
+"""Recording a vehicle in a namespace with a clock of its own, as the launch file starts it."""
+
+from __future__ import annotations
+
+import re
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Temperature
+from std_msgs.msg import Float64MultiArray
+
+from iptm_interfaces.codecs import time_from_ns
+from iptm_interfaces.topics import LATCHED_QOS
+from iptm_recording.bag_reader import BagReader, read_model_parameters
+from iptm_recording.recover import recover
+
+S = 10**9
+PLACE = ("-r", "__ns:=/car_9", "-r", "/clock:=/car_9/clock")
+STATE, CLOCK, SLOPE = "/car_9/plant/cell_1_temperature", "/car_9/clock", "/car_9/v2x/slope"
+
+
+@pytest.fixture
+def recorder(launcher: Any, wait_until: Callable[..., None], tmp_path: Path) -> Any:
+    process = launcher.start_module(
+        "iptm_recording.recorder_cli", tmp_path / "bag", "--ros-args", *PLACE
+    )
+    wait_until(lambda: "recorder ready" in process.stdout, what="recorder ready")
+    return process
+
+
+def test_a_kill_loses_at_most_one_tick_under_a_remapped_clock(
+    peer: Any, recorder: Any, tmp_path: Path
+) -> None:
+    state = peer.node.create_publisher(Temperature, STATE, 10)
+    clock = peer.node.create_publisher(Clock, CLOCK, 10)
+    slope = peer.node.create_publisher(Float64MultiArray, SLOPE, LATCHED_QOS)
+    slope.publish(Float64MultiArray(data=[1.0]))
+    peer.wait_until(state.get_subscription_count, 60.0, "subscription to the state")
+    state.publish(Temperature())  # the trip is running: the clock is subscribed to, too
+    peer.wait_until(clock.get_subscription_count, 60.0, "subscription to the clock")
+    file, ticks = tmp_path / "bag" / "bag_0.mcap", 60
+    for tick in range(1, ticks):
+        message = Temperature(temperature=float(tick))
+        message.header.stamp = time_from_ns(tick * S)
+        state.publish(message)
+        clock.publish(Clock(clock=time_from_ns(tick * S)))
+        if tick % 5 == 0:
+            size = file.stat().st_size
+            peer.wait_until(lambda size=size: file.stat().st_size > size, what="growth of the bag")
+    recorder.send(signal.SIGKILL)
+    recorder.wait()
+    with BagReader(recover(tmp_path / "bag").output) as reader:
+        counts = {name: topic.message_count for name, topic in reader.topics.items()}
+        # The last four were published flat out until the moment of the kill.
+        assert counts[STATE] >= ticks - 5
+        assert reader.topics[SLOPE].is_latched
+        assert reader.end_ns - reader.start_ns >= (ticks - 6) * S
+
+
+def test_a_run_started_by_hand_tells_its_parameters(
+    launcher: Any, recorder: Any, tmp_path: Path
+) -> None:
+    trip = {"cycle": "nycc", "duration_s": 10.0, "parameter_overrides": "body.mass_kg=1777"}
+    plant = launcher.start_node(
+        "iptm_plant_sim.node", *PLACE, parameters={**trip, "expected_peers": 2}
+    )
+    launcher.start_node(
+        "iptm_v2x_bridge.node", *PLACE, parameters={"cycle": "nycc", "expected_peers": 2}
+    )
+    launcher.start_node(
+        "iptm_controller.node",
+        *PLACE,
+        parameters={"horizon": "3x1", "solver": "ipopt", "compile_code": False},
+    )
+    assert plant.wait(120.0) == 0, plant.stderr
+    assert recorder.stop() == 0
+    with BagReader(tmp_path / "bag") as reader:
+        assert reader.duration_s == pytest.approx(10.0)
+        assert reader.topics[CLOCK].message_count == 11
+        assert "horizon: 3x1" in reader.run_information().parameters
+    parameters, is_stored = read_model_parameters(tmp_path / "bag")
+    assert is_stored
+    assert parameters.body.mass_kg == 1777.0
+
+
+def test_what_a_frozen_recorder_missed_is_counted(peer: Any, recorder: Any, tmp_path: Path) -> None:
+    """Nobody waits for a recorder; a publisher keeps ten messages for it."""
+    state = peer.node.create_publisher(Temperature, STATE, 10)
+    clock = peer.node.create_publisher(Clock, CLOCK, 10)
+    peer.wait_until(state.get_subscription_count, 60.0, "subscription to the state")
+    state.publish(Temperature())
+    peer.wait_until(clock.get_subscription_count, 60.0, "subscription to the clock")
+    clock.publish(Clock())
+    file = tmp_path / "bag" / "bag_0.mcap"
+    recorder.send(signal.SIGSTOP)
+    sent = 6000  # more than the sockets in between hold
+    for _ in range(sent):
+        state.publish(Temperature())
+    recorder.send(signal.SIGCONT)
+
+    for _ in range(5):  # the messages that follow tell that some before are missing
+        size = file.stat().st_size
+        state.publish(Temperature())
+        peer.wait_until(lambda size=size: file.stat().st_size > size, what="growth of the bag")
+    assert recorder.stop() == 0
+    told = sum(int(number) for number in re.findall(r"(\d+) of /", recorder.stderr))
+    with BagReader(tmp_path / "bag") as reader:
+        assert reader.topics[STATE].message_count + told == sent + 6
+        assert told > 0
+        assert "lost_messages" in reader.run_information().extra

@@ -1,0 +1,50 @@
+"""How a run ends, seen by a runner that hears little of it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from iptm_bringup.drive import Drive, DriveOutcome
+from iptm_bringup.supervisor import ProcessEnd
+
+
+def drive_of(processes: tuple[str, ...], plant_code: int) -> Drive:
+    """Return a drive whose plant has ended and whose monitor has heard no message."""
+    nothing: Any = SimpleNamespace(
+        first_clock_s=None,
+        last_clock_s=None,
+        last_sign_s=0.0,
+        time_ns=None,
+        message_count=0,
+        plant_reason="",
+        awaited_nodes=(),
+        crowded_topics=(),
+        newest_stamp_ns=lambda _: None,
+        snapshot=lambda: None,
+        expect=lambda _: None,
+    )
+    supervisor: Any = SimpleNamespace(
+        names=processes,
+        endings=lambda: (ProcessEnd("plant", plant_code, ("the last words",)),),
+        is_running=lambda name: name != "plant",
+    )
+    executor: Any = SimpleNamespace(spin_once=lambda **_: None)
+    progress: Any = SimpleNamespace(waiting=lambda _: None, running=lambda *_: None)
+    return Drive(supervisor, nothing, executor, progress, stop=SimpleNamespace(number=None))  # type: ignore[arg-type]
+
+
+def test_a_recorded_trip_of_which_the_runner_heard_nothing_is_left_to_the_bag() -> None:
+    drive = drive_of(("controller", "recorder", "plant", "v2x_bridge"), 0)
+    assert drive.run().outcome is DriveOutcome.FINISHED
+
+
+@pytest.mark.parametrize(
+    ("processes", "code"), [(("controller", "plant"), 0), (("recorder", "plant"), 1)]
+)
+def test_without_a_witness_or_after_a_failure_it_did_not_finish(
+    processes: tuple[str, ...], code: int
+) -> None:
+    assert drive_of(processes, code).run().outcome is DriveOutcome.FAILED
