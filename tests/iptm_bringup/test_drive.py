@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from iptm_bringup.drive import Drive, DriveOutcome
+from iptm_bringup.process_faults import ProcessFaults
 from iptm_bringup.supervisor import ProcessEnd
 
 
@@ -33,7 +34,8 @@ def drive_of(processes: tuple[str, ...], plant_code: int) -> Drive:
     )
     executor: Any = SimpleNamespace(spin_once=lambda **_: None)
     progress: Any = SimpleNamespace(waiting=lambda _: None, running=lambda *_: None)
-    return Drive(supervisor, nothing, executor, progress, stop=SimpleNamespace(number=None))  # type: ignore[arg-type]
+    stop: Any = SimpleNamespace(number=None)
+    return Drive(supervisor, nothing, executor, progress, stop, ProcessFaults(supervisor, ()))
 
 
 def test_a_recorded_trip_of_which_the_runner_heard_nothing_is_left_to_the_bag() -> None:

@@ -21,12 +21,12 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "fault_injector = iptm_core.program:main",
-            "faulty_controller = iptm_core.program:main",
+            "injector = iptm_core.program:main",
+            "controller_with_solver_faults = iptm_core.program:main",
         ],
         "iptm.programs": [
-            "fault_injector = iptm_faults.node:main",
-            "faulty_controller = iptm_faults.node_controller:main",
+            "injector = iptm_faults.node:main",
+            "controller_with_solver_faults = iptm_faults.node_controller:main",
         ],
     },
 )

@@ -298,7 +298,7 @@ def _with_exact_stamp(message: Odometry, data: bytes) -> bytes:
 
 def main() -> None:
     """Run the node."""
-    sys.exit(node_main("fault_injector", InjectorNode, InjectorNodeParameters))
+    sys.exit(node_main("injector", InjectorNode, InjectorNodeParameters))
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ class FaultyControllerNode(ControllerNode):
 
 def main() -> None:
     """Run the node."""
-    sys.exit(node_main("faulty_controller", FaultyControllerNode, FaultyControllerNodeParameters))
+    sys.exit(node_main("controller", FaultyControllerNode, FaultyControllerNodeParameters))
 
 
 if __name__ == "__main__":
