@@ -19,7 +19,12 @@ from iptm_studies.campaign import Campaign
 from iptm_studies.cli import EXIT_REFUSED
 from iptm_studies.execution import admit
 from iptm_studies.random_cars import draws
-from iptm_studies.random_cars.bounds import avoidably_below_s_min, below_s_min, fully_cooled_k
+from iptm_studies.random_cars.bounds import (
+    avoidable_collisions,
+    avoidably_below_s_min,
+    below_s_min,
+    fully_cooled_k,
+)
 from iptm_studies.random_cars.cli import PAGE, main
 from iptm_studies.random_cars.draws import ALWAYS, TWIN, OneOf, Uniform, has_twin, random_study
 from iptm_studies.random_cars.verdicts import judge
@@ -175,8 +180,26 @@ def test_a_calm_trip_has_no_fault(judged: Callable[..., dict[str, float]]) -> No
     assert set(judged(trip(time_s=np.arange(9.0))).values()) == {0.0}
 
 
-def test_rows_of_a_collision(judged: Callable[..., dict[str, float]]) -> None:
-    assert judged(trip(leader_position_m=[15.0, 15.0, 0.0, -1.0, 15.0]))["collision"] == 2.0
+def test_a_leader_that_backs_into_a_standing_car_is_not_avoidable(
+    judged: Callable[..., dict[str, float]],
+) -> None:
+    found = judged(trip(leader_position_m=[15.0, 15.0, 0.0, -1.0, 15.0]))
+    assert (found["collision"], found["collision_leader"]) == (0.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("appears_s", "informed", "avoidable"),
+    [(0, True, True), (8, True, True), (8, False, False), (2, False, True)],
+)
+def test_only_what_could_be_seen_is_avoidable(
+    appears_s: int, *, informed: bool, avoidable: bool
+) -> None:
+    """A stop from 20 m/s takes 138 m; at 2 s there are 180 m to the wall, at 8 s 60 m."""
+    run = approach(220.0, appears_s)
+    touching = run.gap_m <= 0.0
+    assert touching.any()
+    found = avoidable_collisions(run, PARAMETERS, 60.0, informed=informed)
+    assert np.array_equal(found, touching & avoidable)
 
 
 def test_compressor_energy_counts_where_both_cells_are_cold(
@@ -209,7 +232,11 @@ def test_fallbacks_have_their_cause(make_run: Make, short_inputs: RunInputs) -> 
         if rung != Rung.OPTIMAL
     )
     assert found.fallbacks == expected
-    assert found.amounts["fallback"] == expected.total() > 0
+    emergencies = sum(
+        count for (rung, _), count in expected.items() if rung is Rung.EMERGENCY_BRAKING
+    )
+    assert found.amounts["emergency"] == emergencies
+    assert found.amounts["fallback"] == expected.total() - emergencies > 0
     assert found.ticks == 5
     assert "fallback" in found.breaches
 

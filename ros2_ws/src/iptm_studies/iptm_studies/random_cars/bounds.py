@@ -21,6 +21,8 @@ from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 
 BoolArray = NDArray[np.bool_]
+ANOTHER_LEADER_M = 3.0
+"""A leader that moves by so much more or less than its speed says is another car."""
 
 
 def below_s_min(run: Trajectory, parameters: ModelParameters) -> BoolArray:
@@ -80,6 +82,51 @@ def _kept_by_braking(run: Trajectory, parameters: ModelParameters, start: int, l
     smallest = minimum_gap_m(speeds, run.leader_speed_m_s[rows], parameters.gap, parameters.limits)
     gaps = run.leader_position_m[rows] - positions
     return bool(np.all(gaps >= smallest - GAP_TOLERANCE_M))
+
+
+def avoidable_collisions(
+    run: Trajectory, parameters: ModelParameters, look_back_s: float, *, informed: bool
+) -> BoolArray:
+    """Return which of the rows without a gap a car with perfect brakes within its limits could have avoided.
+
+    Rows without a break are one episode. A car that is told the truth about its leader could brake in any row
+    at most ``look_back_s`` before it; any other one from the row on in which it can see what the leader does:
+    the one behind the last in which the leader did not lose speed, or the one in which another car leads.
+
+    Args:
+        run: the run, n rows.
+        parameters: limits of the inputs.
+        look_back_s: how far ahead an informed host knows of an episode: its horizon.
+        informed: the host is told all about its leader.
+
+    Returns:
+        The rows of avoidable episodes, shape (n,).
+    """
+    touching: BoolArray = run.gap_m <= 0.0
+    avoidable = np.zeros_like(touching)
+    for first, last in episodes(touching):
+        if informed:
+            earliest_s = float(run.time_s[first]) - look_back_s
+            starts = range(int(np.searchsorted(run.time_s, earliest_s)), first)
+        else:
+            starts = range(_seen_from(run, first), first)[:1]
+        avoidable[first : last + 1] = any(
+            gaps_when_braking(run, parameters, start, last)[1:].min() > 0.0 for start in starts
+        )
+    return avoidable
+
+
+def _seen_from(run: Trajectory, first: int) -> int:
+    """Return the row before another one from which on the leader is seen to do what it does until then."""
+    speeds, steps_m = run.leader_speed_m_s, np.diff(run.leader_position_m)
+    foreseen_m = 0.5 * (speeds[1:] + speeds[:-1]) * run.intervals_s
+    jumped = np.abs(steps_m - foreseen_m) > ANOTHER_LEADER_M
+    row = first
+    while row > 0 and speeds[row - 1] >= speeds[row] and not jumped[row - 1]:
+        row -= 1
+    if row > 0 and jumped[row - 1]:
+        return row
+    return min(row + 1, first - 1)
 
 
 def gaps_when_braking(

@@ -17,7 +17,7 @@ from iptm_studies.campaign import Campaign
 from iptm_studies.cli import EXIT_FAILED_RUNS, add_cluster_options, compute, perform_command
 from iptm_studies.cluster import ClusterOptions
 from iptm_studies.execution import survey
-from iptm_studies.random_cars.draws import FAULT_SHARE, TWIN, random_study
+from iptm_studies.random_cars.draws import FAULT_SHARE, IMPERFECT_SHARE, TWIN, random_study
 from iptm_studies.random_cars.page import JudgedRun, campaign_page, verdict_lines
 from iptm_studies.random_cars.verdicts import judge
 from iptm_studies.run_inputs import resolve_inputs
@@ -65,6 +65,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="P",
         help=f"share of the runs with faults, {FAULT_SHARE:g} by default",
     )
+    parser.add_argument(
+        "--imperfect-share",
+        type=float,
+        default=IMPERFECT_SHARE,
+        metavar="P",
+        help=f"share of the runs without a perfect preview, {IMPERFECT_SHARE:g} by default",
+    )
     parser.add_argument("--store", default="", metavar="DIR", help="folder of the results")
     parser.add_argument(
         "--output",
@@ -86,6 +93,7 @@ def _run(options: argparse.Namespace, console: Console) -> int:
         options.duration_s,
         with_twins=not options.without_twins,
         fault_share=options.fault_share,
+        imperfect_share=options.imperfect_share,
     )
     campaign = Campaign([study])
     store = ResultStore(Path(options.store) if options.store else default_store_folder() / FOLDER)
@@ -144,6 +152,8 @@ def _command(options: argparse.Namespace) -> str:
         command += f" --duration-s {options.duration_s:g}"
     if options.fault_share != FAULT_SHARE:
         command += f" --fault-share {options.fault_share:g}"
+    if options.imperfect_share != IMPERFECT_SHARE:
+        command += f" --imperfect-share {options.imperfect_share:g}"
     return command + (" --without-twins" if options.without_twins else "")
 
 

@@ -19,10 +19,11 @@ from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import available_parameter_sets
 from iptm_core.routes.cycles import CYCLE_NAMES
+from iptm_core.settings import PreviewMode
 from iptm_faults.fault import Fault, in_order
 from iptm_faults.kinds import KINDS, FaultKind
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
-from iptm_studies.run_spec import RunSpec
+from iptm_studies.run_spec import PreviewSpec, RunSpec
 from iptm_studies.study import Case, Study
 
 MAX_TRIES = 500
@@ -31,6 +32,8 @@ OVERRIDE_SHARE = 0.5
 FAULT_SHARE = 0.3
 """Share of the runs in which something goes wrong; cars and trips are the same without."""
 MOST_FAULTS = 3
+IMPERFECT_SHARE = 0.3
+"""Share of the runs in which the preview is not perfect; cars and trips are the same without."""
 WARM_K = 308.15
 TWIN = "warm_twin"
 
@@ -119,6 +122,16 @@ SOMETIMES: Mapping[str, Draw] = {
 """Parameters that differ in some runs."""
 
 
+PREVIEWS: Mapping[str, Draw] = {
+    "preview_mode": OneOf((PreviewMode.FULL, PreviewMode.NONE), 0.8),
+    "preview_length_s": Uniform(8.0, 60.0),
+    "latency_s": Uniform(0.0, 5.0),
+    "dropout_probability": Uniform(0.0, 0.5),
+    "dropout_burst": OneOf((1, 2, 5, 10), 0.5),
+    "noise_std_m_s": Uniform(0.0, 2.0),
+}
+"""Settings of a preview that is not perfect; all but the mode differ in every other run."""
+
 FAULT_SIZES: Mapping[FaultKind, Uniform] = {
     FaultKind.LEADER_CUT_IN: Uniform(4.0, 40.0),
     FaultKind.LEADER_HARD_STOP: Uniform(2.0, 10.0),
@@ -141,6 +154,7 @@ def random_study(
     *,
     with_twins: bool = True,
     fault_share: float = FAULT_SHARE,
+    imperfect_share: float = IMPERFECT_SHARE,
 ) -> Study:
     """Draw a campaign.
 
@@ -153,6 +167,7 @@ def random_study(
         duration_s: length of all trips; None for those drawn.
         with_twins: cold runs get their twin.
         fault_share: share of the runs with faults, from 0 to 1.
+        imperfect_share: share of the runs with a preview that is not perfect, from 0 to 1.
 
     Raises:
         ScenarioError: numbers out of range, or no legal car was found.
@@ -161,8 +176,9 @@ def random_study(
         raise ScenarioError(f"runs is {runs}; allowed: at least 1")
     if seed < 0:
         raise ScenarioError(f"seed is {seed}; allowed: 0 or more")
-    if not 0.0 <= fault_share <= 1.0:
-        raise ScenarioError(f"fault share is {fault_share}; allowed: 0 to 1")
+    for what, share in (("fault share", fault_share), ("imperfect share", imperfect_share)):
+        if not 0.0 <= share <= 1.0:
+            raise ScenarioError(f"{what} is {share}; allowed: 0 to 1")
     cases: list[Case] = []
     for number in range(1, runs + 1):
         inputs = _draw_run(np.random.default_rng([seed, number]), duration_s)
@@ -171,6 +187,9 @@ def random_study(
         if faults.random() < fault_share:
             drawn = draw_faults(faults, inputs.route.duration_s)
             inputs = replace(inputs, spec=replace(inputs.spec, faults=drawn))
+        previews = np.random.default_rng([seed, number, 2])
+        if previews.random() < imperfect_share:
+            inputs = replace(inputs, spec=replace(inputs.spec, preview=draw_preview(previews)))
         name = f"{number:04d}"
         cases.append(Case(name, {"run": number}, inputs.spec))
         if with_twins and has_twin(inputs):
@@ -200,6 +219,16 @@ def warm_twin(spec: RunSpec) -> RunSpec:
         "limits.max_temperature_k": 353.15,
     }
     return replace(spec, overrides=tuple({**dict(spec.overrides), **warm}.items()))
+
+
+def draw_preview(random: Generator) -> PreviewSpec:
+    """Return what the host is told of the leader where that is not perfect."""
+    settings = {
+        name: draw.draw(random)
+        for name, draw in PREVIEWS.items()
+        if name == "preview_mode" or random.random() < OVERRIDE_SHARE
+    }
+    return PreviewSpec(**settings)
 
 
 def draw_faults(random: Generator, duration_s: float) -> tuple[Fault, ...]:

@@ -7,13 +7,17 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from iptm_core.declaration import parameter_specs
 from iptm_core.parameters import field_specs
+from iptm_core.settings import PreviewSettings
 from iptm_faults.kinds import KINDS
 from iptm_studies.random_cars.draws import (
     ALWAYS,
     FAULT_SHARE,
     FAULT_SIZES,
+    IMPERFECT_SHARE,
     MOST_FAULTS,
+    PREVIEWS,
     SETTINGS,
     SOMETIMES,
     Draw,
@@ -146,6 +150,9 @@ def _draw_table() -> str:
             (f"`{key}`", _draw_text(draw, field_specs()[key].unit), where)
             for key, draw in draws.items()
         ]
+    units = {spec.name: spec.unit for spec in parameter_specs(PreviewSettings)}
+    where = f"half of the {100.0 * IMPERFECT_SHARE:g} % of the runs without a perfect preview"
+    rows += [(f"`{name}`", _draw_text(draw, units[name]), where) for name, draw in PREVIEWS.items()]
     kinds = [
         f"`{kind}`" + (f" {sizes.low:g} to {sizes.high:g} {spec.unit}" if sizes else "")
         for kind, spec in KINDS.items()

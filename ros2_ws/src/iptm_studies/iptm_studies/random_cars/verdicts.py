@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,8 +14,10 @@ from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
+from iptm_faults.fault import Fault
 from iptm_studies.random_cars.bounds import (
     BoolArray,
+    avoidable_collisions,
     avoidably_below_s_min,
     below_s_min,
     episodes,
@@ -23,12 +25,16 @@ from iptm_studies.random_cars.bounds import (
 )
 from iptm_studies.run import Run
 from iptm_studies.run_inputs import RunInputs
+from iptm_studies.run_spec import PreviewSpec
 
 OVERHEATED_BY_K = 0.5
 OVERHEATED_FOR_S = 60.0
 COLD_COMPRESSOR_KJ = 1.0
 COLD_TRACTION_PERCENT = 3.0
 SMALL_TRIP_J = 1e5
+UNFORESEEN_M = 0.1
+SLACK_M = 0.01
+RECOVERY_TICKS = 5
 
 Fallback = tuple[Rung, SolveStatus]
 
@@ -51,10 +57,20 @@ class Verdict:
 
 
 VERDICTS: Mapping[str, Verdict] = {
-    "collision": Verdict("Collision", "rows with a gap of 0 or less", "rows"),
+    "collision": Verdict(
+        "Collision, avoidable",
+        "rows of episodes with a gap of 0 or less that full deceleration within the jerk limit would have "
+        "avoided: from a row at most a horizon back; where preview or measurements were not perfect, from "
+        "the row in which the leader was first seen to lose its speed, or to be another car",
+        "rows",
+    ),
+    "collision_leader": Verdict(
+        "Collision, not avoidable", "the other rows with a gap of 0 or less", "rows", np.inf
+    ),
     "s_min": Verdict(
         "Gap below s_min, avoidable",
-        "rows of episodes below s_min (by over 1 cm) that braking alone would have avoided: from the state "
+        "perfect preview and measurements: rows of episodes below s_min (by over 1 cm) that braking alone "
+        "would have avoided: from the state "
         "in one of the rows before, at most a horizon back, full deceleration within the jerk limit, the "
         "leader as it drove",
         "rows",
@@ -81,7 +97,21 @@ VERDICTS: Mapping[str, Verdict] = {
         "%",
         COLD_TRACTION_PERCENT,
     ),
-    "fallback": Verdict("Fallback", "ticks whose command is not that of a fresh solution", "ticks"),
+    "unsaid": Verdict(
+        "Gap below s_min, unforeseen",
+        f"perfect preview and measurements: rows below s_min by over {UNFORESEEN_M:g} m, though the plan of "
+        "the tick before had no slack",
+        "rows",
+    ),
+    "fallback": Verdict(
+        "Fallback",
+        "ticks whose command is not that of a fresh solution, "
+        f"later than {RECOVERY_TICKS} ticks after each fault",
+        "ticks",
+    ),
+    "emergency": Verdict(
+        "Emergency braking", "ticks with full braking against a collision ahead", "ticks", np.inf
+    ),
     "too_hot": Verdict(
         "Cell too hot, avoidable",
         f"longest time in a row with a cell over {OVERHEATED_BY_K:g} K above T_b,max where the compressor at "
@@ -143,9 +173,17 @@ def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgemen
                 + _circumstances(run, rows)
             )
 
-    note_rows("collision", trip.gap_m <= 0.0)
-    horizon = Horizon.parse(inputs.spec.horizon)
-    avoidable = avoidably_below_s_min(trip, parameters, horizon.duration_s)
+    spec = inputs.spec
+    informed = not spec.faults and spec.preview == PreviewSpec()
+    horizon_s = Horizon.parse(spec.horizon).duration_s
+    touching: BoolArray = trip.gap_m <= 0.0
+    avoidable = avoidable_collisions(trip, parameters, horizon_s, informed=informed)
+    note_rows("collision", avoidable)
+    note_rows("collision_leader", touching & ~avoidable)
+    avoidable = np.zeros_like(touching)
+    if informed:
+        avoidable = avoidably_below_s_min(trip, parameters, horizon_s)
+        note_rows("unsaid", _unforeseen(run, margins_m))
     note_rows("s_min", avoidable)
     note_rows("s_min_leader", below_s_min(trip, parameters) & ~avoidable)
 
@@ -172,7 +210,9 @@ def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgemen
         amounts["cold_traction"] = 100.0 * (here_j - there_j) / max(abs(there_j), SMALL_TRIP_J)
         causes["cold_traction"] = f"{1e-3 * here_j:.0f} kJ instead of {1e-3 * there_j:.0f} kJ"
 
-    fallbacks = _fallbacks(run)
+    rungs = _rungs_after_faults(run, spec.faults)
+    amounts["emergency"] = float(rungs.pop(Rung.EMERGENCY_BRAKING, Counter()).total())
+    fallbacks: Counter[Fallback] = sum(rungs.values(), Counter())
     amounts["fallback"] = float(fallbacks.total())
     causes["fallback"] = ", ".join(
         f"{count} x {fallback_text(cause)}" for cause, count in fallbacks.most_common()
@@ -216,13 +256,35 @@ def _longest_s(run: Trajectory, flags: BoolArray) -> float:
     )
 
 
-def _fallbacks(run: Run) -> Counter[Fallback]:
+def _rungs_after_faults(run: Run, faults: Iterable[Fault]) -> dict[Rung, Counter[Fallback]]:
+    """Return the ticks that were not optimal by rung, without those that a fault explains.
+
+    Emergencies always count: a leader that brakes is none of the controller's faults.
+    """
+    found: dict[Rung, Counter[Fallback]] = {}
     if run.decisions is None:
-        return Counter()
-    pairs = zip(run.decisions.rung.tolist(), run.decisions.status.tolist(), strict=True)
-    return Counter(
-        (Rung(rung), SolveStatus(status)) for rung, status in pairs if rung != Rung.OPTIMAL
-    )
+        return found
+    decisions = run.decisions
+    explained = np.zeros(len(decisions), dtype=bool)
+    for fault in faults:
+        until_s = fault.end_s + RECOVERY_TICKS * float(run.trajectory.intervals_s[0])
+        explained |= (fault.start_s <= decisions.time_s) & (decisions.time_s <= until_s)
+    ticks = zip(decisions.rung.tolist(), decisions.status.tolist(), explained.tolist(), strict=True)
+    for number, status, is_explained in ticks:
+        rung = Rung(number)
+        if rung is not Rung.OPTIMAL and (rung is Rung.EMERGENCY_BRAKING or not is_explained):
+            found.setdefault(rung, Counter())[rung, SolveStatus(status)] += 1
+    return found
+
+
+def _unforeseen(run: Run, margins_m: FloatArray) -> BoolArray:
+    """Return the rows below s_min of which the plan of the tick before knew nothing."""
+    rows: BoolArray = np.zeros(margins_m.size, dtype=bool)
+    if run.decisions is not None:
+        optimal = run.decisions.rung == Rung.OPTIMAL
+        no_slack = optimal & (run.decisions.gap_slack_m < SLACK_M)
+        rows[1:] = no_slack & (margins_m[1:] < -UNFORESEEN_M)
+    return rows
 
 
 def _circumstances(run: Run, rows: BoolArray) -> str:
