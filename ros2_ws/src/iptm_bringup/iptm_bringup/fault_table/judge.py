@@ -111,6 +111,8 @@ def _judge(
     since_s, until_s = happened.start_s - 1e-9, times[last] + 1e-9
     around = [one for one in trip.statements if since_s <= one.time_s <= until_s]
     reasons = [f"{one.node}: {one.reason}" for one in around if one.level is not Level.OK]
+    if entry.ends and trip.ended:
+        reasons.append(trip.ended)
     while_it_lasts = levels[first : max(end, first + 1)]
     return Verdict(
         entry,
@@ -147,7 +149,7 @@ def _words(
 ) -> list[str]:
     """Return what is amiss with what was said."""
     asked = entry.asked(trip.plan.way)
-    if asked is Said.NOTHING:
+    if asked is Said.NOTHING or (entry.ends and trip.ended):
         return []
     silent = [row for row in range(first + GRACE_TICKS, end) if levels[row] is Level.OK]
     if asked is Said.ALWAYS and silent:
