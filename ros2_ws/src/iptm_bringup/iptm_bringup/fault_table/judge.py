@@ -169,7 +169,8 @@ def _braking_gap_m(trip: ObservedTrip, fault: Fault, first: int, last: int) -> f
     seen = first
     if fault.spec.place is FaultPlace.TRAFFIC:
         apart = np.flatnonzero(trip.leader_apart[first:])
-        seen += int(apart[0]) if apart.size else 0
+        # What cannot be seen before all is over (a cut-in farther away than the leader) is none.
+        seen += int(apart[0]) if apart.size and first + apart[0] <= last else 0
     return float(gaps_when_braking(trip.trajectory, trip.parameters, seen, last).min())
 
 
