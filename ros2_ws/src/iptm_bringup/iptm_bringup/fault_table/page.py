@@ -38,8 +38,8 @@ def faults_page(command: str, verdicts: Sequence[Verdict]) -> str:
             f"Made with `{command}` on {os.cpu_count()} cores at a load average of "
             f"{os.getloadavg()[1]:.0f}: {kinds} kinds of faults, {len(verdicts)} times on {cycles}; "
             f"{len(verdicts) - len(red)} times everything held, {len(red)} times not. What each kind does "
-            "and how it is stated in a scenario: [reference](reference/faults.md). Each verdict is that of the "
-            "last time it was tried, maybe in another sitting; the load is that at the writing of the page."
+            "and how it is stated in a scenario: [reference](reference/faults.md). Each verdict is that of "
+            "the last time it was tried, maybe in another sitting; the load is that at the writing of the page."
         ),
         _legend(),
         "## What happened",
