@@ -39,7 +39,7 @@ def faults_page(command: str, verdicts: Sequence[Verdict]) -> str:
             f"{os.getloadavg()[1]:.0f}: {kinds} kinds of faults, {len(verdicts)} times on {cycles}; "
             f"{len(verdicts) - len(red)} times everything held, {len(red)} times not. What each kind does "
             "and how it is stated in a scenario: [reference](reference/faults.md). Each verdict is that of "
-            "the last time it was tried, maybe in another sitting; the load is that at the writing of the page."
+            "its last trial, maybe in another sitting; the load is that at the writing of the page."
         ),
         _legend(),
         "## What happened",
