@@ -104,6 +104,17 @@ def test_silence_is_red(observe: Observe) -> None:
     assert verdict_on(observe(silent, said=Said.NOTHING), observe).problems == ()
 
 
+def test_where_a_run_may_end_its_last_word_is_one(observe: Observe) -> None:
+    silent = observe((0.0, Level.OK, "optimal plans"))
+    ((entry, fault),) = silent.plan.entries
+    plan = replace(silent.plan, entries=((replace(entry, ends=True), fault),))
+    assert verdict_on(replace(silent, plan=plan), observe).problems != ()
+    ended = replace(silent, plan=plan, ended="recorder ended with exit code 2")
+    verdict = verdict_on(ended, observe)
+    assert verdict.problems == ()
+    assert verdict.said == ("recorder ended with exit code 2",)
+
+
 def test_a_word_in_between_is_enough_only_where_one_is_asked_for(observe: Observe) -> None:
     words = (*WARNED, (13.0, Level.OK, "optimal plans"))
     assert verdict_on(observe(*words), observe).problems == ("7 of 10 ticks without a word",)

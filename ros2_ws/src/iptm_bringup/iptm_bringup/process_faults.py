@@ -119,7 +119,6 @@ class ProcessFaults:
             return lambda: self._kill(copy)
         if fault.kind is FaultKind.DISK_FULL:
             _fill_disk(supervisor.pid(name))
-            self._excused.add(name)
             return None
         self._kill(name)
         restarts = fault.kind is FaultKind.PROCESS_RESTARTED

@@ -127,7 +127,7 @@ class Fault(Settings):
     def describe(self) -> str:
         """Return one line for people."""
         parts = [str(self.kind)]
-        if self.spec.has_size:
+        if self.spec.has_size and self.magnitude:
             parts.append(f"{self.magnitude:g} {self.spec.unit}")
         if self.target:
             parts.append(self.target)

@@ -232,6 +232,7 @@ def _route(cycle: str, duration_s: float | None = None) -> Route:
 def _duration_s(entries: list[tuple[Entry, Fault]], way: Way, sound: Trajectory) -> float:
     entry, fault = entries[-1]
     whole_s = float(sound.time_s[-1])
-    if way is Way.LOCK_STEP and fault.spec.place is FaultPlace.PROCESS:
+    of_process = fault.spec.place is FaultPlace.PROCESS
+    if way is Way.LOCK_STEP and of_process and not entry.ends:
         return whole_s
     return min(whole_s, float(np.ceil(_over_s(entry, fault) + CALM_S)))

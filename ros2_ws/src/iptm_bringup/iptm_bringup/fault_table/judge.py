@@ -111,6 +111,8 @@ def _judge(
     since_s, until_s = happened.start_s - 1e-9, times[last] + 1e-9
     around = [one for one in trip.statements if since_s <= one.time_s <= until_s]
     reasons = [f"{one.node}: {one.reason}" for one in around if one.level is not Level.OK]
+    if entry.ends and trip.ended:
+        reasons.append(trip.ended)
     while_it_lasts = levels[first : max(end, first + 1)]
     return Verdict(
         entry,
@@ -147,7 +149,7 @@ def _words(
 ) -> list[str]:
     """Return what is amiss with what was said."""
     asked = entry.asked(trip.plan.way)
-    if asked is Said.NOTHING:
+    if asked is Said.NOTHING or (entry.ends and trip.ended):
         return []
     silent = [row for row in range(first + GRACE_TICKS, end) if levels[row] is Level.OK]
     if asked is Said.ALWAYS and silent:
@@ -167,7 +169,8 @@ def _braking_gap_m(trip: ObservedTrip, fault: Fault, first: int, last: int) -> f
     seen = first
     if fault.spec.place is FaultPlace.TRAFFIC:
         apart = np.flatnonzero(trip.leader_apart[first:])
-        seen += int(apart[0]) if apart.size else 0
+        # What cannot be seen before all is over (a cut-in farther away than the leader) is none.
+        seen += int(apart[0]) if apart.size and first + apart[0] <= last else 0
     return float(gaps_when_braking(trip.trajectory, trip.parameters, seen, last).min())
 
 

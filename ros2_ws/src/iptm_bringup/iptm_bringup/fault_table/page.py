@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
@@ -34,9 +35,11 @@ def faults_page(command: str, verdicts: Sequence[Verdict]) -> str:
         "# Faults",
         NOTICE,
         (
-            f"Made with `{command}`: {kinds} kinds of faults, {len(verdicts)} times on {cycles}; "
+            f"Made with `{command}` on {os.cpu_count()} cores at a load average of "
+            f"{os.getloadavg()[1]:.0f}: {kinds} kinds of faults, {len(verdicts)} times on {cycles}; "
             f"{len(verdicts) - len(red)} times everything held, {len(red)} times not. What each kind does "
-            "and how it is stated in a scenario: [reference](reference/faults.md)."
+            "and how it is stated in a scenario: [reference](reference/faults.md). Each verdict is that of "
+            "its last trial, maybe in another sitting; the load is that at the writing of the page."
         ),
         _legend(),
         "## What happened",
@@ -87,7 +90,8 @@ def _legend() -> str:
         f"- Faults begin where the sound trip has its smallest time headway, at {FIRST_S:g} s at the "
         "earliest. Over ROS 2 they follow one another in few trips. Real time runs "
         f"{REAL_TIME_RATE:g} times as fast as the wall clock; `input_timeout_s` is {lock_s:g} s in lock-step "
-        f"and {real_s:g} s in real time."
+        f"and {real_s:g} s in real time. A machine too busy for that pace loses commands in real time, with "
+        "or without faults."
     )
 
 
