@@ -73,7 +73,7 @@ def test_strangers_and_a_restart_are_told_and_survived(
         Fault(FaultKind.FOREIGN_CLOCK, 20.0, 3.0),
         Fault(FaultKind.FOREIGN_LEADER, 30.0, 3.0, size=-1e6),
         Fault(FaultKind.PROCESS_RESTARTED, 50.0, target="v2x_bridge"),
-        said=Said.ONCE,
+        said=Said.NOTHING,
     )
     verdicts = judge_trip(over_ros(plan), headless.drive(plan, ()))
     assert [verdict.problems for verdict in verdicts] == [(), (), ()]

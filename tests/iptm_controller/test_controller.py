@@ -132,6 +132,18 @@ def test_failed_solves_walk_down_the_ladder_and_back(
     assert recovered.reason == ""
 
 
+def test_a_back_end_that_raises_has_broken_off(backend: FailingBackend) -> None:
+    class Raising(FailingBackend):
+        def solve(self, *_: object, **__: object) -> SolveResult:
+            raise RuntimeError("out of nowhere")
+
+    controller = Controller(PARAMETERS, ControllerOptions(), Raising(backend))
+    decision = controller.decide(at(100.0))
+    assert decision.rung is Rung.SAFE_LAW
+    assert decision.record.status is SolveStatus.NUMERICAL_ERROR
+    assert decision.reason.endswith("RuntimeError: out of nowhere")
+
+
 def test_no_leader_is_a_fallback_with_the_reason_given(controller: Controller) -> None:
     controller.decide(at(100.0))
     blind = replace(at(101.0), leader=None, fault="radar covered by snow")

@@ -95,6 +95,13 @@ def test_plans_that_never_get_back_within_limits_are_a_warning(
     assert said[8] == (Level.WARN, "plans never get back within limits")
 
 
+def test_a_leader_without_distance_is_an_error_at_once(good: Decision) -> None:
+    assert list(told(good, 1, gap_m=-3.0)) == [
+        (Level.ERROR, "the leader is measured at no distance")
+    ]
+    assert next(told(good, 1, gap_m=0.1))[0] is Level.OK
+
+
 def test_a_cold_pack_is_worth_a_word_and_no_warning(good: Decision) -> None:
     said = set(told(good, 100, cell_1_temperature_k=280.0, cell_n_temperature_k=280.0))
     assert said == {(Level.OK, f"optimal plans, {COLD}")}

@@ -161,8 +161,6 @@ def test_without_faults_the_loop_is_the_same(
 def test_every_kind_runs_without_ros_twice_alike(
     drive: Callable[..., ClosedLoopRun], kind: FaultKind
 ) -> None:
-    if kind is FaultKind.SOLVER_EXCEPTION:
-        pytest.skip("a back end that raises breaks the contract with the controller")
     fault = Fault(kind, START, END - START, probability=1.0, seed=3)
     first, second = drive(fault), drive(fault)
     assert np.array_equal(first.trajectory.position_m, second.trajectory.position_m)

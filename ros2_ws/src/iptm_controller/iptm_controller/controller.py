@@ -7,6 +7,7 @@ raises for bad measurements or failed solves: both are outcomes, reported in the
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import asdict, dataclass, field, replace
 
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
@@ -15,7 +16,7 @@ from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import FallbackLadder, LadderOptions
 from iptm_controller.limiter import CommandLimiter, LimitedCommand
 from iptm_controller.measurements import Measurements, trusted_measurements
-from iptm_controller.ocp.data import ProblemDataBuilder
+from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.plan import (
     Plan,
@@ -25,13 +26,13 @@ from iptm_controller.plan import (
     variables_from_plan,
 )
 from iptm_controller.solvers.factory import build_solver
-from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
+from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions, broken
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation, TemperatureValue
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import Command, LeaderState, VehicleState
+from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
 
 __all__ = ["Controller", "ControllerOptions", "Decision", "Measurements", "PlanningResult"]
 
@@ -230,11 +231,19 @@ class Controller:
             value,
             thermal,
         )
-        result = self.backend.solve(data, variables_from_plan(guess, self._grid, state))
+        result = self._solve(data, variables_from_plan(guess, self._grid, state))
         if not result.status.usable:
             return PlanningResult(None, result.reason, result, forecast, value)
         plan = plan_from_variables(result.variables, self._grid, state)
         return PlanningResult(plan, forecast.reason, result, forecast, value)
+
+    def _solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
+        """Solve a problem; a back end that raises, against its promise, has broken off."""
+        started = time.perf_counter()
+        try:
+            return self.backend.solve(data, guess)
+        except Exception as error:  # noqa: BLE001  whatever it is, the car must be driven on
+            return broken(guess, time.perf_counter() - started, f"{type(error).__name__}: {error}")
 
     def _limit(self, command: Command, state: VehicleState | None) -> LimitedCommand:
         """Limit a command relative to the state, or to the last one that could be trusted."""

@@ -27,6 +27,7 @@ _RUNG_SITUATION = {
     Rung.STOP: (Level.ERROR, "controlled stop"),
     Rung.EMERGENCY_BRAKING: (Level.ERROR, EMERGENCY),
 }
+TOUCHING = "the leader is measured at no distance"
 _PREVIEW_SITUATION = {
     PreviewQuality.SHORT: (Level.OK, "preview ends inside the horizon"),
     PreviewQuality.STALE: (Level.WARN, "preview too old, leader taken at constant speed"),
@@ -100,6 +101,8 @@ def situation(
     level, reason = _of_decision(decision, road)
     if watch is None or decision is None:
         return level, reason
+    if watch.touching:
+        return Level.ERROR, ", ".join((TOUCHING, *watch.warnings))
     if not watch.warnings:
         return level, f"{reason}, {watch.note}" if level is Level.OK and watch.note else reason
     if level is Level.OK:

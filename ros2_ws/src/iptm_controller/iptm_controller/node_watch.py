@@ -73,6 +73,7 @@ class OperatorWatch:
 
     Attributes:
         lasted_s: for how long each concern has lasted now, in s.
+        touching: the leader is measured at no distance, or overlapping.
         note: what is worth a word though it is no fault, empty for nothing.
     """
 
@@ -82,6 +83,7 @@ class OperatorWatch:
         self._streaks = {concern: Streak() for concern in Concern}
         self._cooling = FutileCooling()
         self.lasted_s: dict[Concern, float] = dict.fromkeys(Concern, 0.0)
+        self.touching = False
         self.note = ""
 
     def update(self, measured: Measurements, decision: Decision) -> None:
@@ -109,6 +111,7 @@ class OperatorWatch:
 
     def _watch_trip(self, state: VehicleState, leader: LeaderState) -> None:
         at = Situation.at(state, leader)
+        self.touching = bool(at.gap_m <= 0.0)
         for concern, broken in broken_limits(at, self._parameters).items():
             self._count(concern, state.time_s, holds=bool(broken))
         at_limit = bool(cooling_at_limit(at, self._parameters))
