@@ -14,6 +14,7 @@ from sensor_msgs.msg import JointState
 from tests.integration.node_bench import NodeBench, S, node_bench
 from tests.integration.test_controller_node import LINK, ROAD, SMALL, tick_messages
 
+from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_controller.node import ControllerNode
 from iptm_core.state import Command
 from iptm_interfaces.codecs import (
@@ -161,6 +162,29 @@ def test_inputs_are_waited_for_in_trip_time_too() -> None:
             bench.spin_until(lambda pause_s=pause_s: time.monotonic() > pause_s)
         assert time.monotonic() - begin_s < 2.0, "too slow a machine to tell"
         assert bench.stamps(Topic.COMMAND) == [0, 3, 6, 9]
+
+
+def test_a_controller_that_is_too_slow_answers_the_newest_tick(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    decide = Controller.decide
+
+    def slow(controller: Controller, measured: Measurements) -> Decision:
+        time.sleep(0.3)
+        return decide(controller, measured)
+
+    with node_bench(ControllerNode, horizon=SMALL["horizon"]) as bench:
+        bench.hear({Topic.SLOPE: encode_slope(ROAD)})
+        monkeypatch.setattr(Controller, "decide", slow)
+        for tick in range(6):
+            bench.hear(tick_messages(float(tick)))
+        bench.spin_until(lambda: bench.stamps(Topic.COMMAND)[-1] == 5)
+        assert bench.stamps(Topic.COMMAND) == [0, 5]
+        bench.spin_until(lambda: bench.values["skipped_ticks"] == "4")
+        assert bench.situation[0] is Level.WARN
+        monkeypatch.undo()
+        bench.hear(tick_messages(6.0))
+        bench.spin_until(lambda: bench.stamps(Topic.COMMAND)[-1] == 6)
 
 
 def clock(time_ns: int) -> dict[Topic, Any]:

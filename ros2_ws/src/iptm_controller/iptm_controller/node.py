@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
+import time
 from collections import Counter
 from collections.abc import Mapping
 from functools import partial
@@ -47,6 +49,12 @@ DEAF_AFTER_TIMEOUTS = 2.0
 """Times `input_timeout_s` for which states may arrive without one that can be answered."""
 LEAST_WAIT_S = 0.02
 """Wall time for which inputs are waited for however fast trip time runs."""
+SLOW_DECISION_S = 0.05
+WAITED_SHARE = 0.5
+"""A tick that is complete within this share of the time of a slow decision after it has waited for it."""
+CATCH_UP_S = 0.002
+SKIPPED_FOR_S = 3.0
+"""Wall time for which skipped ticks are told."""
 FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
 
 
@@ -72,6 +80,11 @@ class ControllerNode(SuiteNode):
         self._solves: Counter[SolveStatus] = Counter()
         self._rungs: Counter[Rung] = Counter()
         self._limited_ticks = 0
+        self._newest: MatchedSet[Topic] | None = None
+        self._seen_last: MatchedSet[Topic] | None = None
+        self._answered_s = self._skipped_s = -math.inf
+        self._took_s = 0.0
+        self._skipped_ticks = 0
         self._last: Decision | None = None
         self._last_ns = 0
         self._command_publisher = self.advertise(Topic.COMMAND)
@@ -88,6 +101,8 @@ class ControllerNode(SuiteNode):
         self._watchdog = Watchdog(PLANT_TIMEOUT_S, lambda _: self._report()).attach(self)
         self.every(self._options.input_timeout_s / CHECKS_PER_TIMEOUT, self._check_inputs)
         self.every(REPORT_PERIOD_S, self._report)
+        self._catch_up_timer = self.every(CATCH_UP_S, self._catch_up)
+        self._catch_up_timer.cancel()
         self._report()
 
     # --- inputs
@@ -153,8 +168,39 @@ class ControllerNode(SuiteNode):
             self._held = matched  # the road comes once, but maybe after the first state
             if self._waiting_since_s is None:
                 self._waiting_since_s = self.awake.now_s()
+        elif self._newest is not None or self._is_behind():
+            self._answer_the_newest_of(matched)
         else:
             self._answer(matched)
+
+    def _is_behind(self) -> bool:
+        """Return whether a tick has waited for the decision on the one before."""
+        waited = time.monotonic() - self._answered_s < WAITED_SHARE * self._took_s
+        return waited and self._took_s > SLOW_DECISION_S
+
+    def _answer_the_newest_of(self, matched: MatchedSet[Topic]) -> None:
+        """Take in what else has waited, then answer the newest tick only.
+
+        In real time a controller that decides more slowly than ticks come would otherwise fall behind further
+        and further. In lock-step the plant waits, so nothing is skipped.
+        """
+        if self._newest is not None:
+            self._skipped_ticks += 1
+            self._skipped_s = time.monotonic()
+        self._newest = matched
+        if self._catch_up_timer.is_canceled():
+            self._seen_last = None
+            self._catch_up_timer.reset()
+
+    def _catch_up(self) -> None:
+        """Answer as soon as no further tick has been completed for a moment."""
+        if self._newest is not self._seen_last:
+            self._seen_last = self._newest
+            return
+        self._catch_up_timer.cancel()
+        newest, self._newest = self._newest, None
+        if newest is not None:
+            self._answer(newest)
 
     def _check_inputs(self) -> None:
         """Answer a tick whose inputs do not arrive with what there is."""
@@ -176,6 +222,7 @@ class ControllerNode(SuiteNode):
         self._waiting_since_s = None
         self._unanswered_since_s = None
         self._held = None
+        started_s = time.monotonic()
         measured = self._measurements(matched.values)
         decision = self._controller.decide(measured)
         self._last, self._last_ns = decision, matched.stamp_ns
@@ -183,6 +230,8 @@ class ControllerNode(SuiteNode):
         self._watch.update(measured, decision)
         self._count(decision)
         self._report()
+        self._answered_s = time.monotonic()
+        self._took_s = self._answered_s - started_s
 
     def _measurements(self, values: Mapping[Topic, Any]) -> Measurements:
         """Decode what arrived; what is missing or malformed is left out, with the reason."""
@@ -233,6 +282,7 @@ class ControllerNode(SuiteNode):
             "solver": self._options.solver,
             "machine_code": self._controller.backend.compiled,
             "limited_ticks": self._limited_ticks,
+            "skipped_ticks": self._skipped_ticks,
             "late_messages": counts.late,
             "stray_stamps": counts.stray,
         }
@@ -255,6 +305,8 @@ class ControllerNode(SuiteNode):
             return Level.ERROR, "states arrive, but none that can be answered"
         if self._last is None and self._matcher.missing() is not None:
             return Level.WARN, "inputs of a tick are incomplete"
+        if time.monotonic() - self._skipped_s < SKIPPED_FOR_S:
+            return Level.WARN, "decisions take longer than ticks, some of which are skipped"
         road = Road(known=self._slope is not None, fault=self._slope_fault)
         return situation(self._last, road, self._watch)
 
