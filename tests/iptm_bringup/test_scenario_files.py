@@ -210,7 +210,8 @@ def test_every_field_can_be_set() -> None:
         "name",
         "description",
         "node_parameters",
+        "faults",
     }
     assert known == {entry.name for entry in fields(Scenario)}
     content = yaml.safe_load(scenario_text(Scenario()))
-    assert content.keys() == known - {"name", "node_parameters"}
+    assert content.keys() == known - {"name", "node_parameters", "faults"}
