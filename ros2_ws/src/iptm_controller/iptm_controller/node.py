@@ -53,8 +53,6 @@ SLOW_DECISION_S = 0.05
 WAITED_SHARE = 0.5
 """A tick that is complete within this share of the time of a slow decision after it has waited for it."""
 CATCH_UP_S = 0.002
-SKIPPED_FOR_S = 3.0
-"""Wall time for which skipped ticks are told."""
 FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
 
 
@@ -82,7 +80,8 @@ class ControllerNode(SuiteNode):
         self._limited_ticks = 0
         self._newest: MatchedSet[Topic] | None = None
         self._seen_last: MatchedSet[Topic] | None = None
-        self._answered_s = self._skipped_s = -math.inf
+        self._answered_s = -math.inf
+        self._is_skipping = False
         self._took_s = 0.0
         self._skipped_ticks = 0
         self._last: Decision | None = None
@@ -171,6 +170,7 @@ class ControllerNode(SuiteNode):
         elif self._newest is not None or self._is_behind():
             self._answer_the_newest_of(matched)
         else:
+            self._is_skipping = False
             self._answer(matched)
 
     def _is_behind(self) -> bool:
@@ -186,7 +186,7 @@ class ControllerNode(SuiteNode):
         """
         if self._newest is not None:
             self._skipped_ticks += 1
-            self._skipped_s = time.monotonic()
+            self._is_skipping = True
         self._newest = matched
         if self._catch_up_timer.is_canceled():
             self._seen_last = None
@@ -305,7 +305,7 @@ class ControllerNode(SuiteNode):
             return Level.ERROR, "states arrive, but none that can be answered"
         if self._last is None and self._matcher.missing() is not None:
             return Level.WARN, "inputs of a tick are incomplete"
-        if time.monotonic() - self._skipped_s < SKIPPED_FOR_S:
+        if self._is_skipping:
             return Level.WARN, "decisions take longer than ticks, some of which are skipped"
         road = Road(known=self._slope is not None, fault=self._slope_fault)
         return situation(self._last, road, self._watch)
