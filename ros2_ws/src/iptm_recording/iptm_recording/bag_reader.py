@@ -6,9 +6,10 @@ or by `ros2 bag record`. What is wrong with a bag is said in one sentence, with 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from heapq import merge
 from pathlib import Path
 from typing import Any, final
 
@@ -104,11 +105,10 @@ class BagReader(AbstractContextManager["BagReader"]):
 
     @property
     def custom_data(self) -> dict[str, str]:
-        """Texts about the run, from the file itself or else from `metadata.yaml`."""
-        for file in self._files:
-            texts = file.metadata_record(RECORD_NAME)
-            if texts is not None:
-                return texts
+        """Texts about the run, from the files themselves (later ones count) or else from `metadata.yaml`."""
+        found = [file.metadata_record(RECORD_NAME) for file in self._files]
+        if any(texts is not None for texts in found):
+            return {key: value for texts in found for key, value in (texts or {}).items()}
         custom = self._metadata.get("custom_data") or {}
         return {str(key): str(value) for key, value in custom.items()}
 
@@ -172,8 +172,11 @@ class BagReader(AbstractContextManager["BagReader"]):
             if name not in self.topics:
                 self.resolve(name)
                 raise BagError(f"topic is {name!r}; allowed: a full name, with '/' in front")
-        for file in self._files:
-            for channel, message in file.messages(topics, start_ns, end_ns):
+        for together in _overlapping(self._files):
+            for channel, message in merge(
+                *(file.messages(topics, start_ns, end_ns) for file in together),
+                key=lambda found: found[1].log_time,
+            ):
                 yield RawMessage(
                     topic=channel.topic,
                     type_name=self.topics[channel.topic].type_name,
@@ -253,6 +256,20 @@ def read_model_parameters(path: Path) -> tuple[ModelParameters, bool]:
     with BagReader(path) as reader:
         stored = stored_model_parameters(reader.run_information())
     return (load_parameters().values, False) if stored is None else (stored, True)
+
+
+def _overlapping(files: Sequence[BagFile]) -> Iterator[list[BagFile]]:
+    """Yield the files in recording order, those together whose log times overlap (a clock went back)."""
+    together: list[BagFile] = []
+    latest_ns = 0
+    for position, file in enumerate(files):
+        later = (other.statistics for other in files[position:] if other.statistics.message_count)
+        if together and min((s.message_start_time for s in later), default=latest_ns) >= latest_ns:
+            yield together
+            together = []
+        together.append(file)
+        latest_ns = max(latest_ns, file.statistics.message_end_time)
+    yield together
 
 
 def _merge_topics(path: Path, files: Collection[BagFile]) -> dict[str, TopicRecord]:

@@ -1,5 +1,6 @@
-"""Writes a rosbag2 bag folder: `<name>/metadata.yaml` and `<name>/<name>_0.mcap`.
+"""Writes a rosbag2 bag folder: `<name>/metadata.yaml`, `<name>/<name>_0.mcap`, `<name>/<name>_1.mcap`, ...
 
+A file is completed and the next one begun when it has reached a limit; readers take all as one bag.
 `flush` puts every message so far into the file, where a kill of the process does not reach it;
 `metadata.yaml` appears when the bag is closed. A bag that was never closed is completed by `recover`.
 """
@@ -11,28 +12,21 @@ from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, final
+from typing import Any, final
 
-from mcap.well_known import MessageEncoding, Profile
-from mcap.writer import CompressionType, Writer
 from rosbags.interfaces import Qos
 
 from iptm_core.errors import BagError
 from iptm_core.strict_mapping import shown
-from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition, message_definition
-from iptm_recording.metadata import NO_START_NS, describe_bag, metadata_text, write_metadata
-from iptm_recording.recorded_topics import TopicRecord, dump_profiles
+from iptm_recording.mcap_file import COMPRESSIONS, FileLimits, McapFile
+from iptm_recording.message_types import MessageDefinition, message_definition
+from iptm_recording.metadata import FileRecord, describe_bag, metadata_text, write_metadata
+from iptm_recording.recorded_topics import TopicRecord
 from iptm_recording.run_information import RECORD_NAME
 
 ROSBAG2_RECORD_NAME = "rosbag2"
 DEFAULT_DISTRO = "jazzy"
 DEFAULT_CHUNK_BYTES = 64 * 1024
-COMPRESSIONS: Final = {
-    "none": CompressionType.NONE,
-    "lz4": CompressionType.LZ4,
-    "zstd": CompressionType.ZSTD,
-}
-_SEQUENCE_MASK = 0xFFFFFFFF
 
 
 @final
@@ -44,6 +38,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         custom_data: texts about the run, by name.
         compression: key of `COMPRESSIONS`; with compression a kill loses a whole chunk.
         chunk_bytes: content after which a chunk of the file is written.
+        limits: of one file of the bag.
 
     Raises:
         BagError: the folder exists or cannot be created.
@@ -56,42 +51,30 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         custom_data: Mapping[str, str] | None = None,
         compression: str = "none",
         chunk_bytes: int = DEFAULT_CHUNK_BYTES,
+        limits: FileLimits | None = None,
     ) -> None:
         self.folder = folder.absolute()
         self._custom_data = dict(custom_data or {})
-        self._is_compressed = compression != "none"
-        self._schema_ids: dict[str, int] = {}
+        self._compression = compression
+        self._chunk_bytes = chunk_bytes
+        self._limits = limits or FileLimits()
         self._topics: dict[int, TopicRecord] = {}
+        self._definitions: dict[int, MessageDefinition] = {}
         self._counts: dict[int, int] = {}
-        self._start_ns = NO_START_NS
-        self._end_ns = 0
+        self._complete: list[FileRecord] = []
         self._is_closed = False
         if compression not in COMPRESSIONS:
             allowed = ", ".join(COMPRESSIONS)
             raise BagError(f"compression is {compression!r}; allowed: {allowed}")
-        self._path = self.folder / f"{self.folder.name}_0.mcap"
         try:
             self.folder.mkdir(parents=True)
-            self._file = self._path.open("xb")
+            self._file = self._next_file()
         except FileExistsError:
             raise BagError(f"{folder} exists already; a bag is never overwritten") from None
         except OSError as error:
             raise BagError(
                 f"cannot create the bag {shown(str(folder))}: {error.strerror}"
             ) from None
-        self._writer = Writer(
-            self._file,
-            chunk_size=chunk_bytes,
-            compression=COMPRESSIONS[compression],
-            enable_data_crcs=True,  # texts about the run have no other checksum
-        )
-        try:
-            self._writer.start(Profile.ROS2, library="iptm_recording")
-            if self._custom_data:
-                self._writer.add_metadata(RECORD_NAME, self._custom_data)
-            self._file.flush()
-        except OSError as error:
-            raise self._failed(error) from None
 
     @property
     def message_counts(self) -> dict[str, int]:
@@ -125,23 +108,12 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         if any(topic.name == name for topic in self._topics.values()):
             raise BagError(f"topic {name!r} has been added already")
         definition = definition or message_definition(type_name)
-        schema_id = self._schema_ids.get(definition.type_name)
-        if schema_id is None:
-            text = definition.text.encode()
-            schema_id = self._writer.register_schema(definition.type_name, SCHEMA_ENCODING, text)
-            self._schema_ids[definition.type_name] = schema_id
-        topic_id = self._writer.register_channel(
-            name,
-            MessageEncoding.CDR,
-            schema_id,
-            {
-                "offered_qos_profiles": dump_profiles(offered_qos),
-                "topic_type_hash": definition.type_hash,
-            },
-        )
-        self._topics[topic_id] = TopicRecord(
+        topic = TopicRecord(
             name, definition.type_name, definition.type_hash, tuple(offered_qos), message_count=0
         )
+        topic_id = self._file.add_topic(topic, definition)
+        self._topics[topic_id] = topic
+        self._definitions[topic_id] = definition
         self._counts[topic_id] = 0
         return topic_id
 
@@ -159,17 +131,14 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         Raises:
             BagError: the file cannot be written (disk full).
         """
+        if publish_time_ns is None:
+            publish_time_ns = log_time_ns
         self._counts[topic_id] += 1
-        self._start_ns = min(self._start_ns, log_time_ns)
-        self._end_ns = max(self._end_ns, log_time_ns)
         try:
-            self._writer.add_message(
-                topic_id,
-                log_time_ns,
-                data,
-                log_time_ns if publish_time_ns is None else publish_time_ns,
-                self._counts[topic_id] & _SEQUENCE_MASK,
-            )
+            if self._file.is_full(log_time_ns):
+                self._complete_file()
+                self._file = self._next_file()
+            self._file.write(topic_id, data, log_time_ns, publish_time_ns, self._counts[topic_id])
         except (OSError, ValueError) as error:
             raise self._failed(error) from None
 
@@ -184,8 +153,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         """
         self._custom_data.update(texts)
         try:
-            self._writer.add_metadata(RECORD_NAME, dict(texts))
-            self._file.flush()
+            self._file.add_texts(RECORD_NAME, texts)
         except (OSError, ValueError) as error:
             raise self._failed(error) from None
 
@@ -197,10 +165,10 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         Raises:
             BagError: the file cannot be written (disk full).
         """
-        if self._is_compressed:
+        if self._compression != "none":
             return
         try:
-            self._writer.flush()
+            self._file.flush()
         except (OSError, ValueError) as error:
             raise self._failed(error) from None
 
@@ -212,32 +180,51 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         """
         if self._is_closed:
             return
-        information = describe_bag(
-            self._path.name,
-            self._start_ns,
-            self._end_ns - self._start_ns if self._start_ns != NO_START_NS else 0,
+        try:
+            self._complete_file()
+            write_metadata(self.folder, self._description(self._complete, self._counts))
+        except (OSError, ValueError) as error:
+            raise self._failed(error) from None
+        self._is_closed = True
+
+    def _next_file(self) -> McapFile:
+        """Begin the next file, which stands on its own: it knows every topic and the texts about the run."""
+        path = self.folder / f"{self.folder.name}_{len(self._complete)}.mcap"
+        file = McapFile(path, self._compression, self._chunk_bytes, self._limits)
+        if self._custom_data:
+            file.add_texts(RECORD_NAME, self._custom_data)
+        for topic_id, topic in self._topics.items():
+            file.add_topic(topic, self._definitions[topic_id])
+        return file
+
+    def _complete_file(self) -> None:
+        """Complete the file in progress."""
+        record = self._file.record()
+        self._file.flush()
+        description = self._description([record], self._file.counts)
+        texts = {"serialized_metadata": metadata_text(description)}
+        self._file.add_texts(ROSBAG2_RECORD_NAME, texts)
+        self._file.finish()
+        self._complete.append(record)
+
+    def _description(
+        self, files: Sequence[FileRecord], counts: Mapping[int, int]
+    ) -> dict[str, Any]:
+        """Return the metadata of files of the bag with so many messages by topic number."""
+        return describe_bag(
+            files,
             [
-                replace(topic, message_count=self._counts[key])
+                replace(topic, message_count=counts.get(key, 0))
                 for key, topic in self._topics.items()
             ],
             self._custom_data,
             os.environ.get("ROS_DISTRO", "") or DEFAULT_DISTRO,
         )
-        try:
-            self._writer.flush()
-            texts = {"serialized_metadata": metadata_text(information)}
-            self._writer.add_metadata(ROSBAG2_RECORD_NAME, texts)
-            self._writer.finish()
-            self._file.close()
-            write_metadata(self.folder, information)
-        except (OSError, ValueError) as error:
-            raise self._failed(error) from None
-        self._is_closed = True
 
     def _failed(self, error: Exception) -> BagError:
         """Return the error to raise; nothing more can be written, not even what is buffered."""
-        self._file.raw.close()
-        return BagError(f"cannot write to {self._path}: {error}")
+        self._file.abandon()
+        return BagError(f"cannot write to {self._file.path}: {error}")
 
     def __exit__(self, *error: object) -> None:
         """Close the bag, after an error as well: what was written is sound."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,31 +21,50 @@ NO_START_NS = 2**63 - 1
 _ROOT_KEY = "rosbag2_bagfile_information"
 
 
+@dataclass(frozen=True)
+class FileRecord:
+    """What `metadata.yaml` says of one MCAP file of a bag.
+
+    Attributes:
+        name: name inside the folder.
+        start_ns: earliest log time; `NO_START_NS` without messages.
+        duration_ns: latest minus earliest log time.
+        message_count: messages of all topics together.
+    """
+
+    name: str
+    start_ns: int
+    duration_ns: int
+    message_count: int
+
+    @property
+    def end_ns(self) -> int:
+        """Latest log time."""
+        return self.start_ns + self.duration_ns
+
+
 def describe_bag(
-    file_name: str,
-    start_ns: int,
-    duration_ns: int,
+    files: Sequence[FileRecord],
     topics: Sequence[TopicRecord],
     custom_data: Mapping[str, str],
     ros_distro: str,
 ) -> dict[str, Any]:
-    """Return the metadata of a bag with a single MCAP file.
+    """Return the metadata of a bag.
 
     Args:
-        file_name: name of the MCAP file inside the folder.
-        start_ns: earliest log time; `NO_START_NS` without messages.
-        duration_ns: latest minus earliest log time.
-        topics: recorded topics.
+        files: its MCAP files in recording order, one at least.
+        topics: recorded topics, with their messages in these files.
         custom_data: free texts by name (what the run depended on).
         ros_distro: ROS distribution that recorded.
     """
-    message_count = sum(topic.message_count for topic in topics)
+    start_ns = min(file.start_ns for file in files)
+    end_ns = max((file.end_ns for file in files if file.message_count), default=start_ns)
     return {
         "version": METADATA_VERSION,
         "storage_identifier": "mcap",
-        "duration": {"nanoseconds": duration_ns},
+        "duration": {"nanoseconds": end_ns - start_ns},
         "starting_time": {"nanoseconds_since_epoch": start_ns},
-        "message_count": message_count,
+        "message_count": sum(file.message_count for file in files),
         "topics_with_message_count": [
             {
                 "topic_metadata": {
@@ -60,14 +80,15 @@ def describe_bag(
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file_name],
+        "relative_file_paths": [file.name for file in files],
         "files": [
             {
-                "path": file_name,
-                "starting_time": {"nanoseconds_since_epoch": start_ns},
-                "duration": {"nanoseconds": duration_ns},
-                "message_count": message_count,
+                "path": file.name,
+                "starting_time": {"nanoseconds_since_epoch": file.start_ns},
+                "duration": {"nanoseconds": file.duration_ns},
+                "message_count": file.message_count,
             }
+            for file in files
         ],
         "custom_data": dict(custom_data),
         "ros_distro": ros_distro,

@@ -13,7 +13,7 @@ from iptm_core.errors import ParameterError
 from iptm_core.user_input import whole_number
 from iptm_interfaces.command_line import own_arguments
 from iptm_interfaces.process import EXIT_USER_ERROR, run_node
-from iptm_recording.bag_writer import COMPRESSIONS
+from iptm_recording.mcap_file import COMPRESSIONS, MOST_INDEX_BYTES, FileLimits
 from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.recorder_node import DEFAULT_DEPTH, RecorderNode, RecorderOptions
 from iptm_recording.run_information import collect_run_information, load_run_information
@@ -67,6 +67,23 @@ def build_parser() -> argparse.ArgumentParser:
         help="of the file (default: none; with compression a kill loses up to 64 KiB of messages)",
     )
     parser.add_argument(
+        "-b",
+        "--max-bag-size",
+        type=whole_number,
+        default=0,
+        metavar="BYTES",
+        help="size at which a file of the bag is completed and the next one begun (default: 0, none;"
+        f" a file whose index has grown to {MOST_INDEX_BYTES / 1e6:g} MB of memory always is)",
+    )
+    parser.add_argument(
+        "-d",
+        "--max-bag-duration",
+        type=whole_number,
+        default=0,
+        metavar="SECONDS",
+        help="time in the bag after which a file is completed and the next one begun (default: 0, none)",
+    )
+    parser.add_argument(
         "--depth",
         type=whole_number,
         default=DEFAULT_DEPTH,
@@ -79,7 +96,7 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
     """Turn parsed arguments into options.
 
     Raises:
-        BagError: the file with the run information is missing or malformed.
+        BagError: the file with the run information is missing or malformed, or a limit is out of range.
     """
     now = datetime.now().astimezone()
     root = Path(os.environ.get("IPTM_ROOT", "."))
@@ -95,6 +112,7 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
         time_source=TimeSource(arguments.time),
         run_information=information,
         compression=arguments.compression,
+        limits=FileLimits(arguments.max_bag_size, arguments.max_bag_duration),
         depth=max(1, arguments.depth),
     )
 

@@ -20,6 +20,7 @@ from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.process import EXIT_USER_ERROR
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_writer import BagWriter
+from iptm_recording.mcap_file import FileLimits
 from iptm_recording.node_parameters import ParameterCollector, with_model
 from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.run_information import RunInformation
@@ -49,6 +50,7 @@ class RecorderOptions:
         time_source: simulated time from `/clock`, or wall time.
         run_information: what the run depends on.
         compression: "none", "lz4" or "zstd".
+        limits: of one file of the bag.
         depth: messages queued per topic while the recorder is busy.
     """
 
@@ -58,6 +60,7 @@ class RecorderOptions:
     time_source: TimeSource = TimeSource.SIMULATED
     run_information: RunInformation = field(default_factory=RunInformation)
     compression: str = "none"
+    limits: FileLimits = field(default_factory=FileLimits)
     depth: int = DEFAULT_DEPTH
 
 
@@ -82,6 +85,7 @@ class RecorderNode(SuiteNode):
             options.output,
             custom_data=options.run_information.to_custom_data(),
             compression=options.compression,
+            limits=options.limits,
         )
         self._session = RecordingSession(
             self._writer, Timeline(options.time_source), self._clock_topic

@@ -21,7 +21,7 @@ from iptm_core.errors import BagError, IptmError
 from iptm_recording.bag_files import check_exists
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
-from iptm_recording.metadata import read_metadata
+from iptm_recording.metadata import METADATA_FILE, read_metadata
 from iptm_recording.recorded_topics import parse_profiles
 from iptm_recording.run_information import RECORD_NAME
 from iptm_recording.salvage import SalvageReader
@@ -137,6 +137,9 @@ def _mcap_files(source: Path) -> list[Path]:
     files = sorted(found, key=_file_number)
     if not files:
         raise BagError(f"{source} holds no .mcap file")
+    was_closed = (source / METADATA_FILE).exists()
+    if len(files) > 1 and not was_closed and files[-1].stat().st_size == 0:
+        return files[:-1]  # killed between creating a file and its first byte
     return files
 
 
@@ -183,9 +186,8 @@ class _Contents:
 
 def _custom_data(folder: Path, contents: Sequence[_Contents]) -> dict[str, str]:
     """Return the texts about the run, from the files themselves or else from the metadata."""
-    for content in contents:
-        if content.texts is not None:
-            return content.texts
+    if any(content.texts is not None for content in contents):
+        return {key: value for c in contents for key, value in (c.texts or {}).items()}
     try:
         return {str(k): str(v) for k, v in (read_metadata(folder)["custom_data"] or {}).items()}
     except (BagError, KeyError, AttributeError):
