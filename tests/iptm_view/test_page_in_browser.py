@@ -58,7 +58,7 @@ def visit(url: str, request: pytest.FixtureRequest) -> Iterator[Visit]:
             lambda said: found.complaints.append(said.text) if said.type != "log" else None,
         )
         page.goto(url)
-        page.wait_for_function("document.body.dataset.ended === 'true'")
+        page.wait_for_selector("body[data-ended='true']")
         yield found
 
 

@@ -160,7 +160,7 @@ def take_screenshot(bag: Path, file: Path, picture: Picture, strategy: str) -> N
         served_bag(bag, strategy, picture.at_s) as server,
         opened_page(server.url, picture) as page,
     ):
-        page.wait_for_function("document.body.dataset.ended === 'true'")
+        page.wait_for_selector("body[data-ended='true']")
         try:
             page.screenshot(path=str(file))
         except OSError as error:
