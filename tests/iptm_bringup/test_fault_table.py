@@ -20,7 +20,7 @@ from iptm_bringup.fault_table.catalogue import (
     read_catalogue,
 )
 from iptm_bringup.fault_table.cli import EXIT_RED, main
-from iptm_bringup.fault_table.judge import Verdict, judge_trip
+from iptm_bringup.fault_table.judge import TrialOutcome, judge_trip
 from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement
 from iptm_bringup.fault_table.page import faults_page
 from iptm_bringup.fault_table.store import VerdictStore
@@ -79,7 +79,7 @@ def observe() -> Observe:
     return made
 
 
-def verdict_on(trip: ObservedTrip, observe: Observe) -> Verdict:
+def verdict_on(trip: ObservedTrip, observe: Observe) -> TrialOutcome:
     (verdict,) = judge_trip(trip, observe())
     return verdict
 
@@ -203,8 +203,8 @@ def test_faults_over_ros_follow_one_another_with_calm_between() -> None:
 def test_verdicts_are_kept_and_replaced(tmp_path: Path) -> None:
     _, entries = read_catalogue()
     store = VerdictStore(tmp_path)
-    red = replace(Verdict(entries[0], Way.HEADLESS, "us06"), problems=("nothing was said",))
-    other = Verdict(
+    red = replace(TrialOutcome(entries[0], Way.HEADLESS, "us06"), problems=("nothing was said",))
+    other = TrialOutcome(
         entries[1], Way.REAL_TIME, "us06", ("controller: x",), Level.WARN, 2, 1.0, 9.0, 9.5
     )
     store.add(entries, [red, other])
@@ -218,7 +218,7 @@ def test_verdicts_are_kept_and_replaced(tmp_path: Path) -> None:
 
 def test_the_page_says_what_did_not_hold() -> None:
     _, entries = read_catalogue()
-    good = Verdict(entries[0], Way.HEADLESS, "us06", (), Level.OK, 0, 0.0, 9.0, 9.5)
+    good = TrialOutcome(entries[0], Way.HEADLESS, "us06", (), Level.OK, 0, 0.0, 9.0, 9.5)
     bad = replace(good, way=Way.LOCK_STEP, problems=("nothing was said",))
     page = faults_page("scripts/faults", [good, bad])
     assert "✓ 1 of 1 | ✗ 0 of 1" in page

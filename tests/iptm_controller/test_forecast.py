@@ -12,7 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import make_leader, make_preview
 
-from iptm_controller.forecast import HISTORY_S, LeaderForecaster, LeaderMotion, PreviewQuality
+from iptm_controller.forecast import (
+    HISTORY_S,
+    LeaderForecaster,
+    PredictedLeaderMotion,
+    PreviewQuality,
+)
 from iptm_core.state import LeaderPreview, LeaderState
 
 HORIZON_S = 28.0
@@ -37,7 +42,7 @@ def moved(preview: LeaderPreview, seconds: float) -> LeaderPreview:
     )
 
 
-def expect_constant_speed(motion: LeaderMotion, leader: LeaderState) -> None:
+def expect_constant_speed(motion: PredictedLeaderMotion, leader: LeaderState) -> None:
     times = leader.time_s + np.array([0.0, 1.0, 28.0])
     positions, speeds = motion.at(times)
     assert speeds.tolist() == [leader.speed_m_s] * 3

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iptm_controller.forecast import LeaderMotion
+from iptm_controller.forecast import PredictedLeaderMotion
 from iptm_core.state import FloatArray
 
 SPEEDS = st.lists(st.floats(0.0, 40.0), min_size=2, max_size=12)
@@ -25,11 +25,11 @@ def integrated(times: FloatArray, speeds: FloatArray, until: float) -> float:
     return area if until >= times[0] else -area
 
 
-def consistent_motion(speeds: list[float], steps: list[float]) -> LeaderMotion:
+def consistent_motion(speeds: list[float], steps: list[float]) -> PredictedLeaderMotion:
     times = np.concatenate([[0.0], np.cumsum(steps[: len(speeds) - 1])])
     values = np.array(speeds)
     positions = np.array([7.0 + integrated(times, values, float(time)) for time in times])
-    return LeaderMotion(times, positions, values)
+    return PredictedLeaderMotion(times, positions, values)
 
 
 @given(speeds=SPEEDS, steps=STEPS, instants=INSTANTS)
@@ -49,7 +49,7 @@ def test_meets_every_node_even_where_nodes_contradict_each_other(
     speeds: list[float], steps: list[float], shifts: list[float]
 ) -> None:
     clean = consistent_motion(speeds, steps)
-    motion = LeaderMotion(
+    motion = PredictedLeaderMotion(
         clean.times_s, clean.positions_m + shifts[: len(speeds)], clean.speeds_m_s
     )
     positions, found = motion.at(motion.times_s)
@@ -62,7 +62,9 @@ def test_meets_every_node_even_where_nodes_contradict_each_other(
 
 
 def test_contradicting_nodes_are_left_with_their_own_speed() -> None:
-    motion = LeaderMotion(np.array([0.0, 2.0]), np.array([0.0, 30.0]), np.array([10.0, 12.0]))
+    motion = PredictedLeaderMotion(
+        np.array([0.0, 2.0]), np.array([0.0, 30.0]), np.array([10.0, 12.0])
+    )
     step = 1e-6
     for node, speed, side in ((0.0, 10.0, step), (2.0, 12.0, -step)):
         positions, _ = motion.at(np.array([node, node + side]))
@@ -70,14 +72,16 @@ def test_contradicting_nodes_are_left_with_their_own_speed() -> None:
 
 
 def test_speed_is_held_outside_the_nodes() -> None:
-    motion = LeaderMotion(np.array([10.0, 12.0]), np.array([100.0, 114.0]), np.array([6.0, 8.0]))
+    motion = PredictedLeaderMotion(
+        np.array([10.0, 12.0]), np.array([100.0, 114.0]), np.array([6.0, 8.0])
+    )
     positions, speeds = motion.at(np.array([7.0, 15.0]))
     assert speeds.tolist() == [6.0, 8.0]
     assert positions.tolist() == [100.0 - 3.0 * 6.0, 114.0 + 3.0 * 8.0]
 
 
 def test_a_single_node_is_constant_speed() -> None:
-    motion = LeaderMotion(np.array([10.0]), np.array([100.0]), np.array([6.0]))
+    motion = PredictedLeaderMotion(np.array([10.0]), np.array([100.0]), np.array([6.0]))
     positions, speeds = motion.at(np.array([8.0, 10.0, 11.5]))
     assert positions.tolist() == [88.0, 100.0, 109.0]
     assert speeds.tolist() == [6.0, 6.0, 6.0]

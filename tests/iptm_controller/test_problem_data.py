@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_scene, make_state
 
-from iptm_controller.forecast import LeaderForecaster, LeaderMotion
+from iptm_controller.forecast import LeaderForecaster, PredictedLeaderMotion
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemData, ProblemDataBuilder
@@ -39,7 +39,7 @@ def sample_times(horizon: Horizon) -> FloatArray:
 
 def build(
     state: VehicleState,
-    leader: LeaderMotion,
+    leader: PredictedLeaderMotion,
     slope: SlopePreview = FLAT,
     expected_m: FloatArray | None = None,
     horizon: Horizon = HORIZON,
@@ -54,11 +54,11 @@ def build(
 
 
 @pytest.fixture
-def steady() -> LeaderMotion:
-    return LeaderMotion(np.array([0.0]), np.array([0.0]), np.array([10.5]))
+def steady() -> PredictedLeaderMotion:
+    return PredictedLeaderMotion(np.array([0.0]), np.array([0.0]), np.array([10.5]))
 
 
-def test_globals(steady: LeaderMotion) -> None:
+def test_globals(steady: PredictedLeaderMotion) -> None:
     data = build(make_state(cell_1_capacity_loss=2e-3, cell_n_capacity_loss=3e-3), steady)
     expected = {
         GlobalIndex.CELL_1_LOSS: 2e-3,
@@ -78,7 +78,7 @@ def test_globals(steady: LeaderMotion) -> None:
         assert data.parameters[index] == value
 
 
-def test_initial_state_is_scaled_and_starts_at_position_zero(steady: LeaderMotion) -> None:
+def test_initial_state_is_scaled_and_starts_at_position_zero(steady: PredictedLeaderMotion) -> None:
     state = make_state(acceleration_m_s2=-0.7, compressor_power_w=1250.0)
     data = build(state, steady)
     np.testing.assert_allclose(
@@ -99,13 +99,13 @@ def test_leader_at_the_end_of_every_step() -> None:
         assert own[StepIndex.LEADER_SPEED] == pytest.approx(15.0 - 0.5 * time)
 
 
-def test_rates_count_between_the_middles_of_two_steps(steady: LeaderMotion) -> None:
+def test_rates_count_between_the_middles_of_two_steps(steady: PredictedLeaderMotion) -> None:
     data = build(make_state(), steady)
     intervals = [own[StepIndex.RATE_INTERVAL] for own, _ in steps_of(data, HORIZON)]
     assert intervals == [1.0, 1.0, 1.0, 1.75, 5.0, 5.0, 5.0, 5.0]
 
 
-def test_a_change_into_a_long_step_has_to_happen_soon(steady: LeaderMotion) -> None:
+def test_a_change_into_a_long_step_has_to_happen_soon(steady: PredictedLeaderMotion) -> None:
     """Into a 15 s step as into one of 2.5 s; between equal steps nothing changes."""
     horizon = Horizon.parse("2x1+2x15")
     data = build(make_state(), steady, horizon=horizon)
@@ -113,7 +113,7 @@ def test_a_change_into_a_long_step_has_to_happen_soon(steady: LeaderMotion) -> N
     assert intervals == [1.0, 1.0, 1.75, 15.0]
 
 
-def test_the_leader_is_known_at_every_sample(steady: LeaderMotion) -> None:
+def test_the_leader_is_known_at_every_sample(steady: PredictedLeaderMotion) -> None:
     data = build(make_state(), steady)
     times = sample_times(HORIZON)
     samples = np.vstack([own for _, own in steps_of(data, HORIZON)])
@@ -124,7 +124,7 @@ def test_the_leader_is_known_at_every_sample(steady: LeaderMotion) -> None:
     np.testing.assert_allclose(samples[:, SampleIndex.LEADER_SPEED], speed)
 
 
-def test_braking_reserve_is_asked_for_where_the_preview_ends(steady: LeaderMotion) -> None:
+def test_braking_reserve_is_asked_for_where_the_preview_ends(steady: PredictedLeaderMotion) -> None:
     data = build(make_state(), steady)
     asked = [own[StepIndex.END_OF_PREVIEW] for own, _ in steps_of(data, HORIZON)]
     assert asked == [0.0] * 7 + [1.0]
@@ -134,7 +134,7 @@ def test_braking_reserve_is_asked_for_where_the_preview_ends(steady: LeaderMotio
     ("known_s", "node"), [(0.0, 0), (1.0, 0), (2.9, 1), (3.0, 2), (12.0, 3), (28.0, 7), (60.0, 7)]
 )
 def test_braking_reserve_is_asked_for_no_later_than_the_leader_is_known(
-    steady: LeaderMotion, known_s: float, node: int
+    steady: PredictedLeaderMotion, known_s: float, node: int
 ) -> None:
     grid = ProblemGrid(HORIZON)
     builder = ProblemDataBuilder(grid, strategy_by_name("aging"), PARAMETERS.limits)
@@ -150,14 +150,14 @@ def test_reference_is_the_mean_speed_over_the_last_two_seconds() -> None:
     times = np.arange(97.0, 131.0)
     speeds = 12.0 + 4.0 * np.sin(times / 3.0)
     positions = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
-    data = build(make_state(), LeaderMotion(times, 1040.0 + positions, speeds))
+    data = build(make_state(), PredictedLeaderMotion(times, 1040.0 + positions, speeds))
     found = np.concatenate([s[:, SampleIndex.SPEED_REFERENCE] for _, s in steps_of(data, HORIZON)])
     for reference, sample in zip(found, 100.0 + sample_times(HORIZON), strict=True):
         fine = np.linspace(sample - REFERENCE_WINDOW_S, sample, 20001)
         assert reference == pytest.approx(np.mean(np.interp(fine, times, speeds)), abs=1e-4)
 
 
-def test_slope_is_expanded_where_the_host_is_expected(steady: LeaderMotion) -> None:
+def test_slope_is_expanded_where_the_host_is_expected(steady: PredictedLeaderMotion) -> None:
     """A road of the second degree comes back exactly, wherever the host then is."""
     nodes = np.arange(0.0, 3000.0, 5.0)
 
@@ -179,7 +179,7 @@ def test_slope_is_expanded_where_the_host_is_expected(steady: LeaderMotion) -> N
         np.testing.assert_allclose(expanded, road(expected + away), atol=1e-9)
 
 
-def test_ends_of_the_road_are_held(steady: LeaderMotion) -> None:
+def test_ends_of_the_road_are_held(steady: PredictedLeaderMotion) -> None:
     ahead_of_all = SlopePreview(np.array([0.0, 500.0]), np.array([0.0, 0.03]))
     for _, samples in steps_of(build(make_state(), steady, ahead_of_all), HORIZON):
         assert (samples[:, SampleIndex.SLOPE] == 0.03).all()

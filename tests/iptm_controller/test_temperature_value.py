@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_state
 
-from iptm_controller.forecast import LeaderMotion
+from iptm_controller.forecast import PredictedLeaderMotion
 from iptm_controller.temperature_value import (
     TemperatureValuation,
     TemperatureValue,
@@ -22,7 +22,7 @@ from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
 from iptm_core.physics.thermal_loop import most_efficient_cooling
 
-STEADY = LeaderMotion(np.array([0.0]), np.array([0.0]), np.array([25.0]))
+STEADY = PredictedLeaderMotion(np.array([0.0]), np.array([0.0]), np.array([25.0]))
 WEIGHT = 1e9
 
 

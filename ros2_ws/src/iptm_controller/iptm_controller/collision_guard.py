@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from iptm_controller.forecast import LeaderForecast, LeaderMotion
+from iptm_controller.forecast import LeaderForecast, PredictedLeaderMotion
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, LeaderState, VehicleState
 
@@ -127,7 +127,7 @@ class CollisionGuard:
         )
 
     def _as_foretold_m(
-        self, times_s: FloatArray, known_until_s: float, motion: LeaderMotion
+        self, times_s: FloatArray, known_until_s: float, motion: PredictedLeaderMotion
     ) -> FloatArray:
         positions, _ = motion.at(np.minimum(times_s, known_until_s))
         end_position, end_speed = motion.at(np.array([known_until_s]))

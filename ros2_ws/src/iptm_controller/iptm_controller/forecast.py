@@ -38,7 +38,7 @@ class PreviewQuality(IntEnum):
 
 
 @dataclass(frozen=True)
-class LeaderMotion:
+class PredictedLeaderMotion:
     """Positions and speeds at increasing node times, the speed held outside them.
 
     Attributes:
@@ -89,7 +89,7 @@ class LeaderForecast:
         known_s: how far ahead a preview backs the motion; 0 where a constant speed is all there is.
     """
 
-    motion: LeaderMotion
+    motion: PredictedLeaderMotion
     quality: PreviewQuality
     reason: str
     age_s: float
@@ -153,7 +153,7 @@ class LeaderForecaster:
             future = self._follow_preview(leader, preview)
             known_s = float(preview.times_s[-1]) - leader.time_s
         else:
-            future = LeaderMotion(
+            future = PredictedLeaderMotion(
                 np.array([leader.time_s]),
                 np.array([leader.position_m]),
                 np.array([leader.speed_m_s]),
@@ -198,23 +198,23 @@ class LeaderForecaster:
         return PreviewQuality.FULL, ""
 
     @staticmethod
-    def _follow_preview(leader: LeaderState, preview: LeaderPreview) -> LeaderMotion:
-        predicted = LeaderMotion(preview.times_s, preview.positions_m, preview.speeds_m_s)
+    def _follow_preview(leader: LeaderState, preview: LeaderPreview) -> PredictedLeaderMotion:
+        predicted = PredictedLeaderMotion(preview.times_s, preview.positions_m, preview.speeds_m_s)
         now = np.array([leader.time_s])
         position_now, speed_now = predicted.at(now)
         ahead = preview.times_s > leader.time_s + 1e-9
         shift_m = leader.position_m - float(position_now[0])
-        return LeaderMotion(
+        return PredictedLeaderMotion(
             np.concatenate([now, preview.times_s[ahead]]),
             np.concatenate([[leader.position_m], preview.positions_m[ahead] + shift_m]),
             np.concatenate([speed_now, preview.speeds_m_s[ahead]]),
         )
 
-    def _with_past(self, future: LeaderMotion) -> LeaderMotion:
+    def _with_past(self, future: PredictedLeaderMotion) -> PredictedLeaderMotion:
         past = list(self._past)[:-1]
         if not past:
             return future
-        return LeaderMotion(
+        return PredictedLeaderMotion(
             np.concatenate([[state.time_s for state in past], future.times_s]),
             np.concatenate([[state.position_m for state in past], future.positions_m]),
             np.concatenate([[state.speed_m_s for state in past], future.speeds_m_s]),

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.forecast import LeaderMotion
+from iptm_controller.forecast import PredictedLeaderMotion
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.aging import capacity_loss_rate_1_s
 from iptm_core.physics.coolant import reduce_channel
@@ -144,7 +144,7 @@ class TemperatureValuation:
         self._start: VehicleState | None = None
         self._foreseen_1_s = 0.0
 
-    def value(self, state: VehicleState, leader: LeaderMotion) -> TemperatureValue:
+    def value(self, state: VehicleState, leader: PredictedLeaderMotion) -> TemperatureValue:
         """Price the temperatures at a tick.
 
         Args:
@@ -185,7 +185,7 @@ class TemperatureValuation:
         saved_w_k = self._performance * sensitivity_1_k * power_w
         return self._heat_capacity_j_k * (1.0 + load) / saved_w_k
 
-    def _foresee(self, state: VehicleState, leader: LeaderMotion) -> float:
+    def _foresee(self, state: VehicleState, leader: PredictedLeaderMotion) -> float:
         """Return the mean aging rate of a host that moves like the leader on a flat road, uncooled."""
         count = math.ceil(self._horizon_s / FORECAST_STEP_S) + 1
         times: FloatArray = np.array([state.time_s + i * FORECAST_STEP_S for i in range(count)])

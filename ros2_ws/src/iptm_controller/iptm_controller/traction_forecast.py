@@ -12,7 +12,7 @@ from collections import deque
 
 import numpy as np
 
-from iptm_controller.forecast import LeaderMotion
+from iptm_controller.forecast import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import POWER_LEVELS, ProblemGrid
 from iptm_controller.ocp.layout import ThermalSampleIndex
@@ -56,7 +56,11 @@ class TractionForecaster:
         self._speeds_m_s.append(state.speed_m_s)
 
     def samples(
-        self, state: VehicleState, leader: LeaderMotion, known_s: float, slope: SlopePreview
+        self,
+        state: VehicleState,
+        leader: PredictedLeaderMotion,
+        known_s: float,
+        slope: SlopePreview,
     ) -> FloatArray:
         """Return the parameters of the samples of all thermal steps.
 
@@ -91,7 +95,7 @@ class TractionForecaster:
     def _foreseen(
         self,
         state: VehicleState,
-        leader: LeaderMotion,
+        leader: PredictedLeaderMotion,
         known_s: float,
         slope: SlopePreview,
         times_s: FloatArray,

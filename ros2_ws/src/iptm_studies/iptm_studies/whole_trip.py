@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from iptm_controller.forecast import LeaderMotion
+from iptm_controller.forecast import PredictedLeaderMotion
 from iptm_controller.horizon import Horizon, HorizonPhase
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemDataBuilder
@@ -223,11 +223,13 @@ def _temperature_costates(
     )
 
 
-def _leader_motion(route: Route, horizon: Horizon) -> LeaderMotion:
+def _leader_motion(route: Route, horizon: Horizon) -> PredictedLeaderMotion:
     """The leader from before the start (speed references look back) to the end."""
     before = np.arange(-REFERENCE_WINDOW_S - 1.0, 0.0)
     times = np.concatenate([before, horizon.node_times_s])
-    return LeaderMotion(times, route.leader.positions_at(times), route.leader.speeds_at(times))
+    return PredictedLeaderMotion(
+        times, route.leader.positions_at(times), route.leader.speeds_at(times)
+    )
 
 
 def _plan_of(run: Trajectory, horizon: Horizon) -> Plan:

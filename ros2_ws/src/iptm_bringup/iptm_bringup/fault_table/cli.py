@@ -21,7 +21,7 @@ from iptm_bringup.fault_table.catalogue import (
     sound_trip,
 )
 from iptm_bringup.fault_table.headless import HeadlessDriver
-from iptm_bringup.fault_table.judge import Verdict, judge_trip
+from iptm_bringup.fault_table.judge import TrialOutcome, judge_trip
 from iptm_bringup.fault_table.observed import ObservedTrip
 from iptm_bringup.fault_table.over_ros import drive_over_ros
 from iptm_bringup.fault_table.page import faults_page
@@ -150,7 +150,7 @@ def _drive_cycle(
             waiting = [entry for entry in waiting if entry not in tried] if tried else []
 
 
-def _judged(context: _Context, plan: PlannedTrip, twin: ObservedTrip) -> list[Verdict]:
+def _judged(context: _Context, plan: PlannedTrip, twin: ObservedTrip) -> list[TrialOutcome]:
     try:
         if plan.way is Way.HEADLESS:
             trip = context.driver.drive(plan)
@@ -163,7 +163,7 @@ def _judged(context: _Context, plan: PlannedTrip, twin: ObservedTrip) -> list[Ve
 
 
 def _tell(
-    console: Console, plan: PlannedTrip, verdicts: Sequence[Verdict], lasted_s: float
+    console: Console, plan: PlannedTrip, verdicts: Sequence[TrialOutcome], lasted_s: float
 ) -> None:
     if plan.way is not Way.HEADLESS:
         console.print(f"[dim]{plan.name}: {plan.route.duration_s:g} s in {lasted_s:.0f} s[/]")

@@ -34,7 +34,7 @@ BRAKING_TOLERANCE_M = 0.5
 
 
 @dataclass(frozen=True)
-class Verdict:
+class TrialOutcome:
     """What became of one fault.
 
     Attributes:
@@ -64,7 +64,7 @@ class Verdict:
     never_came: bool = False
 
 
-def judge_trip(trip: ObservedTrip, twin: ObservedTrip) -> list[Verdict]:
+def judge_trip(trip: ObservedTrip, twin: ObservedTrip) -> list[TrialOutcome]:
     """Judge every fault of a trip.
 
     Args:
@@ -77,17 +77,21 @@ def judge_trip(trip: ObservedTrip, twin: ObservedTrip) -> list[Verdict]:
 
 def _judge(
     trip: ObservedTrip, twin: ObservedTrip, entry: Entry, fault: Fault, happened: Happened | None
-) -> Verdict:
+) -> TrialOutcome:
     way, cycle = trip.plan.way, trip.plan.cycle
     if happened is None:
         why = trip.ended or "the trip was over before"
-        return Verdict(entry, way, cycle, problems=(f"never came to pass: {why}",), never_came=True)
+        return TrialOutcome(
+            entry, way, cycle, problems=(f"never came to pass: {why}",), never_came=True
+        )
     run = trip.trajectory
     times = run.time_s
     first = int(np.searchsorted(times, happened.start_s - 1e-9))
     end = min(int(np.searchsorted(times, happened.end_s - 1e-9)), len(run) - 1)
     if first >= len(run):
-        return Verdict(entry, way, cycle, problems=("no tick was observed after its beginning",))
+        return TrialOutcome(
+            entry, way, cycle, problems=("no tick was observed after its beginning",)
+        )
     worst = trip.worst()
     levels = [said.level for said in worst]
     normal = _normal_row(trip, twin, worst, end)
@@ -114,7 +118,7 @@ def _judge(
     if entry.ends and trip.ended:
         reasons.append(trip.ended)
     while_it_lasts = levels[first : max(end, first + 1)]
-    return Verdict(
+    return TrialOutcome(
         entry,
         way,
         cycle,

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from iptm_bringup.fault_table.catalogue import FIRST_S, REAL_TIME_RATE, Entry, Said, Way
-from iptm_bringup.fault_table.judge import GRACE_TICKS, LATER_TICKS, STEADY_TICKS, Verdict
+from iptm_bringup.fault_table.judge import GRACE_TICKS, LATER_TICKS, STEADY_TICKS, TrialOutcome
 from iptm_bringup.fault_table.over_ros import INPUT_TIMEOUT_S
 from iptm_faults.kinds import KINDS
 
@@ -21,7 +21,7 @@ _WAYS = {
 _ASKED = {Said.ALWAYS: "every tick", Said.ONCE: "a word", Said.NOTHING: "nothing"}
 
 
-def faults_page(command: str, verdicts: Sequence[Verdict]) -> str:
+def faults_page(command: str, verdicts: Sequence[TrialOutcome]) -> str:
     """Return the page.
 
     Args:
@@ -95,15 +95,15 @@ def _legend() -> str:
     )
 
 
-def _by_entry(verdicts: Iterable[Verdict]) -> list[tuple[Entry, list[Verdict]]]:
-    by_name: dict[str, tuple[Entry, list[Verdict]]] = {}
+def _by_entry(verdicts: Iterable[TrialOutcome]) -> list[tuple[Entry, list[TrialOutcome]]]:
+    by_name: dict[str, tuple[Entry, list[TrialOutcome]]] = {}
     for verdict in verdicts:
         by_name.setdefault(verdict.entry.name, (verdict.entry, []))[1].append(verdict)
     order = list(KINDS)
     return sorted(by_name.values(), key=lambda pair: order.index(pair[0].fault.kind))
 
 
-def _row(entry: Entry, verdicts: Sequence[Verdict]) -> tuple[object, ...]:
+def _row(entry: Entry, verdicts: Sequence[TrialOutcome]) -> tuple[object, ...]:
     marks = []
     for way in _WAYS:
         of_way = [verdict for verdict in verdicts if verdict.way is way]
@@ -121,12 +121,12 @@ def _row(entry: Entry, verdicts: Sequence[Verdict]) -> tuple[object, ...]:
     return (entry.name, _ASKED[entry.said], *marks, normal, *gaps)
 
 
-def _slowest(verdicts: Sequence[Verdict]) -> str:
+def _slowest(verdicts: Sequence[TrialOutcome]) -> str:
     after = [verdict.normal_after for verdict in verdicts]
     return "never" if any(map(math.isnan, after)) else f"{max(after):g}"
 
 
-def _reasons(verdicts: Sequence[Verdict]) -> str:
+def _reasons(verdicts: Sequence[TrialOutcome]) -> str:
     counts = Counter(reason for verdict in verdicts for reason in verdict.said)
     return "<br>".join(f"{reason} ({count})" for reason, count in counts.most_common()) or "nothing"
 

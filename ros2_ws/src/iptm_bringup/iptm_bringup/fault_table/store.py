@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from iptm_bringup.fault_table.catalogue import Entry, Way
-from iptm_bringup.fault_table.judge import Verdict
+from iptm_bringup.fault_table.judge import TrialOutcome
 from iptm_core.errors import StoreError
 from iptm_interfaces.diagnostics import Level
 
@@ -21,7 +21,7 @@ class VerdictStore:
     def __init__(self, folder: Path) -> None:
         self._file = folder / "verdicts.json"
 
-    def load(self, entries: Sequence[Entry]) -> list[Verdict]:
+    def load(self, entries: Sequence[Entry]) -> list[TrialOutcome]:
         """Return the verdicts on the rows of a table; those on other rows are left out.
 
         Raises:
@@ -41,7 +41,7 @@ class VerdictStore:
                 "scripts/faults, or no such file"
             ) from None
 
-    def add(self, entries: Sequence[Entry], verdicts: Sequence[Verdict]) -> None:
+    def add(self, entries: Sequence[Entry], verdicts: Sequence[TrialOutcome]) -> None:
         """Keep verdicts."""
         kept = {_key(one): one for one in (*self.load(entries), *verdicts)}
         content = [
@@ -63,17 +63,17 @@ class VerdictStore:
         self._file.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def failed(entry: Entry, way: Way, cycle: str, why: str) -> Verdict:
+def failed(entry: Entry, way: Way, cycle: str, why: str) -> TrialOutcome:
     """Return the verdict on a fault whose trip came to nothing."""
-    return replace(Verdict(entry, way, cycle), problems=(why,))
+    return replace(TrialOutcome(entry, way, cycle), problems=(why,))
 
 
-def _key(verdict: Verdict) -> tuple[str, Way, str]:
+def _key(verdict: TrialOutcome) -> tuple[str, Way, str]:
     return verdict.entry.name, verdict.way, verdict.cycle
 
 
-def _verdict(entry: Entry, written: Mapping[str, Any]) -> Verdict:
-    return Verdict(
+def _verdict(entry: Entry, written: Mapping[str, Any]) -> TrialOutcome:
+    return TrialOutcome(
         entry,
         Way(written["way"]),
         written["cycle"],

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.forecast import LeaderMotion
+from iptm_controller.forecast import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import SampleIndex, StepIndex
@@ -57,7 +57,7 @@ class ProblemDataBuilder:
     def build(
         self,
         state: VehicleState,
-        leader: LeaderMotion,
+        leader: PredictedLeaderMotion,
         slope: SlopePreview,
         expected_positions_m: FloatArray,
         known_s: float = math.inf,

@@ -23,7 +23,7 @@ from iptm_studies.random_cars.draws import (
     Draw,
     Uniform,
 )
-from iptm_studies.random_cars.verdicts import VERDICTS, Fallback, Judgement, fallback_text
+from iptm_studies.random_cars.verdicts import REQUIREMENTS, Fallback, Judgement, fallback_text
 from iptm_studies.run_spec import RunSpec
 
 NOTICE = "<!-- Made by scripts/campaign from stored runs; do not edit. -->"
@@ -70,9 +70,9 @@ def campaign_page(command: str, runs: Sequence[JudgedRun]) -> str:
 def verdict_lines(runs: Sequence[JudgedRun]) -> list[str]:
     """Return one line per verdict, for a terminal."""
     return [
-        f"{VERDICTS[key].title:32} {len(_breached(runs, key)):4} of {len(_amounts(runs, key)):4} runs"
-        for key in VERDICTS
-        if math.isfinite(VERDICTS[key].limit)
+        f"{REQUIREMENTS[key].title:32} {len(_breached(runs, key)):4} of {len(_amounts(runs, key)):4} runs"
+        for key in REQUIREMENTS
+        if math.isfinite(REQUIREMENTS[key].limit)
     ]
 
 
@@ -85,7 +85,7 @@ def _amounts(runs: Iterable[JudgedRun], key: str) -> list[float]:
 
 
 def _breached(runs: Iterable[JudgedRun], key: str) -> list[float]:
-    return [amount for amount in _amounts(runs, key) if amount > VERDICTS[key].limit]
+    return [amount for amount in _amounts(runs, key) if amount > REQUIREMENTS[key].limit]
 
 
 def _sizes(runs: Sequence[JudgedRun]) -> str:
@@ -98,7 +98,7 @@ def _sizes(runs: Sequence[JudgedRun]) -> str:
 
 def _verdict_table(runs: Sequence[JudgedRun]) -> str:
     rows = []
-    for key, verdict in VERDICTS.items():
+    for key, verdict in REQUIREMENTS.items():
         amounts = _amounts(runs, key)
         told_only = math.isinf(verdict.limit)
         beyond = sum(amount > 0.0 for amount in amounts) if told_only else len(_breached(runs, key))
@@ -134,9 +134,9 @@ def _breach_table(runs: Sequence[JudgedRun]) -> str:
             rows.append((run.name, "failed", "–", run.failure, what))
             continue
         for key in run.judgement.breaches:
-            amount = f"{run.judgement.amounts[key]:.4g} {VERDICTS[key].unit}"
+            amount = f"{run.judgement.amounts[key]:.4g} {REQUIREMENTS[key].unit}"
             cause = run.judgement.causes.get(key, "")
-            rows.append((run.name, VERDICTS[key].title, amount, cause, what))
+            rows.append((run.name, REQUIREMENTS[key].title, amount, cause, what))
             what = "as above"
     if not rows:
         return "None."

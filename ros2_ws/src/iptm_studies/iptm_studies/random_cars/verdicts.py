@@ -40,7 +40,7 @@ Fallback = tuple[Rung, SolveStatus]
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Requirement:
     """One thing that must hold.
 
     Attributes:
@@ -56,18 +56,18 @@ class Verdict:
     limit: float = 0.0
 
 
-VERDICTS: Mapping[str, Verdict] = {
-    "collision": Verdict(
+REQUIREMENTS: Mapping[str, Requirement] = {
+    "collision": Requirement(
         "Collision, avoidable",
         "rows of episodes with a gap of 0 or less that full deceleration within the jerk limit would have "
         "avoided: from a row at most a horizon back; where preview or measurements were not perfect, from "
         "the row in which the leader was first seen to lose its speed, or to be another car",
         "rows",
     ),
-    "collision_leader": Verdict(
+    "collision_leader": Requirement(
         "Collision, not avoidable", "the other rows with a gap of 0 or less", "rows", np.inf
     ),
-    "s_min": Verdict(
+    "s_min": Requirement(
         "Gap below s_min, avoidable",
         "perfect preview and measurements: rows of episodes below s_min (by over 1 cm) that braking alone "
         "would have avoided: from the state "
@@ -75,51 +75,51 @@ VERDICTS: Mapping[str, Verdict] = {
         "leader as it drove",
         "rows",
     ),
-    "s_min_leader": Verdict(
+    "s_min_leader": Requirement(
         "Gap below s_min, not avoidable",
         "the other rows below s_min; those with which a trip begins do not count",
         "rows",
         np.inf,
     ),
-    "hard": Verdict(
+    "hard": Requirement(
         "Hard limit broken", "rows beyond bounds or rates of acceleration and compressor", "rows"
     ),
-    "cold_compressor": Verdict(
+    "cold_compressor": Requirement(
         "Compressor in the cold",
         "energy of the compressor in intervals that begin with both cells below T_b,min",
         "kJ",
         COLD_COMPRESSOR_KJ,
     ),
-    "cold_traction": Verdict(
+    "cold_traction": Requirement(
         "Traction energy in the cold",
         "default strategy, air or cells first below T_b,min: excess over the same trip of the same car "
         "at 35 °C without temperature limits",
         "%",
         COLD_TRACTION_PERCENT,
     ),
-    "unsaid": Verdict(
+    "unsaid": Requirement(
         "Gap below s_min, unforeseen",
         f"perfect preview and measurements: rows below s_min by over {UNFORESEEN_M:g} m, though the plan of "
         "the tick before had no slack",
         "rows",
     ),
-    "fallback": Verdict(
+    "fallback": Requirement(
         "Fallback",
         "ticks whose command is not that of a fresh solution, "
         f"later than {RECOVERY_TICKS} ticks after each fault",
         "ticks",
     ),
-    "emergency": Verdict(
+    "emergency": Requirement(
         "Emergency braking", "ticks with full braking against a collision ahead", "ticks", np.inf
     ),
-    "too_hot": Verdict(
+    "too_hot": Requirement(
         "Cell too hot, avoidable",
         f"longest time in a row with a cell over {OVERHEATED_BY_K:g} K above T_b,max where the compressor at "
         "its most useful power from the start on would have kept it below that",
         "s",
         OVERHEATED_FOR_S,
     ),
-    "too_hot_anyway": Verdict(
+    "too_hot_anyway": Requirement(
         "Cell too hot, not avoidable",
         f"longest time in a row with a cell over {OVERHEATED_BY_K:g} K above T_b,max, with full cooling, too",
         "s",
@@ -148,7 +148,9 @@ class Judgement:
     @property
     def breaches(self) -> tuple[str, ...]:
         """Keys of the verdicts that did not hold."""
-        return tuple(key for key, amount in self.amounts.items() if amount > VERDICTS[key].limit)
+        return tuple(
+            key for key, amount in self.amounts.items() if amount > REQUIREMENTS[key].limit
+        )
 
 
 def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgement:
