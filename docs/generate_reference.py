@@ -37,8 +37,8 @@ NOTICE = "<!-- Made by scripts/update_docs from the code; do not edit. -->\n\n"
 def topics_page() -> str:
     """Every topic with type, QoS, unit and sign."""
     return (
-        f"# Topics\n\n{NOTICE}Names are relative, so that a namespace moves the whole suite; only "
-        "`/clock` and `/diagnostics` are global. All types are standard ones.\n\n"
+        f"# Topics\n\n{NOTICE}Names are relative, so that a namespace moves the whole suite with its "
+        "clock; only `/diagnostics` is global. All types are standard ones.\n\n"
         + topic_table_markdown()
     )
 

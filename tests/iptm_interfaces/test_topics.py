@@ -30,8 +30,10 @@ def test_every_key_has_a_specification() -> None:
 
 @pytest.mark.parametrize("spec", ALL, ids=spec_id)
 def test_names_are_relative_unless_global(spec: TopicSpec) -> None:
-    if spec.topic in {Topic.CLOCK, Topic.DIAGNOSTICS}:
+    if spec.topic is Topic.DIAGNOSTICS:
         assert spec.name.startswith("/")
+    elif spec.topic is Topic.CLOCK:
+        assert spec.name == "clock"
     else:
         assert re.fullmatch(r"(plant|v2x|controller)/[a-z0-9_]+", spec.name)
 
@@ -72,7 +74,9 @@ def test_profiles() -> None:
         ("/plant/odometry", "/", Topic.PLANT_ODOMETRY),
         ("/car_1/plant/odometry", "/car_1", Topic.PLANT_ODOMETRY),
         ("/car_1/plant/odometry", "car_1/", Topic.PLANT_ODOMETRY),
-        ("/clock", "/car_1", Topic.CLOCK),
+        ("/clock", "/", Topic.CLOCK),
+        ("/car_1/clock", "/car_1", Topic.CLOCK),
+        ("/clock", "/car_1", None),
         ("/plant/odometry", "/car_1", None),
         ("/rosout", "/", None),
     ],

@@ -124,7 +124,7 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
             f"mode of {bag} is {given['mode']}; allowed: lock_step, as a plant on the wall clock"
             " applies commands when they arrive"
         )
-    own_name = next(name for topic, name in names.items() if not topic.value.startswith("/"))
+    own_name = next(name for topic, name in names.items() if topic is not Topic.CLOCK)
     own_topic = topics[own_name]
     return Recorded(
         names=names,
@@ -197,7 +197,10 @@ def check_node(
         stack.callback(supervisor.stop)
         file = folder / "parameters.yaml"
         file.write_text(parameter_file_text(node, parameters), encoding="utf-8")
-        supervisor.start(node, node_command(node, file, recorded.namespace))
+        command = node_command(node, file, recorded.namespace)
+        if Topic.CLOCK in recorded.names:  # which a bag of a namespace need not have there
+            command += ["-r", f"{Topic.CLOCK.value}:={recorded.names[Topic.CLOCK]}"]
+        supervisor.start(node, command)
         answers = folder / "answers"
         answer_steps(
             recorded.steps, OUTPUTS[node], recorded.names, answers, _alive(supervisor), on_tick

@@ -1,7 +1,7 @@
 """The closed loop for a full ROS 2 installation: plant, V2X bridge, controller and, if wanted, the recorder.
 
     ros2 launch iptm_bringup closed_loop.launch.py cycle:=us06 slope:=large record:=true
-    ros2 launch iptm_bringup closed_loop.launch.py namespace:=car_1 clock:=/car_1/clock
+    ros2 launch iptm_bringup closed_loop.launch.py namespace:=car_1
 
 Everything ends with the first process that does. What no argument names is set in the parameter files.
 """
@@ -37,7 +37,7 @@ DEFAULT_GAP_M = load_parameters().values.gap.initial_gap_m
 # Argument -> default, description.
 ARGUMENTS = {
     "namespace": ("", "namespace of all nodes"),
-    "clock": ("/clock", "topic of the clock; two vehicles in one graph need one each"),
+    "clock": ("clock", "topic of the clock; a relative name moves with the namespace"),
     "use_sim_time": ("false", "the nodes go by the stamps of messages; only their logs differ"),
     "record": ("false", "whether to record a bag"),
     "bag": (f"bags/run_{datetime.now().astimezone():%Y%m%d_%H%M%S}", "bag folder to create"),
@@ -61,9 +61,11 @@ def generate_launch_description() -> LaunchDescription:
     peers = ParameterValue(
         PythonExpression(["2 if '", record, "'.lower() == 'true' else 1"]), value_type=int
     )
+    clock = LaunchConfiguration("clock")
     common = {
         "namespace": LaunchConfiguration("namespace"),
-        "remappings": [("/clock", LaunchConfiguration("clock"))],
+        # The second is what rclpy itself listens to with use_sim_time.
+        "remappings": [("clock", clock), ("/clock", clock)],
         "output": "screen",
         "on_exit": Shutdown(),
     }

@@ -1,8 +1,9 @@
 """Every topic of the suite, as data: the one place for names, types, QoS, units and signs.
 
-Names are relative, so that a namespace moves a whole vehicle; only `/clock` and `/diagnostics`
-are global. "Named values" are `sensor_msgs/JointState` messages of which only the stamp, `name[]`
-and `position[]` are used: a stamped vector of named float64 numbers.
+Names are relative, so that a namespace moves a whole vehicle with its clock; only `/diagnostics` is
+global. Without a namespace the clock is `/clock`, to which nodes with `use_sim_time` listen. "Named
+values" are `sensor_msgs/JointState` messages of which only the stamp, `name[]` and `position[]` are
+used: a stamped vector of named float64 numbers.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ LATCHED_QOS = QoSProfile(
 class Topic(Enum):
     """Key of a topic; the value is its name."""
 
-    CLOCK = "/clock"
+    CLOCK = "clock"
     DIAGNOSTICS = "/diagnostics"
     PLANT_ODOMETRY = "plant/odometry"
     PLANT_ACCELERATION = "plant/acceleration"

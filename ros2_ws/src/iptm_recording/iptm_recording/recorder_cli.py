@@ -51,7 +51,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--time",
         choices=[source.value for source in TimeSource],
         default=TimeSource.SIMULATED.value,
-        help="time that orders the bag: sim = from the clock of the trip, /clock unless remapped"
+        help="time that orders the bag: sim = from the clock of the trip in the same namespace"
         " (default), wall = of the computer",
     )
     parser.add_argument(

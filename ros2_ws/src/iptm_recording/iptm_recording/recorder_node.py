@@ -19,6 +19,7 @@ from iptm_core.errors import BagError
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.process import EXIT_USER_ERROR
 from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.mcap_file import FileLimits
 from iptm_recording.node_parameters import ParameterCollector, with_model
@@ -26,7 +27,7 @@ from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.run_information import RunInformation
 from iptm_recording.session import RecordingSession
 from iptm_recording.subscriptions import TopicSubscriber
-from iptm_recording.timeline import CLOCK_TOPIC, Timeline, TimeSource
+from iptm_recording.timeline import Timeline, TimeSource
 
 READY_LINE = "recorder ready"
 DEFAULT_DEPTH = 10_000
@@ -77,7 +78,7 @@ class RecorderNode(SuiteNode):
     def __init__(self, options: RecorderOptions) -> None:
         super().__init__("recorder")
         self._options = options
-        self._clock_topic = self.resolve_topic_name(CLOCK_TOPIC)
+        self._clock_topic = self.resolve_topic_name(Topic.CLOCK.value)
         selection = options.selection
         if options.time_source is TimeSource.SIMULATED:
             selection = _with_clock(selection, self._clock_topic)

@@ -20,7 +20,7 @@ from enum import Enum
 from iptm_core.trip_time import NS_PER_S
 
 CLOCK_TOPIC = "/clock"
-"""Name of the clock before remapping."""
+"""Name of the clock outside of any namespace, before remapping."""
 CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 # Stamps further ahead of the clock than this come from another clock (wall time, another run).
 MAX_LEAD_NS = 10 * NS_PER_S

@@ -65,6 +65,8 @@ def topic_name(reader: BagReader, topic: Topic, namespace: str | None) -> str:
     if namespace is not None and not name.startswith("/"):
         prefix = namespace.strip("/")
         name = f"/{prefix}/{name}" if prefix else f"/{name}"
+        if topic is Topic.CLOCK and name not in reader.topics:
+            name = f"/{spec.name}"  # the clock of a suite that shares one, and of old bags
     return reader.resolve(name, spec.type_name).name
 
 
