@@ -97,7 +97,7 @@ def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
         ((Topic.SLOPE, 0), None),
         ((Topic.COMMAND, 3), None),
         ((Topic.LEADER_PREVIEW, 4), "the bag holds 20 messages of v2x/leader_preview, 21 are"),
-        ((Topic.CLOCK, 4), "the bag holds 20 messages of /clock, 21 are needed"),
+        ((Topic.CLOCK, 4), "the bag holds 20 messages of clock, 21 are needed"),
         ((Topic.PLANT_BATTERY, 4), "the bag holds 20 messages of plant/battery, 21 are needed"),
         ((Topic.PLANT_ODOMETRY, 0), "the run covers 1 s to 20 s of a trip of 20 s"),
         ((Topic.PLANT_ODOMETRY, 20), "the bag lacks 1 states that the runner heard"),

@@ -59,7 +59,16 @@ def launch_stubs(monkeypatch: pytest.MonkeyPatch) -> list[Recorded]:
     """Stand in for the packages of a full ROS 2 installation."""
     modules = {
         "launch": ["LaunchDescription"],
-        "launch.actions": ["DeclareLaunchArgument", "IncludeLaunchDescription", "Shutdown"],
+        "launch.actions": [
+            "DeclareLaunchArgument",
+            "EmitEvent",
+            "GroupAction",
+            "IncludeLaunchDescription",
+            "RegisterEventHandler",
+        ],
+        "launch.event_handlers": ["OnProcessExit"],
+        "launch.events": ["matches_action"],
+        "launch.events.process": ["ShutdownProcess"],
         "launch.conditions": ["IfCondition"],
         "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
         "launch.substitutions": ["LaunchConfiguration", "PythonExpression"],
@@ -138,7 +147,25 @@ def test_the_launch_file_sets_parameters_and_arguments_that_exist(
 
 
 @needs_sources
-def test_two_vehicles_differ_in_namespace_and_clock(launch_stubs: list[Recorded]) -> None:
+def test_the_end_of_a_process_ends_its_own_loop_and_no_other(launch_stubs: list[Recorded]) -> None:
+    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+    module["generate_launch_description"]()
+    nodes = of_class(launch_stubs, "Node")
+    assert not any("on_exit" in node.named for node in nodes)
+    handlers = {
+        id(handler.named["target_action"]): [
+            action.named["event"].named["process_matcher"].arguments[0]
+            for action in handler.named["on_exit"]
+        ]
+        for handler in of_class(launch_stubs, "OnProcessExit")
+    }
+    assert len(of_class(launch_stubs, "RegisterEventHandler")) == len(nodes)
+    for node in nodes:
+        assert handlers[id(node)] == [other for other in nodes if other is not node]
+
+
+@needs_sources
+def test_two_vehicles_differ_in_namespace_and_bag(launch_stubs: list[Recorded]) -> None:
     module = runpy.run_path(str(LAUNCH / "two_vehicles.launch.py"))
     module["generate_launch_description"]()
     given = [
@@ -146,6 +173,10 @@ def test_two_vehicles_differ_in_namespace_and_clock(launch_stubs: list[Recorded]
         for item in of_class(launch_stubs, "IncludeLaunchDescription")
     ]
     assert [entry["namespace"] for entry in given] == ["car_1", "car_2"]
-    assert [entry["clock"] for entry in given] == ["/car_1/clock", "/car_2/clock"]
+    assert [entry["bag"][1] for entry in given] == ["/car_1", "/car_2"]
+    assert not any("clock" in entry for entry in given)  # the namespace moves it
+    # What is set for the first vehicle must not be in force for the second.
+    groups = [item.arguments[0] for item in of_class(launch_stubs, "GroupAction")]
+    assert groups == [[item] for item in of_class(launch_stubs, "IncludeLaunchDescription")]
     known = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))["ARGUMENTS"]
     assert all(entry.keys() <= known.keys() for entry in given)

@@ -9,8 +9,9 @@ import pytest
 from iptm_core.errors import BagError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.trajectory_reader import read_decisions, read_trajectory
+from iptm_recording.trajectory_reader import read_decisions, read_trajectory, topic_name
 
 WriteRun = Callable[..., Path]
 
@@ -57,6 +58,21 @@ def test_namespaces(trajectory: Trajectory, write_run: WriteRun, tmp_path: Path)
     assert len(read_trajectory(bag)) == len(read_trajectory(bag, "/car_1")) == len(trajectory)
     with pytest.raises(BagError, match="no topic '/car_2/plant/odometry'"):
         read_trajectory(bag, "car_2")
+
+
+def test_the_clock_of_a_bag_in_a_namespace_may_be_the_global_one(tmp_path: Path) -> None:
+    """So it is in bags of before the clock moved with the namespace."""
+    kind = TOPICS[Topic.CLOCK].type_name
+    for bag, names, expected in (
+        ("old", ["/clock"], "/clock"),
+        ("new", ["/car_1/clock"], "/car_1/clock"),
+        ("both", ["/clock", "/car_1/clock"], "/car_1/clock"),
+    ):
+        with BagWriter(tmp_path / bag) as writer:
+            for name in names:
+                writer.write(writer.add_topic(name, kind), b"\x00\x01\x00\x00" + bytes(8), 0)
+        with BagReader(tmp_path / bag) as reader:
+            assert topic_name(reader, Topic.CLOCK, "car_1") == expected
 
 
 def test_missing_topic(small_bag: Path) -> None:

@@ -3,15 +3,19 @@
     ros2 launch iptm_bringup closed_loop.launch.py cycle:=us06 slope:=large record:=true
     ros2 launch iptm_bringup closed_loop.launch.py namespace:=car_1
 
-Everything ends with the first process that does. What no argument names is set in the parameter files.
+The loop ends with the first of its processes that does; other loops of the launch go on.
+What no argument names is set in the parameter files.
 """
 
 from datetime import datetime
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
-from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.actions import DeclareLaunchArgument, EmitEvent, RegisterEventHandler
 from launch.conditions import IfCondition
+from launch.event_handlers import OnProcessExit
+from launch.events import matches_action
+from launch.events.process import ShutdownProcess
 from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -67,7 +71,6 @@ def generate_launch_description() -> LaunchDescription:
         # The second is what rclpy itself listens to with use_sim_time.
         "remappings": [("clock", clock), ("/clock", clock)],
         "output": "screen",
-        "on_exit": Shutdown(),
     }
     sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
     actions = [
@@ -79,6 +82,7 @@ def generate_launch_description() -> LaunchDescription:
         )
         for name, (default, description) in ARGUMENTS.items()
     ]
+    processes = []
     for name, (package, executable) in EXECUTABLES.items():
         parameters = {
             key: ParameterValue(LaunchConfiguration(key), value_type=kind)
@@ -87,7 +91,7 @@ def generate_launch_description() -> LaunchDescription:
         parameters["use_sim_time"] = sim_time
         if name != CONTROLLER:
             parameters["expected_peers"] = peers
-        actions.append(
+        processes.append(
             Node(
                 package=package,
                 executable=executable,
@@ -96,12 +100,28 @@ def generate_launch_description() -> LaunchDescription:
                 **common,
             )
         )
-    recorder = Node(
-        package="iptm_recording",
-        executable="recorder",
-        name="recorder",
-        arguments=[LaunchConfiguration("bag")],
-        condition=IfCondition(record),
-        **common,
+    processes.append(
+        Node(
+            package="iptm_recording",
+            executable="recorder",
+            name="recorder",
+            arguments=[LaunchConfiguration("bag")],
+            condition=IfCondition(record),
+            **common,
+        )
     )
-    return LaunchDescription([*actions, recorder])
+    # Not `Shutdown`, which would end the other vehicles of a launch, too.
+    endings = [
+        RegisterEventHandler(
+            OnProcessExit(
+                target_action=process,
+                on_exit=[
+                    EmitEvent(event=ShutdownProcess(process_matcher=matches_action(other)))
+                    for other in processes
+                    if other is not process
+                ],
+            )
+        )
+        for process in processes
+    ]
+    return LaunchDescription([*actions, *endings, *processes])
