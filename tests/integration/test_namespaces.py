@@ -9,7 +9,7 @@ from sensor_msgs.msg import JointState
 
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.topics import STREAM_QOS
+from iptm_interfaces.topics import STREAM_QOS, TOPICS, Topic
 
 DURATIONS_S = {"car_1": 12, "car_2": 20}
 NODES = {
@@ -21,6 +21,7 @@ NODES = {
 def test_a_namespace_moves_a_suite_with_its_clock(launcher: Any, peer: Any) -> None:
     clocks: dict[str, list[int]] = {car: [] for car in DURATIONS_S}
     commands: dict[str, list[int]] = {car: [] for car in DURATIONS_S}
+    frames: dict[str, set[str]] = {car: set() for car in DURATIONS_S}
     plants = []
     for car, duration_s in DURATIONS_S.items():
         peer.node.create_subscription(
@@ -35,6 +36,15 @@ def test_a_namespace_moves_a_suite_with_its_clock(launcher: Any, peer: Any) -> N
             lambda message, car=car: commands[car].append(ns_from_time(message.header.stamp)),
             STREAM_QOS,
         )
+        for topic in (Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.PLAN):
+            peer.node.create_subscription(
+                TOPICS[topic].message_type,
+                f"/{car}/{topic.value}",
+                lambda message, car=car: frames[car].update(
+                    (message.header.frame_id, getattr(message, "child_frame_id", ""))
+                ),
+                STREAM_QOS,
+            )
         place = ("-r", f"__ns:=/{car}")
         trip = {"cycle": "nycc", "duration_s": float(duration_s), "expected_peers": 1}
         plants.append(launcher.start_node("iptm_plant_sim.node", *place, parameters=trip))
@@ -48,5 +58,6 @@ def test_a_namespace_moves_a_suite_with_its_clock(launcher: Any, peer: Any) -> N
     for car, duration_s in DURATIONS_S.items():
         ticks = {tick * NS_PER_S for tick in range(duration_s + 1)}
         assert set(clocks[car]) == ticks
+        assert frames[car] == {f"{car}/{name}" for name in ("road", "host", "leader")} | {""}
         assert ticks - {max(ticks)} <= set(commands[car]) <= ticks
     assert not peer.node.get_publishers_info_by_topic("/clock")

@@ -24,6 +24,7 @@ MISTAKES: dict[str, list[tuple[dict[str, object], str]]] = {
         ({"rate_factor": 0.0}, "parameter rate_factor is 0.0"),
         ({"cycle": "no_such_cycle"}, "unknown driving cycle 'no_such_cycle'"),
         ({"rate_factr": 2.0}, "did you mean 'rate_factor'?"),
+        ({"qos_overrides./plant/odometry.publisher.depth": 5}, "QoS of its topics is fixed"),
     ],
     BRIDGE: [
         ({"latency_s": -1.0}, "parameter latency_s is -1.0"),

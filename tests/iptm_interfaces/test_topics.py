@@ -14,6 +14,7 @@ from iptm_interfaces.topics import (
     TopicSpec,
     describe_qos,
     find_topic,
+    frame_in,
     topic_table_markdown,
 )
 
@@ -84,6 +85,20 @@ def test_profiles() -> None:
 def test_find_topic(name: str, namespace: str, expected: Topic | None) -> None:
     found = find_topic(name, namespace)
     assert (found.topic if found else None) is expected
+
+
+@pytest.mark.parametrize(
+    ("namespace", "frame", "expected"),
+    [
+        ("/", "road", "road"),
+        ("/car_1", "road", "car_1/road"),
+        ("/fleet/car_1", "host", "fleet/car_1/host"),
+        ("/car_1", "car_1/road", "car_1/road"),
+        ("/car_1", "", ""),
+    ],
+)
+def test_frames_carry_the_vehicle(namespace: str, frame: str, expected: str) -> None:
+    assert frame_in(namespace, frame) == expected
 
 
 def test_markdown_table_has_one_row_per_topic_and_per_field() -> None:

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 import iptm_view
-from iptm_interfaces.topics import TOPICS, find_topic
+from iptm_interfaces.topics import TOPICS, find_topic, frame_in
 from iptm_view.viewer_layouts import LAYOUTS, foxglove_layout, plotjuggler_layout, rviz_config
 
 FOLDER = Path(iptm_view.__file__).parent / "layouts"
@@ -102,7 +102,9 @@ def test_rviz() -> None:
         assert spec is not None
         assert spec.type_name == "nav_msgs/msg/Odometry"
         # Without transforms, only what is given in the fixed frame can be shown.
-        assert manager["Global Options"]["Fixed Frame"] == spec.frame.split(" -> ")[0]
+        assert manager["Global Options"]["Fixed Frame"] == frame_in(
+            "/car_1", spec.frame.split(" -> ")[0]
+        )
 
 
 @pytest.mark.parametrize("name", LAYOUTS)

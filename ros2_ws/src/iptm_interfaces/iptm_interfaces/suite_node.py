@@ -16,13 +16,17 @@ from rclpy.timer import Timer
 
 from iptm_core.errors import IptmError, ParameterError
 from iptm_core.strict_mapping import suggestion
+from iptm_interfaces.framed_publisher import FramedPublisher
 from iptm_interfaces.node_health import AwakeClock, NodeHealth, largest_message_bytes
 from iptm_interfaces.topics import TOPICS, Topic
 
 _LOG_THROTTLE_S = 5.0
 _KNOWN_DEFECTS = 20
 _GRAPH_PERIOD_S = 1.0
-_ROS_PARAMETERS = ("use_sim_time", "qos_overrides.", "start_type_description_service")
+_QOS_OVERRIDES = "qos_overrides."
+_ROS_PARAMETERS = ("use_sim_time", _QOS_OVERRIDES, "start_type_description_service")
+# Topics of ROS itself, which files of parameters that were dumped may name.
+_OVERRIDABLE = (f"{_QOS_OVERRIDES}/clock.", f"{_QOS_OVERRIDES}/parameter_events.")
 
 
 class SuiteNode(Node):
@@ -52,9 +56,13 @@ class SuiteNode(Node):
         self.create_timer(AwakeClock.PERIOD_S, self.awake.tick, clock=self._steady_clock)
 
     def advertise(self, topic: Topic) -> Publisher:
-        """Return a publisher for a topic of the table."""
+        """Return a publisher for a topic of the table, whose frames are those of the namespace."""
         spec = TOPICS[topic]
-        return self.create_publisher(spec.message_type, spec.name, spec.qos)
+        publisher = self.create_publisher(
+            spec.message_type, spec.name, spec.qos, publisher_class=FramedPublisher
+        )
+        publisher.namespace = self.get_namespace()
+        return publisher
 
     def listen(
         self, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False
@@ -142,6 +150,11 @@ class SuiteNode(Node):
         # rclpy has no public way to list overrides without declaring them untyped.
         overrides: dict[str, Any] = getattr(self, "_parameter_overrides", {})
         for name in overrides:
+            if name.startswith(_QOS_OVERRIDES) and not name.startswith(_OVERRIDABLE):
+                raise ParameterError(
+                    f"parameter {name} is given to {self.get_name()}; allowed: none, as the QoS of its "
+                    "topics is fixed"
+                )
             if self.has_parameter(name) or name.startswith(_ROS_PARAMETERS):
                 continue
             own = [known for known in self._parameters if not known.startswith(_ROS_PARAMETERS)]

@@ -124,7 +124,8 @@ _SPECS = (
     ),
     TopicSpec(
         Topic.PLANT_ODOMETRY, Odometry, "plant", f"{ROAD_FRAME} -> {HOST_FRAME}", "m, m/s",
-        "host: pose.position.x = distance along the road, twist.linear.x = speed (never negative)",
+        "host: pose.position.x = distance along the road, twist.linear.x = speed (never negative); "
+        "exact values of a simulation, so all covariances are 0",
     ),
     TopicSpec(
         Topic.PLANT_ACCELERATION, AccelStamped, "plant", HOST_FRAME, "m/s^2",
@@ -135,7 +136,8 @@ _SPECS = (
         Topic.PLANT_BATTERY, BatteryState, "plant", PACK_FRAME, "V, A, degC",
         "pack voltage and current (negative when discharging, as ROS defines it); "
         "cell_voltage, cell_temperature: cell 1 and cell N of a coolant channel; all its cells where "
-        "the plant has them (thermal_model full_channel)",
+        "the plant has them (thermal_model full_channel); charge and percentage are NaN, which ROS "
+        "means by not measured: the model has no state of charge",
     ),
     TopicSpec(
         Topic.PLANT_CELL_1_TEMPERATURE, Temperature, "plant", PACK_FRAME, "degC",
@@ -170,7 +172,7 @@ _SPECS = (
     TopicSpec(
         Topic.LEADER, Odometry, "v2x_bridge", f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",
         "preceding vehicle now (range sensor): pose.position.x = rear bumper along the road, "
-        "twist.linear.x = speed",
+        "twist.linear.x = speed; covariances are not estimated (0)",
     ),
     TopicSpec(
         Topic.LEADER_PREVIEW, JointTrajectory, "v2x_bridge", ROAD_FRAME, "m, m/s",
@@ -252,6 +254,19 @@ OBSERVATION_TOPICS = (
 
 TICK_TOPICS = (*OBSERVATION_TOPICS, Topic.LEADER)
 """Topics that make up one row of a trajectory."""
+
+
+def frame_in(namespace: str, frame: str) -> str:
+    """Return the name of a frame of a vehicle in the graph: `car_1/road` in namespace `/car_1`.
+
+    Args:
+        namespace: full namespace of the suite, `/` for none.
+        frame: frame of the topic table; empty stays empty, and a name that has the prefix is kept.
+    """
+    prefix = namespace.strip("/")
+    if not prefix or not frame or frame.startswith(f"{prefix}/"):
+        return frame
+    return f"{prefix}/{frame}"
 
 
 def find_topic(name: str, namespace: str = "/") -> TopicSpec | None:

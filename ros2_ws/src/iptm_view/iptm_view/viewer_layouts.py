@@ -21,7 +21,7 @@ from sensor_msgs.msg import BatteryState, JointState, Temperature
 from std_msgs.msg import Float64
 from trajectory_msgs.msg import JointTrajectory
 
-from iptm_interfaces.topics import ROAD_FRAME, TOPICS, TopicSpec
+from iptm_interfaces.topics import ROAD_FRAME, TOPICS, TopicSpec, frame_in
 
 _COLORS = ("#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#737b84")
 _WINDOW_S = 120
@@ -202,7 +202,7 @@ def rviz_config(namespace: str = "/") -> str:
         "Visualization Manager": {
             "Class": "",
             "Displays": [{**grid, "Plane Cell Count": 200}, *cars],
-            "Global Options": {"Fixed Frame": ROAD_FRAME, "Frame Rate": 30},
+            "Global Options": {"Fixed Frame": frame_in(namespace, ROAD_FRAME), "Frame Rate": 30},
             "Tools": [{"Class": "rviz_default_plugins/MoveCamera"}],
             "Views": {"Current": view},
         },
