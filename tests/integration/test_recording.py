@@ -229,7 +229,7 @@ def test_namespace_and_diagnostics(peer: Any, record: Callable[..., Any], tmp_pa
     )
     recorder = record("bag", "--topics", "/car_1/*", "--ros-args", "-r", "__ns:=/car_1")
     publisher = peer.node.create_publisher(Float64, "/car_1/controller/acceleration_command", 10)
-    clock = peer.node.create_publisher(Clock, "/clock", 10)
+    clock = peer.node.create_publisher(Clock, "/car_1/clock", 10)
     foreign = peer.node.create_publisher(Float64, "/car_2/x", 10)
     peer.wait_until(publisher.get_subscription_count, what="subscription to the command")
     publisher.publish(Float64(data=1.0))  # tells the recorder that the trip is running
@@ -240,7 +240,8 @@ def test_namespace_and_diagnostics(peer: Any, record: Callable[..., Any], tmp_pa
     peer.wait_until(lambda: expected in texts, what="diagnostics")
     assert recorder.stop() == 0
     # The clock is recorded although it was not asked for: the times come from it.
-    assert counts_of(tmp_path / "bag") == {"/car_1/controller/acceleration_command": 1, "/clock": 1}
+    command = "/car_1/controller/acceleration_command"
+    assert counts_of(tmp_path / "bag") == {command: 1, "/car_1/clock": 1}
 
 
 def test_everything_in_the_graph_with_its_own_quality_of_service(

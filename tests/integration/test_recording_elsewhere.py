@@ -1,4 +1,4 @@
-"""Recording a vehicle in a namespace with a clock of its own, as the launch file starts it."""
+"""Recording a vehicle in a namespace with a clock of its own."""
 
 from __future__ import annotations
 
@@ -19,24 +19,42 @@ from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.recover import recover
 
 S = 10**9
-PLACE = ("-r", "__ns:=/car_9", "-r", "/clock:=/car_9/clock")
+PLACE = ("-r", "__ns:=/car_9")
+PLACES = {
+    "namespace": PLACE,
+    "names as of the launch file": (*PLACE, "-r", "clock:=clock", "-r", "/clock:=clock"),
+    "a clock elsewhere": (*PLACE, "-r", "clock:=/clock_of_9"),
+    "without a namespace": (
+        "-r",
+        "/plant/cell_1_temperature:=/car_9/plant/cell_1_temperature",
+        "-r",
+        "/v2x/slope:=/car_9/v2x/slope",
+        "-r",
+        "/clock:=/car_9/clock",
+    ),
+}
 STATE, CLOCK, SLOPE = "/car_9/plant/cell_1_temperature", "/car_9/clock", "/car_9/v2x/slope"
 
 
 @pytest.fixture
-def recorder(launcher: Any, wait_until: Callable[..., None], tmp_path: Path) -> Any:
+def recorder(
+    launcher: Any, wait_until: Callable[..., None], tmp_path: Path, request: pytest.FixtureRequest
+) -> Any:
+    place = PLACES[getattr(request, "param", "namespace")]
     process = launcher.start_module(
-        "iptm_recording.recorder_cli", tmp_path / "bag", "--ros-args", *PLACE
+        "iptm_recording.recorder_cli", tmp_path / "bag", "--ros-args", *place
     )
     wait_until(lambda: "recorder ready" in process.stdout, what="recorder ready")
     return process
 
 
-def test_a_kill_loses_at_most_one_tick_under_a_remapped_clock(
-    peer: Any, recorder: Any, tmp_path: Path
+@pytest.mark.parametrize("recorder", PLACES, indirect=True)
+def test_a_kill_loses_at_most_one_tick_wherever_the_clock_is(
+    peer: Any, recorder: Any, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     state = peer.node.create_publisher(Temperature, STATE, 10)
-    clock = peer.node.create_publisher(Clock, CLOCK, 10)
+    is_elsewhere = "elsewhere" in request.node.name
+    clock = peer.node.create_publisher(Clock, "/clock_of_9" if is_elsewhere else CLOCK, 10)
     slope = peer.node.create_publisher(Float64MultiArray, SLOPE, LATCHED_QOS)
     slope.publish(Float64MultiArray(data=[1.0]))
     peer.wait_until(state.get_subscription_count, 60.0, "subscription to the state")

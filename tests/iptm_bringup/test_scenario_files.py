@@ -174,11 +174,13 @@ def test_parts_that_do_not_fit_are_refused_before_anything_starts(
         assert part in str(caught.value)
 
 
-def test_plant_and_controller_must_have_one_period() -> None:
+def test_nodes_that_need_it_must_have_one_period() -> None:
     with pytest.raises(ScenarioError, match="period_s is 2 s for plant and 1 s for controller"):
         prepare(Scenario(node_parameters={"plant": {"period_s": 2.0}}))
     both = {"plant": {"period_s": 2}, "controller": {"period_s": 2.0}}
     prepare(Scenario(node_parameters=both))
+    with pytest.raises(ScenarioError, match="period_s is 2 s for plant and 1 s for v2x_bridge"):
+        prepare(Scenario(node_parameters=both, clock_hz=10.0))
 
 
 def test_numbers_only_python_understands_are_refused() -> None:

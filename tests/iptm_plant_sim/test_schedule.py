@@ -1,8 +1,8 @@
-"""Overruns are judged by the schedule, not by how long the work took."""
+"""Overruns are judged by the schedule, not by how long the work took; time between ticks stays between."""
 
 import pytest
 
-from iptm_plant_sim.schedule import Schedule
+from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
 
 
 class FakeClock:
@@ -45,3 +45,23 @@ def test_missed_slots_are_counted_once_and_not_made_up_for() -> None:
     schedule.keep()
     assert schedule.overruns == 2
     assert schedule.worst_lateness_s == pytest.approx(2.5)
+
+
+def test_time_between_ticks_grows_and_stays_before_the_next_tick() -> None:
+    clock = FakeClock()
+    between = TimeBetweenTicks(0.5, 2.0, clock)
+    assert between.take_ns() is None  # no tick yet
+    between.begin(3_000_000_000)
+    assert between.take_ns() is None  # the tick itself has been told
+    clock.now_s += 0.125
+    assert between.take_ns() == 3_250_000_000
+    assert between.take_ns() is None
+    clock.now_s += 9.0  # the next tick is late
+    assert between.take_ns() == 3_499_999_999
+    assert between.take_ns() is None
+    between.begin(3_500_000_000)
+    clock.now_s += 0.125
+    assert between.take_ns() == 3_750_000_000
+    between.end()
+    clock.now_s += 0.05
+    assert between.take_ns() is None

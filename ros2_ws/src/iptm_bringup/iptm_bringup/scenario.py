@@ -27,6 +27,7 @@ from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import ParameterSet
 from iptm_core.routes import Route
 from iptm_core.settings import (
+    ClockSettings,
     LoopMode,
     ModelSettings,
     PaceSettings,
@@ -47,8 +48,8 @@ BRIDGE = "v2x_bridge"
 CONTROLLER = "controller"
 
 SETTINGS_OF_NODES: Mapping[str, tuple[type[Settings], ...]] = {
-    PLANT: (TripSettings, ModelSettings, PaceSettings),
-    BRIDGE: (RoadSettings, PreviewSettings),
+    PLANT: (TripSettings, ModelSettings, PaceSettings, ClockSettings),
+    BRIDGE: (RoadSettings, PreviewSettings, ClockSettings),
     CONTROLLER: (ControllerSettings, ModelSettings),
 }
 """Which settings of a scenario each node of the loop takes, as parameters of the same names."""
@@ -60,7 +61,9 @@ _NO_PARAMETERS: Mapping[str, Mapping[str, Scalar]] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
-class Scenario(PaceSettings, PreviewSettings, ControllerSettings, ModelSettings, TripSettings):
+class Scenario(
+    ClockSettings, PaceSettings, PreviewSettings, ControllerSettings, ModelSettings, TripSettings
+):
     """What is driven, by whom, under which conditions; ranges and units are in the declarations.
 
     Attributes:
@@ -138,21 +141,25 @@ def prepare(scenario: Scenario) -> PreparedScenario:
     route = part("cycle, slope", lambda: scenario.trip_route(initial_gap_m))
     part("horizon", lambda: Horizon.parse(scenario.horizon))
     part("namespace", lambda: _check_namespace(scenario.full_namespace))
-    part("node_parameters", lambda: _check_periods(scenario.node_parameters))
+    part("node_parameters", lambda: _check_periods(scenario))
     return PreparedScenario(scenario, parameters, route)
 
 
-def _check_periods(node_parameters: Mapping[str, Mapping[str, Scalar]]) -> None:
+def _check_periods(scenario: Scenario) -> None:
     (spec,) = parameter_specs(SamplingSettings)
-    plant, controller = (
-        checked_value(spec, node_parameters.get(node, {}).get(spec.name, spec.default))
-        for node in (PLANT, CONTROLLER)
+    given = scenario.node_parameters
+    # The bridge tells ticks from the times between them by the period.
+    others = (CONTROLLER, BRIDGE) if scenario.clock_hz > 0.0 else (CONTROLLER,)
+    plant, *periods = (
+        checked_value(spec, given.get(node, {}).get(spec.name, spec.default))
+        for node in (PLANT, *others)
     )
-    if plant != controller:
-        raise ScenarioError(
-            f"{spec.name} is {plant:g} s for {PLANT} and {controller:g} s for {CONTROLLER}; "
-            "allowed: the same for both"
-        )
+    for node, period in zip(others, periods, strict=True):
+        if plant != period:
+            raise ScenarioError(
+                f"{spec.name} is {plant:g} s for {PLANT} and {period:g} s for {node}; "
+                "allowed: the same for both"
+            )
 
 
 def _check_namespace(namespace: str) -> None:

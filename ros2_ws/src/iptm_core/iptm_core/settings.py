@@ -14,6 +14,7 @@ from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.routes import SLOPE_CHOICES, Route, build_route
+from iptm_core.trip_time import NS_PER_S
 
 MAX_SEED = 2**63 - 1
 
@@ -169,6 +170,33 @@ class SamplingSettings(Settings):
     period_s: float = parameter(
         1.0, "sampling time of the loop, trip time between two states", "s", 0.01, 10.0
     )
+
+
+@dataclass(frozen=True)
+class ClockSettings(Settings):
+    """How often the time of the trip is published."""
+
+    clock_hz: float = parameter(
+        0.0,
+        "real_time: clock messages per second of wall time, for nodes with timers on trip time; 0 for one "
+        "per tick; plant, bridge and sender need the same",
+        "Hz",
+        0.0,
+        1000.0,
+    )
+
+
+@dataclass(frozen=True)
+class TickSettings(ClockSettings, SamplingSettings):
+    """Ticks, and the times published between them."""
+
+    def is_tick(self, time_ns: int) -> bool:
+        """Return whether a time of the clock is a tick, which is to be answered.
+
+        Args:
+            time_ns: trip time, integer nanoseconds.
+        """
+        return self.clock_hz == 0.0 or time_ns % round(self.period_s * NS_PER_S) == 0
 
 
 @dataclass(frozen=True)

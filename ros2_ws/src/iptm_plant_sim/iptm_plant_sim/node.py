@@ -25,7 +25,7 @@ from iptm_interfaces.topics import TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.node_publishers import PlantPublishers
-from iptm_plant_sim.schedule import Schedule
+from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
 from iptm_plant_sim.trip import CommandHold, TripPhase
 
 EXIT_CONTROLLER_LOST = 3
@@ -64,6 +64,7 @@ class PlantNode(SuiteNode):
         self._awaited: tuple[str, ...] = ()
         self._hold = CommandHold(self._options.command_timeout_s)
         self._schedule: Schedule | None = None
+        self._between = TimeBetweenTicks(self._options.period_s, self._options.rate_factor)
         self._published_s = 0.0
         self._stop_timer: Timer | None = None
         self._outputs = PlantPublishers(self, self._trip.parameters)
@@ -97,6 +98,8 @@ class PlantNode(SuiteNode):
             wall_period_s = self._options.period_s / self._options.rate_factor
             self._schedule = Schedule(wall_period_s)
             self._tick_timer = self.every(wall_period_s, self._on_wall_tick)
+            if self._options.clock_hz > 0.0:
+                self.every(1.0 / self._options.clock_hz, self._publish_time_between)
 
     def _missing_peers(self) -> tuple[str, ...]:
         expected = self._options.expected_peers
@@ -164,6 +167,8 @@ class PlantNode(SuiteNode):
             self._finish()
         self._outputs.publish(self._trip.step)
         self._published_s = self.awake.now_s()
+        if not over:
+            self._between.begin(self._trip.stamp_ns)
         if not over and not self._is_real_time:
             self._watchdog.feed()
         self._report()
@@ -176,6 +181,11 @@ class PlantNode(SuiteNode):
             self._repeated_states += 1
             self._outputs.publish(self._trip.step)
             self._published_s = self.awake.now_s()
+
+    def _publish_time_between(self) -> None:
+        time_ns = self._between.take_ns()
+        if time_ns is not None:
+            self._outputs.publish_time(time_ns)
 
     def _on_wall_tick(self) -> None:
         if self._phase is TripPhase.FINISHED or self._schedule is None:
@@ -218,6 +228,7 @@ class PlantNode(SuiteNode):
     def _finish(self) -> None:
         """End the process a little later, so that the last messages arrive."""
         self._phase = TripPhase.FINISHED
+        self._between.end()
         self._watchdog.disarm()
         code = EXIT_CONTROLLER_LOST if self._controller_lost else 0
         self.every(max(self._options.linger_s, 1e-3), lambda: self.finish(code))
@@ -227,6 +238,7 @@ class PlantNode(SuiteNode):
         self._failure = str(error)
         self.get_logger().error(f"the vehicle model failed: {error}")
         self._phase = TripPhase.FINISHED
+        self._between.end()
         self._watchdog.disarm()
         self._report()
         self.every(max(self._options.linger_s, 1e-3), lambda: self.finish(EXIT_DEFECT))

@@ -9,7 +9,7 @@ from iptm_core.settings import (
     IntegrationSettings,
     ModelSettings,
     PaceSettings,
-    SamplingSettings,
+    TickSettings,
     TripSettings,
 )
 from iptm_plant_sim.plant import Plant
@@ -21,7 +21,7 @@ WAIT = "wait"
 
 @dataclass(frozen=True)
 class PlantNodeParameters(
-    IntegrationSettings, SamplingSettings, PaceSettings, ModelSettings, TripSettings
+    IntegrationSettings, TickSettings, PaceSettings, ModelSettings, TripSettings
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 

@@ -16,6 +16,7 @@ from iptm_interfaces.codecs import (
     encode_host_odometry,
     encode_powers,
     encode_temperature,
+    time_from_ns,
     time_from_s,
 )
 from iptm_interfaces.suite_node import SuiteNode
@@ -77,6 +78,10 @@ class PlantPublishers:
         self._publishers[Topic.PLANT_ACCELERATION].publish(encode_acceleration(state))
         self._publishers[Topic.PLANT_ODOMETRY].publish(encode_host_odometry(state))
         self._publishers[Topic.CLOCK].publish(Clock(clock=time_from_s(state.time_s)))
+
+    def publish_time(self, time_ns: int) -> None:
+        """Publish a time between two ticks."""
+        self._publishers[Topic.CLOCK].publish(Clock(clock=time_from_ns(time_ns)))
 
     def _reading(self, step: PlantStep) -> BatteryReading:
         state = step.state

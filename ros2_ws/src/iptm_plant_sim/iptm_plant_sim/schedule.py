@@ -1,9 +1,11 @@
-"""Lateness against a fixed schedule on the steady clock."""
+"""Trip time by the steady clock: lateness against a fixed schedule, and the times between two ticks."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+
+from iptm_core.trip_time import NS_PER_S
 
 
 class Schedule:
@@ -39,3 +41,44 @@ class Schedule:
         self.overruns += missed
         self.worst_lateness_s = max(self.worst_lateness_s, lateness_s)
         self._next_s += (missed + 1) * self._period_s
+
+
+class TimeBetweenTicks:
+    """Trip time that has passed since the last tick, and never reaches the next one."""
+
+    def __init__(
+        self,
+        period_s: float,
+        rate_factor: float = 1.0,
+        steady_time_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Set up a time that has not begun.
+
+        Args:
+            period_s: trip time between two ticks.
+            rate_factor: seconds of trip time per second of wall time.
+            steady_time_s: clock in seconds, replaceable in tests.
+        """
+        self._last_ns = round(period_s * NS_PER_S) - 1
+        self._rate_factor = rate_factor
+        self._steady_time_s = steady_time_s
+        self._tick_ns = 0
+        self._began_s = 0.0
+        self._told_ns = self._last_ns
+
+    def begin(self, tick_ns: int) -> None:
+        """Begin at a tick, which is being published now."""
+        self._tick_ns, self._began_s, self._told_ns = tick_ns, self._steady_time_s(), 0
+
+    def end(self) -> None:
+        """Give no more times before the next beginning."""
+        self._told_ns = self._last_ns
+
+    def take_ns(self) -> int | None:
+        """Return the present trip time; None where it is not later than what was taken before."""
+        passed_ns = round((self._steady_time_s() - self._began_s) * self._rate_factor * NS_PER_S)
+        passed_ns = min(passed_ns, self._last_ns)
+        if passed_ns <= self._told_ns:
+            return None
+        self._told_ns = passed_ns
+        return self._tick_ns + passed_ns

@@ -63,6 +63,8 @@ class BridgeNode(SuiteNode):
 
     def _on_clock(self, message: Clock) -> None:
         time_ns = ns_from_time(message.clock)
+        if not self._options.is_tick(time_ns):
+            return
         verdict = self._gate.judge(time_ns)
         if verdict is Verdict.STRAY:
             self._turned_away_s = self.awake.now_s()

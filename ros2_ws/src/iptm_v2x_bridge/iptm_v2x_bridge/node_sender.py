@@ -68,7 +68,7 @@ class SenderNode(SuiteNode):
 
     def _on_clock(self, message: Clock) -> None:
         time_ns = ns_from_time(message.clock)
-        if time_ns < 0:
+        if time_ns < 0 or not self._options.is_tick(time_ns):
             return
         self._send_until(time_ns)
         self._ended = EndOfTick(time_ns, self._sent)
