@@ -193,7 +193,7 @@ def test_waits_for_the_peers_and_says_for_whom(launcher: Any, peer: Any) -> None
     driver = Driver(peer, lambda _: None)
     start(launcher, expected_peers=2)
     driver.wait(
-        lambda: "waiting for peers on plant/odometry, /clock" in driver.reasons(),
+        lambda: "waiting for peers on /plant/odometry, /clock" in driver.reasons(),
         "the wait reported",
     )
     assert driver.ticks == []

@@ -128,7 +128,7 @@ def test_the_view_is_not_counted_as_a_peer(
     )
     seen = len(statuses)
     peer.wait_until(lambda: len(statuses) > seen + 2, what="more reports of the plant")
-    assert statuses[-1].message.startswith("waiting for peers on plant/odometry")
+    assert statuses[-1].message.startswith("waiting for peers on /plant/odometry")
 
 
 def test_a_bag_is_shown_without_a_graph(

@@ -106,7 +106,7 @@ class PlantNode(SuiteNode):
         missing = self._outputs.missing_subscribers(expected)
         needs_controller = expected > 0 or not self._is_real_time
         if needs_controller and self._commands.get_publisher_count() == 0:
-            missing = (*missing, Topic.COMMAND.value)
+            missing = (*missing, self._commands.topic_name)
         return missing
 
     # --- commands

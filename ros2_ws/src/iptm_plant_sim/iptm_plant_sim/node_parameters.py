@@ -43,7 +43,7 @@ class PlantNodeParameters(
     )
     expected_peers: int = parameter(
         1,
-        "subscribers of plant/odometry and of /clock to wait for before the start, 0 for none",
+        "subscribers of plant/odometry and of clock to wait for before the start, 0 for none",
         "",
         0,
         100,

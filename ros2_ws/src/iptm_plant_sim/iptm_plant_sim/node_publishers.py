@@ -57,7 +57,7 @@ class PlantPublishers:
         # A command depends on the whole state: without a listener the start would be one into silence.
         needed = dict.fromkeys(STATE_TOPICS, 1) | dict.fromkeys(_COUNTED, expected_peers)
         return tuple(
-            topic.value
+            self._publishers[topic].topic_name
             for topic, count in needed.items()
             if self._publishers[topic].get_subscription_count() < count
         )

@@ -144,7 +144,7 @@ class SenderNodeParameters(SenderSettings, TickSettings, RoadSettings):
     to_port: int = declared(CamSettings, "cam_port", minimum=1)
     follow_clock: bool = parameter(
         default=True,
-        description="send on every /clock, with a mark at the end of each tick (lock-step); false sends by "
+        description="send at every tick of the clock, with a mark at its end (lock-step); false sends by "
         "the clock of the computer, from the start of the node on",
     )
     trip_start_timestamp_ms: int = declared(CamSettings, "trip_start_timestamp_ms")
