@@ -38,8 +38,8 @@ def topics_page() -> str:
     """Every topic with type, QoS, unit and sign."""
     return (
         f"# Topics\n\n{NOTICE}Names are relative, so that a namespace moves the whole suite with its "
-        "clock; only `/diagnostics` is global. Frames are prefixed by it: `car_1/road`. All types are "
-        "standard ones.\n\n" + topic_table_markdown()
+        "clock; only `/diagnostics` is global. Frames have it as prefix, `car_1/odom`, or `frame_prefix`. "
+        "All types are standard ones.\n\n" + topic_table_markdown()
     )
 
 

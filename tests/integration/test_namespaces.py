@@ -11,6 +11,7 @@ from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.topics import STREAM_QOS, TOPICS, Topic
 
+PREFIXES = {"car_1": "", "car_2": "taxi"}
 DURATIONS_S = {"car_1": 12, "car_2": 20}
 NODES = {
     "iptm_v2x_bridge.node": {"cycle": "nycc"},
@@ -46,10 +47,11 @@ def test_a_namespace_moves_a_suite_with_its_clock(launcher: Any, peer: Any) -> N
                 STREAM_QOS,
             )
         place = ("-r", f"__ns:=/{car}")
-        trip = {"cycle": "nycc", "duration_s": float(duration_s), "expected_peers": 1}
+        prefix = {"frame_prefix": PREFIXES[car]}
+        trip = {"cycle": "nycc", "duration_s": float(duration_s), "expected_peers": 1, **prefix}
         plants.append(launcher.start_node("iptm_plant_sim.node", *place, parameters=trip))
         for module, parameters in NODES.items():
-            launcher.start_node(module, *place, parameters=parameters)
+            launcher.start_node(module, *place, parameters=parameters | prefix)
     peer.wait_until(
         lambda: not any(plant.is_running for plant in plants), 120.0, "the end of both trips"
     )
@@ -58,6 +60,9 @@ def test_a_namespace_moves_a_suite_with_its_clock(launcher: Any, peer: Any) -> N
     for car, duration_s in DURATIONS_S.items():
         ticks = {tick * NS_PER_S for tick in range(duration_s + 1)}
         assert set(clocks[car]) == ticks
-        assert frames[car] == {f"{car}/{name}" for name in ("road", "host", "leader")} | {""}
+        vehicle = PREFIXES[car] or car
+        assert frames[car] == {f"{vehicle}/{name}" for name in ("odom", "base_link", "leader")} | {
+            ""
+        }
         assert ticks - {max(ticks)} <= set(commands[car]) <= ticks
     assert not peer.node.get_publishers_info_by_topic("/clock")

@@ -82,25 +82,34 @@ def test_empty_preview_means_nothing_received_yet() -> None:
         assert preview.generated_at_s == -math.inf
 
 
-def test_points_lie_where_cdr_aligns_float64() -> None:
-    assert (preview_wire._POINTS_OFFSET - preview_wire._STAMP_OFFSET) % 8 == 0
-    assert preview_wire._POINT.itemsize % 8 == 0
+FRAMES = ["", "map", "odom", *(f"{'car_1234567'[:size]}/odom" for size in range(1, 10))]
+"""Names of all lengths: the points that follow lie where CDR aligns them."""
 
 
-def test_usual_messages_take_the_fast_way(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("count", [0, 1, 2, 61])
+def test_the_frame_may_be_that_of_any_vehicle(frame: str, count: int) -> None:
+    preview = make_preview(7.0, count) if count else LeaderPreview.empty()
+    message = encode_leader_preview(preview, 7_500_000_000)
+    message.header.frame_id = frame
+    data = encode_leader_preview_bytes(preview, 7_500_000_000, frame)
+    assert deserialize_message(data, JointTrajectory) == message
+    for coded in (data, bytes(serialize_message(message))):
+        stamp_ns, decoded = decode_leader_preview_bytes(coded)
+        assert stamp_ns == 7_500_000_000
+        assert_same(decoded, preview)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_usual_messages_take_the_fast_way(monkeypatch: pytest.MonkeyPatch, frame: str) -> None:
     preview = make_preview(0.0, 61)
-    slow = bytes(serialize_message(encode_leader_preview(preview, 0)))
-    fast = encode_leader_preview_bytes(preview, 0)
+    message = encode_leader_preview(preview, 0)
+    message.header.frame_id = frame
+    slow = bytes(serialize_message(message))
+    fast = encode_leader_preview_bytes(preview, 0, frame)
     monkeypatch.setattr(preview_wire, "_deserialize", None)
     for data in (slow, fast):
         assert_same(decode_leader_preview_bytes(data)[1], preview)
-
-
-def test_other_frames_are_decoded_the_ordinary_way() -> None:
-    preview = make_preview(0.0, 5)
-    message = encode_leader_preview(preview, 0)
-    message.header.frame_id = "map"
-    assert_same(decode_leader_preview_bytes(bytes(serialize_message(message)))[1], preview)
 
 
 def encode_ways(preview: LeaderPreview, stamp_ns: int) -> list[bytes]:

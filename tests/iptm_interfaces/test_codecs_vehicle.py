@@ -73,9 +73,9 @@ def test_state_survives_the_six_messages(
 def test_frames_and_units_on_the_wire() -> None:
     messages = encode_all(STATE)
     odometry = messages[Topic.PLANT_ODOMETRY]
-    assert (odometry.header.frame_id, odometry.child_frame_id) == ("road", "host")
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
     assert odometry.pose.pose.orientation.w == 1.0
-    assert messages[Topic.PLANT_ACCELERATION].header.frame_id == "host"
+    assert messages[Topic.PLANT_ACCELERATION].header.frame_id == "base_link"
     assert messages[Topic.PLANT_CELL_1_TEMPERATURE].temperature == pytest.approx(28.1, abs=1e-12)
 
 
@@ -119,7 +119,7 @@ def test_messages_of_different_ticks_are_not_mixed(topic: Topic) -> None:
 def test_leader_round_trip() -> None:
     leader = LeaderState(4.5, 123.4, 5.6)
     message = encode_leader(leader)
-    assert (message.header.frame_id, message.child_frame_id) == ("road", "leader")
+    assert (message.header.frame_id, message.child_frame_id) == ("odom", "leader")
     assert decode_leader(message) == leader
 
 

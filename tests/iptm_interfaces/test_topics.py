@@ -90,10 +90,12 @@ def test_find_topic(name: str, namespace: str, expected: Topic | None) -> None:
 @pytest.mark.parametrize(
     ("namespace", "frame", "expected"),
     [
-        ("/", "road", "road"),
-        ("/car_1", "road", "car_1/road"),
-        ("/fleet/car_1", "host", "fleet/car_1/host"),
-        ("/car_1", "car_1/road", "car_1/road"),
+        ("/", "odom", "odom"),
+        ("", "odom", "odom"),
+        ("/car_1", "odom", "car_1/odom"),
+        ("fleet/car_1", "base_link", "fleet/car_1/base_link"),
+        ("/car_1", "car_1/odom", "car_1/odom"),
+        ("/car_1", "map", "map"),
         ("/car_1", "", ""),
     ],
 )

@@ -28,6 +28,7 @@ from iptm_core.parameters import ParameterSet
 from iptm_core.routes import Route
 from iptm_core.settings import (
     ClockSettings,
+    FrameSettings,
     LoopMode,
     ModelSettings,
     PaceSettings,
@@ -48,9 +49,9 @@ BRIDGE = "v2x_bridge"
 CONTROLLER = "controller"
 
 SETTINGS_OF_NODES: Mapping[str, tuple[type[Settings], ...]] = {
-    PLANT: (TripSettings, ModelSettings, PaceSettings, ClockSettings),
-    BRIDGE: (RoadSettings, PreviewSettings, ClockSettings),
-    CONTROLLER: (ControllerSettings, ModelSettings),
+    PLANT: (TripSettings, ModelSettings, PaceSettings, ClockSettings, FrameSettings),
+    BRIDGE: (RoadSettings, PreviewSettings, ClockSettings, FrameSettings),
+    CONTROLLER: (ControllerSettings, ModelSettings, FrameSettings),
 }
 """Which settings of a scenario each node of the loop takes, as parameters of the same names."""
 
@@ -62,7 +63,13 @@ _NO_PARAMETERS: Mapping[str, Mapping[str, Scalar]] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Scenario(
-    ClockSettings, PaceSettings, PreviewSettings, ControllerSettings, ModelSettings, TripSettings
+    FrameSettings,
+    ClockSettings,
+    PaceSettings,
+    PreviewSettings,
+    ControllerSettings,
+    ModelSettings,
+    TripSettings,
 ):
     """What is driven, by whom, under which conditions; ranges and units are in the declarations.
 

@@ -65,6 +65,7 @@ class ControllerNode(SuiteNode):
         super().__init__("controller")
         self._options = declare_parameters(self, self.PARAMETERS)
         self.reject_unknown_parameters()
+        self.use_frame_prefix(self._options.frame_prefix)
         self._controller = self._options.build_controller()
         self._watch = OperatorWatch(self._options.model().values, self._options)
         self._slope: SlopePreview | None = None

@@ -13,14 +13,19 @@ from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.declaration import parameter
-from iptm_core.settings import ModelSettings, SamplingSettings
+from iptm_core.settings import FrameSettings, ModelSettings, SamplingSettings
 
 FROM_STRATEGY = -1.0
 
 
 @dataclass(frozen=True)
 class ControllerNodeParameters(
-    WarningSettings, SamplingSettings, ModelSettings, SolveSettings, ControllerSettings
+    FrameSettings,
+    WarningSettings,
+    SamplingSettings,
+    ModelSettings,
+    SolveSettings,
+    ControllerSettings,
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 

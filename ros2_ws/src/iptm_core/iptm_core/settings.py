@@ -200,6 +200,16 @@ class TickSettings(ClockSettings, SamplingSettings):
 
 
 @dataclass(frozen=True)
+class FrameSettings(Settings):
+    """Names of a vehicle's frames."""
+
+    frame_prefix: str = parameter(
+        "",
+        "prefix of the frames of this vehicle, car_1 for car_1/base_link; empty takes the namespace, / none",
+    )
+
+
+@dataclass(frozen=True)
 class IntegrationSettings(Settings):
     """Detail and accuracy of the simulated vehicle."""
 

@@ -37,7 +37,7 @@ from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import STATE_TOPICS, TOPICS, Topic
+from iptm_interfaces.topics import ROAD_FRAME, STATE_TOPICS, TOPICS, Topic
 
 MATCHING_PERIOD_S = 0.02
 REPORT_PERIOD_S = 1.0
@@ -248,7 +248,8 @@ class InjectorNode(SuiteNode):
             self._tell(Topic.LEADER_PREVIEW, data)
             return
         true = self._traffic.preview(own)
-        true_data = data if true is own else encode_leader_preview_bytes(true, stamp_ns)
+        frame = self.frame(ROAD_FRAME)
+        true_data = data if true is own else encode_leader_preview_bytes(true, stamp_ns, frame)
         self._send(self._true[Topic.LEADER_PREVIEW], true_data)
         told = self._previews.told(stamp_ns, true)
         if told is None:
@@ -256,7 +257,7 @@ class InjectorNode(SuiteNode):
         elif told is true:
             self._tell(Topic.LEADER_PREVIEW, true_data)
         else:
-            told_data = encode_leader_preview_bytes(told, stamp_ns)
+            told_data = encode_leader_preview_bytes(told, stamp_ns, frame)
             self._tell(Topic.LEADER_PREVIEW, told_data, changed=True)
 
     def _on_slope(self, data: bytes) -> None:

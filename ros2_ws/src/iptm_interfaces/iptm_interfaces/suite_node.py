@@ -18,7 +18,7 @@ from iptm_core.errors import IptmError, ParameterError
 from iptm_core.strict_mapping import suggestion
 from iptm_interfaces.framed_publisher import FramedPublisher
 from iptm_interfaces.node_health import AwakeClock, NodeHealth, largest_message_bytes
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_interfaces.topics import TOPICS, Topic, frame_in
 
 _LOG_THROTTLE_S = 5.0
 _KNOWN_DEFECTS = 20
@@ -42,6 +42,7 @@ class SuiteNode(Node):
         exit_code: what the process shall return.
         health: what the node survived.
         awake: steady time without the stretches in which the process did not run.
+        frame_prefix: of the frames of this vehicle: its namespace, unless `use_frame_prefix` is told another.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
@@ -50,19 +51,29 @@ class SuiteNode(Node):
         self.exit_code = 0
         self.health = NodeHealth()
         self.awake = AwakeClock()
+        self.frame_prefix = self.get_namespace().strip("/")
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._known_defects: set[str] = set()
         self._sole: dict[Topic, str] = {}
         self.create_timer(AwakeClock.PERIOD_S, self.awake.tick, clock=self._steady_clock)
 
     def advertise(self, topic: Topic) -> Publisher:
-        """Return a publisher for a topic of the table, whose frames are those of the namespace."""
+        """Return a publisher for a topic of the table, whose frames are those of the vehicle."""
         spec = TOPICS[topic]
         publisher = self.create_publisher(
             spec.message_type, spec.name, spec.qos, publisher_class=FramedPublisher
         )
-        publisher.namespace = self.get_namespace()
+        publisher.frame_prefix = self.frame_prefix
         return publisher
+
+    def use_frame_prefix(self, prefix: str) -> None:
+        """Take the prefix of frames that a user asks for; empty keeps the namespace, `/` is none."""
+        if prefix:
+            self.frame_prefix = prefix.strip("/")
+
+    def frame(self, name: str) -> str:
+        """Return the name in the graph of a frame of the topic table."""
+        return frame_in(self.frame_prefix, name)
 
     def listen(
         self, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False

@@ -23,14 +23,16 @@ from sensor_msgs.msg import BatteryState, JointState, Temperature
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-ROAD_FRAME = "road"
-"""Frame along the road: origin at the host's start, x in metres travelled."""
-HOST_FRAME = "host"
-"""Body frame of the host vehicle: x forward, accelerations positive forward."""
+MAP_FRAME = "map"
+"""The world, one for all vehicles: x east, y north, z up, origin where the host starts (REP 105)."""
+ROAD_FRAME = "odom"
+"""The road pulled straight: origin at the host's start, x in metres travelled."""
+HOST_FRAME = "base_link"
+"""Body of the host: origin on the road below the front bumper, x forward, y left, z up."""
 LEADER_FRAME = "leader"
-"""Body frame of the preceding vehicle."""
+"""Body of the preceding vehicle: origin on the road below its rear bumper, axes likewise."""
 PACK_FRAME = "battery_pack"
-"""Frame named by the battery, coolant and degradation messages."""
+"""The battery pack, fixed in the host: named by the battery, coolant and degradation messages."""
 
 STREAM_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
@@ -256,15 +258,15 @@ TICK_TOPICS = (*OBSERVATION_TOPICS, Topic.LEADER)
 """Topics that make up one row of a trajectory."""
 
 
-def frame_in(namespace: str, frame: str) -> str:
-    """Return the name of a frame of a vehicle in the graph: `car_1/road` in namespace `/car_1`.
+def frame_in(prefix: str, frame: str) -> str:
+    """Return the name of a frame of a vehicle in the graph: `car_1/odom` with prefix `car_1`.
 
     Args:
-        namespace: full namespace of the suite, `/` for none.
-        frame: frame of the topic table; empty stays empty, and a name that has the prefix is kept.
+        prefix: of the vehicle, usually its namespace; empty or `/` for none.
+        frame: frame of the topic table; empty and `map` stay, and a name that has the prefix is kept.
     """
-    prefix = namespace.strip("/")
-    if not prefix or not frame or frame.startswith(f"{prefix}/"):
+    prefix = prefix.strip("/")
+    if not prefix or frame in {"", MAP_FRAME} or frame.startswith(f"{prefix}/"):
         return frame
     return f"{prefix}/{frame}"
 

@@ -52,6 +52,7 @@ class PlantNode(SuiteNode):
         super().__init__("plant")
         self._options = declare_parameters(self, PlantNodeParameters)
         self.reject_unknown_parameters()
+        self.use_frame_prefix(self._options.frame_prefix)
         self._trip = self._options.build_trip()
         self._phase = TripPhase.WAITING
         self._controller_lost = False

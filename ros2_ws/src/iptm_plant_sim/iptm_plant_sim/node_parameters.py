@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from iptm_core.declaration import parameter
 from iptm_core.settings import (
+    FrameSettings,
     IntegrationSettings,
     ModelSettings,
     PaceSettings,
@@ -21,7 +22,7 @@ WAIT = "wait"
 
 @dataclass(frozen=True)
 class PlantNodeParameters(
-    IntegrationSettings, TickSettings, PaceSettings, ModelSettings, TripSettings
+    FrameSettings, IntegrationSettings, TickSettings, PaceSettings, ModelSettings, TripSettings
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 

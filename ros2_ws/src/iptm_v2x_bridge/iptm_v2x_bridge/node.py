@@ -21,7 +21,7 @@ from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.stamp_gate import StampGate, Verdict
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.node_answers import node_answers
@@ -44,6 +44,7 @@ class BridgeNode(SuiteNode):
         super().__init__("v2x_bridge")
         self._options = declare_parameters(self, BridgeNodeParameters)
         self.reject_unknown_parameters()
+        self.use_frame_prefix(self._options.frame_prefix)
         self._answers = node_answers(self, self._options, self._answer_if_matched)
         self._gate = StampGate()
         self._turned_away_s = -math.inf
@@ -112,7 +113,9 @@ class BridgeNode(SuiteNode):
             leader = encode_leader(replace(answer.leader, time_s=0.0))
             leader.header.stamp = time_from_ns(time_ns)
             self._leader_publisher.publish(leader)
-        self._preview_publisher.publish(encode_leader_preview_bytes(answer.preview, time_ns))
+        self._preview_publisher.publish(
+            encode_leader_preview_bytes(answer.preview, time_ns, self.frame(ROAD_FRAME))
+        )
 
     def _report(self) -> None:
         answer = self._answer

@@ -10,7 +10,7 @@ import numpy as np
 from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import ParameterError, RouteError
 from iptm_core.routes import Route, build_route
-from iptm_core.settings import PreviewSettings, RoadSettings, TickSettings
+from iptm_core.settings import FrameSettings, PreviewSettings, RoadSettings, TickSettings
 from iptm_v2x_bridge.cam_bridge import DEFAULT_KNOWN_BOUND_M
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
@@ -116,7 +116,7 @@ def read_limits(text: str) -> SpeedLimits:
 
 
 @dataclass(frozen=True)
-class BridgeNodeParameters(CamSettings, TickSettings, PreviewSettings, RoadSettings):
+class BridgeNodeParameters(CamSettings, FrameSettings, TickSettings, PreviewSettings, RoadSettings):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
     initial_gap_m: float = parameter(

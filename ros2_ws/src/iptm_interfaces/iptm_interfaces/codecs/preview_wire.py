@@ -41,15 +41,28 @@ def _padded(text: str) -> bytes:
 # In front of the points: encoding, stamp, frame, one joint name, number of points.
 _STAMP_OFFSET = len(_LITTLE_ENDIAN_CDR)
 _FRAME_OFFSET = _STAMP_OFFSET + 8
-_NAMES_OFFSET = _FRAME_OFFSET + len(_padded(ROAD_FRAME))
-_COUNT_OFFSET = _NAMES_OFFSET + 4 + len(_padded(PREVIEW_NAMES[0]))
-_POINTS_OFFSET = _COUNT_OFFSET + 4
 # Writers need not clear the fill bytes, so only the meaningful ones are compared.
-_FRAME = struct.pack("<I", len(ROAD_FRAME) + 1) + ROAD_FRAME.encode() + b"\x00"
 _NAMES = struct.pack("<II", 1, len(PREVIEW_NAMES[0]) + 1) + PREVIEW_NAMES[0].encode() + b"\x00"
+_NAMES_SIZE = 4 + len(_padded(PREVIEW_NAMES[0]))
 
-# One point; a float64 lies on a multiple of eight behind the encoding, which holds for every point
-# because the first does (checked by a test) and the size is a multiple of eight.
+
+def _offsets(frame_size: int) -> tuple[int, int, int]:
+    """Return where the joint names, the number of points and the records of the points begin.
+
+    A float64 lies on a multiple of eight behind the encoding. Every record is 48 bytes long, so they all
+    fit if the first one does. Where the frame's name is so long that the first point lies four bytes off,
+    that point has no fill bytes behind its first number: its record begins with the number of points.
+
+    Args:
+        frame_size: of the frame's name with its zero, in bytes.
+    """
+    names = _FRAME_OFFSET + 4 + frame_size + -frame_size % 4
+    count = names + _NAMES_SIZE
+    points = count + 4
+    return names, count, points - (points - _STAMP_OFFSET) % 8
+
+
+# One point.
 _POINT = np.dtype(
     {
         "names": [
@@ -63,12 +76,15 @@ _POINT = np.dtype(
 )  # fmt: skip
 
 
-def encode_leader_preview_bytes(preview: LeaderPreview, stamp_ns: int) -> bytes:
+def encode_leader_preview_bytes(
+    preview: LeaderPreview, stamp_ns: int, frame: str = ROAD_FRAME
+) -> bytes:
     """Return a prediction, serialised, to be given to `Publisher.publish`.
 
     Args:
         preview: prediction, n nodes; may be empty.
         stamp_ns: instant of publication.
+        frame: name of the frame in the graph.
 
     Raises:
         MessageError: see `encode_leader_preview`.
@@ -76,15 +92,18 @@ def encode_leader_preview_bytes(preview: LeaderPreview, stamp_ns: int) -> bytes:
     relative_ns = offsets_ns(preview, stamp_ns)
     count = relative_ns.size
     if count == 0:
-        return bytes(serialize_message(encode_leader_preview(preview, stamp_ns)))
+        message = encode_leader_preview(preview, stamp_ns)
+        message.header.frame_id = frame
+        return bytes(serialize_message(message))
     stamp = time_from_ns(stamp_ns)
-    data = bytearray(_POINTS_OFFSET + _POINT.itemsize * count)
+    frame_name = _padded(frame)
+    names_at, count_at, points_at = _offsets(len(frame.encode()) + 1)
+    data = bytearray(points_at + _POINT.itemsize * count)
     data[:_STAMP_OFFSET] = _LITTLE_ENDIAN_CDR
     struct.pack_into("<iI", data, _STAMP_OFFSET, stamp.sec, stamp.nanosec)
-    data[_FRAME_OFFSET : _FRAME_OFFSET + len(_FRAME)] = _FRAME
-    data[_NAMES_OFFSET : _NAMES_OFFSET + len(_NAMES)] = _NAMES
-    struct.pack_into("<I", data, _COUNT_OFFSET, count)
-    points = np.frombuffer(data, _POINT, count, _POINTS_OFFSET)
+    data[_FRAME_OFFSET : _FRAME_OFFSET + len(frame_name)] = frame_name
+    data[names_at : names_at + len(_NAMES)] = _NAMES
+    points = np.frombuffer(data, _POINT, count, points_at)
     seconds = relative_ns // NS_PER_S
     points["position_count"] = 1
     points["position"] = preview.positions_m
@@ -92,6 +111,8 @@ def encode_leader_preview_bytes(preview: LeaderPreview, stamp_ns: int) -> bytes:
     points["speed"] = preview.speeds_m_s
     points["sec"] = seconds
     points["nanosec"] = relative_ns - seconds * NS_PER_S
+    # Last, as they may lie in the first record.
+    struct.pack_into("<II", data, count_at, count, 1)
     return bytes(data)
 
 
@@ -117,20 +138,21 @@ def decode_leader_preview_bytes(data: bytes) -> tuple[int, LeaderPreview]:
 
 def _points_if_plain(data: bytes) -> NDArray[np.void] | None:
     """Return a view of the points, shape (n,), if the bytes have the usual shape, else None."""
-    if len(data) < _POINTS_OFFSET or data[:2] != _LITTLE_ENDIAN_CDR[:2]:
+    if len(data) < _FRAME_OFFSET + 4 or data[:2] != _LITTLE_ENDIAN_CDR[:2]:
         return None
-    if data[_FRAME_OFFSET : _FRAME_OFFSET + len(_FRAME)] != _FRAME:
+    frame_size: int = struct.unpack_from("<I", data, _FRAME_OFFSET)[0]
+    names_at, count_at, points_at = _offsets(frame_size)
+    if data[names_at : names_at + len(_NAMES)] != _NAMES or len(data) < count_at + 8:
         return None
-    if data[_NAMES_OFFSET : _NAMES_OFFSET + len(_NAMES)] != _NAMES:
-        return None
-    count: int = struct.unpack_from("<I", data, _COUNT_OFFSET)[0]
+    count, first_position_count = struct.unpack_from("<II", data, count_at)
     # The middleware may append unused bytes, so the buffer may be longer than needed.
-    if count == 0 or len(data) < _POINTS_OFFSET + _POINT.itemsize * count:
+    if count == 0 or len(data) < points_at + _POINT.itemsize * count:
         return None
-    points = np.frombuffer(data, _POINT, count, _POINTS_OFFSET)
-    plain = (points["position_count"] == 1) & (points["speed_count"] == 1)
-    plain &= (points["acceleration_count"] == 0) & (points["effort_count"] == 0)
-    return points if plain.all() else None
+    points = np.frombuffer(data, _POINT, count, points_at)
+    plain = (points["speed_count"] == 1) & (points["acceleration_count"] == 0)
+    plain &= points["effort_count"] == 0
+    plain[1:] &= points["position_count"][1:] == 1
+    return points if first_position_count == 1 and plain.all() else None
 
 
 def _deserialize(data: bytes) -> JointTrajectory:
