@@ -47,8 +47,8 @@ FINE_TOLERANCES: Mapping[Topic, tuple[tuple[str, ...], NumberTolerance]] = {
     Topic.SOLVE: (("*_1_k", "*_1_s"), NumberTolerance(relative=1e-4)),
 }
 """Of fields whose numbers are small: an absolute tolerance would hide every difference."""
-IGNORED_FIELDS = ("solve_time_s", "iterations", "objective")
-"""They tell of the machine, or amplify the last digits."""
+IGNORED_FIELDS = ("solve_time_s", "iterations", "objective", "header.frame_id", "child_frame_id")
+"""They tell of the machine, amplify the last digits, or name frames, which had other names in older bags."""
 _WIDTH = 140
 
 OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
