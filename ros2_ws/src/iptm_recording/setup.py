@@ -17,6 +17,7 @@ setup(
         "PyYAML>=6.0",
         "zstandard>=0.20",
         "mcap>=1.6",
+        "pyarrow>=15",
         "rosbags>=0.11",
         "rich>=13.0",
     ],
@@ -25,7 +26,7 @@ setup(
     zip_safe=False,
     maintainer="iptm maintainers",
     maintainer_email="maintainers@iptm.example.org",
-    description="Records runs as rosbag2 MCAP bags, recovers, replays, compares and reads them.",
+    description="Records runs as rosbag2 MCAP bags, recovers, replays, compares, reads and exports them.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
@@ -33,6 +34,7 @@ setup(
             "player = iptm_core.program:main",
             "recover_bag = iptm_core.program:main",
             "bag_info = iptm_core.program:main",
+            "export = iptm_core.program:main",
             "compare_bags = iptm_core.program:main",
         ],
         "iptm.programs": [
@@ -40,6 +42,7 @@ setup(
             "player = iptm_recording.player_cli:main",
             "recover_bag = iptm_recording.recover:main",
             "bag_info = iptm_recording.bag_info:main",
+            "export = iptm_recording.export:main",
             "compare_bags = iptm_recording.compare_bags:main",
         ],
     },

@@ -54,6 +54,16 @@ def read_decisions(path: Path, namespace: str | None = None) -> DecisionSeries:
         return assemble_decisions(_messages(reader, (Topic.SOLVE,), namespace)[Topic.SOLVE])
 
 
+def vehicles(reader: BagReader) -> list[str]:
+    """Return the namespaces of the vehicles in a bag, sorted; "/" is that of a suite without one."""
+    spec = TOPICS[Topic.PLANT_ODOMETRY]
+    return sorted(
+        name.removesuffix(spec.name).rstrip("/") or "/"
+        for name, topic in reader.topics.items()
+        if name.endswith(f"/{spec.name}") and topic.type_name == spec.type_name
+    )
+
+
 def topic_name(reader: BagReader, topic: Topic, namespace: str | None) -> str:
     """Return the full name of a topic of the suite in a bag, after checking its type.
 
@@ -76,6 +86,11 @@ def _messages(
     """Return the messages of stamped topics by topic and stamp (ns)."""
     if reader.message_count == 0:
         raise BagError(f"{reader.path} holds no messages")
+    known = vehicles(reader)
+    if namespace is None and len(known) > 1:
+        raise BagError(
+            f"{reader.path} holds {len(known)} vehicles; name one: --namespace {' or '.join(known)}"
+        )
     keys = {topic_name(reader, topic, namespace): topic for topic in topics}
     found: dict[Topic, list[Any]] = {topic: [] for topic in keys.values()}
     for item in reader.messages(list(keys)):
