@@ -27,10 +27,11 @@ from typing import Any
 
 from iptm_core.errors import BagError
 from iptm_recording import bag_info, compare_bags
-from iptm_recording.bag_reader import BagReader, RawMessage
+from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import COMPRESSIONS, BagWriter
 from iptm_recording.playback import Playback, PlaybackOptions
 from iptm_recording.recover import RecoveryReport, recover
+from iptm_recording.storage import RawMessage
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "bags" / "example_us06_120s"

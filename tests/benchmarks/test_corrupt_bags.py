@@ -9,7 +9,7 @@ import pytest
 from benchmarks import corrupt_bags
 from mcap.reader import make_reader
 
-from iptm_recording.bag_files import BagFile
+from iptm_recording.storage import StorageFile
 
 
 def test_every_reader_ends_with_the_truth_or_one_sentence() -> None:
@@ -36,8 +36,8 @@ def test_silent_loss_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     campaign = corrupt_bags.Campaign()
     assert list(corrupt_bags._try_readers(bag, original, campaign)) == []
     assert campaign.outcomes["bag_info"]["refused"] == 1
-    monkeypatch.setattr("iptm_recording.bag_files.summary_start", lambda _: 0)
-    monkeypatch.setattr("iptm_recording.bag_files.check_data_section", lambda _: None)
-    monkeypatch.setattr(BagFile, "_compare_counts", lambda *_: None)
+    monkeypatch.setattr("iptm_recording.mcap_storage.summary_start", lambda _: 0)
+    monkeypatch.setattr("iptm_recording.mcap_storage.check_data_section", lambda _: None)
+    monkeypatch.setattr(StorageFile, "_compare_counts", lambda *_: None)
     failures = list(corrupt_bags._try_readers(bag, original, corrupt_bags.Campaign()))
     assert any("other messages" in failure for failure in failures)

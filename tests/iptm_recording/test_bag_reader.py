@@ -113,18 +113,6 @@ def test_damage_inside_the_file_is_noticed_while_reading(small_bag: Path) -> Non
         list(reader.messages())
 
 
-def test_sqlite_bag_names_the_way_out(tmp_path: Path, small_bag: Path) -> None:
-    store = get_typestore(Stores.ROS2_JAZZY)
-    with RosbagsWriter(tmp_path / "db", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        writer.add_connection("/a", FLOAT, typestore=store)
-    for path in (tmp_path / "db", next((tmp_path / "db").glob("*.db3"))):
-        with pytest.raises(BagError, match="rosbags-convert"):
-            BagReader(path)
-    edit_metadata(small_bag, compression_mode="FILE", compression_format="zstd")
-    with pytest.raises(BagError, match="compressed by rosbag2"):
-        BagReader(small_bag)
-
-
 def test_bag_of_another_writer(tmp_path: Path, encode: Encode) -> None:
     store = get_typestore(Stores.ROS2_JAZZY)
     with RosbagsWriter(tmp_path / "other", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
@@ -308,13 +296,6 @@ def test_hostile_metadata_is_one_sentence(text: str, small_bag: Path) -> None:
     with pytest.raises(BagError) as caught:
         BagReader(small_bag)
     assert "\n" not in str(caught.value)
-
-
-def test_bags_of_other_kinds_name_the_way_out(tmp_path: Path) -> None:
-    for name in ("run.bag", "run_0.mcap.zstd"):
-        (tmp_path / name).write_bytes(b"#ROSBAG V2.0\n")
-        with pytest.raises(BagError, match="rosbags-convert --src"):
-            BagReader(tmp_path / name)
 
 
 def test_a_name_no_file_can_have(tmp_path: Path) -> None:

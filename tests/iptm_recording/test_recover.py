@@ -18,10 +18,11 @@ from mcap.records import ChunkIndex, Message
 
 from iptm_core.errors import BagError
 from iptm_recording import recover as recover_module
-from iptm_recording.bag_reader import BagReader, RawMessage
+from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.recover import recover
 from iptm_recording.salvage import MAGIC, SalvageReader
+from iptm_recording.storage import RawMessage
 
 FLOAT = "std_msgs/msg/Float64"
 Encode = Callable[[float], bytes]

@@ -1,58 +1,64 @@
-"""The MCAP files of a bag: which they are, and one of them opened for reading."""
+"""The files of a bag: which they are, and how each is opened."""
 
 from __future__ import annotations
 
-import mmap
-from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import MappingProxyType
 from typing import Any
 
-from mcap.reader import SeekingReader
-from mcap.records import Channel, Message, Statistics
-from mcap.summary import Summary
-from mcap.well_known import Profile
+from zstandard import ZstdDecompressor, ZstdError
 
 from iptm_core.errors import BagError
 from iptm_core.strict_mapping import shown
-from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
-from iptm_recording.soundness import DAMAGE, FOOTER, MAGIC, check_data_section, summary_start
+from iptm_recording.mcap_storage import McapStorage
+from iptm_recording.ros1_storage import Ros1Storage
+from iptm_recording.sqlite_storage import SqliteStorage
+from iptm_recording.storage import StorageFile
 
-_COMPRESSED_SUFFIXES = (".zstd", ".lz4")
-_ONLY_INSIDE = "only the compression inside MCAP files is read"
+_OPENERS: Mapping[str, Callable[[Path, Path | None], StorageFile]] = MappingProxyType(
+    {".mcap": McapStorage, ".db3": SqliteStorage, ".bag": Ros1Storage}
+)
+_STORAGES = ("mcap", "sqlite3")
+_PACKED = ".zstd"
+_MODES = ("", "none", "file", "message")
+_BLOCK_BYTES = 2**20
 
 
-def find_files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
-    """Return the MCAP files of a bag in recording order.
+def open_files(path: Path, metadata: Mapping[str, Any]) -> list[StorageFile]:
+    """Open the files of a bag, in recording order.
 
     Args:
-        path: bag folder or .mcap file.
+        path: bag folder or file.
         metadata: content of the folder's `metadata.yaml`; empty when there is none.
 
     Raises:
-        BagError: there is no such bag, or it is stored in another way.
+        BagError: there is no such bag, it is stored in another way, or a file is damaged.
     """
-    if path.is_file():
-        if path.suffix == ".db3":
-            raise BagError(f"{path} is an SQLite bag; only MCAP is read ({_conversion_hint()})")
-        if path.suffix == ".bag":
-            raise BagError(
-                f"{path} is a ROS 1 bag; only MCAP is read"
-                f" ({_conversion_hint(' --dst-typestore ros2_jazzy')})"
-            )
-        if path.suffix in _COMPRESSED_SUFFIXES:
-            raise BagError(
-                f"{path} is compressed by rosbag2; {_ONLY_INSIDE} ({_conversion_hint()})"
-            )
-        return [path]
-    if not metadata:
-        if any(path.glob("*.mcap")):
-            raise BagError(
-                f"{path} has no metadata.yaml: its recording was cut short;"
-                f" repair it with: scripts/recover_bag {path}"
-            )
-        raise BagError(f"{path} is no bag: it holds neither metadata.yaml nor an .mcap file")
-    return _listed_files(path, metadata)
+    with ExitStack() as stack:
+        opened = [stack.enter_context(closing(open_file(file))) for file in _files(path, metadata)]
+        stack.pop_all()
+    return opened
+
+
+def open_file(path: Path) -> StorageFile:
+    """Open one file of a bag; what is packed with zstd is unpacked into the folder for temporary files.
+
+    Raises:
+        BagError: it cannot be read, or is damaged.
+    """
+    if path.suffix != _PACKED:
+        return _opener(path)(path, None)
+    try:
+        with TemporaryDirectory(prefix="iptm_bag_") as folder:
+            plain = Path(folder) / path.stem
+            _unpack(path, plain)
+            # An open file outlives its name: nothing stays behind, however the process ends.
+            return _opener(plain)(plain, path)
+    except OSError as error:
+        raise BagError(f"cannot unpack {path}: {error}") from None
 
 
 def check_exists(path: Path) -> None:
@@ -69,17 +75,37 @@ def check_exists(path: Path) -> None:
         raise BagError(f"{path} does not exist")
 
 
+def _opener(path: Path) -> Callable[[Path, Path | None], StorageFile]:
+    return _OPENERS.get(path.suffix, McapStorage)
+
+
+def _files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
+    if path.is_file():
+        return [path]
+    if metadata:
+        return _listed_files(path, metadata)
+    if any(path.glob("*.mcap")):
+        raise BagError(
+            f"{path} has no metadata.yaml: its recording was cut short;"
+            f" repair it with: scripts/recover_bag {path}"
+        )
+    others = sorted(
+        file for ending in ("*.db3", "*.bag", f"*{_PACKED}") for file in path.glob(ending)
+    )
+    if others:
+        raise BagError(f"{path} has no metadata.yaml; name its file {others[0]} itself")
+    raise BagError(f"{path} is no bag: it holds neither metadata.yaml nor an .mcap file")
+
+
 def _listed_files(folder: Path, metadata: Mapping[str, Any]) -> list[Path]:
     storage = metadata.get("storage_identifier")
-    if storage != "mcap":
-        raise BagError(
-            f"{folder} is stored as {storage!r}; only mcap is read ({_conversion_hint()})"
-        )
-    if metadata.get("compression_mode"):
-        raise BagError(
-            f"{folder} is compressed by rosbag2 (mode {metadata['compression_mode']!r});"
-            f" {_ONLY_INSIDE} ({_conversion_hint()})"
-        )
+    if storage not in _STORAGES:
+        raise BagError(f"{folder} is stored as {shown(storage)}; allowed: {', '.join(_STORAGES)}")
+    mode, packing = (metadata.get(f"compression_{key}") or "" for key in ("mode", "format"))
+    if str(mode).lower() not in _MODES:
+        raise BagError(f"compression_mode of {folder} is {shown(mode)}; allowed: FILE, MESSAGE")
+    if str(mode).lower() not in _MODES[:2] and packing != "zstd":
+        raise BagError(f"compression_format of {folder} is {shown(packing)}; allowed: zstd")
     names = metadata.get("relative_file_paths")
     if not isinstance(names, list) or not names:
         raise BagError(f"{folder / 'metadata.yaml'} names no file in relative_file_paths")
@@ -90,169 +116,23 @@ def _listed_files(folder: Path, metadata: Mapping[str, Any]) -> list[Path]:
     return files
 
 
-def _conversion_hint(options: str = "") -> str:
-    command = f"rosbags-convert --src <bag> --dst <new bag> --dst-storage mcap{options}"
-    return f"convert it with: {command}"
-
-
-class BagFile:
-    """One sound MCAP file with ROS 2 messages, opened for reading.
-
-    Args:
-        path: the file.
-
-    Attributes:
-        path: the file.
-        statistics: number of messages, in all and by channel; earliest and latest log time (ns).
+def _unpack(packed: Path, plain: Path) -> None:
+    """Unpack a file.
 
     Raises:
-        BagError: it cannot be read, is no MCAP file of ROS 2 messages, or was cut short.
+        BagError: it is damaged or cut short.
+        OSError: it cannot be read, or its content not be written.
     """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._map: mmap.mmap | None = None
-        try:
-            self._file = path.open("rb")
-        except OSError as error:
-            raise BagError(f"cannot read {path}: {error}") from None
-        try:
-            self._check_ends()
-            summary_start(self._content())
-            self._reader = SeekingReader(self._file, validate_crcs=True)
-            self._check_profile()
-            self._summary = self._reader.get_summary() or Summary()
-            self.statistics = self._required_statistics()
-        except BagError:
-            self.close()
-            raise
-        except DAMAGE as error:
-            self.close()
-            raise self._damaged(error) from None
-
-    def channels(self) -> Iterator[tuple[Channel, str, int]]:
-        """Yield every topic with its type name and its number of messages.
-
-        Raises:
-            BagError: a topic holds no CDR messages.
-        """
-        counts = self.statistics.channel_message_counts
-        for channel in self._summary.channels.values():
-            schema = self._summary.schemas.get(channel.schema_id)
-            if channel.message_encoding != "cdr" or schema is None:
-                raise BagError(
-                    f"topic {channel.topic} of {self.path} is encoded as"
-                    f" {channel.message_encoding!r}; only cdr with a schema is read"
-                )
-            yield channel, schema.name, counts.get(channel.id, 0)
-
-    def definitions(self) -> dict[str, MessageDefinition]:
-        """Return the message definitions by type name."""
-        hashes = {
-            channel.schema_id: channel.metadata.get("topic_type_hash", "")
-            for channel in self._summary.channels.values()
-        }
-        return {
-            schema.name: MessageDefinition(
-                schema.name,
-                schema.data.decode(errors="replace") if schema.encoding == SCHEMA_ENCODING else "",
-                hashes.get(schema.id, ""),
-            )
-            for schema in self._summary.schemas.values()
-        }
-
-    def metadata_record(self, name: str) -> dict[str, str] | None:
-        """Return the texts stored under a name (later ones count), None if there are none.
-
-        Raises:
-            BagError: the file is damaged; texts have no checksum of their own, so all of it is checked.
-        """
-        texts: dict[str, str] | None = None
-        try:
-            check_data_section(self._content())
-            for record in self._reader.iter_metadata():
-                if record.name == name:
-                    texts = {**(texts or {}), **record.metadata}
-        except DAMAGE as error:
-            raise self._damaged(error) from None
-        return texts
-
-    def messages(
-        self, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
-    ) -> Iterator[tuple[Channel, Message]]:
-        """Yield messages in order of log time, equal times in file order.
-
-        Raises:
-            BagError: the file is damaged, or holds fewer messages than it says.
-        """
-        found: Counter[int] = Counter()
-        try:
-            for _, channel, message in self._reader.iter_messages(
-                topics=None if topics is None else list(topics),
-                starting_at=start_ns,
-                ending_before=end_ns,
-            ):
-                found[channel.id] += 1
-                yield channel, message
-        except DAMAGE as error:
-            raise self._damaged(error) from None
-        from_start = start_ns is None or start_ns <= self.statistics.message_start_time
-        to_end = end_ns is None or end_ns > self.statistics.message_end_time
-        if from_start and to_end:
-            self._compare_counts(topics, found)
-
-    def _compare_counts(self, topics: Collection[str] | None, found: Counter[int]) -> None:
-        """Compare the messages that were read with the statistics of the file."""
-        if not self.statistics.channel_message_counts:
-            return  # some writers count no topics
-        for channel, _, count in self.channels():
-            if (topics is None or channel.topic in topics) and found[channel.id] != count:
-                raise self._damaged(
-                    ValueError(
-                        f"{found[channel.id]} messages of {channel.topic} are found,"
-                        f" by its statistics it holds {count}"
-                    )
-                )
-
-    def close(self) -> None:
-        """Close the file."""
-        if self._map is not None:
-            self._map.close()
-        self._file.close()
-
-    def _content(self) -> mmap.mmap:
-        """Return the bytes of the file."""
-        if self._map is None:
-            self._map = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
-        return self._map
-
-    def _check_ends(self) -> None:
-        start = self._file.read(len(MAGIC))
-        if start != MAGIC:
-            raise BagError(f"{self.path} is no MCAP file: it starts with {start!r}")
-        size = self._file.seek(0, 2)
-        self._file.seek(max(0, size - len(MAGIC)))
-        if size < 2 * len(MAGIC) + FOOTER.size or self._file.read() != MAGIC:
-            raise BagError(
-                f"{self.path} ends without its footer: its recording was cut short;"
-                f" repair it with: scripts/recover_bag {self.path}"
-            )
-        self._file.seek(0)
-
-    def _check_profile(self) -> None:
-        profile = self._reader.get_header().profile
-        if profile != Profile.ROS2:
-            raise BagError(f"{self.path} has the profile {profile!r}; only 'ros2' is read")
-
-    def _required_statistics(self) -> Statistics:
-        if self._summary.statistics is None:
-            raise BagError(
-                f"{self.path} has no statistics; rewrite it with: scripts/recover_bag {self.path}"
-            )
-        return self._summary.statistics
-
-    def _damaged(self, error: Exception) -> BagError:
-        return BagError(
-            f"{self.path} is damaged ({error or type(error).__name__});"
-            f" save what is whole with: scripts/recover_bag {self.path}"
-        )
+    unpacking = ZstdDecompressor().decompressobj()
+    try:
+        with packed.open("rb") as source, plain.open("wb") as target:
+            while block := source.read(_BLOCK_BYTES):
+                while block:
+                    target.write(unpacking.decompress(block))
+                    block = unpacking.unused_data if unpacking.eof else b""
+                    if block:
+                        unpacking = ZstdDecompressor().decompressobj()
+    except ZstdError as error:
+        raise BagError(f"{packed} is damaged ({error})") from None
+    if not unpacking.eof:
+        raise BagError(f"{packed} is cut short: its compressed content has no end")

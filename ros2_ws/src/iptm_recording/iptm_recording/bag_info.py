@@ -52,6 +52,7 @@ def overview_table(reader: BagReader, information: RunInformation) -> Table:
         "versions": ", ".join(f"{name} {text}" for name, text in information.versions.items()),
         "parameters": _lines_text(information.parameters),
         **{name: _lines_text(text) for name, text in information.extra.items()},
+        "remarks": "\n".join(reader.remarks),
     }
     for name, value in rows.items():
         if value:
@@ -109,7 +110,7 @@ def print_information(
     """Print everything about a bag.
 
     Args:
-        path: bag folder or .mcap file.
+        path: bag folder or file.
         console: where to print.
         namespace: namespace of the vehicle whose figures are wanted, if the bag holds several.
         show_parameters: print the parameters in full.
@@ -159,7 +160,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="bag_info",
         description="Show the topics of a bag, what its run depended on and what it achieved.",
     )
-    parser.add_argument("bag", type=Path, nargs="+", help="bag folder or .mcap file")
+    parser.add_argument("bag", type=Path, nargs="+", help="bag folder or file")
     parser.add_argument(
         "--namespace", help="vehicle whose figures are wanted, if there are several"
     )

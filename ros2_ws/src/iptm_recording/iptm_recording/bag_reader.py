@@ -1,14 +1,15 @@
 """Opens a bag, lists its topics and reads its messages, without ROS.
 
-Accepts a rosbag2 folder with MCAP files, split or not, or a single .mcap file, written by this suite
-or by `ros2 bag record`. What is wrong with a bag is said in one sentence, with the way out.
+Accepts a rosbag2 folder with MCAP or SQLite files, split or not, packed by rosbag2 (file by file or message
+by message) or not, a single file of one, and a bag of ROS 1. Whatever it was, its messages are CDR of ROS 2.
+What is wrong with a bag is said in one sentence, with the way out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from heapq import merge
 from pathlib import Path
 from typing import Any, final
@@ -16,30 +17,12 @@ from typing import Any, final
 from iptm_core.errors import BagError
 from iptm_core.parameters import ModelParameters, load_parameters
 from iptm_core.strict_mapping import shown
-from iptm_recording.bag_files import BagFile, check_exists, find_files
+from iptm_recording.bag_files import check_exists, open_files
 from iptm_recording.message_types import Decoder, MessageDefinition
 from iptm_recording.metadata import METADATA_FILE, read_metadata
-from iptm_recording.recorded_topics import TopicRecord, parse_profiles
+from iptm_recording.recorded_topics import TopicRecord
 from iptm_recording.run_information import RECORD_NAME, RunInformation, stored_model_parameters
-
-
-@dataclass(frozen=True)
-class RawMessage:
-    """One message as it was recorded.
-
-    Attributes:
-        topic: fully qualified topic name.
-        type_name: `package/msg/Type`.
-        log_time_ns: time of reception.
-        publish_time_ns: time of publication.
-        data: CDR bytes, header included.
-    """
-
-    topic: str
-    type_name: str
-    log_time_ns: int
-    publish_time_ns: int
-    data: bytes
+from iptm_recording.storage import RawMessage, StorageFile
 
 
 @dataclass(frozen=True)
@@ -54,7 +37,7 @@ class BagReader(AbstractContextManager["BagReader"]):
     """A bag opened for reading; use it as a context manager or call `close`.
 
     Args:
-        path: bag folder or .mcap file.
+        path: bag folder or file.
 
     Attributes:
         path: what was opened.
@@ -68,18 +51,16 @@ class BagReader(AbstractContextManager["BagReader"]):
         self.path = path
         check_exists(path)
         self._metadata = read_metadata(path) if (path / METADATA_FILE).is_file() else {}
-        self._files: list[BagFile] = []
+        self._files = open_files(path, self._metadata)
         try:
-            for file in find_files(path, self._metadata):
-                self._files.append(BagFile(file))
             self.topics: Mapping[str, TopicRecord] = _merge_topics(path, self._files)
             self._compare_with_metadata()
+            self._definitions: dict[str, MessageDefinition] = {}
+            for file in self._files:
+                self._definitions.update(file.definitions())
         except BagError:
             self.close()
             raise
-        self._definitions: dict[str, MessageDefinition] = {}
-        for bag_file in self._files:
-            self._definitions.update(bag_file.definitions())
         self._decoder = Decoder(self._definitions)
 
     @property
@@ -90,13 +71,17 @@ class BagReader(AbstractContextManager["BagReader"]):
     @property
     def start_ns(self) -> int:
         """Earliest log time, 0 for an empty bag."""
-        found = [file.statistics for file in self._files if file.statistics.message_count]
-        return min((statistics.message_start_time for statistics in found), default=0)
+        return min((file.start_ns for file in self._files if file.message_count), default=0)
 
     @property
     def end_ns(self) -> int:
         """Latest log time, 0 for an empty bag."""
-        return max((file.statistics.message_end_time for file in self._files), default=0)
+        return max((file.end_ns for file in self._files), default=0)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a user should know of how it was read, one sentence each."""
+        return list(dict.fromkeys(remark for file in self._files for remark in file.remarks))
 
     @property
     def duration_s(self) -> float:
@@ -173,17 +158,10 @@ class BagReader(AbstractContextManager["BagReader"]):
                 self.resolve(name)
                 raise BagError(f"topic is {name!r}; allowed: a full name, with '/' in front")
         for together in _overlapping(self._files):
-            for channel, message in merge(
+            yield from merge(
                 *(file.messages(topics, start_ns, end_ns) for file in together),
-                key=lambda found: found[1].log_time,
-            ):
-                yield RawMessage(
-                    topic=channel.topic,
-                    type_name=self.topics[channel.topic].type_name,
-                    log_time_ns=message.log_time,
-                    publish_time_ns=message.publish_time,
-                    data=message.data,
-                )
+                key=lambda message: message.log_time_ns,
+            )
 
     def messages(
         self,
@@ -219,9 +197,7 @@ class BagReader(AbstractContextManager["BagReader"]):
             BagError: a file is damaged, or holds fewer messages than it says.
         """
         for file in self._files:
-            file.metadata_record(RECORD_NAME)
-            for _ in file.messages(None, None, None):
-                pass
+            file.verify()
 
     def close(self) -> None:
         """Close the files; a second call is free."""
@@ -231,9 +207,15 @@ class BagReader(AbstractContextManager["BagReader"]):
     def _compare_with_metadata(self) -> None:
         said = self._metadata.get("message_count", self.message_count)
         if said != self.message_count:
+            is_mcap = all(file.path.suffix == ".mcap" for file in self._files)
+            way_out = (
+                f"save what is whole with: scripts/recover_bag {self.path}"
+                if is_mcap
+                else f"should the files be right: ros2 bag reindex {self.path}"
+            )
             raise BagError(
                 f"{self.path / METADATA_FILE} says {shown(said)} messages, its files hold"
-                f" {self.message_count}; save what is whole with: scripts/recover_bag {self.path}"
+                f" {self.message_count}; {way_out}"
             )
 
     def __exit__(self, *error: object) -> None:
@@ -258,35 +240,29 @@ def read_model_parameters(path: Path) -> tuple[ModelParameters, bool]:
     return (load_parameters().values, False) if stored is None else (stored, True)
 
 
-def _overlapping(files: Sequence[BagFile]) -> Iterator[list[BagFile]]:
+def _overlapping(files: Sequence[StorageFile]) -> Iterator[list[StorageFile]]:
     """Yield the files in recording order, those together whose log times overlap (a clock went back)."""
-    together: list[BagFile] = []
+    together: list[StorageFile] = []
     latest_ns = 0
     for position, file in enumerate(files):
-        later = (other.statistics for other in files[position:] if other.statistics.message_count)
-        if together and min((s.message_start_time for s in later), default=latest_ns) >= latest_ns:
+        later = (other.start_ns for other in files[position:] if other.message_count)
+        if together and min(later, default=latest_ns) >= latest_ns:
             yield together
             together = []
         together.append(file)
-        latest_ns = max(latest_ns, file.statistics.message_end_time)
+        latest_ns = max(latest_ns, file.end_ns)
     yield together
 
 
-def _merge_topics(path: Path, files: Collection[BagFile]) -> dict[str, TopicRecord]:
+def _merge_topics(path: Path, files: Collection[StorageFile]) -> dict[str, TopicRecord]:
     topics: dict[str, TopicRecord] = {}
-    for file in files:
-        for channel, schema_name, count in file.channels():
-            before = topics.get(channel.topic)
-            if before is not None and before.type_name != schema_name:
-                raise BagError(
-                    f"topic {channel.topic} of {path} has two types,"
-                    f" {before.type_name} and {schema_name}: not supported"
-                )
-            topics[channel.topic] = TopicRecord(
-                name=channel.topic,
-                type_name=schema_name,
-                type_hash=channel.metadata.get("topic_type_hash", ""),
-                offered_qos=parse_profiles(channel.metadata.get("offered_qos_profiles", "")),
-                message_count=count + (before.message_count if before else 0),
+    for topic in (topic for file in files for topic in file.topics):
+        before = topics.get(topic.name)
+        if before is not None and before.type_name != topic.type_name:
+            raise BagError(
+                f"topic {topic.name} of {path} has two types,"
+                f" {before.type_name} and {topic.type_name}: not supported"
             )
+        count = topic.message_count + (before.message_count if before else 0)
+        topics[topic.name] = replace(topic, message_count=count)
     return topics

@@ -21,9 +21,10 @@ from rich.table import Table
 
 from iptm_core.errors import BagError
 from iptm_core.user_input import number
-from iptm_recording.bag_reader import BagReader, RawMessage
+from iptm_recording.bag_reader import BagReader
 from iptm_recording.field_differences import FieldDifference, NumberTolerance, differences
 from iptm_recording.recorded_topics import TopicSelection
+from iptm_recording.storage import RawMessage
 from iptm_recording.timeline import StampKind, read_stamp_ns, stamp_kind
 
 # What depends on the machine and not on the run.
@@ -95,8 +96,8 @@ def compare_bags(
     """Compare the messages of two bags, by default bit for bit but for what depends on the machine.
 
     Args:
-        first: bag folder or .mcap file, the reference.
-        second: bag folder or .mcap file.
+        first: bag folder or file, the reference.
+        second: bag folder or file.
         selection: topics wanted; by default all but diagnostics and logs.
         tolerance: for floating-point numbers.
         ignored_fields: field paths or patterns (`header.stamp.*`) that may differ.
@@ -191,8 +192,8 @@ def build_parser() -> argparse.ArgumentParser:
         description="Compare two bags topic by topic, bit for bit unless a tolerance is given."
         " Ends with 0 when they agree, 1 when they differ, 2 when one cannot be read.",
     )
-    parser.add_argument("first", type=Path, help="reference: bag folder or .mcap file")
-    parser.add_argument("second", type=Path, help="bag folder or .mcap file")
+    parser.add_argument("first", type=Path, help="reference: bag folder or file")
+    parser.add_argument("second", type=Path, help="bag folder or file")
     parser.add_argument(
         "--topics", nargs="+", default=[], metavar="TOPIC", help="names or patterns to compare"
     )

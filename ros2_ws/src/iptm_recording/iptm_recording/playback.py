@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from iptm_core.errors import BagError
-from iptm_recording.bag_reader import BagReader, RawMessage
+from iptm_recording.bag_reader import BagReader
 from iptm_recording.recorded_topics import TopicRecord, TopicSelection
+from iptm_recording.storage import RawMessage
 from iptm_recording.timeline import CLOCK_TOPIC, CLOCK_TYPE
 
 MAX_TIME_S = 1e9

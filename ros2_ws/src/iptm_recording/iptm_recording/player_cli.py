@@ -25,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
         description="Play a bag onto the ROS 2 graph with its recorded timing."
         " ROS arguments (remaps) follow after --ros-args.",
     )
-    parser.add_argument("bag", type=Path, help="bag folder or .mcap file")
+    parser.add_argument("bag", type=Path, help="bag folder or file")
     parser.add_argument(
         "--rate", type=number, default=1.0, help="times the recorded speed (default: 1)"
     )

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from iptm_core.errors import BagError
 from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.bag_reader import BagReader, RawMessage
+from iptm_recording.bag_reader import BagReader
 from iptm_recording.playback import Playback, PlaybackOptions
+from iptm_recording.storage import RawMessage
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.page_feed import PageFeed
 from iptm_view.run_facts import RunFacts, facts_of_information
