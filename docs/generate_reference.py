@@ -22,6 +22,7 @@ from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import KINDS
+from iptm_interfaces.services import service_table_markdown
 from iptm_interfaces.topics import topic_table_markdown
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, SenderNodeParameters
@@ -40,6 +41,16 @@ def topics_page() -> str:
         f"# Topics\n\n{NOTICE}Names are relative, so that a namespace moves the whole suite with its "
         "clock; only `/diagnostics` is global. Frames have it as prefix, `car_1/odom`, or `frame_prefix`. "
         "All types are standard ones.\n\n" + topic_table_markdown()
+    )
+
+
+def services_page() -> str:
+    """Every service with its type and what it does."""
+    return (
+        f"# Services\n\n{NOTICE}Names are relative, so that a namespace moves them with the vehicle. The "
+        "answer says in a sentence what was done, or why it was not. How to use them: "
+        "[pause, step and reset](../how-to/README.md#pause-step-and-repeat-a-trip).\n\n"
+        + service_table_markdown()
     )
 
 
@@ -176,6 +187,7 @@ def faults_page() -> str:
 PAGES = {
     DOCS / "reference" / "faults.md": faults_page,
     DOCS / "reference" / "figures.md": figures_page,
+    DOCS / "reference" / "services.md": services_page,
     DOCS / "reference" / "topics.md": topics_page,
     DOCS / "reference" / "parameters.md": parameters_page,
     DOCS / "reference" / "nodes.md": nodes_page,

@@ -23,6 +23,17 @@ def test_punctual_activity_has_no_overruns() -> None:
     assert schedule.worst_lateness_s == pytest.approx(0.0)
 
 
+def test_a_pause_is_no_delay() -> None:
+    clock = FakeClock()
+    schedule = Schedule(0.5, clock)
+    clock.now_s += 60.0
+    schedule.begin_again()
+    clock.now_s += 0.5
+    schedule.keep()
+    assert schedule.overruns == 0
+    assert schedule.worst_lateness_s == pytest.approx(0.0)
+
+
 def test_small_lateness_does_not_add_up() -> None:
     clock = FakeClock()
     schedule = Schedule(1.0, clock)

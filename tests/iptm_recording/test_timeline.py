@@ -90,6 +90,23 @@ def test_log_times_follow_a_clock_that_is_set_back(simulated: Timeline) -> None:
     assert simulated.times_ns(stamped(1 * S), CLOCK) == (1 * S, 1 * S)
 
 
+def test_another_trip_follows_the_one_before(simulated: Timeline) -> None:
+    for second in range(31):
+        simulated.times_ns(stamped(second * S), CLOCK)
+    # The state of the new trip comes before its clock.
+    assert simulated.times_ns(stamped(0), HEADER) == (30 * S, 0)
+    assert simulated.times_ns(stamped(0), CLOCK) == (30 * S, 30 * S)
+    assert simulated.times_ns(stamped(1 * S), HEADER) == (31 * S, 31 * S)
+    assert simulated.times_ns(stamped(1 * S), CLOCK) == (31 * S, 31 * S)
+    assert simulated.times_ns(stamped(0), CLOCK) == (31 * S, 31 * S)
+
+
+def test_a_stray_clock_of_0_begins_no_trip(simulated: Timeline) -> None:
+    simulated.times_ns(stamped(500 * S), CLOCK)
+    simulated.times_ns(stamped(0), CLOCK)
+    assert simulated.times_ns(stamped(501 * S), CLOCK) == (501 * S, 501 * S)
+
+
 def test_wall_time() -> None:
     timeline = Timeline(TimeSource.WALL)
     before = time.time_ns()

@@ -66,7 +66,7 @@ ROS = {
 
 
 def is_ros(top: str) -> bool:
-    return top in ROS or top.endswith("_msgs")
+    return top in ROS or top.endswith(("_msgs", "_srvs"))
 
 
 def our_packages(imports: frozenset[str]) -> set[str]:

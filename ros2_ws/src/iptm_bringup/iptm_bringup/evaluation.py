@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
 from pathlib import Path
@@ -17,7 +17,7 @@ from iptm_bringup.scenario_files import scenario_text
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import FIGURES, RunMetrics, compute_metrics, figure_values
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.assembly import assemble_decisions, assemble_run
+from iptm_interfaces.assembly import assemble_decisions, assemble_run, split_trips
 from iptm_interfaces.codecs import s_from_ns
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader, read_model_parameters
@@ -96,6 +96,11 @@ def evaluate(
         MessageError: there is no bag, and the runner heard no tick completely.
     """
     found, notes = list(problems), list(warnings)
+    trips = split_trips((stamp_ns_of(data), None) for data in heard[Topic.PLANT_ODOMETRY])
+    if len(trips) > 1:
+        notes.append(
+            f"the trip was begun {len(trips)} times; the figures are those of the last one"
+        )
     parameters = prepared.model.values
     namespace = prepared.scenario.namespace or None
     counts: dict[str, int] | None = None
@@ -114,7 +119,7 @@ def evaluate(
             counts = {name: topic.message_count for name, topic in sorted(reader.topics.items())}
             information = reader.run_information()
         found += _missing_messages(counts, len(trajectory), prepared)
-        lost, missed = _unequal_states(heard, trajectory)
+        lost, missed = _unequal_states(trips[-1], trajectory)
         if lost:
             found.append(f"the bag lacks {lost} states that the runner heard")
         if missed:
@@ -140,9 +145,9 @@ def evaluate(
     )
 
 
-def _unequal_states(heard: Heard, trajectory: Trajectory) -> tuple[int, int]:
-    """Return how many states only the runner has, and how many only the bag has."""
-    heard_s = {s_from_ns(stamp_ns_of(data)) for data in heard[Topic.PLANT_ODOMETRY]}
+def _unequal_states(heard: Iterable[int], trajectory: Trajectory) -> tuple[int, int]:
+    """Return how many states only the runner has, given by their stamps, and how many only the bag has."""
+    heard_s = set(map(s_from_ns, heard))
     recorded_s = set(trajectory.time_s.tolist())
     return len(heard_s - recorded_s), len(recorded_s - heard_s)
 

@@ -24,6 +24,7 @@ from iptm_core.decision_record import Rung
 from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces.assembly import split_trips
 from iptm_interfaces.codecs import decode_decision_record, decode_temperature, ns_from_time
 from iptm_interfaces.diagnostics import Level, find_status
 from iptm_interfaces.suite_node import SuiteNode
@@ -236,9 +237,7 @@ def stamp_ns_of(data: bytes) -> int:
 
 
 def messages_by_stamp(topic: Topic, data: Iterable[bytes]) -> dict[int, Any]:
-    """Decode the messages of a stamped topic, keyed by their stamps (ns) and in their order."""
+    """Decode the messages of a stamped topic that belong to the last trip, by their stamps (ns), in order."""
     kind = TOPICS[topic].message_type
-    return {
-        stamp_ns: deserialize_message(entry, kind)
-        for stamp_ns, entry in sorted((stamp_ns_of(entry), entry) for entry in data)
-    }
+    trip = split_trips((stamp_ns_of(entry), entry) for entry in data)[-1]
+    return {stamp_ns: deserialize_message(entry, kind) for stamp_ns, entry in trip.items()}

@@ -27,6 +27,7 @@ from iptm_bringup.supervisor import Supervisor
 from iptm_core.errors import BagError, IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.settings import LoopMode
+from iptm_interfaces.assembly import split_trips
 from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
 from iptm_interfaces.topics import OBSERVATION_TOPICS, STATE_TOPICS, TOPICS, Topic
@@ -109,11 +110,17 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
         names = {topic: topic_name(reader, topic, namespace) for topic in wanted}
         topics = {name: topic for topic, name in names.items()}
         heard: dict[Topic, dict[int, bytes]] = {topic: {} for topic in wanted}
+        answered: list[tuple[int, None]] = []
         for raw in reader.raw_messages(list(topics)):
             stamp_ns = 0 if topics[raw.topic] is Topic.SLOPE else read_stamp_ns(raw.data)
             if stamp_ns is not None:
                 heard[topics[raw.topic]][stamp_ns] = raw.data
+                if topics[raw.topic] is _LAST_WORD[node]:
+                    answered.append((stamp_ns, None))
         text = reader.run_information().parameters
+    trips = len(split_trips(answered))
+    if trips > 1:
+        raise BagError(f"{bag} holds {trips} trips; allowed: one, as a check begins with the start")
     given = (yaml.safe_load(text) or {}).get(node)
     if not isinstance(given, dict):
         raise BagError(

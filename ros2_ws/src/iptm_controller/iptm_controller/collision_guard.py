@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from iptm_controller.forecast import LeaderForecast, PredictedLeaderMotion
+from iptm_controller.memory import GuardMemory
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, LeaderState, VehicleState
 
@@ -30,6 +31,9 @@ class CollisionGuard:
     Behind a preview that its own measurements bear out the leader is taken to move as foretold, and on from
     its end to brake; otherwise it is taken to brake on as hard as was last measured. One that is not
     measured for long is taken to have braked as hard as the host can at least.
+
+    Attributes:
+        memory: what is carried from tick to tick.
     """
 
     def __init__(self, limits: LimitParameters, tick_s: float, lost_after_ticks: int) -> None:
@@ -43,25 +47,23 @@ class CollisionGuard:
         self._limits = limits
         self._tick_s = tick_s
         self._lost_after_ticks = lost_after_ticks
-        self._lost_ticks = 0
-        self._leader: LeaderState | None = None
-        self._deceleration_m_s2 = 0.0
+        self.memory = GuardMemory()
 
     def observe(self, leader: LeaderState | None) -> None:
         """Note the leader of a tick, None if it is not measured."""
+        last = self.memory.leader
         if leader is None:
-            self._lost_ticks += 1
-            if self._lost_ticks > self._lost_after_ticks:
-                hardest = -self._limits.min_acceleration_m_s2
-                self._deceleration_m_s2 = max(self._deceleration_m_s2, hardest)
+            lost_ticks = self.memory.lost_ticks + 1
+            deceleration_m_s2 = self.memory.deceleration_m_s2
+            if lost_ticks > self._lost_after_ticks:
+                deceleration_m_s2 = max(deceleration_m_s2, -self._limits.min_acceleration_m_s2)
+            self.memory = GuardMemory(last, deceleration_m_s2, lost_ticks)
             return
-        self._lost_ticks = 0
-        last = self._leader
-        self._deceleration_m_s2 = 0.0
+        deceleration_m_s2 = 0.0
         if last is not None and 0.0 < leader.time_s - last.time_s < 2.5 * self._tick_s:
             lost_m_s = last.speed_m_s - leader.speed_m_s
-            self._deceleration_m_s2 = max(lost_m_s / (leader.time_s - last.time_s), 0.0)
-        self._leader = leader
+            deceleration_m_s2 = max(lost_m_s / (leader.time_s - last.time_s), 0.0)
+        self.memory = GuardMemory(leader, deceleration_m_s2)
 
     def collision_threatens(
         self, acceleration_m_s2: float, state: VehicleState, forecast: LeaderForecast | None
@@ -73,7 +75,7 @@ class CollisionGuard:
             state: measured state of the host.
             forecast: the leader's motion that was planned with, None without one.
         """
-        leader = self._leader
+        leader = self.memory.leader
         if leader is None:
             return False
         times_s, way_m = self._braking_way(acceleration_m_s2, state)
@@ -123,7 +125,10 @@ class CollisionGuard:
                     times_s, leader.time_s + forecast.known_s, forecast.motion
                 )
         return _braking_on_m(
-            times_s - leader.time_s, leader.position_m, leader.speed_m_s, self._deceleration_m_s2
+            times_s - leader.time_s,
+            leader.position_m,
+            leader.speed_m_s,
+            self.memory.deceleration_m_s2,
         )
 
     def _as_foretold_m(

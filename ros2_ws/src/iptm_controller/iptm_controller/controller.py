@@ -16,6 +16,7 @@ from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import FallbackLadder, LadderOptions
 from iptm_controller.limiter import CommandLimiter, LimitedCommand
 from iptm_controller.measurements import Measurements, trusted_measurements
+from iptm_controller.memory import ControllerMemory, TractionMemory, ValuationMemory
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.plan import (
@@ -27,6 +28,7 @@ from iptm_controller.plan import (
 )
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions, broken
+from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation, TemperatureValue
 from iptm_controller.traction_forecast import TractionForecaster
@@ -171,6 +173,37 @@ class Controller:
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
         self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
         self._last_trusted: VehicleState | None = None
+
+    @property
+    def memory(self) -> ControllerMemory:
+        """What is carried from tick to tick."""
+        check = self._switching_check
+        return ControllerMemory(
+            last_trusted=self._last_trusted,
+            ladder=self._ladder.memory,
+            guard=self._guard.memory,
+            valuation=ValuationMemory() if self._valuation is None else self._valuation.memory,
+            traction=TractionMemory() if self._traction is None else self._traction.memory,
+            leader_past=self._forecaster.past,
+            solves_since_second=None if check is None else check.since_second,
+        )
+
+    @memory.setter
+    def memory(self, memory: ControllerMemory) -> None:
+        self._last_trusted = memory.last_trusted
+        self._ladder.memory = memory.ladder
+        self._guard.memory = memory.guard
+        if self._valuation is not None:
+            self._valuation.memory = memory.valuation
+        if self._traction is not None:
+            self._traction.memory = memory.traction
+        self._forecaster.past = memory.leader_past
+        if self._switching_check is not None:
+            self._switching_check.since_second = memory.solves_since_second
+
+    @property
+    def _switching_check(self) -> SwitchingCheck | None:
+        return self.backend if isinstance(self.backend, SwitchingCheck) else None
 
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""

@@ -139,6 +139,15 @@ class LeaderForecaster:
         self._max_age_s = max_age_s
         self._past: deque[LeaderState] = deque()
 
+    @property
+    def past(self) -> tuple[LeaderState, ...]:
+        """Leader measured in the last seconds, oldest first."""
+        return tuple(self._past)
+
+    @past.setter
+    def past(self, past: tuple[LeaderState, ...]) -> None:
+        self._past = deque(past)
+
     def forecast(self, leader: LeaderState, preview: LeaderPreview) -> LeaderForecast:
         """Combine the measured leader with a preview.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from iptm_controller.memory import LadderMemory
 from iptm_controller.plan import Plan
 from iptm_controller.safe_driving import controlled_stop, safe_following, thermostat_power_w
 from iptm_core.decision_record import Rung
@@ -28,27 +29,29 @@ class LadderOptions:
 
 
 class FallbackLadder:
-    """Counts failures in a row and chooses the rung."""
+    """Counts failures in a row and chooses the rung.
+
+    Attributes:
+        memory: what is carried from tick to tick.
+    """
 
     def __init__(self, parameters: ModelParameters, tick_s: float, options: LadderOptions) -> None:
         self._parameters = parameters
         self._tick_s = tick_s
         self._options = options
-        self._last_good: Plan | None = None
-        self._failures = 0
+        self.memory = LadderMemory()
 
     def plan_at(self, time_s: float) -> Plan | None:
         """Return the newest usable plan if it covers a trip time.
 
         Past its end a plan only repeats its last input, which leads to absurd speeds.
         """
-        plan = self._last_good
+        plan = self.memory.last_good
         return plan if plan is not None and plan.covers(time_s) else None
 
     def accept(self, plan: Plan) -> tuple[Rung, Command]:
         """Go back to the top: a usable plan was found."""
-        self._last_good = plan
-        self._failures = 0
+        self.memory = LadderMemory(plan)
         return Rung.OPTIMAL, plan.command_at(plan.start_s)
 
     def fall_back(
@@ -65,15 +68,16 @@ class FallbackLadder:
             last: what was last trusted or commanded, for a tick without a state; brakes that are applied
                 harder than a blind vehicle would stay so, and the cells are cooled as they last needed it.
         """
-        self._failures += 1
+        failures = self.memory.failures + 1
+        self.memory = replace(self.memory, failures=failures)
         options = self._options
         if state is None:
             return Rung.STOP, self._blind(last)
         plan = self.plan_at(state.time_s)
-        if self._failures <= options.shifted_plan_ticks and plan is not None:
+        if failures <= options.shifted_plan_ticks and plan is not None:
             return Rung.SHIFTED_PLAN, self._safer(plan.command_at(state.time_s), state, leader)
         last_safe_tick = options.shifted_plan_ticks + options.safe_law_ticks
-        if leader is not None and self._failures <= last_safe_tick:
+        if leader is not None and failures <= last_safe_tick:
             command = safe_following(state, leader, self._parameters, self._tick_s)
             return Rung.SAFE_LAW, command
         return Rung.STOP, controlled_stop(state, self._parameters, self._tick_s)

@@ -14,9 +14,9 @@ import numpy as np
 from std_msgs.msg import Float64, Float64MultiArray
 
 from iptm_controller.controller import Decision, Measurements
-from iptm_controller.forecast import PreviewQuality
+from iptm_controller.memory import ControllerMemory
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.node_reports import Road, plan_trajectory, situation
+from iptm_controller.node_reports import Road, decision_values, plan_trajectory, situation
 from iptm_controller.node_watch import OperatorWatch
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import MessageError
@@ -67,7 +67,9 @@ class ControllerNode(SuiteNode):
         self.reject_unknown_parameters()
         self.use_frame_prefix(self._options.frame_prefix)
         self._controller = self._options.build_controller()
-        self._watch = OperatorWatch(self._options.model().values, self._options)
+        self._model = self._options.model().values
+        self._watch = OperatorWatch(self._model, self._options)
+        self._trip_before = (self._controller.memory, self._watch)
         self._slope: SlopePreview | None = None
         self._slope_fault = ""
         self._matcher = StampMatcher(
@@ -159,6 +161,7 @@ class ControllerNode(SuiteNode):
 
     def _on_matched(self, matched: MatchedSet[Topic]) -> None:
         """Answer a complete set, or the last one once more."""
+        self._follow(matched)
         self._watchdog.timeout_s = max(PLANT_TIMEOUT_S, self._matcher.gate.quiet_s)
         self._watchdog.feed()
         if matched.verdict is Verdict.REPEATED:
@@ -173,6 +176,15 @@ class ControllerNode(SuiteNode):
         else:
             self._is_skipping = False
             self._answer(matched)
+
+    def _follow(self, matched: MatchedSet[Topic]) -> None:
+        """Begin anew with a trip, or go on with the one before a stray beginning."""
+        if matched.verdict is Verdict.NEW_TRIP and matched.stamp_ns == 0:
+            self._trip_before = (self._controller.memory, self._watch)
+            self._controller.memory = ControllerMemory()
+            self._watch = OperatorWatch(self._model, self._options)
+        elif matched.verdict is Verdict.RESUMED:
+            self._controller.memory, self._watch = self._trip_before
 
     def _is_behind(self) -> bool:
         """Return whether a tick has waited for the decision on the one before."""
@@ -215,6 +227,7 @@ class ControllerNode(SuiteNode):
         if matched is None:
             self._waiting_since_s = None  # what is there has stamps of no trip
         else:
+            self._follow(matched)
             self._answer(matched)
 
     # --- answers
@@ -292,7 +305,7 @@ class ControllerNode(SuiteNode):
         for rung in Rung:
             values[f"ticks_{rung.name.lower()}"] = self._rungs[rung]
         if self._last is not None:
-            values.update(_details(self._last))
+            values.update(decision_values(self._last))
             values.update(self._watch.values)
         self._reporter.report(self._last_ns, level, reason, values)
 
@@ -310,25 +323,6 @@ class ControllerNode(SuiteNode):
             return Level.WARN, "decisions take longer than ticks, some of which are skipped"
         road = Road(known=self._slope is not None, fault=self._slope_fault)
         return situation(self._last, road, self._watch)
-
-
-def _details(decision: Decision) -> dict[str, object]:
-    details: dict[str, object] = {
-        "reason": decision.reason or "none",
-        "rung": decision.rung.name.lower(),
-        "limiter": ", ".join(decision.limited.reasons) or "inactive",
-    }
-    result, forecast = decision.result, decision.forecast
-    if result is not None:
-        details.update(
-            status=result.status.name.lower(),
-            solve_time_ms=1e3 * result.time_s,
-            iterations=result.iterations,
-        )
-    if forecast is not None:
-        details["preview"] = PreviewQuality(forecast.quality).name.lower()
-        details["preview_age_s"] = forecast.age_s
-    return details
 
 
 def main() -> None:

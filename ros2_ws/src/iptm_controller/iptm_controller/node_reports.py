@@ -141,3 +141,23 @@ def _limits_broken(decision: Decision) -> tuple[str, ...]:
         ("temperature", slacks.temperature_k, TEMPERATURE_TOLERANCE_K),
     )
     return tuple(name for name, slack, tolerance in checks if slack > tolerance)
+
+
+def decision_values(decision: Decision) -> dict[str, object]:
+    """Return the key values of the diagnostics about a decision."""
+    details: dict[str, object] = {
+        "reason": decision.reason or "none",
+        "rung": decision.rung.name.lower(),
+        "limiter": ", ".join(decision.limited.reasons) or "inactive",
+    }
+    result, forecast = decision.result, decision.forecast
+    if result is not None:
+        details.update(
+            status=result.status.name.lower(),
+            solve_time_ms=1e3 * result.time_s,
+            iterations=result.iterations,
+        )
+    if forecast is not None:
+        details["preview"] = PreviewQuality(forecast.quality).name.lower()
+        details["preview_age_s"] = forecast.age_s
+    return details

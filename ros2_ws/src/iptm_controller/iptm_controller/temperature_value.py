@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_controller.forecast import PredictedLeaderMotion
+from iptm_controller.memory import ValuationMemory
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.aging import capacity_loss_rate_1_s
 from iptm_core.physics.coolant import reduce_channel
@@ -113,7 +114,11 @@ def _load_factor_h(temperature_k: float, parameters: ModelParameters) -> float:
 
 
 class TemperatureValuation:
-    """Follows the trip and prices the temperatures at every tick."""
+    """Follows the trip and prices the temperatures at every tick.
+
+    Attributes:
+        memory: what is carried from tick to tick.
+    """
 
     def __init__(
         self,
@@ -141,8 +146,7 @@ class TemperatureValuation:
         pack = parameters.pack
         cells = pack.cells_in_series * pack.parallel
         self._heat_capacity_j_k = cells * parameters.cell.heat_capacity_j_k
-        self._start: VehicleState | None = None
-        self._foreseen_1_s = 0.0
+        self.memory = ValuationMemory()
 
     def value(self, state: VehicleState, leader: PredictedLeaderMotion) -> TemperatureValue:
         """Price the temperatures at a tick.
@@ -151,13 +155,15 @@ class TemperatureValuation:
             state: measured state; the first one, or one before it, begins a trip.
             leader: foreseen motion of the leader.
         """
-        start = self._start
+        start = self.memory.start
         if start is None or state.time_s < start.time_s:
-            start = self._start = state
-            self._foreseen_1_s = self._foresee(state, leader)
+            start = state
+            self.memory = ValuationMemory(start, self._foresee(state, leader))
         elapsed_s = state.time_s - start.time_s
         lost = max(_loss(state) - _loss(start), 0.0)
-        rate = (lost + self._foreseen_1_s * FORECAST_WEIGHT_S) / (elapsed_s + FORECAST_WEIGHT_S)
+        rate = (lost + self.memory.foreseen_1_s * FORECAST_WEIGHT_S) / (
+            elapsed_s + FORECAST_WEIGHT_S
+        )
         rate = max(rate, _LEAST_RATE_1_S)
         values = self._parameters
         aging = values.aging

@@ -8,11 +8,13 @@ groups of equal duration, so that what is convex in them can be averaged over th
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
 
 from iptm_controller.forecast import PredictedLeaderMotion
+from iptm_controller.memory import TractionMemory
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import POWER_LEVELS, ProblemGrid
 from iptm_controller.ocp.layout import ThermalSampleIndex
@@ -40,7 +42,18 @@ class TractionForecaster:
             self._times_s.append(nodes[kind.steps][:, None] + parts)
         self._powers_w: deque[float] = deque(maxlen=MEMORY_TICKS)
         self._speeds_m_s: deque[float] = deque(maxlen=MEMORY_TICKS)
-        self._last_s = -np.inf
+        self._last_s = -math.inf
+
+    @property
+    def memory(self) -> TractionMemory:
+        """What is carried from tick to tick."""
+        return TractionMemory(tuple(self._powers_w), tuple(self._speeds_m_s), self._last_s)
+
+    @memory.setter
+    def memory(self, memory: TractionMemory) -> None:
+        self._powers_w = deque(memory.powers_w, MEMORY_TICKS)
+        self._speeds_m_s = deque(memory.speeds_m_s, MEMORY_TICKS)
+        self._last_s = memory.last_s
 
     def remember(self, state: VehicleState, slope: SlopePreview) -> None:
         """Add the present power to those of the trip; an earlier state begins a new one."""

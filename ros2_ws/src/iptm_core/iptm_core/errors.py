@@ -38,6 +38,10 @@ class ScenarioError(IptmError):
     """A scenario or study description is malformed."""
 
 
+class ServiceError(IptmError):
+    """A service is asked for what cannot be done now."""
+
+
 class StoreError(IptmError):
     """A stored study result is missing or damaged, or the store cannot be written."""
 

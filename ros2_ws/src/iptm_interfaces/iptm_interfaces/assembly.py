@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import MessageError
@@ -20,8 +20,10 @@ from iptm_interfaces.codecs import (
     ns_from_time,
     s_from_ns,
 )
+from iptm_interfaces.stamp_gate import LEAST_REACH_NS
 from iptm_interfaces.topics import TICK_TOPICS, Topic
 
+T = TypeVar("T")
 ByStamp = Mapping[int, Any]
 """Messages of one topic by their stamps in nanoseconds."""
 
@@ -40,10 +42,32 @@ class AssembledRun:
     incomplete: Mapping[int, tuple[Topic, ...]]
 
 
+def split_trips(stamped: Iterable[tuple[int, T]]) -> list[dict[int, T]]:
+    """Return what belongs to each trip by its stamps (ns), in order of the stamps; one trip at least.
+
+    A stamp of 0 begins a trip. Of two messages with one stamp the later one counts.
+
+    Args:
+        stamped: stamp and message, in order of arrival.
+    """
+    trips: list[dict[int, T]] = [{}]
+    for stamp_ns, message in stamped:
+        if stamp_ns == 0 and any(trips[-1]):
+            trips.append({})
+        elif (
+            len(trips) > 1
+            and len(trips[-1]) == 1
+            and stamp_ns > LEAST_REACH_NS
+            and 0 <= stamp_ns - max(trips[-2]) <= LEAST_REACH_NS
+        ):
+            trips.pop()  # what began the last one was a stray stamp
+        trips[-1][stamp_ns] = message
+    return [dict(sorted(trip.items())) for trip in trips]
+
+
 def by_stamp(messages: Iterable[Any]) -> dict[int, Any]:
-    """Return messages with a header by their stamps (ns), in order of the stamps."""
-    found = {ns_from_time(message.header.stamp): message for message in messages}
-    return dict(sorted(found.items()))
+    """Return the messages with a header of the last trip by their stamps (ns), in order of the stamps."""
+    return split_trips((ns_from_time(message.header.stamp), message) for message in messages)[-1]
 
 
 def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:

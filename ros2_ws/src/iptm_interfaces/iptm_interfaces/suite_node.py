@@ -11,13 +11,16 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
+from rclpy.service import Service as RclpyService
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
+from std_srvs.srv import Trigger
 
 from iptm_core.errors import IptmError, ParameterError
 from iptm_core.strict_mapping import suggestion
 from iptm_interfaces.framed_publisher import FramedPublisher
 from iptm_interfaces.node_health import AwakeClock, NodeHealth, largest_message_bytes
+from iptm_interfaces.services import SERVICES, Service
 from iptm_interfaces.topics import TOPICS, Topic, frame_in
 
 _LOG_THROTTLE_S = 5.0
@@ -89,6 +92,31 @@ class SuiteNode(Node):
         kind = None if raw else spec.message_type
         take = partial(self._let_in, topic, kind, callback)
         return self.create_subscription(spec.message_type, spec.name, take, spec.qos, raw=True)
+
+    def serve(self, service: Service, action: Callable[[], str]) -> RclpyService:
+        """Return a server of a service of the table.
+
+        Args:
+            service: key of the service.
+            action: does what is asked for and returns what it did, in words; an `IptmError` is a refusal,
+                told to whoever asked.
+        """
+
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.message = "an internal error was caught, see the log"
+            response.success = False
+            self.guard(service.value, act, response)
+            return response
+
+        def act(response: Trigger.Response) -> None:
+            try:
+                response.message = action()
+                response.success = True
+                self.get_logger().info(f"{service.value}: {response.message}")
+            except IptmError as error:
+                response.message = " ".join(str(error).split())
+
+        return self.create_service(SERVICES[service].service_type, service.value, answer)
 
     def _let_in(
         self, topic: Topic, kind: type[Any] | None, callback: Callable[[Any], None], data: bytes

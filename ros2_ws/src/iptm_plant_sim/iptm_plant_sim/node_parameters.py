@@ -18,6 +18,7 @@ from iptm_plant_sim.trip import Trip
 
 STOP = "stop"
 WAIT = "wait"
+EXIT = "exit"
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,14 @@ class PlantNodeParameters(
         "",
         0,
         100,
+    )
+    start_paused: bool = parameter(
+        default=False, description="pause at the first state, until the service plant/resume"
+    )
+    at_end: str = parameter(
+        EXIT,
+        "when the trip has ended: end the process, or wait for the service plant/reset",
+        choices=(EXIT, WAIT),
     )
     linger_s: float = parameter(
         1.0, "wall time between the last message and the end of the process", "s", 0.0, 60.0

@@ -34,6 +34,10 @@ class Schedule:
         self.overruns = 0
         self.worst_lateness_s = 0.0
 
+    def begin_again(self) -> None:
+        """Let the next slot lie one period ahead of now, after a pause that is no delay."""
+        self._next_s = self._steady_time_s() + self._period_s
+
     def keep(self) -> None:
         """Note that the activity runs now."""
         lateness_s = self._steady_time_s() - self._next_s

@@ -21,6 +21,7 @@ class TripPhase(Enum):
 
     WAITING = "waiting"
     RUNNING = "running"
+    PAUSED = "paused"
     STOPPING = "stopping"
     FINISHED = "finished"
 
@@ -57,7 +58,9 @@ class Trip:
             StateError: the start state is not possible.
         """
         self._plant = plant
+        self._duration_s = duration_s
         self._period_s = period_s
+        self._start = start
         self._period_ns = round(period_s * NS_PER_S)
         self.parameters = plant.parameters
         self.ticks = max(1, -(-round(duration_s * NS_PER_S) // self._period_ns))
@@ -82,6 +85,10 @@ class Trip:
     def is_limited(self) -> bool:
         """Whether a command was limited a short while ago."""
         return self.tick - self._last_limited_tick < RECENT_TICKS
+
+    def anew(self) -> Trip:
+        """Return the same trip at its start, driven by the same plant."""
+        return Trip(self._plant, self._duration_s, self._period_s, self._start)
 
     def warm_up(self) -> None:
         """Let the plant build its integrator now instead of in the first interval."""
@@ -138,6 +145,10 @@ class CommandHold:
             return False
         self._stamp_ns, self._command = stamp_ns, command
         return True
+
+    def answers(self, now_ns: int) -> bool:
+        """Whether the held command answers the state of now."""
+        return self._command is not None and self._stamp_ns == now_ns
 
     def age_s(self, now_ns: int) -> float:
         """Trip time since the state that the held command answers; since the start without one."""

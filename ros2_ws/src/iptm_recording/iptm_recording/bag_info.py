@@ -67,7 +67,11 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
         BagError: the bag does not hold a complete run of the suite.
     """
     # Decoding to the suite's messages needs ROS, everything else here does not.
-    from iptm_recording.trajectory_reader import read_decisions, read_trajectory  # noqa: PLC0415
+    from iptm_recording.trajectory_reader import (  # noqa: PLC0415
+        count_trips,
+        read_decisions,
+        read_trajectory,
+    )
 
     parameters, is_stored = read_model_parameters(path)
     trajectory = read_trajectory(path, namespace)
@@ -75,7 +79,10 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
         decisions = read_decisions(path, namespace)
     except BagError:  # a controller that does not report them
         decisions = None
-    caption = None if is_stored else "limits of the default parameter set: the bag names no other"
+    trips = count_trips(path, namespace)
+    notes = [] if is_stored else ["limits of the default parameter set: the bag names no other"]
+    notes += [f"the last of {trips} trips"] if trips > 1 else []
+    caption = "; ".join(notes) or None
     table = Table("figure", title=f"{path.name}: results", title_justify="left", caption=caption)
     table.add_column("value", justify="right")
     table.add_column("unit")

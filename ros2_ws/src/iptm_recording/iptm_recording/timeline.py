@@ -4,7 +4,8 @@ A bag of a simulated run must play back, plot and join in simulated time, whatev
 machine that recorded it. The log time of a message is therefore the recorder's node time, taken from
 the latest `/clock`. Within a tick the plant publishes its state before the clock that announces
 it; so that this state is not logged one tick early, a header stamp that is a little ahead of the
-clock moves the time on. Log times never decrease unless the clock itself is set back.
+clock moves the time on. Log times never decrease unless the clock itself is set back. A clock of 0
+begins another trip, whose times follow those of the trip before: the bag stays in order.
 
 The publication time is the header stamp where a message has a plausible one, else the log time.
 """
@@ -86,6 +87,9 @@ class Timeline:
     def __init__(self, source: TimeSource) -> None:
         self.source = source
         self._now_ns: int | None = None
+        self._clock_ns = 0
+        self._trip_began_ns = 0
+        self._trip_before_ns: tuple[int, int] | None = None
 
     @property
     def now_ns(self) -> int | None:
@@ -121,14 +125,29 @@ class Timeline:
             return self._wall_times_ns(stamp_ns)
         if kind is StampKind.CLOCK:
             if stamp_ns is not None:
-                self._now_ns = stamp_ns
+                self._follow_clock(stamp_ns)
         elif stamp_ns is not None and self._now_ns is not None:
-            lead_ns = stamp_ns - self._now_ns
+            lead_ns = self._trip_began_ns + stamp_ns - self._now_ns
             self._now_ns += lead_ns if 0 < lead_ns <= MAX_LEAD_NS else 0
         if self._now_ns is None:
             return None
-        is_plausible = stamp_ns is not None and stamp_ns <= self._now_ns
-        return self._now_ns, stamp_ns if is_plausible and stamp_ns is not None else self._now_ns
+        if stamp_ns is None:
+            return self._now_ns, self._now_ns
+        published_ns = self._trip_began_ns + stamp_ns
+        return self._now_ns, min(published_ns, self._now_ns)
+
+    def _follow_clock(self, clock_ns: int) -> None:
+        """Take a clock over; a trip of nothing but its beginning is none if the one before goes on."""
+        before = self._trip_before_ns
+        if clock_ns == 0 and self._clock_ns > 0 and self._now_ns is not None:
+            self._trip_before_ns = (self._trip_began_ns, self._clock_ns)
+            self._trip_began_ns = self._now_ns
+        elif before is not None and self._clock_ns == 0:
+            began_ns, last_ns = before
+            if clock_ns > MAX_LEAD_NS and last_ns <= clock_ns <= last_ns + MAX_LEAD_NS:
+                self._trip_began_ns = began_ns
+        self._clock_ns = clock_ns
+        self._now_ns = self._trip_began_ns + clock_ns
 
     @staticmethod
     def _wall_times_ns(stamp_ns: int | None) -> tuple[int, int]:

@@ -10,14 +10,31 @@ from typing import Any
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import BagError, IptmError
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.assembly import assemble_decisions, assemble_run, by_stamp
+from iptm_interfaces.assembly import assemble_decisions, assemble_run, by_stamp, split_trips
 from iptm_interfaces.codecs import s_from_ns
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
+from iptm_recording.timeline import read_stamp_ns
+
+
+def count_trips(path: Path, namespace: str | None = None) -> int:
+    """Return how many trips a bag holds, one after the other.
+
+    Args:
+        path: bag folder or .mcap file.
+        namespace: namespace of the vehicle; needed only if the bag holds several.
+
+    Raises:
+        BagError: the bag cannot be read, or lacks the plant's odometry.
+    """
+    with BagReader(path) as reader:
+        name = topic_name(reader, Topic.PLANT_ODOMETRY, namespace)
+        stamps = (read_stamp_ns(raw.data) for raw in reader.raw_messages([name]))
+        return len(split_trips((stamp, None) for stamp in stamps if stamp is not None))
 
 
 def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
-    """Read the run of a bag.
+    """Read the run of a bag; of several trips the last one.
 
     Ticks at the very start and end that were recorded only in part are left out.
 

@@ -46,7 +46,11 @@ _POWER_SCALE_W = float(layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER])
 
 
 class SwitchingCheck:
-    """Wraps a back end; deterministic, because it counts solves and not seconds."""
+    """Wraps a back end; deterministic, because it counts solves and not seconds.
+
+    Attributes:
+        since_second: solves since the last one with a second start, None before the first solve.
+    """
 
     def __init__(
         self,
@@ -90,7 +94,11 @@ class SwitchingCheck:
         self._options = self._hamiltonian.arguments["powers"].reshape(shape)
         self._values = self._hamiltonian.results["hamiltonians"].reshape(shape)
         self._try_every = try_every
-        self._since_second = try_every
+        self.since_second: int | None = None
+
+    @property
+    def _since_second(self) -> int:
+        return self._try_every if self.since_second is None else self.since_second
 
     @property
     def name(self) -> str:
@@ -114,10 +122,10 @@ class SwitchingCheck:
             if usable
             else np.full(self._grid.steps, self._candidates[-1, 0])
         )
-        self._since_second += 1
+        self.since_second = self._since_second + 1
         if powers is None:
             return replace(first, time_s=time.perf_counter() - began)
-        self._since_second = 0
+        self.since_second = 0
         start = self._with_powers(first.variables if usable else guess, powers, data)
         most = SECOND_ITERATIONS if usable else most_iterations
         second = self._inner.solve(data, start, most_iterations=most)

@@ -1,0 +1,69 @@
+"""What a controller carries from one tick to the next, as one value: taken, given to another one, stored.
+
+A controller that is given the memory of another one with the same options decides on as that one would.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from iptm_controller.plan import Plan
+from iptm_core.state import LeaderState, VehicleState
+
+
+@dataclass(frozen=True)
+class LadderMemory:
+    """Of the fallback ladder: the newest usable plan, and how many ticks in a row had none."""
+
+    last_good: Plan | None = None
+    failures: int = 0
+
+
+@dataclass(frozen=True)
+class GuardMemory:
+    """Of the collision guard: the leader measured last, how hard it braked, ticks without it since."""
+
+    leader: LeaderState | None = None
+    deceleration_m_s2: float = 0.0
+    lost_ticks: int = 0
+
+
+@dataclass(frozen=True)
+class ValuationMemory:
+    """Of the temperature valuation: start of the trip, and the aging rate that was foreseen there."""
+
+    start: VehicleState | None = None
+    foreseen_1_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class TractionMemory:
+    """Of the traction forecast: powers and speeds of the trip so far, and when the newest was measured."""
+
+    powers_w: tuple[float, ...] = ()
+    speeds_m_s: tuple[float, ...] = ()
+    last_s: float = -math.inf
+
+
+@dataclass(frozen=True)
+class ControllerMemory:
+    """Of a controller; the default is that of one which has not decided anything.
+
+    Attributes:
+        last_trusted: state that commands are limited against where none can be trusted.
+        ladder: of the fallback ladder.
+        guard: of the collision guard.
+        valuation: of the temperature valuation.
+        traction: of the traction forecast.
+        leader_past: leader measured in the last seconds, oldest first.
+        solves_since_second: of the check for better switching; None for one that has not solved anything.
+    """
+
+    last_trusted: VehicleState | None = None
+    ladder: LadderMemory = field(default_factory=LadderMemory)
+    guard: GuardMemory = field(default_factory=GuardMemory)
+    valuation: ValuationMemory = field(default_factory=ValuationMemory)
+    traction: TractionMemory = field(default_factory=TractionMemory)
+    leader_past: tuple[LeaderState, ...] = ()
+    solves_since_second: int | None = None

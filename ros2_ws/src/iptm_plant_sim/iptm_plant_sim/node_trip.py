@@ -1,0 +1,287 @@
+"""The trip as the plant node drives it: by commands or by the wall clock, from the first state to the end."""
+
+from __future__ import annotations
+
+import math
+
+from rclpy.timer import Timer
+from sensor_msgs.msg import JointState
+
+from iptm_core.errors import IptmError, MessageError
+from iptm_core.settings import LoopMode
+from iptm_core.state import Command
+from iptm_interfaces.codecs import decode_command, ns_from_time
+from iptm_interfaces.parameters import declare_parameters
+from iptm_interfaces.process import EXIT_DEFECT
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_interfaces.watchdog import Watchdog
+from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
+from iptm_plant_sim.node_publishers import PlantPublishers
+from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
+from iptm_plant_sim.trip import CommandHold, TripPhase
+
+EXIT_CONTROLLER_LOST = 3
+
+MATCHING_PERIOD_S = 0.02
+CHECKS_PER_REPEAT = 5.0
+STOP_TICK_WALL_S = 0.1
+"""Pace of the controlled stop in lock-step mode: nobody is waited for, but a controller that is back can
+answer in time, and listeners can follow."""
+REPEAT_S = 2.5
+"""Lock-step: a state without an answer is published again after so much wall time, for whoever has been
+started meanwhile. More than the controller's wait for missing inputs: not without need."""
+KEEP_ALIVE_S = 1.0
+"""The state of a paused trip is published again after so much wall time, less than anybody's patience."""
+
+
+class TripNode(SuiteNode):
+    """Advances the trip tick by tick, publishes every state, and holds the trip where it is to pause."""
+
+    def __init__(self) -> None:
+        super().__init__("plant")
+        self._options = declare_parameters(self, PlantNodeParameters)
+        self.reject_unknown_parameters()
+        self.use_frame_prefix(self._options.frame_prefix)
+        self._trip = self._options.build_trip()
+        self._phase = TripPhase.WAITING
+        self._pause_due = self._options.start_paused
+        self._steps_due = 0
+        self._controller_lost = False
+        self._controller_losses = 0
+        self._failure = ""
+        self._repeated_states = 0
+        self._ignored_commands = 0
+        self._unfitting_commands = 0
+        self._rejected_commands = 0
+        self._awaited: tuple[str, ...] = ()
+        self._hold = CommandHold(self._options.command_timeout_s)
+        self._schedule: Schedule | None = None
+        self._between = TimeBetweenTicks(self._options.period_s, self._options.rate_factor)
+        self._published_s = 0.0
+        self._stop_timer: Timer | None = None
+        self._end_timer: Timer | None = None
+        self._tick_timer: Timer | None = None
+        self._outputs = PlantPublishers(self, self._trip.parameters)
+        self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
+        self._watchdog.attach(self)
+        self.watch_peers(Topic.PLANT_ODOMETRY, Topic.COMMAND)
+        self._commands = self.listen(Topic.COMMAND, self._on_command)
+        self._start_timer = self.every(MATCHING_PERIOD_S, self._start_when_matched)
+
+    def _report(self) -> None:
+        """Tell where the trip stands; called whenever that may have changed."""
+        raise NotImplementedError
+
+    @property
+    def _is_real_time(self) -> bool:
+        return self._options.mode is LoopMode.REAL_TIME
+
+    # --- start
+
+    def _start_when_matched(self) -> None:
+        """Publish the first state as soon as it would reach everyone."""
+        self._awaited = self._missing_peers()
+        if self._awaited:
+            self._report()
+            return
+        self._start_timer.cancel()
+        if self._is_real_time:
+            wall_period_s = self._options.period_s / self._options.rate_factor
+            self._schedule = Schedule(wall_period_s)
+            self._tick_timer = self.every(wall_period_s, self._on_wall_tick)
+            if self._options.clock_hz > 0.0:
+                self.every(1.0 / self._options.clock_hz, self._publish_time_between)
+        self.every(KEEP_ALIVE_S / CHECKS_PER_REPEAT, self._repeat_if_unanswered)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin the trip with its first state."""
+        self._phase = TripPhase.RUNNING
+        self._publish()
+        if self._phase is TripPhase.RUNNING:
+            self._let_time_run()
+
+    def _let_time_run(self) -> None:
+        """Real time: the next tick lies one period ahead of now."""
+        if self._tick_timer is not None and self._schedule is not None:
+            self._schedule.begin_again()
+            self._tick_timer.reset()
+            self._between.begin(self._trip.stamp_ns)
+
+    def _missing_peers(self) -> tuple[str, ...]:
+        expected = self._options.expected_peers
+        missing = self._outputs.missing_subscribers(expected)
+        needs_controller = expected > 0 or not self._is_real_time
+        if needs_controller and self._commands.get_publisher_count() == 0:
+            missing = (*missing, self._commands.topic_name)
+        return missing
+
+    # --- commands
+
+    def _on_command(self, message: JointState) -> None:
+        stamp_ns, command = self._read(message)
+        if self._phase is TripPhase.WAITING or self._phase is TripPhase.FINISHED:
+            return
+        answers_now = stamp_ns == self._trip.stamp_ns
+        if self._phase is TripPhase.PAUSED and self._hold.answers(stamp_ns):
+            return  # the answer to a state that is repeated
+        usable = self._is_real_time or answers_now
+        if not (usable and self._hold.offer(stamp_ns, command, self._trip.stamp_ns)):
+            self._ignored_commands += 1
+            self._unfitting_commands += 1
+            if stamp_ns < self._trip.stamp_ns:
+                self.health.note_contradiction(TOPICS[Topic.COMMAND].publisher)
+            self._report()
+            return
+        self._unfitting_commands = 0
+        if self._is_real_time:
+            return
+        if self._phase is not TripPhase.PAUSED:
+            self._take_back()
+            self._advance(command)
+        elif self._steps_due:
+            self._steps_due -= 1
+            self._advance(command)
+
+    def _take_back(self) -> None:
+        """Lock-step: give the vehicle back to a controller that answers while it is being stopped."""
+        if self._phase is not TripPhase.STOPPING:
+            return
+        self._cancel(self._stop_timer)
+        self._controller_lost = False
+        self._phase = TripPhase.RUNNING
+
+    def _read(self, message: JointState) -> tuple[int, Command]:
+        """Return stamp and decision; one that cannot be read counts as one without numbers.
+
+        The plant answers such a command with the controlled stop for this tick, so a controller that
+        sends nonsense once neither hangs the lock-step nor ends the trip.
+        """
+        try:
+            return decode_command(message)
+        except MessageError:
+            self._rejected_commands += 1
+            return ns_from_time(message.header.stamp), Command(math.nan, math.nan)
+
+    # --- time
+
+    def _advance(self, command: Command) -> None:
+        try:
+            self._trip.advance(command)
+        except IptmError as error:
+            self._fail(error)
+            return
+        self._publish()
+
+    def _publish(self) -> None:
+        """Publish the present state and expect an answer to it, or end with it."""
+        over = self._trip.is_over
+        if over:
+            self._finish()
+        elif self._pause_due:
+            self._hold_trip()
+        self._outputs.publish(self._trip.step)
+        self._published_s = self.awake.now_s()
+        if not over and self._phase is not TripPhase.PAUSED:
+            self._between.begin(self._trip.stamp_ns)
+            if not self._is_real_time:
+                self._watchdog.feed()
+        self._report()
+
+    def _repeat_if_unanswered(self) -> None:
+        """Publish the state again: for peers that were not there, or as a sign of life of a paused trip."""
+        paused = self._phase is TripPhase.PAUSED
+        unanswered = self._phase is TripPhase.RUNNING and not self._is_real_time
+        if not (paused or unanswered):
+            return
+        if self.awake.now_s() - self._published_s >= (KEEP_ALIVE_S if paused else REPEAT_S):
+            self._repeated_states += 1
+            self._outputs.publish(self._trip.step)
+            self._published_s = self.awake.now_s()
+
+    def _publish_time_between(self) -> None:
+        time_ns = self._between.take_ns()
+        if time_ns is not None:
+            self._outputs.publish_time(time_ns)
+
+    def _on_wall_tick(self) -> None:
+        if self._phase in {TripPhase.PAUSED, TripPhase.FINISHED} or self._schedule is None:
+            return
+        self._schedule.keep()
+        self._judge_command_age()
+        self._phase = TripPhase.STOPPING if self._controller_lost else TripPhase.RUNNING
+        self._advance(self._held_command())
+
+    def _judge_command_age(self) -> None:
+        was_lost, self._controller_lost = (
+            self._controller_lost,
+            self._hold.is_lost(self._trip.stamp_ns),
+        )
+        self._controller_losses += self._controller_lost and not was_lost
+
+    def _held_command(self) -> Command:
+        return self._hold.command_at(self._trip.stamp_ns) or self._trip.stop_command()
+
+    def _on_silence(self, _: float) -> None:
+        """Lock-step: the controller does not answer."""
+        if self._options.on_lost_controller == WAIT:
+            self._report()
+            return
+        self._controller_lost = True
+        self._controller_losses += 1
+        self._phase = TripPhase.STOPPING
+        self._watchdog.disarm()
+        self._report()
+        self._stop_timer = self.every(STOP_TICK_WALL_S, self._on_stop_tick)
+
+    def _on_stop_tick(self) -> None:
+        """Lock-step: one interval of the controlled stop.
+
+        A controller that answers the present state before the vehicle stands goes on with the trip. At
+        standstill the trip ends: nothing is gained by waiting longer than the timeout did already.
+        """
+        if self._phase is not TripPhase.STOPPING:
+            return
+        if self._trip.step.standstill:
+            self._finish()
+            self._report()
+            return
+        self._advance(self._trip.stop_command())
+
+    # --- pause and end
+
+    def _hold_trip(self) -> None:
+        self._pause_due = False
+        self._steps_due = 0
+        self._phase = TripPhase.PAUSED
+        self._between.end()
+        self._watchdog.disarm()
+        self._cancel(self._stop_timer)
+        self._cancel(self._tick_timer)
+
+    def _finish(self) -> None:
+        self._end(EXIT_CONTROLLER_LOST if self._controller_lost else 0)
+
+    def _end(self, code: int) -> None:
+        """End the process a little later, so that the last messages arrive, or wait for another trip."""
+        self._phase = TripPhase.FINISHED
+        self._between.end()
+        self._watchdog.disarm()
+        self._cancel(self._tick_timer)
+        self.exit_code = code
+        if self._options.at_end != WAIT:
+            linger_s = max(self._options.linger_s, 1e-3)
+            self._end_timer = self.every(linger_s, lambda: self.finish(code))
+
+    def _fail(self, error: IptmError) -> None:
+        """End the trip: the vehicle model has no next state."""
+        self._failure = str(error)
+        self.get_logger().error(f"the vehicle model failed: {error}")
+        self._end(EXIT_DEFECT)
+        self._report()
+
+    @staticmethod
+    def _cancel(timer: Timer | None) -> None:
+        if timer is not None:
+            timer.cancel()
