@@ -23,10 +23,19 @@ from iptm_core.parameters import available_parameter_sets, describe_parameters, 
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import KINDS
 from iptm_interfaces.services import service_table_markdown
-from iptm_interfaces.topics import topic_table_markdown
+from iptm_interfaces.topics import (
+    HOST_FRAME,
+    LEADER_FRAME,
+    MAP_FRAME,
+    PACK_FRAME,
+    ROAD_FRAME,
+    topic_table_markdown,
+)
+from iptm_interfaces.visual_topics import PUBLISHER, VISUAL_TOPICS
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, SenderNodeParameters
 from iptm_view.viewer_layouts import LAYOUTS
+from iptm_view.visualizer_parameters import VisualizerParameters
 
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"
@@ -40,7 +49,14 @@ def topics_page() -> str:
     return (
         f"# Topics\n\n{NOTICE}Names are relative, so that a namespace moves the whole suite with its "
         "clock; only `/diagnostics` is global. Frames have it as prefix, `car_1/odom`, or `frame_prefix`. "
-        "All types are standard ones.\n\n" + topic_table_markdown()
+        "All types are standard ones.\n\n"
+        + topic_table_markdown()
+        + "\n## For 3-D viewers\n\nPublished by "
+        "`scripts/visualize` only ([how to](../how-to/README.md#-see-the-plan-in-rviz-or-foxglove)); it "
+        "publishes `robot_description` (`std_msgs/String`, latched), too, and where `tf2_msgs` is installed "
+        f"`/tf` with {_chain(MAP_FRAME, ROAD_FRAME, HOST_FRAME)} and {_chain(ROAD_FRAME, LEADER_FRAME)}, "
+        f"`/tf_static` with {_chain(HOST_FRAME, PACK_FRAME)}.\n\n"
+        + topic_table_markdown(VISUAL_TOPICS.values())
     )
 
 
@@ -52,6 +68,10 @@ def services_page() -> str:
         "[pause, step and reset](../how-to/README.md#pause-step-and-repeat-a-trip).\n\n"
         + service_table_markdown()
     )
+
+
+def _chain(*frames: str) -> str:
+    return "`" + " -> ".join(frames) + "`"
 
 
 def parameters_page() -> str:
@@ -88,10 +108,10 @@ NODES = {
 
 
 def nodes_page() -> str:
-    """Parameters of the three nodes, and of the sender of messages."""
+    """Parameters of the three nodes, of the sender of messages and of the visualizer."""
     parts = [f"# Node parameters\n\n{NOTICE}"]
-    sender = {"v2x_sender": (SenderNodeParameters, "")}
-    for node, (parameters, _) in (NODES | sender).items():
+    others = {"v2x_sender": (SenderNodeParameters, ""), PUBLISHER: (VisualizerParameters, "")}
+    for node, (parameters, _) in (NODES | others).items():
         parts.append(
             f"## `{node}`\n\n| parameter | default | unit | allowed | meaning |\n|---|---|---|---|---|\n"
         )

@@ -37,7 +37,7 @@ class NodeBench:
 
         with mock.patch.object(SuiteNode, "advertise", advertise_and_keep):
             self.node = factory()
-        names = {"/" + TOPICS[topic].name.lstrip("/"): topic for topic in Topic}
+        names = {"/" + TOPICS[topic].name.lstrip("/"): topic for topic in TOPICS}
         self._takers = {
             names[subscription.topic_name]: subscription
             for subscription in self.node.subscriptions

@@ -62,7 +62,7 @@ def write_bag(heard: Heard, prepared: PreparedScenario) -> Callable[..., Path]:
             scenario=described["scenario"], seed=3, parameters=described["parameters"]
         )
         with BagWriter(folder, custom_data=information.to_custom_data()) as writer:
-            for topic in Topic:
+            for topic in TOPICS:
                 name = TOPICS[topic].name
                 absolute = name if name.startswith("/") else f"/{name}"
                 channel = writer.add_topic(absolute, TOPICS[topic].type_name)

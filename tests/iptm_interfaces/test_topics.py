@@ -17,8 +17,9 @@ from iptm_interfaces.topics import (
     frame_in,
     topic_table_markdown,
 )
+from iptm_interfaces.visual_topics import VISUAL_TOPICS
 
-ALL = list(TOPICS.values())
+ALL = [*TOPICS.values(), *VISUAL_TOPICS.values()]
 
 
 def spec_id(spec: TopicSpec) -> str:
@@ -26,7 +27,8 @@ def spec_id(spec: TopicSpec) -> str:
 
 
 def test_every_key_has_a_specification() -> None:
-    assert set(TOPICS) == set(Topic)
+    assert set(TOPICS) | set(VISUAL_TOPICS) == set(Topic)
+    assert set(TOPICS).isdisjoint(VISUAL_TOPICS)
 
 
 @pytest.mark.parametrize("spec", ALL, ids=spec_id)
@@ -36,13 +38,13 @@ def test_names_are_relative_unless_global(spec: TopicSpec) -> None:
     elif spec.topic is Topic.CLOCK:
         assert spec.name == "clock"
     else:
-        assert re.fullmatch(r"(plant|v2x|controller)/[a-z0-9_]+", spec.name)
+        assert re.fullmatch(r"(plant|v2x|controller|visual)/[a-z0-9_]+", spec.name)
 
 
 @pytest.mark.parametrize("spec", ALL, ids=spec_id)
 def test_types_come_from_standard_packages(spec: TopicSpec) -> None:
     assert re.fullmatch(
-        r"(rosgraph|nav|geometry|sensor|std|trajectory|diagnostic)_msgs/msg/[A-Z]\w+",
+        r"(rosgraph|nav|geometry|sensor|std|trajectory|diagnostic|visualization)_msgs/msg/[A-Z]\w+",
         spec.type_name,
     )
 
@@ -56,7 +58,7 @@ def test_every_specification_is_complete(spec: TopicSpec) -> None:
 
 @pytest.mark.parametrize("spec", ALL, ids=spec_id)
 def test_only_static_data_is_latched(spec: TopicSpec) -> None:
-    expected = LATCHED_QOS if spec.topic is Topic.SLOPE else STREAM_QOS
+    expected = LATCHED_QOS if spec.topic in {Topic.SLOPE, Topic.VISUAL_ROAD} else STREAM_QOS
     assert spec.qos is expected
 
 
@@ -104,10 +106,11 @@ def test_frames_carry_the_vehicle(namespace: str, frame: str, expected: str) -> 
 
 
 def test_markdown_table_has_one_row_per_topic_and_per_field() -> None:
+    specs = TOPICS.values()
     table = topic_table_markdown()
     rows = [line for line in table.splitlines() if line.startswith("| `")]
-    assert len(rows) == len(ALL) + sum(len(spec.fields) for spec in ALL)
-    for spec in ALL:
+    assert len(rows) == len(specs) + sum(len(spec.fields) for spec in specs)
+    for spec in specs:
         assert f"| `{spec.name}` |" in table
-    columns = {row.count("|") for row in rows[: len(ALL)]}
+    columns = {row.count("|") for row in rows[: len(specs)]}
     assert columns == {9}

@@ -30,7 +30,7 @@ def simulated() -> Timeline:
     return Timeline(TimeSource.SIMULATED)
 
 
-@pytest.mark.parametrize("topic", list(Topic))
+@pytest.mark.parametrize("topic", list(TOPICS))
 def test_kind_of_every_topic_of_the_suite(topic: Topic) -> None:
     spec = TOPICS[topic]
     name = "/" + spec.name.lstrip("/")

@@ -13,7 +13,8 @@ import pytest
 import yaml
 
 import iptm_view
-from iptm_interfaces.topics import TOPICS, find_topic, frame_in
+from iptm_interfaces.topics import TOPICS, find_topic
+from iptm_interfaces.visual_topics import VISUAL_TOPICS
 from iptm_view.viewer_layouts import LAYOUTS, foxglove_layout, plotjuggler_layout, rviz_config
 
 FOLDER = Path(iptm_view.__file__).parent / "layouts"
@@ -65,7 +66,10 @@ def test_foxglove(namespace: str) -> None:
         for name in ("topicPath", "topicToRender"):
             if name in panel:
                 named.add(panel[name])
-        assert key.split("!")[0] in {"Plot", "RawMessages", "DiagnosticSummary"}
+        assert key.split("!")[0] in {"Plot", "RawMessages", "DiagnosticSummary", "3D"}
+    scene = layout["configById"]["3D!scene"]
+    prefix = namespace.rstrip("/")
+    assert set(scene["topics"]) == {f"{prefix}/{spec.name}" for spec in VISUAL_TOPICS.values()}
     unnamed = {spec.topic for spec in TOPICS.values()} - {
         find_topic(topic, namespace).topic for topic in named
     }
@@ -93,18 +97,21 @@ def test_plotjuggler() -> None:
 
 def test_rviz() -> None:
     manager = yaml.safe_load(rviz_config("/car_1"))["Visualization Manager"]
-    topics = {
-        entry["Topic"]["Value"]: entry["Class"] for entry in manager["Displays"] if "Topic" in entry
-    }
-    assert set(topics) == {"/car_1/plant/odometry", "/car_1/v2x/leader"}
-    for topic in topics:
-        spec = find_topic(topic, "/car_1")
-        assert spec is not None
-        assert spec.type_name == "nav_msgs/msg/Odometry"
+    displays = {entry["Topic"]["Value"]: entry for entry in manager["Displays"] if "Topic" in entry}
+    by_name = {f"/car_1/{spec.name}": spec for spec in VISUAL_TOPICS.values()}
+    assert set(displays) == set(by_name)
+    for name, entry in displays.items():
+        assert entry["Class"].split("/")[1] == by_name[name].type_name.split("/")[-1]
+        is_latched = entry["Topic"]["Durability Policy"] == "Transient Local"
+        assert is_latched == by_name[name].latched
         # Without transforms, only what is given in the fixed frame can be shown.
-        assert manager["Global Options"]["Fixed Frame"] == frame_in(
-            "/car_1", spec.frame.split(" -> ")[0]
-        )
+        assert manager["Global Options"]["Fixed Frame"] == by_name[name].frame
+    (frames,) = (entry["Frames"] for entry in manager["Displays"] if "Frames" in entry)
+    assert frames.pop("All Enabled") is False
+    assert set(frames) == {
+        f"car_1/{name}" for name in ("odom", "base_link", "leader", "battery_pack")
+    }
+    assert manager["Views"]["Current"]["Target Frame"] == "car_1/base_link"
 
 
 @pytest.mark.parametrize("name", LAYOUTS)

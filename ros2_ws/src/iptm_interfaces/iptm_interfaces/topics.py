@@ -8,7 +8,7 @@ used: a stamped vector of named float64 numbers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
@@ -73,6 +73,10 @@ class Topic(Enum):
     COMPRESSOR_POWER_COMMAND = "controller/compressor_power_command"
     PLAN = "controller/plan"
     SOLVE = "controller/solve"
+    VISUAL_ROAD = "visual/road"
+    VISUAL_PLAN = "visual/plan"
+    VISUAL_LEADER_PREVIEW = "visual/leader_preview"
+    VISUAL_SCENE = "visual/scene"
 
 
 @dataclass(frozen=True)
@@ -234,7 +238,7 @@ _SPECS = (
 # fmt: on
 
 TOPICS: Mapping[Topic, TopicSpec] = MappingProxyType({spec.topic: spec for spec in _SPECS})
-"""The table: specification of every topic by its key."""
+"""The table: specification of every topic of a run by its key."""
 
 
 STATE_TOPICS = (
@@ -295,8 +299,13 @@ def describe_qos(profile: QoSProfile) -> str:
     return text if durability == "volatile" else f"{text}, {durability}"
 
 
-def topic_table_markdown() -> str:
-    """Return the table of the README: one row per topic, one table of named fields below it."""
+def topic_table_markdown(specs: Iterable[TopicSpec] = _SPECS) -> str:
+    """Return the table of the reference: one row per topic, one table of named fields below it, if any.
+
+    Args:
+        specs: rows of the table.
+    """
+    specs = tuple(specs)
     lines = [
         "| topic | type | QoS | unit | frame | meaning and sign | rate | publisher |",
         "|---|---|---|---|---|---|---|---|",
@@ -304,10 +313,10 @@ def topic_table_markdown() -> str:
     lines += [
         f"| `{s.name}` | `{s.type_name.replace('/msg/', '/')}` | {describe_qos(s.qos)} | {s.unit} "
         f"| {s.frame} | {s.meaning} | {s.rate} | {s.publisher} |"
-        for s in _SPECS
+        for s in specs
     ]
-    lines += ["", "| topic | field | unit |", "|---|---|---|"]
-    lines += [
-        f"| `{s.name}` | `{name}` | {unit} |" for s in _SPECS for name, unit in s.fields.items()
-    ]
+    named = [(s.name, name, unit) for s in specs for name, unit in s.fields.items()]
+    if named:
+        lines += ["", "| topic | field | unit |", "|---|---|---|"]
+    lines += [f"| `{topic}` | `{name}` | {unit} |" for topic, name, unit in named]
     return "\n".join(lines) + "\n"

@@ -1,24 +1,20 @@
 """Listens to a run on the ROS graph without taking part in it.
 
-Messages stay bytes and are taken in bunches, so that a run in lock-step keeps its pace. Plant and bridge
-neither wait for the view nor take it for a peer: it joins the topics by whose listeners they count only while
-a trip is running, and leaves topics that nobody publishes any more.
+Messages stay bytes and are taken in bunches, so that a run in lock-step keeps its pace.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import partial
 
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 
 from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.rclpy_types import from_profile, to_profile
-from iptm_recording.recorded_topics import request_for
+from iptm_interfaces.visual_topics import VISUAL_TOPICS
 from iptm_recording.run_information import RunInformation
 from iptm_view.foxglove_server import FoxgloveServer
+from iptm_view.graph_subscriptions import OF_A_TRIP, GraphSubscriptions
 from iptm_view.node_questions import NodeQuestions
 from iptm_view.page_feed import PageFeed
 from iptm_view.run_facts import RunFacts, facts_of_information, facts_of_nodes
@@ -26,9 +22,7 @@ from iptm_view.run_follower import PAGE_TOPICS, RunFollower
 
 NAME = "view"
 
-COUNTED_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK, Topic.LEADER, Topic.LEADER_PREVIEW)
-"""Topics by whose listeners plant and bridge count their peers."""
-
+_SPECS = {**TOPICS, **VISUAL_TOPICS}
 _DEPTH = 1000  # several seconds of the fastest run
 _LOOK_S = 0.1
 _LOOK_WHILE_RUNNING_S = 0.5
@@ -67,8 +61,7 @@ class GraphSource:
         self._feed = feed
         self._foxglove = foxglove
         self._on_facts = on_facts
-        self._subscribed: dict[Topic, Subscription] = {}
-        self._names = {topic: node.resolve_topic_name(spec.name) for topic, spec in TOPICS.items()}
+        self._graph = GraphSubscriptions(node, self._take, _DEPTH, _SPECS)
         self._source = f"ROS graph, namespace {node.get_namespace()}"
         self._questions = NodeQuestions(node) if information is None else None
         facts = RunFacts(self._source)
@@ -94,50 +87,33 @@ class GraphSource:
         self._join_and_leave()
         if self._foxglove is not None:
             self._foxglove.serve_latecomers()
-        if self._questions is not None and self._subscribed and self._questions.ask():
+        if self._questions is not None and self._graph.joined and self._questions.ask():
             facts = facts_of_nodes(self._source, self._questions.answers)
             self._follower.show_facts(self._on_facts(facts))
 
     def _join_and_leave(self) -> None:
         wanted = self._foxglove.wanted if self._foxglove is not None else ()
-        published = {
-            topic for topic, name in self._names.items() if self._node.count_publishers(name)
-        }
+        names = self._graph.names
+        needed = {topic for topic, name in names.items() if topic in PAGE_TOPICS or name in wanted}
+        published = self._graph.look(needed)
+        if self._is_running and not self._graph.is_running:
+            self._end()
         if self._foxglove is not None:
             for topic in published:
-                self._foxglove.offer(self._names[topic], TOPICS[topic].type_name)
-        if self._is_running and Topic.PLANT_ODOMETRY not in published:
-            self._end()
-        for topic in TOPICS:
-            is_needed = topic in PAGE_TOPICS or self._names[topic] in wanted
-            is_open = self._is_running or topic not in COUNTED_TOPICS
-            if topic in published and is_needed and is_open:
-                self._join(topic)
-            elif topic in self._subscribed:
-                self._node.destroy_subscription(self._subscribed.pop(topic))
+                self._foxglove.offer(names[topic], _SPECS[topic].type_name)
         self._follower.expect(published)
-
-    def _join(self, topic: Topic) -> None:
-        if topic in self._subscribed:
-            return
-        name, spec = self._names[topic], TOPICS[topic]
-        infos = self._node.get_publishers_info_by_topic(name)
-        qos = to_profile(request_for([from_profile(info.qos_profile) for info in infos], _DEPTH))
-        self._subscribed[topic] = self._node.create_subscription(
-            spec.message_type, name, partial(self._take, topic), qos, raw=True
-        )
 
     def _take(self, topic: Topic, data: bytes) -> None:
         self.heard += 1
-        if topic not in {Topic.DIAGNOSTICS, Topic.SLOPE}:
+        if topic in OF_A_TRIP:
             self._last_heard_s = time.monotonic()
-            if not self._is_running:
-                self._is_running = True
-                self._looked_s = -_LOOK_S  # the gate is open: join at once
-                self._feed.put("end", {"ended": False})
+        if self._graph.is_running and not self._is_running:
+            self._is_running = True
+            self._looked_s = -_LOOK_S  # the gate is open: join at once
+            self._feed.put("end", {"ended": False})
         self._follower.take(topic, data)
         if self._foxglove is not None:
-            self._foxglove.take(self._names[topic], data, is_latched=TOPICS[topic].latched)
+            self._foxglove.take(self._graph.names[topic], data, is_latched=_SPECS[topic].latched)
 
     def _end(self) -> None:
         """The plant has left the graph: the trip is over, and the next one has other parameters."""

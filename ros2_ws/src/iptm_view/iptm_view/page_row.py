@@ -15,7 +15,7 @@ from iptm_core.errors import MessageError
 from iptm_core.parameters import ModelParameters
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.physics.gap_policy import minimum_gap_m
-from iptm_core.state import SlopePreview
+from iptm_core.routes.road_course import heights
 from iptm_interfaces.codecs import (
     decode_decision_record,
     decode_leader,
@@ -212,12 +212,7 @@ def road_height(data: bytes) -> dict[str, list[float]]:
     Raises:
         MessageError: the message breaks its promise.
     """
-    slope: SlopePreview = decode_slope(_message(Topic.SLOPE, data))
-    position_m, slope_rad = slope.positions_m, slope.slopes_rad
-    # The position counts along the road, so a piece of it climbs by the sine of its slope.
-    climb = np.sin(0.5 * (slope_rad[1:] + slope_rad[:-1])) * np.diff(position_m)
-    height_m = np.concatenate(([0.0], np.cumsum(climb)))
-    height_m -= np.interp(0.0, position_m, height_m)
+    position_m, height_m = heights(decode_slope(_message(Topic.SLOPE, data)))
     return {"position_m": position_m.tolist(), "height_m": height_m.tolist()}
 
 

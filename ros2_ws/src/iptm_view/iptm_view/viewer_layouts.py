@@ -16,14 +16,24 @@ from xml.etree import ElementTree as ET
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import BatteryState, JointState, Temperature
 from std_msgs.msg import Float64
 from trajectory_msgs.msg import JointTrajectory
 
-from iptm_interfaces.topics import ROAD_FRAME, TOPICS, TopicSpec, frame_in
+from iptm_interfaces.topics import (
+    HOST_FRAME,
+    LEADER_FRAME,
+    MAP_FRAME,
+    PACK_FRAME,
+    ROAD_FRAME,
+    TOPICS,
+    frame_in,
+)
+from iptm_interfaces.visual_topics import DESCRIPTION_TOPIC, VISUAL_TOPICS
 
 _COLORS = ("#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#737b84")
+_RVIZ_COLORS = ("115; 123; 132", "0; 114; 178", "213; 94; 0")
 _WINDOW_S = 120
 _COLUMNS = 3
 
@@ -72,7 +82,7 @@ def plots(namespace: str = "/") -> tuple[Plot, ...]:
     """
     found: dict[str, list[Curve]] = {}
     for spec in TOPICS.values():
-        topic = _full_name(spec, namespace)
+        topic = _full_name(spec.name, namespace)
         for field, title, unit in _CURVES.get(spec.message_type, ()):
             found.setdefault(f"{title} ({unit})", []).append(Curve(topic, field, topic))
         if spec.message_type is Float64:
@@ -113,7 +123,7 @@ def foxglove_layout(namespace: str = "/") -> str:
             "legendDisplay": "top",
         }
     for spec in TOPICS.values():
-        topic = _full_name(spec, namespace)
+        topic = _full_name(spec.name, namespace)
         if spec.message_type is JointTrajectory:
             panels[f"RawMessages!{_slug(topic)}"] = {**_titled(topic), "topicPath": topic}
         if spec.message_type is DiagnosticArray:
@@ -122,6 +132,15 @@ def foxglove_layout(namespace: str = "/") -> str:
                 "topicToRender": topic,
                 "minLevel": 0,
             }
+    panels["3D!scene"] = {
+        **_titled("Road, plan and both cars"),
+        "followMode": "follow-pose",
+        "followTf": frame_in(namespace, HOST_FRAME),
+        "cameraState": {"distance": 60, "perspective": True, "phi": 60, "thetaOffset": 90},
+        "topics": {
+            _full_name(spec.name, namespace): {"visible": True} for spec in VISUAL_TOPICS.values()
+        },
+    }
     document = {
         "configById": panels,
         "globalVariables": {},
@@ -165,50 +184,71 @@ def plotjuggler_name(curve: Curve) -> str:
 
 
 def rviz_config(namespace: str = "/") -> str:
-    """Return a configuration for RViz: both cars as arrows along the road, seen from above.
+    """Return a configuration for RViz: the scene of `scripts/visualize`, the camera behind the host.
 
     Args:
         namespace: of the vehicle.
     """
-    colors = cycle(("0; 114; 178", "213; 94; 0"))
-    cars = [
-        {
-            "Class": "rviz_default_plugins/Odometry",
-            "Name": spec.name,
-            "Enabled": True,
-            "Keep": 1,
-            "Shape": {
-                "Value": "Arrow",
-                "Color": next(colors),
-                "Shaft Length": 3,
-                "Head Length": 1.5,
-            },
-            "Covariance": {"Value": False},
-            "Topic": {
-                "Value": _full_name(spec, namespace),
-                "Depth": 10,
-                "History Policy": "Keep Last",
-                "Reliability Policy": "Reliable",
-                "Durability Policy": "Volatile",
-            },
-        }
-        for spec in TOPICS.values()
-        if spec.message_type is Odometry
+    displays: list[dict[str, Any]] = [
+        {"Class": "rviz_default_plugins/Grid", "Name": "10 m", "Enabled": True, "Cell Size": 10}
+        | {"Plane Cell Count": 200}
     ]
-    grid = {"Class": "rviz_default_plugins/Grid", "Name": "10 m", "Enabled": True, "Cell Size": 10}
-    view = {"Class": "rviz_default_plugins/TopDownOrtho", "Name": "from above", "Scale": 5}
+    for spec, color in zip(VISUAL_TOPICS.values(), cycle(_RVIZ_COLORS), strict=False):
+        is_path = spec.message_type is Path
+        shown = {"Color": color, "Line Style": "Billboards", "Line Width": 0.4} if is_path else {}
+        displays.append(
+            {
+                "Class": f"rviz_default_plugins/{'Path' if is_path else 'MarkerArray'}",
+                "Name": spec.name,
+                "Enabled": True,
+                **shown,
+                "Topic": _rviz_topic(_full_name(spec.name, namespace), is_latched=spec.latched),
+            }
+        )
+    # Both need transforms, so a visualizer where tf2_msgs is installed.
+    frames = [
+        frame_in(namespace, name) for name in (ROAD_FRAME, HOST_FRAME, LEADER_FRAME, PACK_FRAME)
+    ]
+    displays.append(
+        {"Class": "rviz_default_plugins/TF", "Name": "frames", "Enabled": True, "Marker Scale": 4}
+        | {"Frames": {"All Enabled": False, **{name: {"Value": True} for name in frames}}}
+    )
+    description = _full_name(DESCRIPTION_TOPIC, namespace)
+    displays.append(
+        {"Class": "rviz_default_plugins/RobotModel", "Name": "car", "Enabled": False}
+        | {"Description Source": "Topic"}
+        | {"Description Topic": _rviz_topic(description, is_latched=True)}
+    )
     document = {
         "Panels": [{"Class": "rviz_common/Displays", "Name": "Displays"}],
         "Visualization Manager": {
             "Class": "",
-            "Displays": [{**grid, "Plane Cell Count": 200}, *cars],
-            "Global Options": {"Fixed Frame": frame_in(namespace, ROAD_FRAME), "Frame Rate": 30},
+            "Displays": displays,
+            "Global Options": {"Fixed Frame": MAP_FRAME, "Frame Rate": 30},
             "Tools": [{"Class": "rviz_default_plugins/MoveCamera"}],
-            "Views": {"Current": view},
+            "Views": {
+                "Current": {
+                    "Class": "rviz_default_plugins/TopDownOrtho",
+                    "Name": "from above",
+                    "Scale": 5,
+                    # Moves with the host where there are transforms.
+                    "Target Frame": frame_in(namespace, HOST_FRAME),
+                }
+            },
         },
     }
     text: str = yaml.safe_dump(document, sort_keys=False)
     return text
+
+
+def _rviz_topic(name: str, *, is_latched: bool) -> dict[str, Any]:
+    return {
+        "Value": name,
+        "Depth": 1 if is_latched else 10,
+        "History Policy": "Keep Last",
+        "Reliability Policy": "Reliable",
+        "Durability Policy": "Transient Local" if is_latched else "Volatile",
+    }
 
 
 LAYOUTS = {
@@ -219,11 +259,11 @@ LAYOUTS = {
 """What makes each file of the folder `layouts`."""
 
 
-def _full_name(spec: TopicSpec, namespace: str) -> str:
+def _full_name(name: str, namespace: str) -> str:
     prefix = namespace.strip("/")
-    if spec.name.startswith("/"):
-        return spec.name
-    return f"/{prefix}/{spec.name}" if prefix else f"/{spec.name}"
+    if name.startswith("/"):
+        return name
+    return f"/{prefix}/{name}" if prefix else f"/{name}"
 
 
 def _titled(title: str) -> dict[str, str]:

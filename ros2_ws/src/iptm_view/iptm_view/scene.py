@@ -1,0 +1,179 @@
+"""The messages of the visualizer: paths along the road, and the scene of both cars as markers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Vector3
+from nav_msgs.msg import Path
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from iptm_core.parameters import ModelParameters
+from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.routes.road_course import RoadCourse, RoadPoses
+from iptm_core.state import FloatArray, LeaderState
+from iptm_interfaces.codecs.time import time_from_ns, time_from_s
+from iptm_interfaces.topics import MAP_FRAME
+from iptm_view.vehicle_description import CLEARANCE_M, LENGTH_M, body_size_m
+
+HOST_LENGTH_M = -LENGTH_M
+"""From the position of the host, its front bumper, to its other end."""
+LEADER_LENGTH_M = LENGTH_M
+"""From the position of the leader, its rear bumper, to its other end."""
+
+_ROAD_POSES = 2000
+_FINEST_SPACING_M = 5.0
+_LANE_WIDTH_M = 3.5
+_BAR_M = (0.3, 0.1)
+_TEXT_M = 1.5
+_HOST_COLOR = (0.0, 0.45, 0.7, 0.9)
+_LEADER_COLOR = (0.84, 0.37, 0.0, 0.9)
+_NEAREST_COLOR = (0.8, 0.1, 0.1, 0.9)
+_FARTHEST_COLOR = (0.2, 0.5, 0.9, 0.9)
+_TEXT_COLOR = (1.0, 1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Both cars at one instant.
+
+    Attributes:
+        stamp_ns: the instant.
+        host: of which the front bumper counts.
+        leader: of which the rear bumper counts; None where nobody leads.
+        warmest_cell_c: temperature of the warmest cell, None where it is not known.
+    """
+
+    stamp_ns: int
+    host: LeaderState
+    leader: LeaderState | None
+    warmest_cell_c: float | None = None
+
+
+def path_message(
+    course: RoadCourse,
+    stamp_ns: int,
+    positions_m: FloatArray,
+    length_m: float,
+    times_s: FloatArray | None = None,
+) -> Path:
+    """Return positions along the road as poses on it.
+
+    Args:
+        course: the road.
+        stamp_ns: of the message.
+        positions_m: shape (n,).
+        length_m: of the body that stands there, see `RoadCourse.poses`.
+        times_s: when each pose is reached, shape (n,); None stamps them like the message.
+    """
+    message = Path()
+    message.header.stamp = time_from_ns(stamp_ns)
+    message.header.frame_id = MAP_FRAME
+    if positions_m.size:
+        poses = pose_messages(course.poses(positions_m, length_m))
+        message.poses = [PoseStamped(header=message.header, pose=pose) for pose in poses]
+    if times_s is not None:
+        for entry, time_s in zip(message.poses, times_s.tolist(), strict=True):
+            entry.header = type(message.header)(frame_id=MAP_FRAME, stamp=time_from_s(time_s))
+    return message
+
+
+def road_message(course: RoadCourse, stamp_ns: int) -> Path:
+    """Return the whole road from the start of the trip: as long as its line, else as its slope is known."""
+    line = course.line
+    end_m = float(course.slope.positions_m[-1]) if line is None else line.length_m
+    spacing_m = max(_FINEST_SPACING_M, end_m / _ROAD_POSES)
+    positions_m: FloatArray = np.arange(0.0, end_m + spacing_m, spacing_m, dtype=np.float64)
+    return path_message(course, stamp_ns, positions_m, LENGTH_M)
+
+
+def scene_message(scene: Scene, course: RoadCourse, parameters: ModelParameters) -> MarkerArray:
+    """Return the markers of a scene; those that it does not have are deleted.
+
+    Args:
+        scene: who is where.
+        course: the road.
+        parameters: of the model, for limits of the gap and the size of the cars.
+    """
+    host, leader = scene.host, scene.leader
+    size_m = body_size_m(parameters)
+    words = [f"{3.6 * host.speed_m_s:.0f} km/h"]
+    markers = {"host": _car(course, host.position_m, HOST_LENGTH_M, size_m, _HOST_COLOR)}
+    if leader is not None:
+        words.append(f"gap {leader.position_m - host.position_m:.0f} m")
+        markers["leader"] = _car(course, leader.position_m, LEADER_LENGTH_M, size_m, _LEADER_COLOR)
+        gap, limits = parameters.gap, parameters.limits
+        nearest_m = float(minimum_gap_m(host.speed_m_s, leader.speed_m_s, gap, limits))
+        for name, gap_m, color in (
+            ("s_min", nearest_m, _NEAREST_COLOR),
+            ("s_max", gap.max_gap_m, _FARTHEST_COLOR),
+        ):
+            markers[name] = _bar(course, leader.position_m - gap_m, color)
+    if scene.warmest_cell_c is not None:
+        words.append(f"{scene.warmest_cell_c:.1f} °C")
+    above = course.poses(host.position_m - 0.5 * LENGTH_M, HOST_LENGTH_M)
+    markers["state"] = _marker(
+        Marker.TEXT_VIEW_FACING, above, 4.0, (0.0, 0.0, _TEXT_M), _TEXT_COLOR
+    )
+    markers["state"].text = ", ".join(words)
+    for name in ("leader", "s_min", "s_max"):
+        markers.setdefault(name, Marker(action=Marker.DELETE))
+    for name, marker in markers.items():
+        marker.ns = name
+        marker.header.frame_id = MAP_FRAME
+        marker.header.stamp = time_from_ns(scene.stamp_ns)
+    return MarkerArray(markers=list(markers.values()))
+
+
+def _car(
+    course: RoadCourse,
+    position_m: float,
+    length_m: float,
+    size_m: tuple[float, float, float],
+    color: tuple[float, ...],
+) -> Marker:
+    # A box has its origin in its middle; both ends of the car are on the road.
+    poses = course.poses(position_m, length_m)
+    middle = 0.5 * (poses.points_m + course.points_m(np.array([position_m + length_m])))
+    placed = RoadPoses(middle, poses.yaws_rad, poses.grades_rad)
+    return _marker(Marker.CUBE, placed, CLEARANCE_M + 0.5 * size_m[2], size_m, color)
+
+
+def _bar(course: RoadCourse, position_m: float, color: tuple[float, ...]) -> Marker:
+    length_m, height_m = _BAR_M
+    size_m = (length_m, _LANE_WIDTH_M, height_m)
+    return _marker(
+        Marker.CUBE, course.poses(position_m, HOST_LENGTH_M), 0.5 * height_m, size_m, color
+    )
+
+
+def _marker(
+    kind: int,
+    poses: RoadPoses,
+    height_m: float,
+    size_m: tuple[float, float, float],
+    color: tuple[float, ...],
+) -> Marker:
+    lifted_m = poses.points_m + np.array([0.0, 0.0, height_m])
+    raised = RoadPoses(lifted_m, poses.yaws_rad, poses.grades_rad)
+    red, green, blue, alpha = color
+    return Marker(
+        type=kind,
+        action=Marker.ADD,
+        pose=pose_messages(raised)[0],
+        scale=Vector3(x=float(size_m[0]), y=float(size_m[1]), z=float(size_m[2])),
+        color=ColorRGBA(r=red, g=green, b=blue, a=alpha),
+    )
+
+
+def pose_messages(poses: RoadPoses) -> Sequence[Pose]:
+    """Return poses on the road as messages."""
+    return [
+        Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+        for (x, y, z), (qx, qy, qz, qw) in zip(
+            poses.points_m.tolist(), poses.quaternions().tolist(), strict=True
+        )
+    ]

@@ -1,0 +1,45 @@
+"""Parameters of the visualizer node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from iptm_core.declaration import parameter
+from iptm_core.errors import ParameterError
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.routes.user_csv import USER_SUFFIXES, read_user_trip
+from iptm_core.settings import FrameSettings, ModelSettings
+
+
+@dataclass(frozen=True)
+class VisualizerParameters(FrameSettings, ModelSettings):
+    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
+
+    road: str = parameter(
+        "",
+        "recorded drive along whose road the scene lies: path of a .gpx file or of a .csv file with places; "
+        "empty for a straight road",
+    )
+    rate_hz: float = parameter(
+        20.0, "messages per second of wall time at most, of each topic", "Hz", 0.1, 200.0
+    )
+
+    def road_line(self) -> RoadLine | None:
+        """Return where the road lies, None for a straight one.
+
+        Raises:
+            RouteError: the file is not usable.
+            ParameterError: it does not say where the road lies.
+        """
+        if not self.road:
+            return None
+        allowed = "a .gpx file, a .csv file with latitude_deg and longitude_deg, or empty"
+        if not self.road.lower().endswith(USER_SUFFIXES):
+            raise ParameterError(f"parameter road is {self.road!r}; allowed: {allowed}")
+        line = read_user_trip(Path(self.road)).line
+        if line is None:
+            raise ParameterError(
+                f"parameter road is {self.road!r}, a file without places; allowed: {allowed}"
+            )
+        return line
