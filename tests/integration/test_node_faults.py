@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
+from unittest import mock
 
 import pytest
 from rosgraph_msgs.msg import Clock
@@ -22,6 +23,7 @@ from iptm_interfaces.codecs import (
     encode_slope,
 )
 from iptm_interfaces.diagnostics import Level
+from iptm_interfaces.stamp_matcher import StampMatcher
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import STATE_TOPICS, Topic
 from iptm_plant_sim.node import PlantNode
@@ -38,6 +40,7 @@ def controller() -> Iterator[NodeBench]:
         bench.hear({Topic.SLOPE: encode_slope(ROAD)})
         for tick in range(500, 503):
             bench.hear(tick_messages(float(tick)))
+            await_answer(bench, tick)
         assert bench.stamps(Topic.COMMAND) == [500, 501, 502]
         yield bench
 
@@ -50,11 +53,21 @@ def restamped(messages: dict[Topic, Any], seconds: int, nanoseconds: int = 0) ->
     return messages
 
 
+def matcher_of(controller: NodeBench) -> StampMatcher[Topic]:
+    matcher: StampMatcher[Topic] = controller.node._matcher  # type: ignore[attr-defined]
+    return matcher
+
+
+def await_answer(controller: NodeBench, tick: int) -> None:
+    """Wait for a command; after a slow decision the controller looks for newer ticks before it answers."""
+    controller.spin_until(lambda: controller.stamps(Topic.COMMAND)[-1:] == [tick])
+
+
 def assert_hears(controller: NodeBench, *ticks: int) -> None:
-    """Check that ticks are answered, each at once."""
+    """Check that ticks are answered."""
     for tick in ticks:
         controller.hear(tick_messages(float(tick)))
-        assert controller.stamps(Topic.COMMAND)[-1] == tick
+        await_answer(controller, tick)
     assert controller.situation == (Level.OK, "optimal plans")
 
 
@@ -69,11 +82,14 @@ def test_stray_stamps_from_the_future_do_not_deafen_the_controller(
     present = tick_messages(503.0)
     controller.hear(present, *STATE_TOPICS)
     seconds = min(503 + ahead_s, 2**31 - 1)
-    for stray in range(20):
-        controller.hear(restamped(tick_messages(1.0), seconds, stray), *topics)
+    # All within a moment, also where the machine takes longer: after a second of silence they are believed.
+    now_s = time.monotonic()
+    with mock.patch.object(matcher_of(controller).gate, "_steady_time_s", return_value=now_s):
+        for stray in range(20):
+            controller.hear(restamped(tick_messages(1.0), seconds, stray), *topics)
     if ahead_s > 10:
         controller.hear(present, *LINK)
-        assert controller.stamps(Topic.COMMAND)[-1] == 503
+        await_answer(controller, 503)
     # Just ahead, a whole tick may be taken for the next one; a plant that repeats itself is heard again.
     controller.spin_until(lambda: hears_repeated(controller, 503))
     assert_hears(controller, 504, 505, 506, 507)
@@ -92,7 +108,7 @@ def test_a_tick_with_an_impossible_stamp_is_counted_and_forgotten(
     controller.hear(restamped(tick_messages(503.0), seconds, 5))
     controller.hear(restamped(tick_messages(503.0), 2**31 - 1, 2**32 - 1))
     assert_hears(controller, 503, 504)
-    assert int(controller.node._matcher.counts.stray) == 16  # type: ignore[attr-defined]
+    assert matcher_of(controller).counts.stray == 16
 
 
 def test_the_last_state_sent_again_gets_the_same_answer(controller: NodeBench) -> None:
@@ -109,10 +125,12 @@ def test_a_defect_in_a_callback_is_told_and_survived(
     with monkeypatch.context() as patch:
         patch.setattr(controller.node._controller, "decide", lambda _: 1 / 0)  # type: ignore[attr-defined]
         controller.hear(tick_messages(503.0))
-    controller.hear(tick_messages(504.0))
-    assert controller.situation == (Level.ERROR, "an internal error was caught, see the log")
+        controller.spin_until(lambda: controller.situation[0] is Level.ERROR)
+    assert controller.situation[1] == "an internal error was caught, see the log"
     assert controller.values["caught_errors"] == "1"
     assert "ZeroDivisionError" in controller.values["last_caught_error"]
+    controller.hear(tick_messages(504.0))
+    await_answer(controller, 504)
     controller.spin_until(lambda: controller.situation == (Level.OK, "optimal plans"))
 
 
@@ -125,9 +143,9 @@ def test_messages_of_absurd_size_are_refused_unread(controller: NodeBench) -> No
     controller.hear({Topic.SLOPE: road})
     controller.hear({Topic.PLANT_ODOMETRY: b"\x00\x01\x00\x00 no odometry"})
     controller.hear(present)
+    await_answer(controller, 503)
     assert controller.situation == (Level.WARN, "messages were refused")
     assert controller.values["refused_messages"] == "3"
-    assert controller.stamps(Topic.COMMAND)[-1] == 503
 
 
 def test_a_dead_plant_and_a_deaf_controller_are_told() -> None:
@@ -152,16 +170,14 @@ def test_a_dead_plant_and_a_deaf_controller_are_told() -> None:
 
 def test_inputs_are_waited_for_in_trip_time_too() -> None:
     """At ten times real time a bridge that is gone must not cost the plant its controller."""
-    with node_bench(ControllerNode, horizon=SMALL["horizon"], input_timeout_s=2.0) as bench:
+    with node_bench(ControllerNode, horizon=SMALL["horizon"], input_timeout_s=6.0) as bench:
         bench.hear({Topic.SLOPE: encode_slope(ROAD)})
         bench.hear(tick_messages(0.0))
-        begin_s = time.monotonic()
-        for tick in range(1, 10):
+        for tick in range(3, 30, 3):
             bench.hear(tick_messages(float(tick)), *STATE_TOPICS)
             pause_s = time.monotonic() + 0.03
             bench.spin_until(lambda pause_s=pause_s: time.monotonic() > pause_s)
-        assert time.monotonic() - begin_s < 2.0, "too slow a machine to tell"
-        assert bench.stamps(Topic.COMMAND) == [0, 3, 6, 9]
+        assert bench.stamps(Topic.COMMAND) == [0, 9, 18, 27]
 
 
 def test_a_controller_that_is_too_slow_answers_the_newest_tick(
