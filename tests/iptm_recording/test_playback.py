@@ -64,9 +64,6 @@ def test_own_clock_replaces_the_recorded_one(tmp_path: Path, encode: Encode) -> 
         assert len(Playback(reader, PlaybackOptions(bag)).topics) == 2
         own = Playback(reader, PlaybackOptions(bag, rate=4.0, clock_hz=10.0))
         assert [topic.name for topic in own.topics] == ["/a"]
-        assert own.recorded_ns(0.0) == 100 * S
-        assert own.recorded_ns(0.25) == 101 * S
-        assert own.recorded_ns(99.0) == 102 * S
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Every service of the suite, as data: names, types, servers and what they do.
 
-Names are relative like those of the topics, so that a namespace moves them with the vehicle.
+Names are relative like those of the topics, so that a namespace moves them with the vehicle. Those of player
+and recorder are named as those of `ros2 bag`, whose types are in `rosbag2_interfaces`: no wheel has it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,10 @@ class Service(Enum):
     RESUME = "plant/resume"
     STEP = "plant/step"
     RESET = "plant/reset"
+    PLAYER_PAUSE = "player/pause"
+    PLAYER_RESUME = "player/resume"
+    PLAYER_TOGGLE_PAUSED = "player/toggle_paused"
+    PLAYER_PLAY_NEXT = "player/play_next"
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,12 @@ _SPECS = (
         Service.RESET,
         "plant",
         "begin a new trip from the start, which the other nodes follow; one that is paused stays so",
+    ),
+    ServiceSpec(Service.PLAYER_PAUSE, "player", "hold the playback"),
+    ServiceSpec(Service.PLAYER_RESUME, "player", "go on with a playback that is paused"),
+    ServiceSpec(Service.PLAYER_TOGGLE_PAUSED, "player", "hold the playback, or go on"),
+    ServiceSpec(
+        Service.PLAYER_PLAY_NEXT, "player", "play the next message of a playback that is paused"
     ),
 )
 

@@ -86,6 +86,17 @@ def _cached_definition(type_name: str, prefix_path: str) -> MessageDefinition:
     return MessageDefinition(type_name, text, type_hash)
 
 
+def known_hashes(type_name: str) -> set[str]:
+    """Return the hashes of a type as it is installed here, by ROS and by rosbags; none if it is not known."""
+    standard = standard_typestore()
+    hashes = {standard.hash_rihs01(type_name)} if type_name in standard.fielddefs else set()
+    try:
+        hashes.add(message_definition(type_name).type_hash)
+    except BagError:
+        return hashes
+    return hashes - {""}
+
+
 @lru_cache(maxsize=1)
 def standard_typestore() -> Typestore:
     """Return the message types of ROS 2 Jazzy; shared, so never register types in it."""

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader
+from iptm_recording.qos_overrides import QosOverrides
 from iptm_recording.recorded_topics import TopicRecord, TopicSelection
 from iptm_recording.storage import RawMessage
 from iptm_recording.timeline import CLOCK_TOPIC, CLOCK_TYPE
 
 MAX_TIME_S = 1e9
 """Longest time that is waited or skipped (thirty years); what is longer is a mistake."""
-_LEAST_RATE, _MOST_RATE = 1e-6, 1e9
+LEAST_RATE, MOST_RATE = 1e-6, 1e9
 _MOST_CLOCK_HZ = 1e4
 _LEAST_DURATION_S = 1e-9
 
@@ -33,6 +34,10 @@ class PlaybackOptions:
             one, under its name; None plays the recorded clock like any other topic.
         wait_for_subscribers: subscriptions, over all topics, to wait for before beginning.
         delay_s: time for subscribers to find the player before it begins.
+        is_looping: begin again at the end.
+        is_paused: begin paused.
+        remap: names under which topics are played, by their names in the bag.
+        qos: what a user wants of the quality of service, by names in the bag.
     """
 
     bag: Path
@@ -43,14 +48,18 @@ class PlaybackOptions:
     clock_hz: float | None = None
     wait_for_subscribers: int = 0
     delay_s: float = 1.0
+    is_looping: bool = False
+    is_paused: bool = False
+    remap: Mapping[str, str] = field(default_factory=dict)
+    qos: QosOverrides = field(default_factory=QosOverrides)
 
     def __post_init__(self) -> None:
-        _check("rate", self.rate, _LEAST_RATE, _MOST_RATE)
+        _check("rate", self.rate, LEAST_RATE, MOST_RATE)
         _check("start", self.start_s, 0.0, MAX_TIME_S, " s")
         if self.duration_s is not None:
             _check("duration", self.duration_s, _LEAST_DURATION_S, MAX_TIME_S, " s")
         if self.clock_hz is not None:
-            _check("clock rate", self.clock_hz, _LEAST_RATE, _MOST_CLOCK_HZ, " Hz")
+            _check("clock rate", self.clock_hz, LEAST_RATE, _MOST_CLOCK_HZ, " Hz")
         _check("delay", self.delay_s, 0.0, MAX_TIME_S, " s")
 
 
@@ -63,6 +72,10 @@ class Playback:
 
     Attributes:
         clock_topic: full name of the clock of the bag.
+        bag_start_ns: recorded time from which offsets count.
+        start_ns: recorded time of the begin of the part.
+        end_ns: recorded time of its end.
+        topics: what is played.
 
     Raises:
         BagError: the bag is empty, a pattern matches no topic, or the part holds no message.
@@ -72,6 +85,7 @@ class Playback:
         if reader.message_count == 0:
             raise BagError(f"{options.bag} holds no messages: there is nothing to play")
         unused = options.selection.unused(reader.topics)
+        unused += [name for name in options.remap if name not in reader.topics]
         if unused:
             raise BagError(
                 f"{options.bag} has no topic {', '.join(map(repr, unused))};"
@@ -84,6 +98,7 @@ class Playback:
             )
         self._reader = reader
         self._options = options
+        self.bag_start_ns = reader.start_ns
         clocks = [topic.name for topic in reader.topics.values() if topic.type_name == CLOCK_TYPE]
         # With the clocks of several vehicles nobody knows which one is meant.
         self.clock_topic = clocks[0] if len(clocks) == 1 else CLOCK_TOPIC
@@ -91,6 +106,8 @@ class Playback:
         self.end_ns = reader.end_ns
         if options.duration_s is not None:
             self.end_ns = min(self.end_ns, self.start_ns + round(options.duration_s * 1e9))
+        if options.is_looping and self.end_ns <= self.start_ns:
+            raise BagError(f"the part of {options.bag} is one instant: it cannot be looped")
         self.topics: list[TopicRecord] = [
             topic
             for topic in reader.topics.values()
@@ -112,27 +129,26 @@ class Playback:
         """
         return max(0.0, (log_time_ns - self.start_ns) * 1e-9 / self._options.rate)
 
-    def recorded_ns(self, elapsed_s: float) -> int:
-        """Return the recorded time that corresponds to a time since the begin (for `/clock`)."""
-        passed_ns = round(elapsed_s * self._options.rate * 1e9)
-        return min(self.start_ns + passed_ns, self.end_ns)
-
-    def messages(self) -> Iterator[RawMessage]:
-        """Yield the messages of the part in order of their log times.
+    def messages(self, from_ns: int | None = None) -> Iterator[RawMessage]:
+        """Yield messages in order of their log times.
 
         Before the first one come the last earlier messages of latched topics: a subscriber that
         joins in the middle of a run has them as well.
-        """
-        names = [topic.name for topic in self.topics]
-        yield from self._latched_before()
-        yield from self._reader.raw_messages(names, self.start_ns, self.end_ns + 1)
 
-    def _latched_before(self) -> Iterator[RawMessage]:
+        Args:
+            from_ns: recorded time at which to begin; the begin of the part by default.
+        """
+        start_ns = self.start_ns if from_ns is None else from_ns
+        names = [topic.name for topic in self.topics]
+        yield from self._latched_before(start_ns)
+        yield from self._reader.raw_messages(names, start_ns, self.end_ns + 1)
+
+    def _latched_before(self, start_ns: int) -> Iterator[RawMessage]:
         latched = [topic.name for topic in self.topics if topic.is_latched]
-        if not latched or self._options.start_s == 0.0:
+        if not latched or start_ns <= self._reader.start_ns:
             return
         last: dict[str, RawMessage] = {}
-        for message in self._reader.raw_messages(latched, end_ns=self.start_ns):
+        for message in self._reader.raw_messages(latched, end_ns=start_ns):
             last[message.topic] = message
         yield from last.values()
 

@@ -13,27 +13,56 @@ from iptm_interfaces.command_line import own_arguments
 from iptm_interfaces.process import EXIT_USER_ERROR, run_node
 from iptm_recording.playback import PlaybackOptions
 from iptm_recording.player_node import PlayerNode
+from iptm_recording.qos_overrides import QosOverrides, load_qos_overrides
 from iptm_recording.recorded_topics import TopicSelection
 
 _DEFAULT_CLOCK_HZ = 40.0
+_ROS = "--ros-args"
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line without its ROS arguments."""
     parser = argparse.ArgumentParser(
         prog="replay",
-        description="Play a bag onto the ROS 2 graph with its recorded timing."
-        " ROS arguments (remaps) follow after --ros-args.",
+        description="Play a bag onto the ROS 2 graph with its recorded timing. While it plays, the services"
+        " /player/pause, resume, toggle_paused and play_next (std_srvs/srv/Trigger) and the parameters rate"
+        " and seek_s of /player control it. ROS arguments (namespace, remaps) follow after --ros-args.",
     )
     parser.add_argument("bag", type=Path, help="bag folder or file")
     parser.add_argument(
-        "--rate", type=number, default=1.0, help="times the recorded speed (default: 1)"
+        "-r", "--rate", type=number, default=1.0, help="times the recorded speed (default: 1)"
     )
     parser.add_argument(
-        "--start", type=number, default=0.0, metavar="S", help="begin so many seconds into the bag"
+        "--start",
+        "--start-offset",
+        type=number,
+        default=0.0,
+        metavar="S",
+        help="begin so many seconds into the bag",
     )
     parser.add_argument(
-        "--duration", type=number, metavar="S", help="play so many recorded seconds (default: all)"
+        "--duration",
+        "--playback-duration",
+        type=number,
+        metavar="S",
+        help="play so many recorded seconds (default: all)",
+    )
+    parser.add_argument("-l", "--loop", action="store_true", help="begin again at the end")
+    parser.add_argument("-p", "--start-paused", action="store_true", help="begin paused")
+    parser.add_argument(
+        "-m",
+        "--remap",
+        type=_rule,
+        nargs="+",
+        default=[],
+        metavar="OLD:=NEW",
+        help="play a topic of the bag under another name",
+    )
+    parser.add_argument(
+        "--qos-profile-overrides-path",
+        type=Path,
+        metavar="YAML",
+        help="policies by topic of the bag, in place of those that its publishers offered",
     )
     parser.add_argument(
         "--topics", nargs="+", default=[], metavar="TOPIC", help="names or patterns to play"
@@ -57,6 +86,7 @@ def build_parser() -> argparse.ArgumentParser:
         help="begin when the played topics have N subscriptions together",
     )
     parser.add_argument(
+        "-d",
         "--delay",
         type=number,
         default=1.0,
@@ -66,12 +96,34 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _rule(text: str) -> tuple[str, str]:
+    """Read a rule in the form of `_without_rules`.
+
+    Raises:
+        ArgumentTypeError: it is none.
+    """
+    old, _, new = text.partition("=")
+    if not (old and new):
+        raise argparse.ArgumentTypeError(f"rule is {text!r}; allowed: OLD:=NEW")
+    return (old if old.startswith("/") else f"/{old}"), new
+
+
+def _without_rules(command: Sequence[str]) -> list[str]:
+    """Return a command in which rules before the ROS arguments read `OLD=NEW`.
+
+    ROS would take them for its own, in a way of writing them that it warns of.
+    """
+    end = command.index(_ROS) if _ROS in command else len(command)
+    return [*(part.replace(":=", "=") for part in command[:end]), *command[end:]]
+
+
 def options_from(arguments: argparse.Namespace) -> PlaybackOptions:
     """Turn parsed arguments into options.
 
     Raises:
-        BagError: a number is out of its range.
+        BagError: a number is out of its range, or the file of overrides cannot be read.
     """
+    path = arguments.qos_profile_overrides_path
     return PlaybackOptions(
         bag=arguments.bag,
         rate=arguments.rate,
@@ -81,16 +133,20 @@ def options_from(arguments: argparse.Namespace) -> PlaybackOptions:
         clock_hz=arguments.clock,
         wait_for_subscribers=arguments.wait_for_subscribers,
         delay_s=arguments.delay,
+        is_looping=arguments.loop,
+        is_paused=arguments.start_paused,
+        remap=dict(arguments.remap),
+        qos=QosOverrides() if path is None else load_qos_overrides(path),
     )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Play a bag once.
+    """Play a bag.
 
     Returns:
         0 at the end or when stopped, 2 after a mistake of the user.
     """
-    command = list(sys.argv if arguments is None else arguments)
+    command = _without_rules(sys.argv if arguments is None else arguments)
     try:
         parsed = build_parser().parse_args(own_arguments(command))
     except ParameterError as error:

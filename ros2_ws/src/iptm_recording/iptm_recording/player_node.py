@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import time
+from collections.abc import Sequence
+from typing import Any
 
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.errors import BagError
 from iptm_interfaces.codecs.time import time_from_ns
 from iptm_interfaces.process import EXIT_DEFECT, EXIT_USER_ERROR
+from iptm_interfaces.services import Service
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_reader import BagReader
-from iptm_recording.playback import Playback, PlaybackOptions
+from iptm_recording.message_types import known_hashes
+from iptm_recording.playback import LEAST_RATE, MOST_RATE, Playback, PlaybackOptions
+from iptm_recording.playback_control import PlaybackControl, Verdict
 from iptm_recording.rclpy_types import message_class, to_profile
 from iptm_recording.recorded_topics import TopicRecord, offer_for
 
 STARTED_LINE = "player started"
+RATE, SEEK = "rate", "seek_s"
+"""Parameters that may be set while it plays."""
 # Fast playback must not push unacknowledged messages out of a short queue.
 _LEAST_DEPTH = 100
 _CLOCK_DEPTH = 10
@@ -29,9 +39,10 @@ _PROGRESS_PERIOD_S = 5.0
 
 
 class PlayerNode(SuiteNode):
-    """Plays a part of a bag once, then finishes.
+    """Plays a part of a bag once, or again and again, then finishes.
 
-    The waiting and publishing happen in a thread of their own, so that the node stays responsive.
+    The waiting and publishing happen in a thread of their own, so that the node stays responsive. Its
+    services and the parameters `rate` and `seek_s` change what that thread waits for.
 
     Args:
         options: what to play.
@@ -54,34 +65,115 @@ class PlayerNode(SuiteNode):
             self._advertise_topic(topic)
         if not self._publishers_by_topic:
             raise BagError(f"no topic of {options.bag} can be published here")
+        for remark in self._reader.remarks:
+            self.get_logger().warning(remark)
+        for name in options.qos.by_topic.keys() - self._publishers_by_topic.keys():
+            self.get_logger().warning(f"quality of service of {name} is not used: it is not played")
         self._next_clock_s = 0.0
         self._clock_publisher: Publisher | None = None
         if options.clock_hz is not None:
+            name = self._playback.clock_topic
             self._clock_publisher = self.create_publisher(
-                Clock, self._playback.clock_topic, _CLOCK_DEPTH
+                Clock, options.remap.get(name, name), _CLOCK_DEPTH
             )
-        self._stop = threading.Event()
+        self._control = PlaybackControl(
+            self._playback.start_ns, options.rate, is_paused=options.is_paused
+        )
+        self._declare_settable()
+        for service, action in (
+            (Service.PLAYER_PAUSE, self._pause),
+            (Service.PLAYER_RESUME, self._resume),
+            (Service.PLAYER_TOGGLE_PAUSED, self._toggle_paused),
+            (Service.PLAYER_PLAY_NEXT, self._play_next),
+        ):
+            self.serve(service, action)
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._thread.start()
 
     def destroy_node(self) -> None:
         """End the playback, should it still go on, and destroy the node."""
-        self._stop.set()
+        self._control.stop()
         self._thread.join()
         self._reader.close()
         super().destroy_node()
 
     def _advertise_topic(self, topic: TopicRecord) -> None:
         try:
-            kind = message_class(topic.type_name)
+            kind = _class_of(topic)
         except BagError as error:
             self.get_logger().warning(f"topic {topic.name} is not played: {error}")
             return
         qos = offer_for(topic)
         if not topic.is_latched:
             qos = qos._replace(depth=max(qos.depth, _LEAST_DEPTH))
-        publisher = self.create_publisher(kind, topic.name, to_profile(qos))
-        self._publishers_by_topic[topic.name] = publisher
+        self._publishers_by_topic[topic.name] = self.create_publisher(
+            kind,
+            self._options.remap.get(topic.name, topic.name),
+            to_profile(self._options.qos.applied(topic.name, qos)),
+        )
+
+    def _declare_settable(self) -> None:
+        first_s, last_s = (
+            self._offset_s(self._playback.start_ns),
+            self._offset_s(self._playback.end_ns),
+        )
+        for name, value, description, low, high in (
+            (RATE, self._control.rate, "times the recorded speed", LEAST_RATE, MOST_RATE),
+            (
+                SEEK,
+                first_s,
+                "seconds into the bag; set it to go on from there [s]",
+                first_s,
+                last_s,
+            ),
+        ):
+            bounds = FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)
+            descriptor = ParameterDescriptor(
+                description=description, floating_point_range=[bounds] if low < high else []
+            )
+            parameter = Parameter(name, value=self.declare_parameter(name, value, descriptor).value)
+            verdict = _refuse_not_finite([parameter])
+            if not verdict.successful:
+                raise BagError(f"parameter {verdict.reason}")
+            if parameter.value != value:
+                self._take_parameters([parameter])
+        self.add_on_set_parameters_callback(_refuse_not_finite)
+        self.add_post_set_parameters_callback(self._take_parameters)
+
+    def _offset_s(self, recorded_ns: int) -> float:
+        """Return a recorded time as seconds into the bag."""
+        return (recorded_ns - self._playback.bag_start_ns) * 1e-9
+
+    def _take_parameters(self, parameters: Sequence[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name == RATE:
+                self._control.set_rate(parameter.value)
+                self._tell(f"{parameter.value:g} times the recorded speed")
+            elif parameter.name == SEEK:
+                offset_ns = round(parameter.value * 1e9)
+                self._control.seek(self._playback.bag_start_ns + offset_ns)
+
+    def _pause(self) -> str:
+        self._control.pause(is_paused=True)
+        return self._tell("paused")
+
+    def _resume(self) -> str:
+        self._control.pause(is_paused=False)
+        return self._tell("playing")
+
+    def _toggle_paused(self) -> str:
+        return self._resume() if self._control.is_paused else self._pause()
+
+    def _play_next(self) -> str:
+        if not self._control.step():
+            raise BagError("the player is playing; allowed: while paused")
+        return "next message"
+
+    def _tell(self, what: str) -> str:
+        """Print a line with the position, and return it."""
+        text = f"{what} at {self._offset_s(self._control.position_ns):.1f} s of the bag"
+        print(text, flush=True)
+        return text
 
     def _play(self) -> None:
         try:
@@ -104,66 +196,101 @@ class PlayerNode(SuiteNode):
         if wanted:
             print(f"waiting for {wanted} subscriptions", flush=True)
         while self._subscription_count() < wanted:
-            if self._stop.wait(_POLL_S):
+            if self._control.sleep(_POLL_S):
                 return False
-        return not self._stop.wait(self._options.delay_s)
+        return not self._control.sleep(self._options.delay_s)
 
     def _subscription_count(self) -> int:
         publishers = self._publishers_by_topic.values()
         return sum(publisher.get_subscription_count() for publisher in publishers)
 
     def _publish_all(self) -> int:
-        """Publish every message when it is due; return their number."""
+        """Publish every message when it is due, as often as asked for; return their number."""
         print(
             f"{STARTED_LINE}: {self._playback.length_s:.1f} s on"
-            f" {len(self._publishers_by_topic)} topics at {self._options.rate:g} times the"
-            " recorded speed",
+            f" {len(self._publishers_by_topic)} topics at {self._control.rate:g} times the"
+            f" recorded speed{', paused' if self._control.is_paused else ''}",
             flush=True,
         )
-        begin_s = time.monotonic()
-        next_progress_s = _PROGRESS_PERIOD_S
         sent = 0
-        for message in self._playback.messages():
+        from_ns = self._playback.start_ns
+        while True:
+            self._control.begin(from_ns)
+            count, verdict = self._publish_from(from_ns)
+            sent += count
+            sought_ns = self._control.take_sought()
+            if verdict is Verdict.STOPPED:
+                return sent
+            if verdict is Verdict.SOUGHT and sought_ns is not None:
+                from_ns = sought_ns
+                self._control.begin(from_ns)
+                self._tell("going on")
+            elif not self._options.is_looping:
+                return sent
+            else:
+                from_ns = self._playback.start_ns
+
+    def _publish_from(self, from_ns: int) -> tuple[int, Verdict]:
+        """Publish the messages from a position on; return their number and why it ended."""
+        next_progress_s = time.monotonic() + _PROGRESS_PERIOD_S
+        sent = 0
+        for message in self._playback.messages(from_ns):
             publisher = self._publishers_by_topic.get(message.topic)
             if publisher is None:
                 continue
-            due_s = self._playback.due_s(message.log_time_ns)
-            if not self._wait_until(begin_s, due_s):
-                break
+            if message.log_time_ns >= from_ns:  # latched ones of before are sent at once
+                verdict = self._wait_for(message.log_time_ns)
+                if verdict is not Verdict.DUE:
+                    return sent, verdict
             publisher.publish(message.data)
             sent += 1
-            if due_s >= next_progress_s:
-                next_progress_s = due_s + _PROGRESS_PERIOD_S
-                at_s = (message.log_time_ns - self._playback.start_ns) * 1e-9
-                print(f"at {at_s:.1f} of {self._playback.length_s:.1f} s", flush=True)
-        else:
-            self._wait_until(begin_s, self._playback.due_s(self._playback.end_ns))
-        return sent
+            if time.monotonic() >= next_progress_s:
+                next_progress_s = time.monotonic() + _PROGRESS_PERIOD_S
+                at_s, end_s = map(self._offset_s, (message.log_time_ns, self._playback.end_ns))
+                print(f"at {at_s:.1f} of {end_s:.1f} s", flush=True)
+        return sent, self._wait_for(self._playback.end_ns)
 
-    def _wait_until(self, begin_s: float, due_s: float) -> bool:
-        """Wait for a time since the begin, publishing the clock; return False when told to stop."""
+    def _wait_for(self, due_ns: int) -> Verdict:
+        """Wait for a recorded time, publishing the clock meanwhile."""
         while True:
-            elapsed_s = time.monotonic() - begin_s
             if self._clock_publisher is None or self._options.clock_hz is None:
-                return not self._wait(due_s - elapsed_s)
-            if elapsed_s >= self._next_clock_s:
+                return self._control.wait(due_ns)
+            now_s = time.monotonic()
+            if now_s >= self._next_clock_s:
                 # Never ahead of a message that is due but not yet published.
-                at_ns = self._playback.recorded_ns(min(elapsed_s, due_s))
+                at_ns = min(self._control.position_ns, due_ns)
                 self._clock_publisher.publish(Clock(clock=time_from_ns(at_ns)))
-                self._next_clock_s = elapsed_s + 1.0 / self._options.clock_hz
-            if elapsed_s >= due_s:
-                return not self._stop.is_set()
-            if self._wait(min(due_s, self._next_clock_s) - elapsed_s):
-                return False
-
-    def _wait(self, seconds: float) -> bool:
-        """Sleep; return True when told to stop."""
-        return self._stop.wait(seconds) if seconds > 0.0 else self._stop.is_set()
+                self._next_clock_s = now_s + 1.0 / self._options.clock_hz
+            verdict = self._control.wait(due_ns, self._next_clock_s - now_s)
+            if verdict is not Verdict.EARLY:
+                return verdict
 
     def _wait_until_acknowledged(self) -> None:
         """Give reliable subscribers the time to receive the last messages."""
         deadline_s = time.monotonic() + _ACKNOWLEDGE_S
         for publisher in self._publishers_by_topic.values():
             left_s = deadline_s - time.monotonic()
-            if left_s > 0.0 and not self._stop.is_set():
+            if left_s > 0.0 and not self._control.is_stopped:
                 publisher.wait_for_all_acked(Duration(seconds=left_s))
+
+
+def _class_of(topic: TopicRecord) -> type[Any]:
+    """Return the class with which to publish the bytes of a topic.
+
+    Raises:
+        BagError: there is none, or its fields are others than those in the bag.
+    """
+    kind = message_class(topic.type_name)
+    hashes = known_hashes(topic.type_name)
+    if topic.type_hash and hashes and topic.type_hash not in hashes:
+        raise BagError(f"message type {topic.type_name} is defined otherwise here than in the bag")
+    return kind
+
+
+def _refuse_not_finite(parameters: Sequence[Parameter]) -> SetParametersResult:
+    """Refuse what ROS takes for numbers within a range."""
+    for parameter in parameters:
+        if isinstance(parameter.value, float) and not math.isfinite(parameter.value):
+            reason = f"{parameter.name} is {parameter.value}; allowed: a finite number"
+            return SetParametersResult(successful=False, reason=reason)
+    return SetParametersResult(successful=True)

@@ -24,6 +24,7 @@ from rosbags.interfaces import (
 
 from iptm_core.errors import BagError
 from iptm_core.trip_time import NS_PER_S
+from iptm_recording.recorded_topics import UNLIMITED
 
 
 def message_class(type_name: str) -> type[Any]:
@@ -48,12 +49,20 @@ def message_class(type_name: str) -> type[Any]:
 
 
 def to_profile(qos: Qos) -> QoSProfile:
-    """Return the profile with which to publish or subscribe (history, reliability, durability)."""
+    """Return the profile with which to publish or subscribe; unlimited times are left to the middleware."""
+    times = {
+        name: Duration(seconds=time.sec, nanoseconds=time.nsec)
+        for name in ("deadline", "lifespan", "liveliness_lease_duration")
+        if (time := getattr(qos, name)) != UNLIMITED
+    }
     return QoSProfile(
         history=HistoryPolicy[qos.history.name],
         depth=qos.depth,
         reliability=ReliabilityPolicy[qos.reliability.name],
         durability=DurabilityPolicy[qos.durability.name],
+        liveliness=LivelinessPolicy[qos.liveliness.name],
+        avoid_ros_namespace_conventions=qos.avoid_ros_namespace_conventions,
+        **times,
     )
 
 

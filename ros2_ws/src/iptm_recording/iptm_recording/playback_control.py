@@ -1,0 +1,162 @@
+"""Where a playback stands, and what changes that: pause, rate, position, single steps; free of ROS."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from enum import Enum
+
+# Longest single wait: others overflow the clock of the operating system.
+_LONGEST_WAIT_S = 3600.0
+
+
+class Verdict(Enum):
+    """Why a wait ended."""
+
+    DUE = "the message is to be played now"
+    EARLY = "it is not, but the time that was given is over"
+    SOUGHT = "somebody asked for another position"
+    STOPPED = "somebody asked for the end"
+
+
+class PlaybackControl:
+    """Clock of a playback, in recorded time; one thread waits on it, any other may change it.
+
+    Args:
+        position_ns: recorded time at which to begin.
+        rate: recorded time that passes in a second.
+        is_paused: begin paused.
+        steady_s: steady time of the computer.
+    """
+
+    def __init__(
+        self,
+        position_ns: int,
+        rate: float,
+        *,
+        is_paused: bool = False,
+        steady_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._condition = threading.Condition()
+        self._steady_s = steady_s
+        self._anchor_s = steady_s()
+        self._anchor_ns = position_ns
+        self._rate = rate
+        self._is_paused = is_paused
+        self._sought_ns: int | None = None
+        self._steps = 0
+        self._is_stopped = False
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether recorded time stands still."""
+        return self._is_paused
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the end was asked for."""
+        return self._is_stopped
+
+    @property
+    def rate(self) -> float:
+        """Recorded time that passes in a second while not paused."""
+        return self._rate
+
+    @property
+    def position_ns(self) -> int:
+        """Recorded time now."""
+        with self._condition:
+            return self._position_ns()
+
+    def begin(self, position_ns: int) -> None:
+        """Go to a position without telling who waits: a playback begins there."""
+        with self._condition:
+            self._move_to(position_ns)
+
+    def pause(self, *, is_paused: bool) -> None:
+        """Let recorded time stand still, or go on."""
+        with self._condition:
+            self._move_to(self._position_ns())
+            self._is_paused = is_paused
+            self._steps = 0
+            self._condition.notify_all()
+
+    def set_rate(self, rate: float) -> None:
+        """Go on with another rate."""
+        with self._condition:
+            self._move_to(self._position_ns())
+            self._rate = rate
+            self._condition.notify_all()
+
+    def seek(self, position_ns: int) -> None:
+        """Ask for another position; whoever waits is told."""
+        with self._condition:
+            self._sought_ns = position_ns
+            self._steps = 0
+            self._condition.notify_all()
+
+    def take_sought(self) -> int | None:
+        """Return the position asked for, once."""
+        with self._condition:
+            sought_ns, self._sought_ns = self._sought_ns, None
+            return sought_ns
+
+    def step(self) -> bool:
+        """Ask for the next message of a paused playback; return False if it is not paused."""
+        with self._condition:
+            if self._is_paused:
+                self._steps += 1
+                self._condition.notify_all()
+            return self._is_paused
+
+    def stop(self) -> None:
+        """Ask for the end."""
+        with self._condition:
+            self._is_stopped = True
+            self._condition.notify_all()
+
+    def sleep(self, seconds: float) -> bool:
+        """Sleep, whatever happens to the position; return True when told to stop."""
+        with self._condition:
+            return self._condition.wait_for(lambda: self._is_stopped, min(seconds, _LONGEST_WAIT_S))
+
+    def wait(self, due_ns: int, longest_s: float | None = None) -> Verdict:
+        """Wait until something of a recorded time is due.
+
+        Args:
+            due_ns: recorded time.
+            longest_s: time of the computer after which to return in any case; None for no limit.
+        """
+        with self._condition:
+            limit_s = None if longest_s is None else self._steady_s() + longest_s
+            while True:
+                if self._is_stopped:
+                    return Verdict.STOPPED
+                if self._sought_ns is not None:
+                    return Verdict.SOUGHT
+                left_s = _LONGEST_WAIT_S
+                if not self._is_paused:
+                    left_s = (due_ns - self._position_ns()) * 1e-9 / self._rate
+                    if left_s <= 0.0:
+                        return Verdict.DUE
+                elif self._steps:
+                    self._steps -= 1
+                    self._move_to(max(due_ns, self._position_ns()))
+                    return Verdict.DUE
+                if limit_s is not None:
+                    early_s = limit_s - self._steady_s()
+                    if early_s <= 0.0:
+                        return Verdict.EARLY
+                    left_s = min(left_s, early_s)
+                self._condition.wait(min(left_s, _LONGEST_WAIT_S))
+
+    def _position_ns(self) -> int:
+        if self._is_paused:
+            return self._anchor_ns
+        passed_s = self._steady_s() - self._anchor_s
+        return self._anchor_ns + round(passed_s * self._rate * 1e9)
+
+    def _move_to(self, position_ns: int) -> None:
+        self._anchor_s = self._steady_s()
+        self._anchor_ns = position_ns

@@ -1,0 +1,100 @@
+"""The clock of a playback: exact with a time of the test's own, and told across threads."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from iptm_recording.playback_control import PlaybackControl, Verdict
+
+S = 10**9
+
+
+class Steady:
+    """Steady time that passes when the test says so."""
+
+    def __init__(self) -> None:
+        self.now_s = 50.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def steady() -> Steady:
+    return Steady()
+
+
+def test_recorded_time_follows_rate_pause_and_position(steady: Steady) -> None:
+    control = PlaybackControl(100 * S, 2.0, steady_s=steady)
+    steady.now_s += 3.0
+    assert control.position_ns == 106 * S
+    control.set_rate(0.5)
+    steady.now_s += 4.0
+    assert control.position_ns == 108 * S
+    control.pause(is_paused=True)
+    steady.now_s += 1000.0
+    assert control.position_ns == 108 * S
+    control.pause(is_paused=False)
+    steady.now_s += 2.0
+    assert control.position_ns == 109 * S
+    control.begin(7 * S)
+    assert control.position_ns == 7 * S
+
+
+def test_what_is_due_is_not_waited_for(steady: Steady) -> None:
+    control = PlaybackControl(100 * S, 1.0, steady_s=steady)
+    steady.now_s += 2.0
+    assert control.wait(102 * S) is Verdict.DUE
+    assert control.wait(103 * S, longest_s=0.0) is Verdict.EARLY
+
+
+def test_steps_of_a_paused_playback(steady: Steady) -> None:
+    control = PlaybackControl(100 * S, 1.0, is_paused=True, steady_s=steady)
+    assert control.wait(100 * S, longest_s=0.0) is Verdict.EARLY
+    assert control.step()
+    assert control.step()
+    assert control.wait(105 * S) is Verdict.DUE
+    assert control.position_ns == 105 * S
+    assert control.wait(105 * S) is Verdict.DUE
+    assert control.wait(106 * S, longest_s=0.0) is Verdict.EARLY
+    control.pause(is_paused=False)
+    assert not control.step()
+    steady.now_s += 1.0
+    assert control.wait(106 * S) is Verdict.DUE
+
+
+def test_a_position_is_asked_for_once(steady: Steady) -> None:
+    control = PlaybackControl(0, 1.0, is_paused=True, steady_s=steady)
+    control.seek(5 * S)
+    assert control.wait(S) is Verdict.SOUGHT
+    assert control.take_sought() == 5 * S
+    assert control.take_sought() is None
+    assert control.wait(S, longest_s=0.0) is Verdict.EARLY
+
+
+@pytest.mark.parametrize(
+    ("change", "verdict"),
+    [
+        (PlaybackControl.stop, Verdict.STOPPED),
+        (lambda control: control.seek(0), Verdict.SOUGHT),
+        (PlaybackControl.step, Verdict.DUE),
+        (lambda control: control.pause(is_paused=False), Verdict.DUE),
+    ],
+    ids=["stop", "seek", "step", "resume"],
+)
+def test_whoever_waits_is_woken(change: object, verdict: Verdict) -> None:
+    """The message is due a millisecond after the time at which the playback is paused."""
+    control = PlaybackControl(0, 1.0, is_paused=True)
+    found: list[Verdict] = []
+    thread = threading.Thread(target=lambda: found.append(control.wait(S // 1000)), daemon=True)
+    thread.start()
+    change(control)  # type: ignore[operator]
+    thread.join(30.0)
+    assert found == [verdict]
+
+
+def test_the_longest_wait_does_not_overflow() -> None:
+    control = PlaybackControl(0, 1e-6)
+    assert control.wait(10**18, longest_s=0.001) is Verdict.EARLY
