@@ -17,6 +17,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.electrical import (
     cell_current_a,
     effective_source_voltage_v,
+    extended_pack_current_a,
     pack_current_a,
     pack_resistance_ohm,
 )
@@ -98,6 +99,29 @@ def test_more_than_the_pack_can_deliver_is_refused_with_the_limit() -> None:
     assert np.isnan(both).tolist() == [False, True]
 
 
+@pytest.mark.parametrize("margin", [0.02, 0.1])
+def test_an_optimiser_finds_a_current_for_any_power(margin: float) -> None:
+    """Exact short of the largest power, by sqrt(margin) / 2 too small at it, convex and rising all along."""
+    limit = 380.0**2 / (4.0 * 0.2)
+    arguments = (0.2, 300.0, ISOTHERMAL_OCV, PACK)
+    within = np.linspace(-3.0, 1.0 - margin, 200) * limit
+    np.testing.assert_array_equal(
+        extended_pack_current_a(within, *arguments, margin), pack_current_a(within, *arguments)
+    )
+    between = np.linspace(1.0 - margin, 1.0, 50) * limit
+    share = extended_pack_current_a(between, *arguments, margin) / pack_current_a(
+        between, *arguments
+    )
+    assert np.all(np.diff(share) < 0.0)
+    assert share[-1] == pytest.approx(1.0 - 0.5 * math.sqrt(margin), rel=1e-6)
+    power = np.linspace(-1.0, 4.0, 2001) * limit
+    slope = np.diff(extended_pack_current_a(power, *arguments, margin)) / np.diff(power)
+    assert slope[0] > 0.0
+    assert np.all(np.diff(slope) > -1e-9 * slope[-1])
+    # The steepest it gets: 1 / (380 V sqrt(margin)).
+    assert slope[-1] == pytest.approx(1.0 / (380.0 * math.sqrt(margin)), rel=1e-6)
+
+
 def test_all_backends_agree(each_set: ModelParameters, agree_in_all_backends: Agree) -> None:
     random = np.random.default_rng(5)
     power, current = random.uniform(-60e3, 100e3, 40), random.uniform(-150.0, 300.0, 40)
@@ -105,6 +129,12 @@ def test_all_backends_agree(each_set: ModelParameters, agree_in_all_backends: Ag
     cell, pack = each_set.cell, each_set.pack
     agree_in_all_backends(
         lambda p, r, t: pack_current_a(p, r, t, cell, pack), power, resistance, temperature
+    )
+    agree_in_all_backends(
+        lambda p, r, t: extended_pack_current_a(4.0 * p, r, t, cell, pack, 0.02),
+        power,
+        resistance,
+        temperature,
     )
     agree_in_all_backends(lambda r: pack_resistance_ohm(r, pack), resistance)
     agree_in_all_backends(lambda t: effective_source_voltage_v(t, cell, pack), temperature)

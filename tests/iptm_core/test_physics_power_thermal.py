@@ -26,7 +26,9 @@ from iptm_core.physics.power_thermal import (
 
 Agree = Callable[..., None]
 VALUES = load_parameters().values
-IN_USE = Smoothing(force_n=150.0, power_w=500.0, current_a=0.05, speed_m_s=0.3)
+IN_USE = Smoothing(
+    force_n=150.0, power_w=500.0, current_a=0.05, speed_m_s=0.3, deliverable_margin=0.02
+)
 CELLS_IN_PACK = 96 * 38
 OPERATION = {
     "speed": st.floats(0.0, 37.5),
@@ -180,6 +182,23 @@ def test_every_width_smooths_its_own_kink(width: dict[str, float], moved: str) -
     for name in chain[: chain.index(moved)]:
         assert getattr(smooth, name) == getattr(exact, name)
     assert getattr(smooth, moved) != pytest.approx(getattr(exact, moved), rel=1e-4)
+
+
+def test_more_than_a_cold_pack_can_deliver_costs_more() -> None:
+    """Uphill at full acceleration: the exact model has no answer, that of the optimiser a rising price."""
+    accelerations = np.linspace(0.0, 2.0, 41)
+    point = (37.0, accelerations, 0.15, 0.0, np.full(41, 253.15), np.full(41, 253.15))
+    with np.errstate(invalid="ignore"):
+        exact = evaluate(*point).cell_n_capacity_loss_rate_1_s
+    assert np.isfinite(exact[0])
+    assert np.isnan(exact[-1])
+    smooth = evaluate(*point, smoothing=Smoothing(deliverable_margin=0.02))
+    for name in ("battery_power_w", "cell_n_capacity_loss_rate_1_s", "cell_n_temperature_rate_k_s"):
+        assert np.all(np.diff(getattr(smooth, name)) > 0.0), name
+    deliverable = smooth.pack_current_a < 0.85 * 2.0 * smooth.battery_power_w / 380.0
+    np.testing.assert_array_equal(
+        smooth.cell_n_capacity_loss_rate_1_s[deliverable], exact[deliverable]
+    )
 
 
 def test_the_error_of_the_widths_in_use_over_the_operating_range() -> None:

@@ -229,6 +229,19 @@ def test_the_single_horizon_drives(
     assert (run.decisions.rung == Rung.OPTIMAL).all()
 
 
+def test_a_cold_pack_at_its_limit_is_driven_by_plans() -> None:
+    """At -18 degC the pack of a heavy car delivers less than the leader's driving asks for."""
+    cold = {"environment.initial_cell_temperature_k": 255.0, "body.mass_kg": 2800.0}
+    parameters = load_parameters(overrides=cold).values
+    route = trip("us06", "large", 90.0, parameters)
+    options = ControllerOptions(strategy=STRATEGIES["reference"])
+    run = run_closed_loop(
+        route, Plant(parameters, route.slope.slope_at), Controller(parameters, options)
+    )
+    expect_safe(run.trajectory, parameters)
+    assert (run.decisions.rung == Rung.OPTIMAL).all()
+
+
 @pytest.mark.parametrize(
     "bridge",
     [
@@ -244,6 +257,16 @@ def test_a_poor_link_is_no_danger(
     run = drive("wltc_class3b", 90.0, bridge=bridge)
     expect_safe(run.trajectory, parameters)
     assert (run.decisions.rung == Rung.OPTIMAL).mean() > 0.95
+
+
+def test_without_any_preview_the_gap_is_kept(
+    drive: Callable[..., ClosedLoopRun], parameters: ModelParameters
+) -> None:
+    """What the leader's measured acceleration tells is enough, though it brakes at 3 m/s^2."""
+    bridge = PreviewSettings(preview_mode=PreviewMode.NONE)
+    run = drive("us06", 600.0, bridge=bridge).trajectory
+    expect_safe(run, parameters)
+    assert gap_margins_m(run, parameters).min() > -GAP_TOLERANCE_M
 
 
 class Interrupted:

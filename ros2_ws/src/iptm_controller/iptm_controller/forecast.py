@@ -1,12 +1,15 @@
 """The leader's motion as the optimiser sees it: measured past, predicted future, and how good it is.
 
-A preview is used only if it is well formed and recent enough; otherwise the leader is taken to keep its
-measured speed. Which of the two holds, and why, is part of the result.
+A preview is used only if it is well formed and recent enough, and behind its end the leader is taken to keep
+its last speed. Without one the leader is extrapolated: its measured acceleration dies away. Which of the two
+holds, and why, is part of the result.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -20,6 +23,19 @@ MAX_LEADER_SPEED_M_S = 100.0
 LARGEST_SPEED_ERROR_M_S = 6.0
 """Beyond this difference to the measured speed a preview is that of another drive. Four times the noise that
 the study of imperfect previews assumes."""
+ACCELERATION_DECAY_S = 4.0
+"""Time constant with which the leader's acceleration dies away where nothing is foretold. Over the published
+cycles the autocorrelation of the acceleration falls to 1/e after 2 to 9 s, and 4 s predict the positions 3 to
+13 s ahead best, with errors of 57 to 84 % of those of a constant speed."""
+ACCELERATION_WINDOW_S = 1.0
+"""The leader's acceleration is the slope of the speeds measured since so long, of two of them at least."""
+LARGEST_ACCELERATION_M_S2 = 10.0
+"""More than tyres transmit: a larger change of the measured speed is not the motion of one vehicle."""
+RANGE_ERROR_M = 1.0
+"""So far beside the way that two measured speeds permit, the second one is that of another vehicle."""
+_EXTRAPOLATED_S = 5.0 * ACCELERATION_DECAY_S
+_SHORTEST_STOP_S = 1e-3
+_SHARES: FloatArray = np.array([node / 40.0 for node in range(41)])
 
 
 class PreviewQuality(IntEnum):
@@ -30,11 +46,11 @@ class PreviewQuality(IntEnum):
     SHORT = 1
     """A valid preview ends inside the horizon; constant speed beyond it."""
     STALE = 2
-    """The newest preview is too old; constant measured speed."""
+    """The newest preview is too old; the measured motion is extrapolated."""
     MISSING = 3
-    """No preview has been received; constant measured speed."""
+    """No preview has been received; the measured motion is extrapolated."""
     INVALID = 4
-    """The preview is malformed or contradicts what is measured; constant measured speed."""
+    """The preview is malformed or contradicts what is measured; the measured motion is extrapolated."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +102,7 @@ class LeaderForecast:
         quality: how the future is known.
         reason: one sentence, empty while the quality is full.
         age_s: age of the preview used, NaN without one.
-        known_s: how far ahead a preview backs the motion; 0 where a constant speed is all there is.
+        known_s: how far ahead a preview backs the motion; 0 where it is extrapolated.
     """
 
     motion: PredictedLeaderMotion
@@ -127,6 +143,56 @@ def preview_fault(preview: LeaderPreview) -> str:
     return ""
 
 
+def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
+    """Return the leader's acceleration by its speeds of the last second, 0 where they do not tell.
+
+    Args:
+        measured: leader at increasing times, the newest one last. Where a measurement is missing, the one
+            before counts instead.
+    """
+    if len(measured) < 2:
+        return 0.0
+    last, before = measured[-1], measured[-2]
+    passed_s, changed_m_s = last.time_s - before.time_s, last.speed_m_s - before.speed_m_s
+    moved_m = last.position_m - before.position_m
+    unexplained_m = abs(moved_m - 0.5 * passed_s * (last.speed_m_s + before.speed_m_s))
+    if unexplained_m > 0.5 * passed_s * abs(changed_m_s) + RANGE_ERROR_M:
+        return 0.0
+    since_s = min(last.time_s - ACCELERATION_WINDOW_S - 1e-6, before.time_s)
+    recent = [state for state in measured if state.time_s >= since_s]
+    times_s = np.array([state.time_s for state in recent])
+    times_s -= times_s.mean()
+    speeds_m_s = np.array([state.speed_m_s for state in recent])
+    slope_m_s2 = float(times_s @ speeds_m_s / (times_s @ times_s))
+    return slope_m_s2 if abs(slope_m_s2) <= LARGEST_ACCELERATION_M_S2 else 0.0
+
+
+def extrapolated_motion(leader: LeaderState, acceleration_m_s2: float) -> PredictedLeaderMotion:
+    """Return how a leader goes on of which only the present is known.
+
+    Its acceleration dies away exponentially, which is what to expect of one that varies as a first-order
+    Gauss-Markov process (R. A. Singer, Estimating optimal tracking filter performance for manned
+    maneuvering targets, IEEE Transactions on Aerospace and Electronic Systems 6, 1970). It never drives
+    backwards.
+
+    Args:
+        leader: as measured.
+        acceleration_m_s2: as measured, negative when braking.
+    """
+    decay_s, change_m_s = ACCELERATION_DECAY_S, ACCELERATION_DECAY_S * acceleration_m_s2
+    until_s, shares = _EXTRAPOLATED_S, _SHARES
+    if leader.speed_m_s + change_m_s < 0.0:
+        stop_s = -decay_s * math.log1p(leader.speed_m_s / change_m_s)
+        until_s = min(until_s, stop_s)
+        if stop_s < _SHORTEST_STOP_S:
+            shares = shares[:1]
+    elapsed_s = until_s * shares
+    gone = -np.expm1(-elapsed_s / decay_s)
+    speeds_m_s = np.maximum(leader.speed_m_s + change_m_s * gone, 0.0)
+    moved_m = leader.speed_m_s * elapsed_s + change_m_s * (elapsed_s - decay_s * gone)
+    return PredictedLeaderMotion(leader.time_s + elapsed_s, leader.position_m + moved_m, speeds_m_s)
+
+
 def _first(flags: NDArray[np.bool_]) -> int:
     return int(np.flatnonzero(flags)[0])
 
@@ -162,16 +228,14 @@ class LeaderForecaster:
             future = self._follow_preview(leader, preview)
             known_s = float(preview.times_s[-1]) - leader.time_s
         else:
-            future = PredictedLeaderMotion(
-                np.array([leader.time_s]),
-                np.array([leader.position_m]),
-                np.array([leader.speed_m_s]),
-            )
+            future = extrapolated_motion(leader, measured_acceleration_m_s2(self._past))
         return LeaderForecast(self._with_past(future), quality, reason, age_s, known_s)
 
     def _remember(self, leader: LeaderState) -> None:
-        if self._past and leader.time_s <= self._past[-1].time_s:
+        if self._past and leader.time_s < self._past[-1].time_s:
             self._past.clear()
+        elif self._past and leader.time_s == self._past[-1].time_s:
+            self._past.pop()  # measured again
         self._past.append(leader)
         while self._past[0].time_s < leader.time_s - HISTORY_S:
             self._past.popleft()

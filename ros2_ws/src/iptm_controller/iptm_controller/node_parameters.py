@@ -62,7 +62,7 @@ class ControllerNodeParameters(
     )
     max_preview_age_s: float = parameter(
         10.0,
-        "older previews are not used; the leader is then taken to keep its speed",
+        "older previews are not used; the leader's measured motion is then extrapolated",
         "s",
         0.0,
         1e4,

@@ -30,11 +30,11 @@ _RUNG_SITUATION = {
 TOUCHING = "the leader is measured at no distance"
 _PREVIEW_SITUATION = {
     PreviewQuality.SHORT: (Level.OK, "preview ends inside the horizon"),
-    PreviewQuality.STALE: (Level.WARN, "preview too old, leader taken at constant speed"),
-    PreviewQuality.MISSING: (Level.WARN, "no preview, leader taken at constant speed"),
+    PreviewQuality.STALE: (Level.WARN, "preview too old, leader extrapolated"),
+    PreviewQuality.MISSING: (Level.WARN, "no preview, leader extrapolated"),
     PreviewQuality.INVALID: (
         Level.WARN,
-        "preview malformed or contradicted, leader taken at constant speed",
+        "preview malformed or contradicted, leader extrapolated",
     ),
 }
 

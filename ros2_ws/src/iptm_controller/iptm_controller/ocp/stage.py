@@ -35,7 +35,7 @@ DEFAULT_SMOOTHING = Smoothing(
     current_a=0.05,
     speed_m_s=0.3,
     cooling_w=50.0,
-    deliverable_power=True,
+    deliverable_margin=0.02,
 )
 LONGEST_UNWATCHED_S = 2.5
 GAP_SMOOTHING_M = 0.3

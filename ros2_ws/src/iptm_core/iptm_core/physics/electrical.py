@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from iptm_core.errors import PowerLimitError
 from iptm_core.parameters.model import CellParameters, PackParameters
-from iptm_core.physics.ops import Scalar, is_symbolic, sqrt
+from iptm_core.physics.ops import Scalar, is_symbolic, maximum, sqrt
 
 
 def pack_resistance_ohm(cell_resistance_ohm: Scalar, pack: PackParameters) -> Scalar:
@@ -64,6 +64,40 @@ def largest_power_w(
     """Largest terminal power that the pack can deliver, where both roots of eq. (7) meet."""
     voltage = effective_source_voltage_v(temperature_k, cell, pack)
     return voltage * voltage / (4.0 * resistance_ohm)
+
+
+def extended_pack_current_a(
+    power_w: Scalar,
+    resistance_ohm: Scalar,
+    temperature_k: Scalar,
+    cell: CellParameters,
+    pack: PackParameters,
+    margin: float,
+) -> Scalar:
+    """Pack current for any power, also more than the pack can deliver: for optimisers.
+
+    Close to the largest power the root of eq. (7) becomes infinitely steep and beyond it there is none. From
+    a margin below it on the current goes on along its tangent instead: it stays convex and rising, so that
+    asking for more than there is never pays, and its derivatives stay bounded.
+
+    Args:
+        power_w: terminal power P_b, positive when discharging.
+        resistance_ohm: pack resistance R_b.
+        temperature_k: mean cell temperature T_b.
+        cell: entropic coefficient.
+        pack: layout and open-circuit voltage.
+        margin: share of the largest power, in (0, 1).
+
+    Returns:
+        Current in A: exact up to ``(1 - margin)`` of the largest power, and at that power itself too small
+        by the share ``sqrt(margin) / 2``.
+    """
+    voltage = effective_source_voltage_v(temperature_k, cell, pack)
+    bound_w = (1.0 - margin) * largest_power_w(resistance_ohm, temperature_k, cell, pack)
+    within_w = -maximum(-power_w, -bound_w)
+    current = pack_current_a(within_w, resistance_ohm, temperature_k, cell, pack)
+    # The slope of the root, 1 / sqrt(voltage^2 - 4 resistance power), where it is left.
+    return current + (power_w - within_w) / (voltage * margin**0.5)
 
 
 def cell_current_a(pack_current: Scalar, pack: PackParameters) -> Scalar:

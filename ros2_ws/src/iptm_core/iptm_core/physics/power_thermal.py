@@ -12,13 +12,13 @@ from iptm_core.physics.chiller import chiller_line
 from iptm_core.physics.coolant import Channel
 from iptm_core.physics.electrical import (
     cell_current_a,
-    largest_power_w,
+    extended_pack_current_a,
     pack_current_a,
     pack_resistance_ohm,
 )
 from iptm_core.physics.longitudinal import traction_force_n
 from iptm_core.physics.motor import brake_release, motor_torque_nm
-from iptm_core.physics.ops import Scalar, maximum
+from iptm_core.physics.ops import Scalar
 from iptm_core.physics.resistance import cell_resistance_ohm
 from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
 from iptm_core.physics.traction_power import traction_power_w
@@ -34,8 +34,8 @@ class Smoothing:
         current_a: magnitude of the cell current in the ageing rate.
         speed_m_s: brake hold at standstill.
         cooling_w: bound of the cooling rate at zero.
-        deliverable_power: keep the terminal power within what the pack can deliver (and take up), so
-            that an optimiser's wild iterate still gives numbers. Inside the range nothing changes.
+        deliverable_margin: part of the largest power that the pack can deliver over which the current leaves
+            its root for a tangent, see ``extended_pack_current_a``.
     """
 
     force_n: float = 0.0
@@ -43,11 +43,10 @@ class Smoothing:
     current_a: float = 0.0
     speed_m_s: float = 0.0
     cooling_w: float = 0.0
-    deliverable_power: bool = False
+    deliverable_margin: float = 0.0
 
 
 EXACT = Smoothing()
-DELIVERABLE_SHARE = 0.98  # short of the point where the root of eq. (7) loses its slope
 
 
 @dataclass(frozen=True)
@@ -154,10 +153,11 @@ def rates_at_traction_power(
     # Cells along a channel are taken as evenly spread between the first and the last.
     mean_resistance = pack_resistance_ohm(0.5 * (r_1 + r_n), pack)
     mean_temperature = 0.5 * (t_1 + t_n)
-    if smoothing.deliverable_power:
-        limit = DELIVERABLE_SHARE * largest_power_w(mean_resistance, mean_temperature, cell, pack)
-        terminal = -maximum(-maximum(terminal, -limit), -limit)
-    current_b = pack_current_a(terminal, mean_resistance, mean_temperature, cell, pack)
+    at_terminals = (terminal, mean_resistance, mean_temperature, cell, pack)
+    if smoothing.deliverable_margin > 0.0:
+        current_b = extended_pack_current_a(*at_terminals, smoothing.deliverable_margin)
+    else:
+        current_b = pack_current_a(*at_terminals)
     current = cell_current_a(current_b, pack)
 
     line = chiller_line(
