@@ -1,7 +1,7 @@
 """Kills the recorder at random moments and looks into what it leaves: at most one tick may be missing.
 
 A stand-in for plant, bridge and controller publishes every topic of the suite, tick by tick, at a pace that
-the recorder follows; every other time in a namespace with a clock of its own. The kill comes in the middle
+the recorder follows; every other time in a namespace with its clock elsewhere. The kill comes in the middle
 of a random tick, at a random message. The recovered bag must begin with the first tick and reach to the last
 but one that was published as a whole, without a gap.
 """
@@ -46,7 +46,8 @@ STAMPED = tuple(
     for topic in TICK
     if topic is Topic.CLOCK or "header" in TOPICS[topic].message_type.get_fields_and_field_types()
 )
-ELSEWHERE = ("-r", "__ns:=/car_9", "-r", "/clock:=/car_9/clock")
+CLOCK_ELSEWHERE = "/clock_of_9"
+ELSEWHERE = ("-r", "__ns:=/car_9", "-r", f"clock:={CLOCK_ELSEWHERE}")
 MOST_TICKS = 60
 TIMEOUT_S = 120.0
 _POLL_S = 0.002
@@ -182,12 +183,14 @@ def kill_once(folder: Path, rng: random.Random, place: Sequence[str]) -> tuple[i
                 process.wait()
     report = recover(bag)
     with BagReader(report.output) as reader:
-        prefix = "" if not place else "/car_9"
+        names = {topic: f"{'/car_9' if place else ''}/{topic.value.lstrip('/')}" for topic in TICK}
+        if place:
+            names[Topic.CLOCK] = CLOCK_ELSEWHERE
         # Between topics the middleware promises no order, so a log time may be that of the next tick.
         stamps = {
             topic: [
                 message.publish_time_ns // NS_PER_S
-                for message in reader.raw_messages([f"{prefix}/{topic.value.lstrip('/')}"])
+                for message in reader.raw_messages([names[topic]])
             ]
             for topic in TICK
         }

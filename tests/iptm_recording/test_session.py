@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from mcap.records import Message
-from rosbags.interfaces import Qos
+from rosbags.interfaces import Qos, QosDurability
 
 from iptm_core.errors import BagError
 from iptm_recording import session as session_module
@@ -159,3 +159,46 @@ def test_tick_is_in_the_file_when_the_next_one_begins(
 def test_unknown_type_is_refused(session: RecordingSession) -> None:
     with pytest.raises(BagError, match="unknown"):
         session.channel("/a", "own_msgs/msg/Thing", list)
+
+
+def test_a_pause_leaves_out_whole_ticks_and_keeps_what_is_latched(
+    session: RecordingSession, tmp_path: Path, encode: Encode
+) -> None:
+    """Messages of a tick arrive in any order, also after those of the next one."""
+    latched = DEFAULT_QOS._replace(durability=QosDurability.TRANSIENT_LOCAL)
+    state = session.channel("/state", TEMPERATURE, list)
+    late = session.channel("/late", TEMPERATURE, list)
+    slope = session.channel("/slope", FLOAT, lambda: [latched])
+    take_clock = session.channel("/clock", "rosgraph_msgs/msg/Clock", list)
+    for tick in range(8):
+        state(clock(tick * S) + bytes(32))
+        take_clock(clock(tick * S))
+        if tick == 2:
+            session.pause()
+        if tick == 4:
+            slope(encode(1.0))
+        if tick == 5:
+            assert session.is_paused
+            session.resume()
+        late(clock(tick * S) + bytes(32))
+    session.close()
+    kept = [tick * S for tick in (0, 1, 2, 6, 7)]
+    found = recorded(tmp_path)
+    for topic in ("/state", "/late", "/clock"):
+        assert [time_ns for name, time_ns in found if name == topic] == kept
+    assert [time_ns for name, time_ns in found if name == "/slope"] == [4 * S]
+    (pause,) = session.pauses
+    assert (pause.after_ns, pause.until_ns, pause.passed_over) == (2 * S, 5 * S, 9)
+
+
+def test_a_recording_that_starts_paused(session: RecordingSession, tmp_path: Path) -> None:
+    session.pause()
+    state = session.channel("/state", TEMPERATURE, list)
+    take_clock = session.channel("/clock", "rosgraph_msgs/msg/Clock", list)
+    for tick in range(3):
+        state(clock(tick * S) + bytes(32))
+        take_clock(clock(tick * S))
+        if tick == 1:
+            session.resume()
+    session.close()
+    assert recorded(tmp_path) == [("/state", 2 * S), ("/clock", 2 * S)]

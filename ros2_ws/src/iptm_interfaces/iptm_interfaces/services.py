@@ -25,6 +25,9 @@ class Service(Enum):
     PLAYER_RESUME = "player/resume"
     PLAYER_TOGGLE_PAUSED = "player/toggle_paused"
     PLAYER_PLAY_NEXT = "player/play_next"
+    RECORDER_PAUSE = "recorder/pause"
+    RECORDER_RESUME = "recorder/resume"
+    RECORDER_SPLIT = "recorder/split_bagfile"
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,15 @@ _SPECS = (
     ServiceSpec(Service.PLAYER_TOGGLE_PAUSED, "player", "hold the playback, or go on"),
     ServiceSpec(
         Service.PLAYER_PLAY_NEXT, "player", "play the next message of a playback that is paused"
+    ),
+    ServiceSpec(
+        Service.RECORDER_PAUSE,
+        "recorder",
+        "record nothing but latched topics after the present tick",
+    ),
+    ServiceSpec(Service.RECORDER_RESUME, "recorder", "record again, from the next tick on"),
+    ServiceSpec(
+        Service.RECORDER_SPLIT, "recorder", "complete the file of the bag and begin the next one"
     ),
 )
 

@@ -157,6 +157,26 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         except (OSError, ValueError) as error:
             raise self._failed(error) from None
 
+    def split(self) -> Path:
+        """Complete the file in progress and begin the next one.
+
+        Returns:
+            The next file.
+
+        Raises:
+            BagError: the file in progress holds no message yet, or the disk does not take it.
+        """
+        if not self._file.counts:
+            raise BagError(
+                f"{self._file.path.name} holds no message yet; allowed: a split after one"
+            )
+        try:
+            self._complete_file()
+            self._file = self._next_file()
+        except (OSError, ValueError) as error:
+            raise self._failed(error) from None
+        return self._file.path
+
     def flush(self) -> None:
         """Finish the chunk in progress, so that a kill of the process no longer loses its messages.
 

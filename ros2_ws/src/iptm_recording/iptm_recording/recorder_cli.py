@@ -14,6 +14,7 @@ from iptm_core.user_input import whole_number
 from iptm_interfaces.command_line import own_arguments
 from iptm_interfaces.process import EXIT_USER_ERROR, run_node
 from iptm_recording.mcap_file import COMPRESSIONS, MOST_INDEX_BYTES, FileLimits
+from iptm_recording.qos_overrides import QosOverrides, load_qos_overrides
 from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.recorder_node import DEFAULT_DEPTH, RecorderNode, RecorderOptions
 from iptm_recording.run_information import collect_run_information, load_run_information
@@ -25,7 +26,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="record",
         description="Record a run as a rosbag2 bag (MCAP). Ends on Ctrl-C; a kill loses almost nothing:"
-        " see recover_bag. ROS arguments (namespace, remaps) follow after --ros-args.",
+        " see recover_bag. The services /recorder/pause, resume and split_bagfile (std_srvs/srv/Trigger)"
+        " control it. ROS arguments (namespace, remaps) follow after --ros-args.",
     )
     parser.add_argument(
         "output",
@@ -84,6 +86,15 @@ def build_parser() -> argparse.ArgumentParser:
         help="time in the bag after which a file is completed and the next one begun (default: 0, none)",
     )
     parser.add_argument(
+        "--start-paused", action="store_true", help="record nothing but latched topics at first"
+    )
+    parser.add_argument(
+        "--qos-profile-overrides-path",
+        type=Path,
+        metavar="YAML",
+        help="policies by topic to ask for, in place of the strictest that all publishers offer",
+    )
+    parser.add_argument(
         "--depth",
         type=whole_number,
         default=DEFAULT_DEPTH,
@@ -96,8 +107,9 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
     """Turn parsed arguments into options.
 
     Raises:
-        BagError: the file with the run information is missing or malformed, or a limit is out of range.
+        BagError: a file (run information, overrides) is missing or malformed, or a limit is out of range.
     """
+    overrides = arguments.qos_profile_overrides_path
     now = datetime.now().astimezone()
     root = Path(os.environ.get("IPTM_ROOT", "."))
     information = (
@@ -114,6 +126,8 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
         compression=arguments.compression,
         limits=FileLimits(arguments.max_bag_size, arguments.max_bag_duration),
         depth=max(1, arguments.depth),
+        is_paused=arguments.start_paused,
+        qos=QosOverrides() if overrides is None else load_qos_overrides(overrides),
     )
 
 

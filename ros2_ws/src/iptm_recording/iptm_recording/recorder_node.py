@@ -6,6 +6,7 @@ so that a killed recorder loses one tick at most. When told to stop it first emp
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Mapping
@@ -18,11 +19,13 @@ from iptm_core.declaration import Scalar
 from iptm_core.errors import BagError
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.process import EXIT_USER_ERROR
+from iptm_interfaces.services import Service
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.mcap_file import FileLimits
 from iptm_recording.node_parameters import ParameterCollector, with_model
+from iptm_recording.qos_overrides import QosOverrides
 from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.run_information import RunInformation
 from iptm_recording.session import RecordingSession
@@ -53,6 +56,8 @@ class RecorderOptions:
         compression: "none", "lz4" or "zstd".
         limits: of one file of the bag.
         depth: messages queued per topic while the recorder is busy.
+        is_paused: begin paused.
+        qos: what a user wants of the quality of service, by full names of topics.
     """
 
     output: Path
@@ -63,6 +68,8 @@ class RecorderOptions:
     compression: str = "none"
     limits: FileLimits = field(default_factory=FileLimits)
     depth: int = DEFAULT_DEPTH
+    is_paused: bool = False
+    qos: QosOverrides = field(default_factory=QosOverrides)
 
 
 class RecorderNode(SuiteNode):
@@ -98,7 +105,10 @@ class RecorderNode(SuiteNode):
             discover=options.discover,
             depth=options.depth,
             on_error=self._fail,
+            qos=options.qos,
         )
+        if options.is_paused:
+            self._session.pause()
         # A run that was started by hand is asked what it depends on.
         self._collector = (
             None
@@ -113,6 +123,9 @@ class RecorderNode(SuiteNode):
         self._next_adaption_s = 0.0
         self._next_progress_s = time.monotonic() + _PROGRESS_PERIOD_S
         self._diagnostics = DiagnosticsReporter.of_node(self, "recording")
+        self.serve(Service.RECORDER_PAUSE, self._pause)
+        self.serve(Service.RECORDER_RESUME, self._resume)
+        self.serve(Service.RECORDER_SPLIT, self._split)
         self._topics.look()
         self.every(_LOOK_PERIOD_S, self._look)
         print(f"recording to {options.output}")
@@ -127,6 +140,32 @@ class RecorderNode(SuiteNode):
         """Close the bag, should that not have happened yet, and destroy the node."""
         self._close()
         super().destroy_node()
+
+    def _pause(self) -> str:
+        self._session.pause()
+        self._store_pauses()
+        return "pauses after the present tick"
+
+    def _resume(self) -> str:
+        self._session.resume()
+        self._store_pauses()
+        return "records from the next tick on"
+
+    def _split(self) -> str:
+        return f"goes on in {self._writer.split().name}"
+
+    def _store_pauses(self) -> None:
+        """Tell in the bag what is missing on purpose."""
+        pauses = [
+            {
+                "after_s": pause.after_ns * 1e-9 if pause.after_ns >= 0 else None,
+                "until_s": None if pause.until_ns is None else pause.until_ns * 1e-9,
+                "passed_over": pause.passed_over,
+            }
+            for pause in self._session.pauses
+        ]
+        text = yaml.safe_dump(pauses, sort_keys=False, default_flow_style=True, width=math.inf)
+        self._writer.add_information({"pauses": text.strip()})
 
     def _look(self) -> None:
         """Do what has to be done beside the messages, a few times a second."""
@@ -168,8 +207,9 @@ class RecorderNode(SuiteNode):
 
     def _report(self) -> None:
         is_recording = self._session.message_count > self._session.held_count
+        is_paused = self._session.is_paused
         values: dict[str, object] = {
-            "phase": "recording" if is_recording else "waiting",
+            "phase": "paused" if is_paused else "recording" if is_recording else "waiting",
             "bag": str(self._options.output),
             "messages": self._session.message_count,
             "topics": len(self._session.message_counts),
@@ -178,8 +218,11 @@ class RecorderNode(SuiteNode):
             "subscriptions_matched": self._topics.matched_count,
             "awaited_topics": ", ".join(self._topics.awaited_topics),
             "lost_messages": sum(self._topics.lost_counts.values()),
+            "passed_over_messages": sum(pause.passed_over for pause in self._session.pauses),
         }
         level, reason = Level.OK, "recording" if is_recording else "waiting for data"
+        if is_paused:
+            level, reason = Level.WARN, "paused: nothing is recorded"
         if self._session.held_count > _MANY_HELD:
             level, reason = (
                 Level.WARN,
@@ -192,7 +235,9 @@ class RecorderNode(SuiteNode):
     def _progress(self) -> str:
         now_ns = self._session.now_ns
         at = "" if now_ns is None else f", at {now_ns * 1e-9:.1f} s"
-        return f"recorded {self._session.message_count} messages{at}"
+        passed_over = sum(pause.passed_over for pause in self._session.pauses)
+        paused = f", {passed_over} passed over in pauses" if self._session.pauses else ""
+        return f"recorded {self._session.message_count - passed_over} messages{at}{paused}"
 
     def _store_parameters(self, by_node: Mapping[str, Mapping[str, Scalar]]) -> None:
         text = yaml.safe_dump(with_model(by_node), sort_keys=False)
@@ -215,11 +260,18 @@ class RecorderNode(SuiteNode):
         try:
             if lost:
                 self._writer.add_information({"lost_messages": yaml.safe_dump(lost)})
+            if self._session.pauses:
+                self._store_pauses()
             self._session.close()
         except BagError as error:
             self._fail(error)
             return
         print(f"{self._progress()}; closed {self._options.output}", flush=True)
+        for name in self._topics.unused_overrides:
+            print(
+                f"recorder: quality of service of {name} was not used: no such topic",
+                file=sys.stderr,
+            )
         if lost:
             counts = ", ".join(f"{count} of {name}" for name, count in sorted(lost.items()))
             print(f"recorder: {sum(lost.values())} messages lost: {counts}", file=sys.stderr)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from rosbags.interfaces import Qos
+from rosbags.interfaces import Qos, QosDurability
 
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.message_types import message_definition
@@ -31,6 +31,29 @@ class _Channel:
     offer: Sequence[Qos] | None = None
     topic_id: int | None = None
 
+    @property
+    def is_latched(self) -> bool:
+        return any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in self.offer or ())
+
+
+@dataclass
+class Pause:
+    """A stretch of time that is not recorded.
+
+    Attributes:
+        after_ns: time of the last tick before it; -1 if nothing was before.
+        until_ns: time of its last tick; None while it lasts.
+        passed_over: messages that were not recorded.
+    """
+
+    after_ns: int
+    until_ns: int | None = None
+    passed_over: int = 0
+
+    def covers(self, time_ns: int) -> bool:
+        """Tell whether a message that was published then is not to be recorded."""
+        return time_ns > self.after_ns and (self.until_ns is None or time_ns <= self.until_ns)
+
 
 class RecordingSession:
     """One recording in progress.
@@ -39,6 +62,10 @@ class RecordingSession:
         writer: the bag.
         timeline: source of the times.
         clock_topic: full name of the clock that counts.
+
+    Attributes:
+        message_count: messages received.
+        pauses: stretches of time that are not recorded, in their order.
     """
 
     def __init__(
@@ -50,6 +77,7 @@ class RecordingSession:
         self._held: list[tuple[_Channel, bytes]] = []
         self._tick_ns = 0
         self.message_count = 0
+        self.pauses: list[Pause] = []
 
     @property
     def held_count(self) -> int:
@@ -60,6 +88,26 @@ class RecordingSession:
     def now_ns(self) -> int | None:
         """Time of the recorder, None when simulated time has not begun."""
         return self._timeline.now_ns
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether messages are passed over at present."""
+        return bool(self.pauses) and self.pauses[-1].until_ns is None
+
+    def pause(self) -> None:
+        """Record nothing from the next tick on but latched topics, which whoever joins later gets as well.
+
+        Pauses go by the stamps of messages where they have one: no tick is recorded in part.
+        """
+        if not self.is_paused:
+            now_ns = self.now_ns
+            self.pauses.append(Pause(-1 if now_ns is None else now_ns))
+
+    def resume(self) -> None:
+        """Record again, from the next tick on."""
+        if self.is_paused:
+            now_ns = self.now_ns
+            self.pauses[-1].until_ns = -1 if now_ns is None else now_ns
 
     @property
     def message_counts(self) -> dict[str, int]:
@@ -136,6 +184,10 @@ class RecordingSession:
 
     def _write(self, channel: _Channel, data: bytes, times: tuple[int, int]) -> None:
         """Write a message; in simulated time one tick is kept in memory, the ones before in the file."""
+        pause = next((pause for pause in self.pauses if pause.covers(times[1])), None)
+        if pause is not None and not channel.is_latched:
+            pause.passed_over += 1
+            return
         if times[0] != self._tick_ns and self._timeline.source is TimeSource.SIMULATED:
             self._tick_ns = times[0]
             self._writer.flush()

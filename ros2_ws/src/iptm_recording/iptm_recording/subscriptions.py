@@ -14,6 +14,7 @@ from rosbags.interfaces import Qos, QosHistory
 
 from iptm_core.errors import BagError
 from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.qos_overrides import QosOverrides
 from iptm_recording.rclpy_types import from_profile, message_class, to_profile
 from iptm_recording.recorded_topics import TopicSelection, request_for
 from iptm_recording.session import RecordingSession
@@ -111,6 +112,7 @@ class TopicSubscriber:
         discover: consider every topic of the graph, not only those of the suite.
         depth: messages to queue per topic.
         on_error: told when a message cannot be written.
+        qos: what a user wants of the quality of service.
     """
 
     def __init__(
@@ -122,8 +124,10 @@ class TopicSubscriber:
         discover: bool,
         depth: int,
         on_error: Callable[[BagError], None],
+        qos: QosOverrides,
     ) -> None:
         self._node = node
+        self._qos = qos
         self._session = session
         self._selection = selection
         self._discover = discover
@@ -160,6 +164,11 @@ class TopicSubscriber:
         return sum(map(self._is_matched, self._subscribed))
 
     @property
+    def unused_overrides(self) -> list[str]:
+        """Topics whose quality of service was named but that were not there."""
+        return sorted(self._qos.by_topic.keys() - self._subscribed.keys())
+
+    @property
     def awaited_topics(self) -> list[str]:
         """Topics of the suite that have had no publisher so far."""
         return [name for name in self._suite if name not in self._subscribed]
@@ -181,7 +190,7 @@ class TopicSubscriber:
         """Subscribe again where a new publisher offers less than was asked for; call it seldom."""
         for name, subscribed in self._subscribed.items():
             offered = self._offered_qos(name)
-            request = request_for(offered, self._depth)
+            request = self._request(name, offered)
             if offered and request != subscribed.request:
                 self._node.destroy_subscription(subscribed.subscription)
                 subscribed.request = request
@@ -248,7 +257,7 @@ class TopicSubscriber:
             if is_of_trip:
                 self._gate.is_running = True
 
-        request = request_for(self._offered_qos(name), self._depth)
+        request = self._request(name, self._offered_qos(name))
         subscription = self._raw_subscription(name, type_name, take, request)
         self._subscribed[name] = _Subscribed(type_name, take, request, subscription)
 
@@ -269,6 +278,10 @@ class TopicSubscriber:
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(message_lost=count_lost),
         )
+
+    def _request(self, name: str, offered: list[Qos]) -> Qos:
+        """Return the quality of service to ask for."""
+        return self._qos.applied(name, request_for(offered, self._depth))
 
     def _offered_qos(self, name: str) -> list[Qos]:
         """Return what the publishers of a topic offer at present.
