@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks import v2x_prediction, v2x_price
+from benchmarks import v2x_attacks, v2x_prediction, v2x_price
 from benchmarks.harness import run_benchmark
 from iptm_core.errors import StoreError
 
@@ -28,6 +28,7 @@ TEXTS = {
     "prediction": v2x_prediction.as_table,
     "price": v2x_price.as_table,
     "fuzz": fuzz_text,
+    "attacks": v2x_attacks.as_table,
 }
 
 
@@ -44,16 +45,19 @@ def put(page: str, name: str, text: str) -> str:
     return f"{head}{begin}\n{text.strip()}\n\n{end}{rest.split(end, 1)[1]}"
 
 
-def measure(prediction: str = "", price: str = "", fuzz: str = "") -> dict[str, Any]:
+def measure(
+    prediction: str = "", price: str = "", fuzz: str = "", attacks: str = ""
+) -> dict[str, Any]:
     """Write the page.
 
     Args:
         prediction: numbers of v2x_prediction.
         price: numbers of v2x_price.
         fuzz: numbers of v2x_fuzz.
+        attacks: numbers of v2x_attacks.
     """
     page = PAGE.read_text(encoding="utf-8")
-    files = {"prediction": prediction, "price": price, "fuzz": fuzz}
+    files = {"prediction": prediction, "price": price, "fuzz": fuzz, "attacks": attacks}
     for name, file in files.items():
         if file:
             numbers = json.loads(Path(file).read_text(encoding="utf-8"))

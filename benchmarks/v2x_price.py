@@ -101,9 +101,8 @@ def drive(case: Case, cycle: str, duration_s: float | None, seed: int) -> dict[s
             safe_law.append(tick)
 
     controller = Controller(parameters, options)
-    loop = run_closed_loop(
-        route, Plant(parameters, route.slope.slope_at), controller, None, on_tick, watched
-    )
+    plant = Plant(parameters, route.slope.slope_at)
+    loop = run_closed_loop(route, plant, controller, on_tick=on_tick, bridge=watched)
     run = compute_metrics(loop.trajectory, parameters, loop.decisions)
     margins = gap_margins_m(loop.trajectory, parameters)
     broken = margins < -GAP_TOLERANCE_M

@@ -8,6 +8,7 @@ from sensor_msgs.msg import JointState
 
 from iptm_interfaces.topics import (
     LATCHED_QOS,
+    RAW_QOS,
     STREAM_QOS,
     TOPICS,
     Topic,
@@ -58,8 +59,9 @@ def test_every_specification_is_complete(spec: TopicSpec) -> None:
 
 @pytest.mark.parametrize("spec", ALL, ids=spec_id)
 def test_only_static_data_is_latched(spec: TopicSpec) -> None:
-    expected = LATCHED_QOS if spec.topic in {Topic.SLOPE, Topic.VISUAL_ROAD} else STREAM_QOS
-    assert spec.qos is expected
+    latched = dict.fromkeys((Topic.SLOPE, Topic.VISUAL_ROAD), LATCHED_QOS)
+    special = {**latched, Topic.DATAGRAMS: RAW_QOS}
+    assert spec.qos is special.get(spec.topic, STREAM_QOS)
 
 
 def test_profiles() -> None:

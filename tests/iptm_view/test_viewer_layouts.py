@@ -73,7 +73,7 @@ def test_foxglove(namespace: str) -> None:
     unnamed = {spec.topic for spec in TOPICS.values()} - {
         find_topic(topic, namespace).topic for topic in named
     }
-    assert {topic.name for topic in unnamed} == {"CLOCK", "SLOPE"}
+    assert {topic.name for topic in unnamed} == {"CLOCK", "SLOPE", "DATAGRAMS"}
 
 
 def test_plotjuggler() -> None:

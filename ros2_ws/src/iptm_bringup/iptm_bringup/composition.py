@@ -93,9 +93,13 @@ def node_parameters(
     """
     scenario = prepared.scenario
     controller, recorder, runner = 1, int(listeners.recorder), 1
-    # A bridge that hears messages listens to the odometry, too, and their sender to the clock.
-    told = scenario.node_parameters.get(BRIDGE, {}).get("leader_source")
-    wireless = int(told == LEADER_FROM_MESSAGES)
+    # A bridge that hears messages listens to the odometry, too, and in lock-step their sender to the clock.
+    told = scenario.node_parameters.get(BRIDGE, {})
+    wireless = int(
+        told.get("leader_source") == LEADER_FROM_MESSAGES
+        and told.get("cam_lock_step") is not False
+        and not told.get("recorded_packets")
+    )
     peers: dict[str, dict[str, Scalar]] = {
         PLANT: {
             "expected_peers": controller + recorder + runner + wireless + listeners.foreign_to_state

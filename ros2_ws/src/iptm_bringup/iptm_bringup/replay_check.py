@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -19,7 +19,7 @@ from typing import Any
 import yaml
 from rich.console import Console
 
-from iptm_bringup.composition import node_command, parameter_file_text
+from iptm_bringup.composition import LEADER_FROM_MESSAGES, node_command, parameter_file_text
 from iptm_bringup.environment import environment_of_run, process_environment
 from iptm_bringup.replay_feed import Step, answer_steps
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT
@@ -66,7 +66,7 @@ INPUTS: Mapping[str, tuple[Topic, ...]] = {
     BRIDGE: (Topic.CLOCK,),
     PLANT: (Topic.COMMAND,),
 }
-"""What each node is told."""
+"""What each node is told; a bridge that listens to messages needs the place of the host, too."""
 
 _LAST_WORD = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
 _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
@@ -106,7 +106,17 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
         BagError: the bag cannot be read, lacks a topic or the parameters, or cannot be repeated.
     """
     with BagReader(bag) as reader:
-        wanted = dict.fromkeys((*INPUTS[node], *OUTPUTS[node]))
+        text = reader.run_information().parameters
+        given = (yaml.safe_load(text) or {}).get(node)
+        if not isinstance(given, dict):
+            raise BagError(
+                f"{bag} does not hold the parameters of {node}: there is nothing to start it with"
+            )
+        inputs, own_way = INPUTS[node], dict(_OWN_WAY[node])
+        if node == BRIDGE and given.get("leader_source") == LEADER_FROM_MESSAGES:
+            inputs = (Topic.PLANT_ODOMETRY, *inputs)
+            own_way |= {"recorded_packets": str(bag.resolve()), "publish_datagrams": False}
+        wanted = dict.fromkeys((*inputs, *OUTPUTS[node]))
         names = {topic: topic_name(reader, topic, namespace) for topic in wanted}
         topics = {name: topic for topic, name in names.items()}
         heard: dict[Topic, dict[int, bytes]] = {topic: {} for topic in wanted}
@@ -117,31 +127,27 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
                 heard[topics[raw.topic]][stamp_ns] = raw.data
                 if topics[raw.topic] is _LAST_WORD[node]:
                     answered.append((stamp_ns, None))
-        text = reader.run_information().parameters
     trips = len(split_trips(answered))
     if trips > 1:
         raise BagError(f"{bag} holds {trips} trips; allowed: one, as a check begins with the start")
-    given = (yaml.safe_load(text) or {}).get(node)
-    if not isinstance(given, dict):
-        raise BagError(
-            f"{bag} does not hold the parameters of {node}: there is nothing to start it with"
-        )
     if node == PLANT and given.get("mode", "lock_step") != LoopMode.LOCK_STEP.value:
         raise BagError(
             f"mode of {bag} is {given['mode']}; allowed: lock_step, as a plant on the wall clock"
             " applies commands when they arrive"
         )
-    own_name = next(name for topic, name in names.items() if topic is not Topic.CLOCK)
-    own_topic = topics[own_name]
+    own_name = names[OUTPUTS[node][0]]
+    own_topic = OUTPUTS[node][0]
     return Recorded(
         names=names,
         namespace=own_name.removesuffix(own_topic.value).rstrip("/") or "/",
-        parameters={**given, **_OWN_WAY[node]},
-        steps=tuple(_steps(node, heard, bag)),
+        parameters={**given, **own_way},
+        steps=tuple(_steps(node, inputs, heard, bag)),
     )
 
 
-def _steps(node: str, heard: Mapping[Topic, Mapping[int, bytes]], bag: Path) -> list[Step]:
+def _steps(
+    node: str, inputs: Collection[Topic], heard: Mapping[Topic, Mapping[int, bytes]], bag: Path
+) -> list[Step]:
     last_word = _LAST_WORD[node]
     answers = sorted(heard[last_word])
     if not answers:
@@ -158,12 +164,12 @@ def _steps(node: str, heard: Mapping[Topic, Mapping[int, bytes]], bag: Path) -> 
         told = [
             {
                 topic: heard[topic][stamp]
-                for topic in INPUTS[node]
+                for topic in inputs
                 if stamp in heard[topic] and topic is not Topic.SLOPE
             }
             for stamp in answers
         ]
-        if Topic.SLOPE in INPUTS[node]:
+        if Topic.SLOPE in inputs:
             told[0] = {Topic.SLOPE: heard[Topic.SLOPE][0], **told[0]}
     return [Step(inputs, last_word, stamp) for inputs, stamp in zip(told, answers, strict=True)]
 

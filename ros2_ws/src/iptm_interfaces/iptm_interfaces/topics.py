@@ -20,7 +20,7 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, JointState, Temperature
-from std_msgs.msg import Float64, Float64MultiArray
+from std_msgs.msg import Float64, Float64MultiArray, UInt8MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 MAP_FRAME = "map"
@@ -50,6 +50,14 @@ LATCHED_QOS = QoSProfile(
 )
 """Static data: reliable, keep last 1, transient-local (a late subscriber still gets it)."""
 
+RAW_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=5000,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""What comes in bursts and must not be lost: reliable, keep last 5000, volatile."""
+
 
 class Topic(Enum):
     """Key of a topic; the value is its name."""
@@ -68,6 +76,7 @@ class Topic(Enum):
     LEADER = "v2x/leader"
     LEADER_PREVIEW = "v2x/leader_preview"
     SLOPE = "v2x/slope"
+    DATAGRAMS = "v2x/datagrams"
     COMMAND = "controller/command"
     ACCELERATION_COMMAND = "controller/acceleration_command"
     COMPRESSOR_POWER_COMMAND = "controller/compressor_power_command"
@@ -93,6 +102,7 @@ class TopicSpec:
         fields: names and units of named values and trajectory columns, in published order.
         latched: whether late subscribers still get the last message.
         rate: when it is published.
+        on_request: only published where a parameter asks for it, so that nobody waits for it.
     """
 
     topic: Topic
@@ -104,6 +114,7 @@ class TopicSpec:
     fields: Mapping[str, str] = field(default_factory=dict)
     latched: bool = False
     rate: str = "every tick (1 s)"
+    on_request: bool = False
 
     @property
     def name(self) -> str:
@@ -113,6 +124,8 @@ class TopicSpec:
     @property
     def qos(self) -> QoSProfile:
         """Profile offered by the publisher and requested by subscribers."""
+        if self.on_request:
+            return RAW_QOS
         return LATCHED_QOS if self.latched else STREAM_QOS
 
     @property
@@ -192,6 +205,12 @@ _SPECS = (
         "road slope over position, 2 x N: row 0 positions (increasing), row 1 slopes "
         "(positive uphill)",
         {"position_m": "m", "slope_rad": "rad"}, latched=True, rate="once at start",
+    ),
+    TopicSpec(
+        Topic.DATAGRAMS, UInt8MultiArray, "v2x_bridge", "-", "-",
+        "data = a datagram as it came from the radio; layout.dim[0].label = when it was received, ns of "
+        "TimestampIts; behind the datagrams of a tick the mark of its end",
+        rate="with publish_datagrams", on_request=True,
     ),
     TopicSpec(
         Topic.COMMAND, JointState, "controller", HOST_FRAME, "see fields",

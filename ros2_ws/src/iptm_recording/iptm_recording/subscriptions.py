@@ -144,7 +144,11 @@ class TopicSubscriber:
         self._gate_names = [names[topic] for topic in _GATE]
         self._gate = Gate(
             gate_topics=self._gate_names,
-            awaited=[name for name in self._suite if name != names[Topic.DIAGNOSTICS]],
+            awaited=[
+                name
+                for name in self._suite
+                if name != names[Topic.DIAGNOSTICS] and not self._specs[name].on_request
+            ],
         )
 
     @property
@@ -171,7 +175,11 @@ class TopicSubscriber:
     @property
     def awaited_topics(self) -> list[str]:
         """Topics of the suite that have had no publisher so far."""
-        return [name for name in self._suite if name not in self._subscribed]
+        return [
+            name
+            for name in self._suite
+            if name not in self._subscribed and not self._specs[name].on_request
+        ]
 
     def look(self) -> None:
         """Subscribe to topics that have got a publisher; call it a few times a second."""

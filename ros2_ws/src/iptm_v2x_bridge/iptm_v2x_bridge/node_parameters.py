@@ -71,6 +71,15 @@ class CamSettings(Settings):
         0.1,
         100.0,
     )
+    recorded_packets: str = parameter(
+        "",
+        "cam: read recorded packets instead of the socket: a bag with v2x/datagrams, or a capture (.pcap, "
+        ".pcapng; of UDP datagrams those to cam_port)",
+    )
+    publish_datagrams: bool = parameter(
+        default=False,
+        description="cam: publish every datagram on v2x/datagrams, so that a bag holds the radio traffic",
+    )
     earlier_drives: str = parameter(
         "",
         "cam: earlier drives of this road to learn from, cycles or .csv and .gpx files, separated by commas",

@@ -13,6 +13,7 @@ from iptm_interfaces.codecs.command import (
     encode_command,
     encode_decision_record,
 )
+from iptm_interfaces.codecs.datagram import decode_raw_datagram, encode_raw_datagram
 from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
 from iptm_interfaces.codecs.plan import PlanTrajectory, decode_plan, encode_plan
 from iptm_interfaces.codecs.preview import (
@@ -57,6 +58,7 @@ __all__ = [
     "decode_observation",
     "decode_plan",
     "decode_powers",
+    "decode_raw_datagram",
     "decode_slope",
     "decode_temperature",
     "decode_vehicle_state",
@@ -72,6 +74,7 @@ __all__ = [
     "encode_named_values",
     "encode_plan",
     "encode_powers",
+    "encode_raw_datagram",
     "encode_slope",
     "encode_temperature",
     "ns_from_s",

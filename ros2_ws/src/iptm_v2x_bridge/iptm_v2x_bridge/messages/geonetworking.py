@@ -91,6 +91,14 @@ def wrap(payload: bytes, sender: SenderPosition, station_id: int, station_type: 
     )
 
 
+def declared_bytes(packet: bytes) -> int:
+    """Return how long a packet says that it is; as long as it is where it does not say."""
+    start = HEADER_BYTES - _BTP.size
+    if len(packet) < start or packet[0] != _VERSION_1 | _NEXT_COMMON:
+        return len(packet)
+    return start + int(_COMMON.unpack_from(packet, _BASIC.size)[4])
+
+
 def unwrap(datagram: bytes) -> Packet | Rejection:
     """Return the message of a single-hop broadcast, or why there is none.
 

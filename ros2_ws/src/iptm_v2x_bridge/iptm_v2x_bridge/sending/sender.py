@@ -9,9 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from iptm_core.routes.leader import LeaderMotion
-from iptm_core.routes.road_line import RoadLine
+from iptm_core.routes.road_line import RoadLine, step_m
 from iptm_core.trip_time import NS_PER_S
-from iptm_v2x_bridge.messages.cam import PASSENGER_CAR, CamMessage, PredictedPath
+from iptm_v2x_bridge.messages.cam import (
+    ASSUMED_LENGTH_M,
+    PASSENGER_CAR,
+    CamMessage,
+    PredictedPath,
+)
 from iptm_v2x_bridge.messages.cam_codec import encode_cam
 from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
 from iptm_v2x_bridge.messages.its_time import delta_time_ms
@@ -25,6 +30,54 @@ POSITION_BOUND_M = 0.02
 _ACCELERATION_WINDOW_S = 0.2
 _MAX_ACCELERATION_M_S2 = 16.0
 _NS_PER_MS = 1_000_000
+
+
+def car_on_road(
+    road: RoadLine,
+    station_id: int,
+    timestamp_ms: int,
+    rear_m: float,
+    speed_m_s: float,
+    *,
+    acceleration_m_s2: float = 0.0,
+    length_m: float = ASSUMED_LENGTH_M,
+    left_m: float = 0.0,
+    path: PredictedPath | None = None,
+) -> CamMessage:
+    """Return what a car says that drives along a road.
+
+    Args:
+        road: the road.
+        station_id: identity of the car.
+        timestamp_ms: TimestampIts of the generation.
+        rear_m: rear end along the road.
+        speed_m_s: speed.
+        acceleration_m_s2: acceleration, cut to the range of the standard.
+        length_m: length of the car.
+        left_m: how far it is to the left of the middle.
+        path: its predicted path.
+    """
+    latitude, longitude, heading = (float(value) for value in road.locate(rear_m + length_m))
+    if left_m:
+        heading_rad = np.radians(heading)
+        east, north = step_m(latitude + 1e-5, longitude + 1e-5, (latitude, longitude))
+        latitude += left_m * float(np.sin(heading_rad)) * 1e-5 / north
+        longitude -= left_m * float(np.cos(heading_rad)) * 1e-5 / east
+    return CamMessage(
+        station_id=station_id,
+        delta_time_ms=delta_time_ms(timestamp_ms),
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        heading_deg=heading,
+        speed_m_s=speed_m_s,
+        acceleration_m_s2=max(
+            min(acceleration_m_s2, _MAX_ACCELERATION_M_S2), -_MAX_ACCELERATION_M_S2
+        ),
+        length_m=length_m,
+        width_m=1.8,
+        position_bound_m=POSITION_BOUND_M,
+        path=path,
+    )
 
 
 class CamSender:
@@ -55,22 +108,15 @@ class CamSender:
         time_s, settings = time_ns / NS_PER_S, self._settings
         around = time_s + np.array([-_ACCELERATION_WINDOW_S, 0.0])
         speed_before, speed = self._motion.speeds_at(around).tolist()
-        front_m = float(self._motion.positions_at(time_s)) + settings.vehicle_length_m
-        latitude, longitude, heading = (float(value) for value in self._road.locate(front_m))
-        acceleration = (speed - speed_before) / _ACCELERATION_WINDOW_S
-        path = self._path(time_s) if self._tells_path(time_ns) else None
-        return CamMessage(
-            station_id=settings.station_id,
-            delta_time_ms=delta_time_ms(self._start_ms + time_ns // _NS_PER_MS),
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            heading_deg=heading,
-            speed_m_s=speed,
-            acceleration_m_s2=max(min(acceleration, _MAX_ACCELERATION_M_S2), -16.0),
+        return car_on_road(
+            self._road,
+            settings.station_id,
+            self._start_ms + time_ns // _NS_PER_MS,
+            float(self._motion.positions_at(time_s)),
+            speed,
+            acceleration_m_s2=(speed - speed_before) / _ACCELERATION_WINDOW_S,
             length_m=settings.vehicle_length_m,
-            width_m=1.8,
-            position_bound_m=POSITION_BOUND_M,
-            path=path,
+            path=self._path(time_s) if self._tells_path(time_ns) else None,
         )
 
     def _tells_path(self, time_ns: int) -> bool:

@@ -1,0 +1,142 @@
+"""The node's answers to the clock from messages of other cars."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from nav_msgs.msg import Odometry
+
+from iptm_core.state import SlopePreview
+from iptm_interfaces.codecs import encode_raw_datagram, ns_from_time
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.messages.cam_codec import specification
+from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
+from iptm_v2x_bridge.node_datagrams import open_source
+from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+from iptm_v2x_bridge.source import CycleSource
+
+READ_PERIOD_S = 0.005
+_KEPT_HOST_POSITIONS = 16
+_NS_PER_MS = 1_000_000
+
+
+class CamAnswers:
+    """The leader is who its messages say it is.
+
+    A tick is answered when the host's position of the same stamp is known and, in lock-step, when the sender
+    has said that it has sent everything up to the tick.
+    """
+
+    def __init__(
+        self,
+        node: SuiteNode,
+        source: CycleSource,
+        options: BridgeNodeParameters,
+        retry: Callable[[], None],
+    ) -> None:
+        """Open the source of the datagrams and listen for the host; see `node_answers`."""
+        self._source, self._options, self._retry = source, options, retry
+        self._bridge: CamBridge | None = None
+        self._before: tuple[CamBridge | None, int, int, int | None] = (None, 0, 0, None)
+        self._datagrams = open_source(options, node.resolve_topic_name(Topic.DATAGRAMS.value))
+        self._host_m: dict[int, float] = {}
+        self._start_ms = self._last_ns = 0
+        self._read_ns: int | None = None
+        self._received = 0
+        self._missing = ""
+        self._publisher = node.advertise(Topic.DATAGRAMS) if options.publish_datagrams else None
+        # Datagrams of the present are read at once; those of the trip's own time belong to its ticks.
+        self._by_wall_clock = options.trip_start_timestamp_ms < 0 and not options.recorded_packets
+        specification()  # compiled now, not at the first tick, which others wait for
+        node.listen(Topic.PLANT_ODOMETRY, self._on_host)
+        node.every(READ_PERIOD_S, self._on_read_timer)
+
+    def begin_trip(self) -> None:
+        """Begin anew; see `NodeAnswers`."""
+        self._before = (self._bridge, self._start_ms, self._last_ns, self._read_ns)
+        self._bridge = None
+
+    def resume_trip(self) -> None:
+        """Go on with the trip before the last beginning."""
+        self._bridge, self._start_ms, self._last_ns, self._read_ns = self._before
+
+    def _on_host(self, message: Odometry) -> None:
+        position_m = float(message.pose.pose.position.x)
+        if not math.isfinite(position_m):
+            return  # the tick stays unanswered; the report says what it waits for
+        self._host_m[ns_from_time(message.header.stamp)] = position_m
+        while len(self._host_m) > _KEPT_HOST_POSITIONS:
+            del self._host_m[next(iter(self._host_m))]
+        self._retry()
+
+    def _on_read_timer(self) -> None:
+        if self._bridge is not None and self._by_wall_clock:
+            passed_ms = its_timestamp_ms(time.time_ns()) - self._start_ms
+            self._read(self._bridge, max(passed_ms * _NS_PER_MS, self._last_ns))
+        self._retry()
+
+    def answer(self, time_ns: int) -> BridgeAnswer | None:
+        """Return the answer to a tick, None while something is missing."""
+        bridge = self._bridge or self._start(time_ns)
+        self._read(bridge, time_ns)
+        host_m = self._host_m.get(time_ns)
+        if host_m is None:
+            self._missing = "waiting for the position of the host"
+            return None
+        self._missing = self._datagrams.missing(time_ns)
+        if self._missing:
+            return None
+        self._last_ns = time_ns
+        self._publish(EndOfTick(time_ns, self._received).encode(), time_ns)
+        return bridge.answer(time_ns, host_m)
+
+    def _start(self, time_ns: int) -> CamBridge:
+        """Begin with the first tick: it tells what time of the messages is trip time 0."""
+        self._start_ms, self._last_ns = self._datagrams.begin_trip(time_ns), time_ns
+        self._received, self._read_ns = 0, None
+        self._bridge = CamBridge(
+            self._source.route.road_line,
+            self._options,
+            predictors=self._options.build_predictors(self._source.route),
+            known_bound_m=self._options.known_bound_m,
+            start_timestamp_ms=self._start_ms,
+        )
+        return self._bridge
+
+    def _read(self, bridge: CamBridge, time_ns: int) -> None:
+        after_ns, self._read_ns = self._read_ns, time_ns
+        for reception in self._datagrams.take(after_ns, time_ns):
+            bridge.receive(reception.datagram, reception.received_ns)
+            self._publish(reception.datagram, reception.received_ns)
+            self._received += 1
+        dropped = self._datagrams.take_dropped(after_ns, time_ns)
+        if dropped:
+            bridge.count_overflow(dropped)
+            self._received += dropped
+
+    def _publish(self, datagram: bytes, received_ns: int) -> None:
+        if self._publisher is not None:
+            its_ns = self._start_ms * _NS_PER_MS + received_ns
+            self._publisher.publish(encode_raw_datagram(datagram, its_ns))
+
+    def missing(self) -> str:
+        """Return what is waited for, empty if nothing is."""
+        return self._missing
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics."""
+        return self._datagrams.report() | (self._bridge.report() if self._bridge else {})
+
+    def slope_ahead(self) -> SlopePreview:
+        """Return the slope of the whole road."""
+        return self._source.slope_ahead()
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self._datagrams.close()

@@ -1,0 +1,217 @@
+"""Where the node's datagrams come from: a socket, or a recording."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+from iptm_core.errors import BagError
+from iptm_interfaces.codecs import decode_raw_datagram
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_reader import BagReader
+from iptm_v2x_bridge.captures import CAPTURE_SUFFIXES, read_capture
+from iptm_v2x_bridge.datagrams import MAX_KEPT, DatagramReader
+from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
+from iptm_v2x_bridge.node_parameters import CamSettings
+from iptm_v2x_bridge.radio_recording import (
+    RadioRecording,
+    Reception,
+    recording_by_time,
+    recording_with_marks,
+)
+from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+
+_NS_PER_MS = 1_000_000
+
+
+class DatagramSource(Protocol):
+    """Hands out, tick by tick, what was received."""
+
+    def begin_trip(self, time_ns: int) -> int:
+        """Begin a trip with its first tick; return the TimestampIts of trip time 0 in ms."""
+        ...
+
+    def take(self, after_ns: int | None, until_ns: int) -> Sequence[Reception]:
+        """Return what was received for the ticks after one (None for all before) and up to another."""
+        ...
+
+    def take_dropped(self, after_ns: int | None, until_ns: int) -> int:
+        """Return how many more datagrams had to be dropped unread meanwhile."""
+        ...
+
+    def missing(self, time_ns: int) -> str:
+        """Return what is waited for before a tick can be answered, empty if nothing is."""
+        ...
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics."""
+        ...
+
+    def close(self) -> None:
+        """Give back what is held."""
+        ...
+
+
+def open_source(options: CamSettings, topic: str) -> DatagramSource:
+    """Return the source that the parameters ask for.
+
+    Args:
+        options: of the node.
+        topic: full name of the node's own topic of datagrams, which counts where a bag has several.
+
+    Raises:
+        IptmError: the socket or the recording is not usable.
+    """
+    if options.recorded_packets:
+        return _RecordedSource(
+            read_recording(
+                Path(options.recorded_packets),
+                options.cam_port,
+                options.trip_start_timestamp_ms,
+                topic,
+            )
+        )
+    return _SocketSource(
+        DatagramReader(options.cam_address, options.cam_port),
+        options.trip_start_timestamp_ms,
+        lock_step=options.cam_lock_step,
+    )
+
+
+class _SocketSource:
+    """Datagrams of a socket.
+
+    In lock-step those up to the mark of a tick count for it, and a sender that is ahead is heard when its
+    time has come; otherwise everything counts at once.
+    """
+
+    def __init__(self, reader: DatagramReader, start_timestamp_ms: int, *, lock_step: bool) -> None:
+        self._reader, self._given_start_ms, self._lock_step = reader, start_timestamp_ms, lock_step
+        self._waiting: deque[bytes] = deque()
+        self._marks: deque[EndOfTick] = deque()
+        """Those in what waits, in the same order."""
+        self._ended_ns: int | None = None
+        self._heard = self._dropped = self._lost_on_the_way = 0
+
+    def begin_trip(self, time_ns: int) -> int:
+        if self._given_start_ms >= 0:
+            return self._given_start_ms
+        return its_timestamp_ms(time.time_ns()) - time_ns // _NS_PER_MS
+
+    def take(self, after_ns: int | None, until_ns: int) -> list[Reception]:  # noqa: ARG002
+        if not self._lock_step:
+            return [Reception(until_ns, until_ns, datagram) for datagram in self._reader.take()]
+        self._listen()
+        taken: list[Reception] = []
+        while self._marks and self._marks[0].time_ns <= until_ns:
+            found = self._pass_mark()
+            taken += [Reception(until_ns, until_ns, datagram) for datagram in found]
+        return taken
+
+    def _listen(self) -> None:
+        """Let what has arrived wait for the mark behind it; too much of it is left to the reader to drop."""
+        if len(self._waiting) >= MAX_KEPT:
+            return
+        for datagram in self._reader.take():
+            self._waiting.append(datagram)
+            mark = EndOfTick.decode(datagram)
+            if mark is None:
+                continue
+            while self._marks and mark.time_ns < self._marks[-1].time_ns:
+                self._pass_mark()  # the sender began a new trip
+            self._marks.append(mark)
+
+    def _pass_mark(self) -> list[bytes]:
+        """Return what came before the first mark that waits, and take note of it."""
+        mark, before = self._marks.popleft(), []
+        while EndOfTick.decode(datagram := self._waiting.popleft()) is None:
+            before.append(datagram)
+        if self._ended_ns is not None and mark.time_ns < self._ended_ns:
+            self._heard = mark.sent - len(before)  # the sender began a new trip
+        self._heard += len(before)
+        self._ended_ns = mark.time_ns
+        self._lost_on_the_way = mark.sent - self._heard
+        return before
+
+    def take_dropped(self, after_ns: int | None, until_ns: int) -> int:  # noqa: ARG002
+        dropped = self._reader.dropped - self._dropped
+        self._dropped += dropped
+        return dropped
+
+    def missing(self, time_ns: int) -> str:
+        if not self._lock_step or self._ended_ns == time_ns:
+            return ""
+        return "waiting for the sender's end of the tick"
+
+    def report(self) -> dict[str, object]:
+        values: dict[str, object] = {"port": self._reader.port}
+        if self._lock_step:
+            values["lost_between_sender_and_bridge"] = self._lost_on_the_way
+        return values
+
+    def close(self) -> None:
+        self._reader.close()
+
+
+class _RecordedSource:
+    """Datagrams of a recording, which begins anew with every trip."""
+
+    def __init__(self, recording: RadioRecording) -> None:
+        self._recording = recording
+
+    def begin_trip(self, time_ns: int) -> int:  # noqa: ARG002 - the recording knows
+        return self._recording.start_timestamp_ms
+
+    def take(self, after_ns: int | None, until_ns: int) -> Sequence[Reception]:
+        return self._recording.received(after_ns, until_ns)
+
+    def take_dropped(self, after_ns: int | None, until_ns: int) -> int:
+        return self._recording.dropped_between(after_ns, until_ns)
+
+    def missing(self, time_ns: int) -> str:  # noqa: ARG002 - nothing ever is
+        return ""
+
+    def report(self) -> dict[str, object]:
+        return {
+            "recorded_datagrams": len(self._recording.receptions),
+            "recorded_until_s": self._recording.ends_ns * 1e-9,
+        }
+
+    def close(self) -> None:
+        pass
+
+
+def read_recording(
+    path: Path, port: int, start_timestamp_ms: int, topic: str = ""
+) -> RadioRecording:
+    """Return the radio traffic in a bag or a capture.
+
+    Args:
+        path: bag folder, .mcap file, .pcap or .pcapng.
+        port: UDP port whose datagrams count in a capture.
+        start_timestamp_ms: TimestampIts at trip time 0; a bag knows its own.
+        topic: full name of the topic that counts where a bag has several.
+
+    Raises:
+        IptmError: there is none, or it cannot be read.
+    """
+    if path.suffix.lower() in CAPTURE_SUFFIXES:
+        captured = read_capture(path, port)
+        start_ms = max(start_timestamp_ms, 0)
+        marked = recording_with_marks(captured, str(path), start_ms)
+        return marked or recording_by_time(captured, start_ms)
+    with BagReader(path) as reader:
+        spec = TOPICS[Topic.DATAGRAMS]
+        wanted = topic if topic in reader.topics else spec.name
+        topic = reader.resolve(wanted, spec.type_name).name
+        received = [decode_raw_datagram(found.message) for found in reader.messages([topic])]
+    recording = recording_with_marks(received, str(path))
+    if recording is None:
+        raise BagError(
+            f"{path} holds no mark of the end of a tick on {topic}; allowed: a bag recorded with "
+            "publish_datagrams of the bridge"
+        )
+    return recording

@@ -1,0 +1,154 @@
+"""A drive's radio traffic as it was recorded: every datagram again for the tick that it counted for.
+
+A recording that has marks of the end of each tick tells for itself which datagrams came before which tick and
+repeats bit for bit. One without them, such as a capture of the air, is cut by the times of reception.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from iptm_core.errors import ParameterError
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+
+_NS_PER_MS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Reception:
+    """A datagram of a recording.
+
+    Attributes:
+        tick_ns: the first tick that it counts for, trip time.
+        received_ns: when it was received, trip time.
+        datagram: its bytes.
+    """
+
+    tick_ns: int
+    received_ns: int
+    datagram: bytes
+
+
+@dataclass(frozen=True)
+class RadioRecording:
+    """All that was received in one trip.
+
+    Attributes:
+        start_timestamp_ms: TimestampIts at trip time 0.
+        receptions: by tick, in the order of reception.
+        dropped: by tick, how many more datagrams had to be dropped unread by then.
+    """
+
+    start_timestamp_ms: int
+    receptions: tuple[Reception, ...]
+    dropped: tuple[tuple[int, int], ...] = ()
+    _ticks_ns: tuple[int, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        ticks_ns = tuple(reception.tick_ns for reception in self.receptions)
+        object.__setattr__(self, "_ticks_ns", ticks_ns)
+
+    @property
+    def ends_ns(self) -> int:
+        """The last tick that a datagram counts for, 0 without any."""
+        return self.receptions[-1].tick_ns if self.receptions else 0
+
+    def received(self, after_ns: int | None, until_ns: int) -> Sequence[Reception]:
+        """Return what counts for the ticks after one (None for all before) and up to another."""
+        ticks_ns = self._ticks_ns
+        first = 0 if after_ns is None else bisect_right(ticks_ns, after_ns)
+        return self.receptions[first : bisect_right(ticks_ns, until_ns)]
+
+    def dropped_between(self, after_ns: int | None, until_ns: int) -> int:
+        """Return how many more datagrams had been dropped; the arguments are those of `received`."""
+        return sum(
+            count
+            for tick_ns, count in self.dropped
+            if tick_ns <= until_ns and (after_ns is None or tick_ns > after_ns)
+        )
+
+
+class RecordedRadio:
+    """A recording and the bridge of received messages in one process."""
+
+    def __init__(self, recording: RadioRecording, bridge: CamBridge) -> None:
+        self.bridge = bridge
+        self._recording = recording
+        self._until_ns: int | None = None
+
+    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+        """Return the answer to one tick; see `CamBridge.answer`."""
+        after_ns = self._until_ns
+        if after_ns is not None and after_ns > time_ns:
+            after_ns = None  # a new trip
+        for reception in self._recording.received(after_ns, time_ns):
+            self.bridge.receive(reception.datagram, reception.received_ns)
+        self.bridge.count_overflow(self._recording.dropped_between(after_ns, time_ns))
+        self._until_ns = time_ns
+        return self.bridge.answer(time_ns, host_position_m)
+
+
+def recording_with_marks(
+    received: Iterable[tuple[int, bytes]], source: str, start_timestamp_ms: int | None = None
+) -> RadioRecording | None:
+    """Return a recording whose datagrams end with a mark at every tick, None if there is no mark.
+
+    Args:
+        received: time of reception (ns of TimestampIts) and bytes, in the order of reception.
+        source: file, for messages.
+        start_timestamp_ms: TimestampIts at trip time 0, the time of reception being that of another clock;
+            None where the marks themselves were received in the time of the trip.
+
+    Raises:
+        ParameterError: it holds several trips.
+    """
+    start_ms = start_timestamp_ms
+    waiting: list[tuple[int, bytes]] = []
+    receptions: list[Reception] = []
+    dropped: list[tuple[int, int]] = []
+    last_ns: int | None = None
+    lost = 0
+    for its_ns, datagram in received:
+        mark = EndOfTick.decode(datagram)
+        if mark is None:
+            waiting.append((its_ns, datagram))
+            continue
+        if last_ns is not None and mark.time_ns < last_ns:
+            raise ParameterError(
+                f"recorded_packets is {source!r}, where {mark.time_ns * 1e-9:g} s of a trip follow "
+                f"{last_ns * 1e-9:g} s; allowed: one trip"
+            )
+        last_ns = mark.time_ns
+        if start_ms is None:
+            start_ms = (its_ns - mark.time_ns) // _NS_PER_MS
+        for heard_ns, data in waiting:
+            own_ns = heard_ns - start_ms * _NS_PER_MS
+            at_ns = own_ns if start_timestamp_ms is None else mark.time_ns
+            receptions.append(Reception(mark.time_ns, at_ns, data))
+        waiting.clear()
+        missing = mark.sent - len(receptions) - lost
+        if missing > 0:
+            dropped.append((mark.time_ns, missing))
+            lost += missing
+    if start_ms is None or last_ns is None:
+        return None
+    return RadioRecording(start_ms, tuple(receptions), tuple(dropped))
+
+
+def recording_by_time(
+    received: Iterable[tuple[int, bytes]], start_timestamp_ms: int
+) -> RadioRecording:
+    """Return a recording whose datagrams count from the time of their reception on.
+
+    Args:
+        received: time of reception (ns of TimestampIts) and bytes, at least one.
+        start_timestamp_ms: TimestampIts at trip time 0; 0 or less begins the trip with the first datagram.
+    """
+    by_time = sorted(received, key=lambda entry: entry[0])
+    start_ms = start_timestamp_ms if start_timestamp_ms > 0 else by_time[0][0] // _NS_PER_MS
+    trip = [(its_ns - start_ms * _NS_PER_MS, datagram) for its_ns, datagram in by_time]
+    return RadioRecording(start_ms, tuple(Reception(at_ns, at_ns, data) for at_ns, data in trip))

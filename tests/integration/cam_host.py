@@ -1,0 +1,77 @@
+"""The plant's part for tests of the bridge that knows the leader from messages."""
+
+from __future__ import annotations
+
+import socket
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+
+from iptm_core.state import LeaderPreview, LeaderState
+from iptm_interfaces.codecs import (
+    decode_leader,
+    decode_leader_preview_bytes,
+    ns_from_time,
+    time_from_s,
+)
+from iptm_interfaces.diagnostics import status_values
+from iptm_interfaces.topics import Topic
+
+BRIDGE = "iptm_v2x_bridge.node"
+SENDER = "iptm_v2x_bridge.node_sender"
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        return int(taken.getsockname()[1])
+
+
+class Host:
+    """The plant's part: the clock, the host's position, and ears for the bridge."""
+
+    def __init__(self, peer: Any) -> None:
+        self.peer = peer
+        self.leaders: dict[int, LeaderState] = {}
+        self.previews: dict[int, LeaderPreview] = {}
+        self.statuses = peer.statuses("/v2x_bridge")
+        self.clock = peer.node.advertise(Topic.CLOCK)
+        self.odometry = peer.node.advertise(Topic.PLANT_ODOMETRY)
+        peer.node.listen(Topic.LEADER, self._on_leader)
+        peer.node.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
+
+    def _on_leader(self, message: Any) -> None:
+        self.leaders[ns_from_time(message.header.stamp)] = decode_leader(message)
+
+    def _on_preview(self, data: bytes) -> None:
+        stamp_ns, preview = decode_leader_preview_bytes(data)
+        self.previews[stamp_ns] = preview
+
+    def wait_for(self, listeners_of_the_clock: int) -> None:
+        self.peer.wait_until(
+            lambda: (
+                self.clock.get_subscription_count() == listeners_of_the_clock
+                and self.odometry.get_subscription_count() == 1
+            ),
+            what="bridge and sender in the graph",
+        )
+
+    def move(self, time_s: float, position_m: float = 0.0) -> None:
+        message = Odometry()
+        message.header.stamp = time_from_s(time_s)
+        message.pose.pose.position.x = position_m
+        self.odometry.publish(message)
+        self.clock.publish(Clock(clock=time_from_s(time_s)))
+
+    def tick(self, time_s: float, position_m: float = 0.0) -> LeaderPreview:
+        self.move(time_s, position_m)
+        stamp_ns = round(time_s * 1e9)
+        self.peer.wait_until(lambda: stamp_ns in self.previews, what=f"answer to {time_s} s")
+        return self.previews[stamp_ns]
+
+    def settled_values(self) -> dict[str, str]:
+        """Return what the bridge's diagnostics say once they were told twice more."""
+        count = len(self.statuses) + 2
+        self.peer.wait_until(lambda: len(self.statuses) >= count, what="diagnostics of the bridge")
+        return status_values(self.statuses[-1])

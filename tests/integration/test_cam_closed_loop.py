@@ -1,0 +1,87 @@
+"""The whole suite behind a leader that is known by radio, and again behind its recorded radio traffic."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.integration.cam_host import SENDER, free_port
+
+from iptm_bringup.replay_check import check_node
+from iptm_interfaces.discovery import reserve_domain
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.compare_bags import compare_bags
+from iptm_recording.recorded_topics import TopicSelection
+
+TICKS = 15
+RUN_TIMEOUT_S = 120.0
+FAULTS = {"loss_probability": 0.2, "link_delay_s": 0.2, "link_jitter_s": 0.1, "sender_seed": 3}
+Finish = Callable[[], Path]
+Drive = Callable[..., Finish]
+
+
+@pytest.fixture
+def drive(launcher: Any, tmp_path: Path) -> Drive:
+    """Start a drive of the first seconds of us06 by command; with a sender unless packets are given.
+
+    What comes back waits for its end and returns its bag.
+    """
+
+    def begin(name: str, recorded: Path | None = None) -> Finish:
+        port, bag = free_port(), tmp_path / name
+        chosen = {"leader_source": "cam", "cam_port": port, "publish_datagrams": recorded is None}
+        if recorded is not None:
+            chosen["recorded_packets"] = recorded
+        given = [
+            part for item in chosen.items() for part in ("--set", "v2x_bridge.{}={}".format(*item))
+        ]
+        stack = ExitStack()
+        domain = str(stack.enter_context(reserve_domain()))
+        runner = launcher.start_module(
+            "iptm_bringup.run_closed_loop", "--cycle", "us06", "--duration-s", str(TICKS),
+            "--no-picture", "--domain", domain, *given, "--output", bag,
+        )  # fmt: skip
+        sender = None
+        if recorded is None:
+            parameters = {"to_port": port, "cycle": "us06", **FAULTS}
+            told = [part for item in parameters.items() for part in ("-p", "{}:={}".format(*item))]
+            sender = launcher.start_module(
+                SENDER, "--ros-args", *told, name="sender", ROS_DOMAIN_ID=domain
+            )
+
+        def finish() -> Path:
+            with stack:
+                assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
+                if sender is not None:
+                    assert sender.stop(signal.SIGINT) == 0
+            return bag
+
+        return finish
+
+    return begin
+
+
+def test_two_drives_by_radio_and_one_by_its_recording_are_equal_to_the_last_bit(
+    drive: Drive,
+) -> None:
+    """The first two at the same time, each in a domain of its own."""
+    first, second = (finish() for finish in (drive("first"), drive("second")))
+    with BagReader(first) as reader:
+        assert reader.topics["/v2x/datagrams"].message_count > 8 * TICKS
+    for outcome in compare_bags(first, second):
+        assert outcome.agrees, outcome.divergence_text() or outcome
+    # Without a sender, from the datagrams in the bag: the same previews and the same decisions.
+    again = drive("again", first)()
+    compared = compare_bags(
+        first, again, selection=TopicSelection(exclude=("*/datagrams", "/diagnostics"))
+    )
+    assert {"/v2x/leader_preview", "/controller/command"} <= {outcome.topic for outcome in compared}
+    for outcome in compared:
+        assert outcome.agrees, outcome.divergence_text() or outcome
+    # The check of one node finds the recorded traffic by itself.
+    for outcome in check_node(first, "v2x_bridge"):
+        assert outcome.agrees, outcome.divergence_text() or outcome

@@ -1,0 +1,150 @@
+"""Radio traffic in a bag: a bridge that reads it again decides and reports as the one that heard it."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.integration.cam_host import BRIDGE, SENDER, Host, free_port
+
+from iptm_core.routes import build_route
+from iptm_core.state import LeaderPreview
+from iptm_interfaces.diagnostics import status_values
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.node_datagrams import read_recording
+from iptm_v2x_bridge.radio_recording import RecordedRadio
+
+TICKS = 12
+QUIET_TICKS = 2
+"""Ticks after the sender has ended, so that the last numbers are those of a tick."""
+NS = 10**9
+RECORDER = "iptm_recording.recorder_cli"
+OWN_NUMBERS = ("rejected_", "datagrams", "messages", "station", "leader", "predictor", "preview")
+
+
+@pytest.fixture
+def host(peer: Any) -> Host:
+    return Host(peer)
+
+
+def host_m(tick: int) -> float:
+    return 0.5 * tick
+
+
+def bits(preview: LeaderPreview) -> bytes:
+    arrays = (preview.times_s, preview.positions_m, preview.speeds_m_s)
+    return b"".join(array.tobytes() for array in arrays)
+
+
+def numbers(values: dict[str, str]) -> dict[str, str]:
+    """What the bridge says of the radio traffic, without what tells of the machine."""
+    return {name: text for name, text in values.items() if name.startswith(OWN_NUMBERS)}
+
+
+def forget(host: Host) -> None:
+    host.leaders.clear()
+    host.previews.clear()
+    host.statuses.clear()
+
+
+def drive(host: Host, ticks: range) -> None:
+    for tick in ticks:
+        host.tick(float(tick), host_m(tick))
+        host.peer.wait_until(
+            lambda at=tick: at * NS in host.leaders or not host.previews[at * NS].times_s.size,
+            what="the leader",
+        )
+
+
+@pytest.mark.parametrize("lock_step", [True, False])
+def test_a_bag_with_the_datagrams_repeats_the_drive(
+    launcher: Any, host: Host, tmp_path: Path, *, lock_step: bool
+) -> None:
+    """In lock-step, and by the clock of the computer as with a radio."""
+    port = free_port()
+    clocks = {"trip_start_timestamp_ms": 0 if lock_step else -1}
+    common = {"leader_source": "cam", "cycle": "us06", "expected_peers": 1}
+    bag = tmp_path / "drive"
+    recorder = launcher.start_module(RECORDER, bag, "--topics", TOPICS[Topic.DATAGRAMS].name)
+    live = launcher.start_node(
+        BRIDGE,
+        parameters={
+            **common, **clocks, "cam_port": port, "cam_lock_step": lock_step, "publish_datagrams": True,
+        },
+    )  # fmt: skip
+    sender = launcher.start_node(
+        SENDER,
+        parameters={
+            **clocks, "to_port": port, "cycle": "us06", "loss_probability": 0.3, "follow_clock": lock_step,
+        },
+    )  # fmt: skip
+    host.wait_for(3 if lock_step else 2)
+    host.peer.wait_until(
+        lambda: all(
+            host.peer.node.count_subscribers(f"/{TOPICS[topic].name}")
+            for topic in (Topic.DATAGRAMS, Topic.CLOCK)
+        ),
+        what="the recorder",
+    )
+    if lock_step:
+        drive(host, range(TICKS + QUIET_TICKS))
+    else:
+        heard = 0
+        for tick in range(TICKS):
+            drive(host, range(tick, tick + 1))
+            host.peer.wait_until(
+                lambda before=heard: (
+                    host.statuses
+                    and int(status_values(host.statuses[-1]).get("datagrams", 0)) > before
+                ),
+                what="messages in between",
+            )
+            heard = int(status_values(host.statuses[-1])["datagrams"])
+            if tick >= 3:
+                break
+        assert sender.stop(signal.SIGINT) == 0
+        host.settled_values()
+        drive(host, range(tick + 1, tick + 1 + QUIET_TICKS))
+    said = numbers(host.settled_values())
+    leaders, previews = dict(host.leaders), {at: bits(p) for at, p in host.previews.items()}
+    assert int(said["datagrams"]) > 20
+    assert said["leader_station"] == "4711"
+    for process in (recorder, live, *([sender] if lock_step else [])):
+        assert process.stop(signal.SIGINT) == 0
+
+    # The pure parts, from the bag alone.
+    recording = read_recording(bag, port, 0)
+    road = build_route("us06", initial_gap_m=15.0).road_line
+    pure = RecordedRadio(
+        recording, CamBridge(road, start_timestamp_ms=recording.start_timestamp_ms)
+    )
+    for at_ns in sorted(previews):
+        answer = pure.answer(at_ns, host_m(at_ns // NS))
+        assert bits(answer.preview) == previews[at_ns]
+        assert answer.leader == leaders.get(at_ns)
+    own = {name: str(value) for name, value in pure.bridge.report().items()}
+    assert {name: own[name] for name in own if name.startswith("rejected_")} == {
+        name: said[name] for name in said if name.startswith("rejected_")
+    }
+
+    # A fresh process, without a sender.
+    forget(host)
+    again = launcher.start_node(BRIDGE, parameters={**common, "recorded_packets": bag})
+    host.wait_for(1)
+    drive(host, range(len(previews)))
+    assert {at: bits(p) for at, p in host.previews.items()} == previews
+    assert host.leaders == leaders
+    assert numbers(host.settled_values()) == said
+    assert again.stop(signal.SIGINT) == 0
+
+
+def test_what_is_no_recording_is_refused(launcher: Any, tmp_path: Path) -> None:
+    example = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
+    for file, word in ((tmp_path / "none", "none"), (example, "v2x/datagrams")):
+        bridge = launcher.start_node(
+            BRIDGE, parameters={"leader_source": "cam", "recorded_packets": file}
+        )
+        bridge.assert_refused(word)

@@ -1,0 +1,199 @@
+"""Recorded radio traffic without ROS: the same bits give the same answers and the same numbers."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.iptm_v2x_bridge.radio import ROAD
+
+from iptm_core.errors import ParameterError
+from iptm_core.routes import Route
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.captures import read_capture
+from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
+from iptm_v2x_bridge.radio_recording import (
+    RadioRecording,
+    RecordedRadio,
+    recording_by_time,
+    recording_with_marks,
+)
+from iptm_v2x_bridge.rejections import Rejection
+from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+from iptm_v2x_bridge.sending.sender import CamSender
+from iptm_v2x_bridge.sending.settings import Framing, SenderSettings
+
+NS = 10**9
+START_MS = 700_000_000_000
+PORT = 8947
+TICKS = 30
+
+
+def said(answer: BridgeAnswer) -> tuple[object, ...]:
+    preview = answer.preview
+    arrays = (preview.times_s, preview.positions_m, preview.speeds_m_s)
+    return (answer.leader, answer.predictor, answer.leader_bound_m, *(a.tobytes() for a in arrays))
+
+
+def host_m(route: Route, tick: int) -> float:
+    return float(route.leader.positions_at(float(tick))) - 10.0
+
+
+def drive(wireless: RecordedRadio, route: Route) -> tuple[list[tuple[object, ...]], object]:
+    found = [said(wireless.answer(tick * NS, host_m(route, tick))) for tick in range(TICKS)]
+    return found, wireless.bridge.report()
+
+
+@pytest.fixture
+def traffic(route: Route) -> list[tuple[int, bytes]]:
+    """What a lossy link delivers beside noise: arrivals (ns of trip time) in order."""
+    faults = {"loss_probability": 0.3, "link_delay_s": 0.2, "link_jitter_s": 0.1}
+    sender = CamSender(route.leader, ROAD, SenderSettings(**faults), START_MS)  # type: ignore[arg-type]
+    source = random.Random(3)  # noqa: S311 - no secret
+    found = []
+    for at_ns, datagram in sender.arrivals(-5 * NS, (TICKS - 1) * NS):
+        found += [(at_ns, datagram), (at_ns, source.randbytes(40)), (at_ns, datagram)]
+    return found
+
+
+def test_a_recording_with_marks_is_the_drive_itself(
+    route: Route, traffic: list[tuple[int, bytes]]
+) -> None:
+    """The datagrams of a tick are received at it, as in lock-step; ten were dropped by the tenth tick."""
+    bridge = CamBridge(ROAD, start_timestamp_ms=START_MS)
+    live, stream, sent = [], [], 0
+    for tick in range(TICKS):
+        for at_ns, datagram in traffic:
+            if (tick - 1) * NS < at_ns <= tick * NS or (tick == 0 and at_ns <= 0):
+                bridge.receive(datagram, tick * NS)
+                stream.append((START_MS * 10**6 + tick * NS, datagram))
+                sent += 1
+        if tick == 10:
+            bridge.count_overflow(10)
+            sent += 10
+        live.append(said(bridge.answer(tick * NS, host_m(route, tick))))
+        mark = EndOfTick(tick * NS, sent).encode()
+        stream += [(START_MS * 10**6 + tick * NS, mark)] * 2  # once more, as after a lost answer
+    recording = recording_with_marks(stream, "drive")
+    assert recording is not None
+    assert recording.start_timestamp_ms == START_MS
+    again = RecordedRadio(recording, CamBridge(ROAD, start_timestamp_ms=START_MS))
+    assert drive(again, route) == (live, bridge.report())
+    assert bridge.report()["rejected_overflow"] == 10
+    # A new trip begins with the first datagram again.
+    assert drive(again, route)[0] == live
+
+
+def test_a_capture_counts_by_the_time_of_reception(
+    route: Route, traffic: list[tuple[int, bytes]]
+) -> None:
+    received = [(START_MS * 10**6 + at_ns, datagram) for at_ns, datagram in traffic]
+    recording = recording_by_time(received, START_MS)
+    answers, report = drive(
+        RecordedRadio(recording, CamBridge(ROAD, start_timestamp_ms=START_MS)), route
+    )
+    assert all(answer[0] is not None for answer in answers)
+    assert isinstance(report, dict)
+    assert report["datagrams"] == len(traffic)
+    assert report["leader_station"] == 4711
+    # Without a stated time the trip begins with the first datagram.
+    first_ms = min(its_ns for its_ns, _ in received) // 10**6
+    assert recording_by_time(received, 0).start_timestamp_ms == first_ms
+
+
+def test_several_trips_in_one_recording_are_refused() -> None:
+    stream = [(tick * NS, EndOfTick(tick * NS, 0).encode()) for tick in (0, 1, 2, 0, 1)]
+    with pytest.raises(ParameterError, match="one trip"):
+        recording_with_marks(stream, "drive")
+    assert recording_with_marks([(0, b"no mark")], "drive") is None
+
+
+class Capture:
+    """Writes frames as dpkt does."""
+
+    def __init__(self, path: Path, link_type: int) -> None:
+        self.dpkt = pytest.importorskip("dpkt", reason="requirements/capture.txt is not installed")
+        self._file = path.open("wb")
+        kind = self.dpkt.pcapng if path.suffix == ".pcapng" else self.dpkt.pcap
+        self._writer = kind.Writer(self._file, snaplen=65_535, linktype=link_type)
+
+    def write(self, frames: list[tuple[float, bytes]]) -> None:
+        for unix_s, frame in frames:
+            self._writer.writepkt(frame, unix_s)
+        self._writer.close()
+        self._file.close()
+
+    def udp(self, payload: bytes, port: int) -> bytes:
+        datagram = self.dpkt.udp.UDP(sport=4000, dport=port, ulen=8 + len(payload), data=payload)
+        whole = self.dpkt.ip.IP(src=bytes(4), dst=bytes(4), p=17, data=datagram)
+        whole.len = 28 + len(payload)
+        return bytes(whole)
+
+
+ETHERNET = bytes(6) + b"\x02" + bytes(5)
+GEONETWORKING = b"\x89\x47"
+WIRELESS = b"\x88\x00" + bytes(24) + b"\xaa\xaa\x03\x00\x00\x00" + GEONETWORKING
+RADIOTAP = b"\x00\x00\x08\x00\x00\x00\x00\x00"
+
+
+@pytest.mark.parametrize("suffix", [".pcap", ".pcapng"])
+@pytest.mark.parametrize("link", ["ethernet", "vlan", "cooked", "wireless", "monitor", "ip", "udp"])
+def test_packets_come_out_of_a_capture_as_they_went_in(
+    tmp_path: Path, route: Route, link: str, suffix: str
+) -> None:
+    path = tmp_path / f"radio{suffix}"
+    types = {"cooked": 113, "wireless": 105, "monitor": 127, "ip": 101}
+    capture = Capture(path, types.get(link, 1))
+    framing = Framing.BARE if link in {"ip", "udp"} else Framing.GEONETWORKING
+    sender = CamSender(route.leader, ROAD, SenderSettings(framing=framing))
+    packets = [sender.datagram_at(k * NS // 2) for k in range(20)]
+
+    def framed(packet: bytes) -> bytes:
+        ip = capture.udp(packet, PORT)
+        return {
+            "ethernet": ETHERNET + GEONETWORKING + packet,
+            "vlan": ETHERNET + b"\x81\x00\x00\x05" + GEONETWORKING + packet + bytes(4),
+            "cooked": bytes(14) + GEONETWORKING + packet,
+            "wireless": WIRELESS + packet + b"\x01\x02\x03\x04",  # with the checksum of the frame
+            "monitor": RADIOTAP + WIRELESS + packet,
+            "ip": ip,
+            "udp": ETHERNET + b"\x08\x00" + ip,
+        }[link]
+
+    begin_s = 1_790_000_000.25
+    other = ETHERNET + b"\x08\x06" + bytes(40)
+    frames = [(begin_s + 0.1 * k, framed(packet)) for k, packet in enumerate(packets)]
+    foreign = other if link in {"ethernet", "udp", "vlan"} else framed(b"")[:-20]
+    capture.write([(begin_s, foreign), *frames])
+    found = read_capture(path, PORT)
+    assert [packet for _, packet in found] == packets
+    expected_ns = [its_timestamp_ms(round(1e9 * unix_s)) * 10**6 for unix_s, _ in frames]
+    np.testing.assert_allclose([at_ns for at_ns, _ in found], expected_ns, rtol=0, atol=2e6)
+
+
+def test_what_is_no_capture_ends_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "radio.pcap"
+    capture = Capture(path, 1)
+    capture.write([(1.0, ETHERNET + b"\x08\x00" + capture.udp(b"of another service", 9999))])
+    with pytest.raises(ParameterError, match=f"no UDP datagram to port {PORT}"):
+        read_capture(path, PORT)
+    content = path.read_bytes()
+    source = random.Random(5)  # noqa: S311 - no secret
+    for number in range(300):
+        damaged = bytearray(content if number % 2 else source.randbytes(200))
+        for _ in range(1 + number % 7):
+            damaged[source.randrange(len(damaged))] = source.randrange(256)
+        path.write_bytes(damaged[: source.randrange(1, len(damaged) + 1)])
+        with pytest.raises(ParameterError, match="recorded_packets is"):
+            read_capture(path, PORT)
+    with pytest.raises(ParameterError, match="recorded_packets is"):
+        read_capture(tmp_path / "none.pcap", PORT)
+
+
+def test_an_empty_recording_leads_no_one(route: Route) -> None:
+    radio = RecordedRadio(RadioRecording(0, ()), CamBridge(ROAD))
+    assert radio.answer(0, host_m(route, 0)).leader is None
+    assert radio.bridge.table.rejections[Rejection.OVERFLOW] == 0
