@@ -229,7 +229,7 @@ def _ticks_of(driven: Driven, bag: Path) -> dict[str, Any]:
     bad = np.array(
         [
             about_ns
-            for about_ns, _, status in driven.monitor.statements
+            for about_ns, _, status, _ in driven.monitor.statements
             if status.level != Level.OK.value
         ]
     )

@@ -9,9 +9,11 @@ from rclpy.parameter import Parameter
 
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import STATE_TOPICS, Topic
 
-RATE = {"mode": "real_time", "rate_factor": 5.0, "clock_hz": 50.0}
+LISTENERS = 3
+"""To the clock: the bridge, the node of the test, and its time."""
+RATE = {"mode": "real_time", "rate_factor": 2.5, "clock_hz": 50.0}
 TRIP = {"cycle": "nycc", "duration_s": 10.0, "command_timeout_s": 60.0, "linger_s": 3.0}
 
 
@@ -33,10 +35,15 @@ def test_a_timer_on_trip_time_runs_between_the_ticks_which_alone_are_answered(
         parameters={"cycle": "nycc", "clock_hz": RATE["clock_hz"], "expected_peers": 1},
     )
     node.listen(Topic.LEADER_PREVIEW, lambda _: None)
+    # The plant waits for all of them, or the first tick may reach some and not others.
+    node.advertise(Topic.COMMAND)
+    for topic in (*STATE_TOPICS, *[Topic.PLANT_ODOMETRY] * (LISTENERS - 1)):
+        node.listen(topic, lambda _: None)
     plant = launcher.start_node(
-        "iptm_plant_sim.node", parameters={**TRIP, **RATE, "expected_peers": 0}
+        "iptm_plant_sim.node", parameters={**TRIP, **RATE, "expected_peers": LISTENERS}
     )
-    peer.wait_until(lambda: 10 * NS_PER_S in answered, 60.0, "the answer to the last tick")
+    last_ns = 10 * NS_PER_S
+    peer.wait_until(lambda: last_ns in answered and last_ns in times, 60.0, "the last tick")
     plant.stop()
     assert times == sorted(set(times))
     ticks = [time_ns for time_ns in times if time_ns % NS_PER_S == 0]

@@ -19,6 +19,7 @@ def drive_of(processes: tuple[str, ...], plant_code: int) -> Drive:
         last_clock_s=None,
         last_sign_s=0.0,
         time_ns=None,
+        clocks=0,
         message_count=0,
         plant_reason="",
         awaited_nodes=(),

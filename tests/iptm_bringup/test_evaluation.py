@@ -49,6 +49,28 @@ def test_bag_and_messages_heard_give_the_same_run_to_the_last_bit(
         assert run.decisions.iterations.tolist() == list(range(10, 31))
 
 
+def test_of_several_messages_of_a_stamp_the_last_one_counts_with_and_without_a_bag(
+    prepared: PreparedScenario,
+    heard: Heard,
+    trajectory: Trajectory,
+    write_bag: Write,
+    tmp_path: Path,
+) -> None:
+    """Whatever their bytes are: here those of the earlier message are the greater or the smaller ones."""
+    for other_m in (-3.0, 1e9):
+        messages = heard[Topic.LEADER]
+        other = LeaderState(7.0, other_m, 1.0)
+        heard[Topic.LEADER] = [
+            *messages[:7], bytes(serialize_message(encode_leader(other))), *messages[7:]
+        ]  # fmt: skip
+        bag = write_bag(tmp_path / f"bag {other_m}")
+        for run in (judge(prepared, heard, None), judge(prepared, heard, bag)):
+            np.testing.assert_array_equal(
+                run.trajectory.leader_position_m, trajectory.leader_position_m
+            )
+        heard[Topic.LEADER] = messages
+
+
 def test_messages_that_nobody_heard_are_counted(prepared: PreparedScenario, heard: Heard) -> None:
     del heard[Topic.PLANT_POWERS][4]
     del heard[Topic.LEADER][9]

@@ -21,7 +21,7 @@ from iptm_bringup.fault_table.catalogue import (
 )
 from iptm_bringup.fault_table.cli import EXIT_RED, main
 from iptm_bringup.fault_table.judge import TrialOutcome, judge_trip
-from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement
+from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement, TripTime
 from iptm_bringup.fault_table.page import faults_page
 from iptm_bringup.fault_table.store import VerdictStore
 from iptm_core.decision_record import Rung
@@ -36,6 +36,7 @@ from iptm_interfaces.diagnostics import Level
 PARAMETERS = load_parameters().values
 LOST = Fault(FaultKind.PREVIEW_LOST, 10.0, 10.0)
 ROWS = 60
+S = 1_000_000_000
 Observe = Callable[..., ObservedTrip]
 
 
@@ -157,6 +158,30 @@ def test_a_command_beyond_its_bounds_is_red(observe: Observe) -> None:
     acceleration[12:15] = [0.4, 3.5, 0.4]
     verdict = verdict_on(observe(*WARNED, CALM_AGAIN, acceleration_m_s2=acceleration), observe)
     assert any("acceleration beyond its limit" in problem for problem in verdict.problems)
+
+
+def test_what_was_heard_is_put_where_it_belongs_in_the_last_trip() -> None:
+    ticks = [tick * S for tick in range(61)]
+    again = TripTime([*ticks, *ticks])  # the plant was started again at 60 s
+    assert again.at_s(50 * S, 51) == -11.0
+    assert again.at_s(60 * S, 61) == -1.0  # what the new plant says before its first tick
+    assert [again.at_s(0, 62), again.at_s(5 * S, 66)] == [0.0, 5.0]
+    doubled = TripTime([*ticks, 0, 61 * S, 0, 62 * S])
+    assert doubled.at_s(50 * S, 51) == 50.0
+    assert doubled.at_s(0, 62) == 60.0  # said by, or of the time of, the second plant
+    assert doubled.at_s(62 * S, 64) == 62.0
+
+
+def test_a_restart_of_the_plant_is_judged_by_the_trip_that_it_begins(observe: Observe) -> None:
+    fault = Fault(FaultKind.PROCESS_RESTARTED, 30.0, target="plant")
+    begun = ((-1.0, Level.WARN, "waiting"), (0.0, Level.WARN, "another trip has begun"))
+    trip = observe(*begun, (3.0, Level.OK, "optimal plans"), fault=fault, said=Said.ONCE)
+    verdict = verdict_on(replace(trip, happened=[Happened(-1.0, -1.0)]), observe)
+    assert verdict.problems == ()
+    assert verdict.normal_after == 4.0
+    silent = observe((0.0, Level.OK, "optimal plans"), fault=fault, said=Said.ONCE)
+    verdict = verdict_on(replace(silent, happened=[Happened(-1.0, -1.0)]), observe)
+    assert verdict.problems == ("nothing was said",)
 
 
 # --- catalogue and trips

@@ -142,3 +142,12 @@ def test_reasons_carry_no_numbers(good: Decision) -> None:
     for rung in Rung:
         _, reason = situation(replace(good, rung=rung), Road(known=True))
         assert not any(character.isdigit() for character in reason)
+
+
+def test_another_trip_is_told_beside_what_is_worse(controller: Controller) -> None:
+    blind = controller.decide(replace(make_scene(), leader=None))
+    road = Road(known=True)
+    assert situation(blind, road, begun_anew=True) == (
+        Level.ERROR,
+        "another trip has begun, controlled stop",
+    )

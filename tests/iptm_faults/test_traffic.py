@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -99,3 +101,24 @@ def test_a_leader_that_is_gone_leaves_the_next_one_to_follow() -> None:
 def test_an_event_of_no_probability_never_happens() -> None:
     fault = Fault(FaultKind.LEADER_HARD_STOP, 5.0, 5.0, probability=0.0)
     assert Traffic([fault]).is_quiet
+
+
+def test_what_lies_behind_is_forgotten() -> None:
+    """An injector runs for as long as the trip: nothing may grow with its ticks."""
+    stops = [Fault(FaultKind.LEADER_HARD_STOP, 10.0 + 50.0 * number, 5.0) for number in range(3)]
+    traffic = Traffic(stops)
+
+    def allocated() -> int:
+        return sum(block.size for block in tracemalloc.take_snapshot().traces)
+
+    tracemalloc.start()
+    try:
+        sizes = []
+        for second in range(4000):
+            traffic.leader(own(second), SPEED * second)
+            traffic.preview(prediction(second))
+            if second in {1000, 3999}:
+                sizes.append(allocated())
+    finally:
+        tracemalloc.stop()
+    assert sizes[1] < sizes[0] + 20_000

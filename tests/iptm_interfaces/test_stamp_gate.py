@@ -67,6 +67,23 @@ def test_a_restarted_plant_is_followed_at_once_and_for_good() -> None:
     assert bench.judge(bench.tick + 1.0) is Verdict.STRAY
 
 
+def test_another_trip_has_just_begun_for_three_ticks() -> None:
+    bench = Bench()
+    assert not bench.gate.has_begun_anew  # the first trip takes nobody's place
+    said = []
+    for tick in (0, 0, 1, 2, 3, 4):
+        bench.judge(float(tick))
+        said.append(bench.gate.has_begun_anew)
+    assert said == [True, True, True, True, False, False]
+
+
+def test_a_stray_zero_has_begun_nothing_once_the_trip_goes_on() -> None:
+    bench = Bench()
+    bench.judge(0.0)
+    assert bench.next() is Verdict.RESUMED
+    assert not bench.gate.has_begun_anew
+
+
 @pytest.mark.parametrize("jump_s", [-300.0, -2.0, 60.0, 1e6])
 def test_a_time_that_has_really_jumped_is_followed_when_the_old_one_is_silent(
     jump_s: float,

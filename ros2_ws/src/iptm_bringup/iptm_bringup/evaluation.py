@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from iptm_bringup.comparison import Comparison
-from iptm_bringup.monitor import messages_by_stamp, stamp_ns_of
+from iptm_bringup.monitor import heard_by_stamp, stamp_ns_of
 from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.scenario_files import scenario_text
 from iptm_core.decision_record import DecisionSeries
@@ -105,9 +105,9 @@ def evaluate(
     namespace = prepared.scenario.namespace or None
     counts: dict[str, int] | None = None
     if bag is None:
-        run = assemble_run({topic: messages_by_stamp(topic, heard[topic]) for topic in TICK_TOPICS})
+        run = assemble_run(heard_by_stamp(heard, TICK_TOPICS))
         trajectory = run.trajectory
-        decisions = assemble_decisions(messages_by_stamp(Topic.SOLVE, heard[Topic.SOLVE]))
+        decisions = assemble_decisions(heard_by_stamp(heard, (Topic.SOLVE,))[Topic.SOLVE])
         if run.incomplete:
             found.append(f"the runner missed messages of {len(run.incomplete)} ticks")
     else:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
@@ -24,7 +24,7 @@ from iptm_core.decision_record import Rung
 from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.trip_time import NS_PER_S
-from iptm_interfaces.assembly import split_trips
+from iptm_interfaces.assembly import last_trip
 from iptm_interfaces.codecs import decode_decision_record, decode_temperature, ns_from_time
 from iptm_interfaces.diagnostics import Level, find_status
 from iptm_interfaces.suite_node import SuiteNode
@@ -70,6 +70,22 @@ class Snapshot:
     rung: Rung
 
 
+class HeardStatus(NamedTuple):
+    """A status of a node.
+
+    Attributes:
+        about_ns: trip time that it is about.
+        node: who.
+        status: what.
+        clocks: clocks heard before it; they tell the trip where there are several.
+    """
+
+    about_ns: int
+    node: str
+    status: DiagnosticStatus
+    clocks: int
+
+
 class RunMonitor(SuiteNode):
     """Listens to one run, from before its first message to after its last.
 
@@ -80,7 +96,7 @@ class RunMonitor(SuiteNode):
         last_sign_s: steady time of the newest clock or diagnostics of the plant, else of the start.
         warnings: reasons that the nodes gave in their diagnostics since the first clock, worse than
             OK, once each.
-        statements: every status of the nodes with the trip time that it is about, in order of arrival.
+        statements: every status of the nodes, in order of arrival.
         plant_reason: latest reason of the plant's diagnostics.
     """
 
@@ -91,7 +107,7 @@ class RunMonitor(SuiteNode):
         self.last_clock_s: float | None = None
         self.last_sign_s = time.monotonic()
         self.warnings: dict[str, None] = {}
-        self.statements: list[tuple[int, str, DiagnosticStatus]] = []
+        self.statements: list[HeardStatus] = []
         self.plant_reason = ""
         self._diagnostics_count = 0
         self._started: set[str] = set()
@@ -139,6 +155,11 @@ class RunMonitor(SuiteNode):
         """Trip time of the newest clock, None before the first."""
         clocks = self.recorded[Topic.CLOCK]
         return stamp_ns_of(clocks[-1]) if clocks else None
+
+    @property
+    def clocks(self) -> int:
+        """Clocks heard so far."""
+        return len(self.recorded[Topic.CLOCK])
 
     def newest_stamp_ns(self, topic: Topic) -> int | None:
         """Return the stamp of the newest message of a stamped topic, None without one."""
@@ -220,7 +241,7 @@ class RunMonitor(SuiteNode):
                 continue
             # A node that has just been started does not know the time yet.
             about_ns = ns_from_time(message.header.stamp) or self.time_ns or 0
-            self.statements.append((about_ns, node, status))
+            self.statements.append(HeardStatus(about_ns, node, status, self.clocks))
             # Before the first tick everybody waits for somebody, which is worth no word.
             if self.first_clock_s is not None and status.level != Level.OK.value:
                 self.warnings[f"{node}: {status.message}"] = None
@@ -236,8 +257,17 @@ def stamp_ns_of(data: bytes) -> int:
     return int(seconds) * NS_PER_S + int(nanoseconds)
 
 
-def messages_by_stamp(topic: Topic, data: Iterable[bytes]) -> dict[int, Any]:
-    """Decode the messages of a stamped topic that belong to the last trip, by their stamps (ns), in order."""
-    kind = TOPICS[topic].message_type
-    trip = split_trips((stamp_ns_of(entry), entry) for entry in data)[-1]
-    return {stamp_ns: deserialize_message(entry, kind) for stamp_ns, entry in trip.items()}
+def heard_by_stamp(
+    heard: Mapping[Topic, Sequence[bytes]], topics: Iterable[Topic]
+) -> dict[Topic, dict[int, Any]]:
+    """Decode the messages of stamped topics that count, by topic and stamp (ns), see `last_trip`."""
+    counted = last_trip(
+        {topic: [(stamp_ns_of(entry), entry) for entry in heard[topic]] for topic in topics}
+    )
+    return {
+        topic: {
+            stamp_ns: deserialize_message(entry, TOPICS[topic].message_type)
+            for stamp_ns, entry in entries.items()
+        }
+        for topic, entries in counted.items()
+    }

@@ -26,11 +26,15 @@ class ProcessFaultRecord:
         fault: the fault.
         began_ns: trip time of its beginning.
         ended_ns: trip time at which it was undone; None if it was not.
+        began_clocks: clocks heard before its beginning; they tell the trip where there are several.
+        ended_clocks: clocks heard before it was undone.
     """
 
     fault: Fault
     began_ns: int
     ended_ns: int | None = None
+    began_clocks: int = 0
+    ended_clocks: int = 0
 
 
 class ProcessFaults:
@@ -83,24 +87,25 @@ class ProcessFaults:
         """Return whether a process may have ended, as a fault hit it."""
         return name in self._excused
 
-    def act(self, time_ns: int | None) -> None:
+    def act(self, time_ns: int | None, clocks: int = 0) -> None:
         """Do what is due.
 
         Args:
             time_ns: newest trip time, None before the first tick.
+            clocks: clocks heard so far.
         """
         now_s = self._steady_time_s()
         due = [entry for entry in self._later if entry[0] <= now_s]
         self._later = [entry for entry in self._later if entry[0] > now_s]
         for _, record, undo in due:
             undo()
-            record.ended_ns = time_ns
+            record.ended_ns, record.ended_clocks = time_ns, clocks
         if time_ns is None:
             return
         begun = [fault for fault in self._pending if fault.start_s * NS_PER_S <= time_ns]
         for fault in begun:
             self._pending.remove(fault)
-            record = ProcessFaultRecord(fault, time_ns)
+            record = ProcessFaultRecord(fault, time_ns, began_clocks=clocks)
             self.records.append(record)
             undo_later = self._begin(fault)
             if undo_later is not None:

@@ -322,7 +322,8 @@ class ControllerNode(SuiteNode):
         if self._is_skipping:
             return Level.WARN, "decisions take longer than ticks, some of which are skipped"
         road = Road(known=self._slope is not None, fault=self._slope_fault)
-        return situation(self._last, road, self._watch)
+        begun_anew = self._matcher.gate.has_begun_anew
+        return situation(self._last, road, self._watch, begun_anew=begun_anew)
 
 
 def main() -> None:

@@ -28,6 +28,7 @@ _RUNG_SITUATION = {
     Rung.EMERGENCY_BRAKING: (Level.ERROR, EMERGENCY),
 }
 TOUCHING = "the leader is measured at no distance"
+ANOTHER_TRIP = "another trip has begun"
 _PREVIEW_SITUATION = {
     PreviewQuality.SHORT: (Level.OK, "preview ends inside the horizon"),
     PreviewQuality.STALE: (Level.WARN, "preview too old, leader extrapolated"),
@@ -89,7 +90,11 @@ class Road:
 
 
 def situation(
-    decision: Decision | None, road: Road, watch: OperatorWatch | None = None
+    decision: Decision | None,
+    road: Road,
+    watch: OperatorWatch | None = None,
+    *,
+    begun_anew: bool = False,
 ) -> tuple[Level, str]:
     """Return severity and one short sentence without numbers, for the diagnostics.
 
@@ -97,7 +102,17 @@ def situation(
         decision: the last one, None before the first.
         road: what is known of the slope.
         watch: what has gone on for too long, added to the situation of the decision.
+        begun_anew: whether another trip has just taken the place of the one so far.
     """
+    level, reason = _of_trip(decision, road, watch)
+    if not begun_anew:
+        return level, reason
+    return (Level.WARN, ANOTHER_TRIP) if level is Level.OK else (level, f"{ANOTHER_TRIP}, {reason}")
+
+
+def _of_trip(
+    decision: Decision | None, road: Road, watch: OperatorWatch | None
+) -> tuple[Level, str]:
     level, reason = _of_decision(decision, road)
     if watch is None or decision is None:
         return level, reason

@@ -18,6 +18,9 @@ from iptm_faults.kinds import FaultKind, FaultPlace
 DRIVE_OFF_M_S2 = 2.0
 """Acceleration of a leader that drives off after a hard stop."""
 
+REMEMBERED_S = 300.0
+"""How old a prediction may be that still knows of a hard stop; motions of before are forgotten."""
+
 _NS_PER_S = 1e9
 
 
@@ -80,6 +83,8 @@ class HardStop:
         elif own.time_s > self._now.time_s:
             self._now = self._advance(self._now, own.time_s, own.position_m, own.speed_m_s)
         self._past[_ns(own.time_s)] = self._now
+        while next(iter(self._past)) < _ns(own.time_s - REMEMBERED_S):
+            del self._past[next(iter(self._past))]
         return LeaderState(own.time_s, self._now.position_m, self._now.speed_m_s)
 
     def preview(self, own: LeaderPreview) -> LeaderPreview:
@@ -87,6 +92,9 @@ class HardStop:
         motion = self._past.get(_ns(own.generated_at_s)) if own.times_s.size else None
         if motion is None:
             return own
+        if not motion.apart:
+            shift_m = motion.position_m - motion.own_position_m
+            return replace(own, positions_m=own.positions_m + shift_m)
         positions, speeds = [motion.position_m], [motion.speed_m_s]
         nodes = zip(
             own.times_s[1:].tolist(),

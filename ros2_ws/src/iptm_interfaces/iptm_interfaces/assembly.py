@@ -2,11 +2,15 @@
 
 Used by whoever has the messages: a bag, or a listener beside the run. Times of reception say when a message
 was heard, stamps say what instant it describes; only the latter join.
+
+One rule says which messages count where several of a topic have the same stamp. A plant that was started
+again begins another trip: the last trip counts. Within it, the last message of a stamp counts. Where a second
+plant drove beside the first one, the first message of a stamp counts: that one was answered.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -17,15 +21,18 @@ from iptm_interfaces.codecs import (
     decode_decision_record,
     decode_leader,
     decode_observation,
-    ns_from_time,
     s_from_ns,
 )
 from iptm_interfaces.stamp_gate import LEAST_REACH_NS
 from iptm_interfaces.topics import TICK_TOPICS, Topic
 
-T = TypeVar("T")
+M = TypeVar("M")
+
 ByStamp = Mapping[int, Any]
 """Messages of one topic by their stamps in nanoseconds."""
+
+Arrivals = Sequence[tuple[int, M]]
+"""Messages of one topic with their stamps in nanoseconds, in the order of arrival."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,32 +49,52 @@ class AssembledRun:
     incomplete: Mapping[int, tuple[Topic, ...]]
 
 
-def split_trips(stamped: Iterable[tuple[int, T]]) -> list[dict[int, T]]:
-    """Return what belongs to each trip by its stamps (ns), in order of the stamps; one trip at least.
-
-    A stamp of 0 begins a trip. Of two messages with one stamp the later one counts.
+def split_trips(stamped: Iterable[tuple[int, M]]) -> list[dict[int, M]]:
+    """Return the messages of a topic that count, trip by trip, by their stamps (ns) and in their order.
 
     Args:
-        stamped: stamp and message, in order of arrival.
+        stamped: stamp and message, in the order of arrival.
+
+    Returns:
+        One trip at least, which is empty if there are no messages.
     """
-    trips: list[dict[int, T]] = [{}]
+    found: list[dict[int, M]] = [{}]
+    newest_ns = [-1]  # of each trip
+    last_ns = -1
     for stamp_ns, message in stamped:
-        if stamp_ns == 0 and any(trips[-1]):
-            trips.append({})
-        elif (
-            len(trips) > 1
-            and len(trips[-1]) == 1
-            and stamp_ns > LEAST_REACH_NS
-            and 0 <= stamp_ns - max(trips[-2]) <= LEAST_REACH_NS
-        ):
-            trips.pop()  # what began the last one was a stray stamp
-        trips[-1][stamp_ns] = message
-    return [dict(sorted(trip.items())) for trip in trips]
+        if len(found) > 1 and last_ns + LEAST_REACH_NS < newest_ns[-2] < stamp_ns:
+            # The trip before goes on over the head of one that began beside it.
+            newest_ns.pop()
+            _merge_last(found)
+        elif (stamp_ns == 0 and last_ns > 0) or stamp_ns < last_ns - LEAST_REACH_NS:
+            found.append({})
+            newest_ns.append(-1)
+        found[-1][stamp_ns] = message
+        newest_ns[-1] = max(newest_ns[-1], stamp_ns)
+        last_ns = stamp_ns
+    if len(found) > 1 and len(found[-1]) == 1:
+        _merge_last(found)  # nothing but a beginning is no trip
+    return [dict(sorted(trip.items())) for trip in found]
 
 
-def by_stamp(messages: Iterable[Any]) -> dict[int, Any]:
-    """Return the messages with a header of the last trip by their stamps (ns), in order of the stamps."""
-    return split_trips((ns_from_time(message.header.stamp), message) for message in messages)[-1]
+def _merge_last(found: list[dict[int, M]]) -> None:
+    """Add to the last trip but one what only the last one has."""
+    for stamp_ns, message in found.pop().items():
+        found[-1].setdefault(stamp_ns, message)
+
+
+def last_trip(messages: Mapping[Topic, Arrivals[M]]) -> dict[Topic, dict[int, M]]:
+    """Return the messages that count of the last trip that is there in every topic.
+
+    Args:
+        messages: those of some topics, by topic.
+
+    Returns:
+        They by topic and stamp (ns), in order of the stamps.
+    """
+    found = {topic: split_trips(stamped) for topic, stamped in messages.items()}
+    last = min(map(len, found.values()), default=1) - 1
+    return {topic: of_topic[last] for topic, of_topic in found.items()}
 
 
 def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:

@@ -24,6 +24,8 @@ LEAST_QUIET_S = 1.0
 """Steady time for which a trip must be silent before another time is believed, at least."""
 QUIET_INTERVALS = 3.0
 """Likewise in intervals between two ticks, the shortest of the last few, for slow trips."""
+ANEW_TICKS = 3
+"""Ticks for which a trip that took the place of another one counts as just begun."""
 _SETTLED_TICKS = 3
 _INTERVALS = 8
 _RIVALS = 8
@@ -63,6 +65,7 @@ class StampGate:
         self._ticks = 0
         self._heard_s = 0.0
         self._begun_s = 0.0
+        self._replaces = False
         self._intervals_s: deque[float] = deque(maxlen=_INTERVALS)
         self._before: tuple[int, int] | None = None
         self._rivals: deque[int] = deque(maxlen=_RIVALS)
@@ -72,6 +75,11 @@ class StampGate:
     def now_ns(self) -> int | None:
         """Stamp of the newest tick, None before the first."""
         return self._now_ns
+
+    @property
+    def has_begun_anew(self) -> bool:
+        """Whether another trip took the place of the one so far, within the last `ANEW_TICKS` ticks."""
+        return self._replaces and self._ticks < ANEW_TICKS
 
     @property
     def expected_ns(self) -> int:
@@ -128,6 +136,7 @@ class StampGate:
             self._step_ns = self._before[1]
         self._now_ns, self._heard_s = stamp_ns, now_s
         self._begun_s, self._ticks = now_s, 0
+        self._replaces = verdict is Verdict.NEW_TRIP
         self._before = None
         self._rivals.clear()
         return verdict

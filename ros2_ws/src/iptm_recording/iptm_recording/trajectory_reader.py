@@ -10,8 +10,8 @@ from typing import Any
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import BagError, IptmError
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.assembly import assemble_decisions, assemble_run, by_stamp, split_trips
-from iptm_interfaces.codecs import s_from_ns
+from iptm_interfaces.assembly import assemble_decisions, assemble_run, last_trip, split_trips
+from iptm_interfaces.codecs import ns_from_time, s_from_ns
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.timeline import read_stamp_ns
@@ -34,7 +34,7 @@ def count_trips(path: Path, namespace: str | None = None) -> int:
 
 
 def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
-    """Read the run of a bag; of several trips the last one.
+    """Read the run of a bag; of several trips the last one, see `iptm_interfaces.assembly`.
 
     Ticks at the very start and end that were recorded only in part are left out.
 
@@ -100,7 +100,7 @@ def topic_name(reader: BagReader, topic: Topic, namespace: str | None) -> str:
 def _messages(
     reader: BagReader, topics: Iterable[Topic], namespace: str | None
 ) -> dict[Topic, dict[int, Any]]:
-    """Return the messages of stamped topics by topic and stamp (ns)."""
+    """Return the messages of stamped topics that count, by topic and stamp (ns)."""
     if reader.message_count == 0:
         raise BagError(f"{reader.path} holds no messages")
     known = vehicles(reader)
@@ -109,10 +109,11 @@ def _messages(
             f"{reader.path} holds {len(known)} vehicles; name one: --namespace {' or '.join(known)}"
         )
     keys = {topic_name(reader, topic, namespace): topic for topic in topics}
-    found: dict[Topic, list[Any]] = {topic: [] for topic in keys.values()}
+    found: dict[Topic, list[tuple[int, Any]]] = {topic: [] for topic in keys.values()}
     for item in reader.messages(list(keys)):
-        found[keys[item.topic]].append(item.message)
-    return {topic: by_stamp(messages) for topic, messages in found.items()}
+        stamp_ns = ns_from_time(item.message.header.stamp)
+        found[keys[item.topic]].append((stamp_ns, item.message))
+    return last_trip(found)
 
 
 @contextmanager

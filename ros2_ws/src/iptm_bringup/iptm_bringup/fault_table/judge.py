@@ -97,7 +97,7 @@ def _judge(
     normal = _normal_row(trip, twin, worst, end)
     last = len(run) - 1 if normal is None else min(normal + LATER_TICKS, len(run) - 1)
     normal_after = math.nan if normal is None else float(times[normal] - happened.end_s)
-    problems = _words(trip, entry, levels, first, end)
+    problems = _words(trip, entry, levels, happened.start_s, first, end)
     if not entry.ends:
         if normal is None:
             problems.append("not normal again before the trip ended")
@@ -149,7 +149,7 @@ def _normal_row(
 
 
 def _words(
-    trip: ObservedTrip, entry: Entry, levels: Sequence[Level], first: int, end: int
+    trip: ObservedTrip, entry: Entry, levels: Sequence[Level], start_s: float, first: int, end: int
 ) -> list[str]:
     """Return what is amiss with what was said."""
     asked = entry.asked(trip.plan.way)
@@ -159,7 +159,7 @@ def _words(
     if asked is Said.ALWAYS and silent:
         return [f"{len(silent)} of {end - first} ticks without a word"]
     later_s = trip.trajectory.time_s[end] + LATER_TICKS
-    since_s = trip.trajectory.time_s[first] - 1e-9
+    since_s = min(trip.trajectory.time_s[first], start_s) - 1e-9
     words = [said for said in trip.statements if since_s <= said.time_s <= later_s]
     if not any(said.level is not Level.OK for said in words) and len(silent) == max(
         end - first - GRACE_TICKS, 0

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 from iptm_bringup.fault_table.catalogue import PlannedTrip
 from iptm_controller.node_reports import is_about_limits
 from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
+from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces.assembly import split_trips
 from iptm_interfaces.diagnostics import Level
+from iptm_interfaces.stamp_gate import LEAST_REACH_NS
 from iptm_studies.random_cars.bounds import BoolArray
 
 _SEVERITY = {Level.OK: 0, Level.WARN: 1, Level.ERROR: 2, Level.STALE: 2}
@@ -52,6 +56,35 @@ class Happened:
 
     start_s: float
     end_s: float
+
+
+class TripTime:
+    """Puts what was heard in a run where it belongs in the time of its last trip.
+
+    A plant that was started again begins at 0 once more, a second plant beside the first one tells another
+    time, and a node that has just been started knows none. What was heard before the last trip has negative
+    times.
+    """
+
+    def __init__(self, clocks_ns: Sequence[int]) -> None:
+        """Set up from the stamps of all clocks, in the order of arrival."""
+        stamped = ((stamp, at) for at, stamp in enumerate(clocks_ns))
+        counted = frozenset(split_trips(stamped)[-1].values())
+        self._begins = min(counted, default=0)
+        self._ended_ns = max(clocks_ns[: self._begins], default=0) + NS_PER_S
+        own = (stamp if at in counted else -1 for at, stamp in enumerate(clocks_ns))
+        self._newest_ns = list(accumulate(own, max))
+
+    def at_s(self, about_ns: int, clocks: int) -> float:
+        """Return the time in s of what was heard after so many clocks and is about some instant."""
+        if clocks <= self._begins:
+            return (
+                min(about_ns - self._ended_ns, 0) / NS_PER_S
+                if self._begins
+                else about_ns / NS_PER_S
+            )
+        now_ns = self._newest_ns[clocks - 1]
+        return (about_ns if abs(about_ns - now_ns) <= LEAST_REACH_NS else now_ns) / NS_PER_S
 
 
 @dataclass(frozen=True, eq=False)

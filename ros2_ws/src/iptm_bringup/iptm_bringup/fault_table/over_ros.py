@@ -8,15 +8,14 @@ from pathlib import Path
 from iptm_bringup.environment import domain_of_run
 from iptm_bringup.fault_table.catalogue import REAL_TIME_RATE, PlannedTrip, Way
 from iptm_bringup.fault_table.headless import PARAMETERS, leader_apart
-from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement
-from iptm_bringup.monitor import Snapshot, messages_by_stamp
+from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement, TripTime
+from iptm_bringup.monitor import Snapshot, heard_by_stamp, stamp_ns_of
 from iptm_bringup.run_folder import RunFolder
 from iptm_bringup.runner import Driven, RunOptions, drive_processes
 from iptm_bringup.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
 from iptm_bringup.scenario_files import scenario_text
 from iptm_core.decision_record import Rung
 from iptm_core.settings import LoopMode
-from iptm_core.trip_time import NS_PER_S
 from iptm_faults.kinds import FaultPlace
 from iptm_faults.traffic import Traffic
 from iptm_interfaces.assembly import assemble_run
@@ -89,7 +88,7 @@ def drive_over_ros(plan: PlannedTrip, folder: Path, stop: StopRequest) -> Observ
 
 def _observed(plan: PlannedTrip, driven: Driven) -> ObservedTrip:
     heard = driven.monitor.recorded
-    by_stamp = {topic: messages_by_stamp(topic, heard[topic]) for topic in TICK_TOPICS}
+    by_stamp = heard_by_stamp(heard, TICK_TOPICS)
     complete = set.intersection(*(set(by_stamp[topic]) for topic in OBSERVATION_TOPICS))
     # A bridge that is away or deaf tells no leader; it is on the road all the same.
     traffic, leaders = Traffic(plan.faults), {}
@@ -100,14 +99,20 @@ def _observed(plan: PlannedTrip, driven: Driven) -> ObservedTrip:
         own = plan.route.leader.state_at(s_from_ns(stamp_ns))
         leaders[stamp_ns] = encode_leader(traffic.leader(own, host.state.position_m))
     trajectory = assemble_run({**by_stamp, Topic.LEADER: leaders}).trajectory
-    decisions = messages_by_stamp(Topic.SOLVE, heard[Topic.SOLVE])
+    decisions = heard_by_stamp(heard, (Topic.SOLVE,))[Topic.SOLVE]
     rungs: dict[float, Rung] = {
         s_from_ns(stamp_ns): decode_decision_record(message).rung
         for stamp_ns, message in decisions.items()
     }
+    time = TripTime([stamp_ns_of(data) for data in heard[Topic.CLOCK]])
     statements = [
-        Statement(about_ns / NS_PER_S, node, Level(status.level), status.message)
-        for about_ns, node, status in driven.monitor.statements
+        Statement(
+            time.at_s(said.about_ns, said.clocks),
+            said.node,
+            Level(said.status.level),
+            said.status.message,
+        )
+        for said in driven.monitor.statements
     ]
     ended = driven.result.message
     if driven.result.last_lines:
@@ -119,12 +124,14 @@ def _observed(plan: PlannedTrip, driven: Driven) -> ObservedTrip:
         leader_apart(plan, trajectory),
         rungs,
         sorted(statements, key=lambda said: said.time_s),
-        list(_happened(plan, driven, float(trajectory.time_s[-1]))),
+        list(_happened(plan, driven, time, float(trajectory.time_s[-1]))),
         ended,
     )
 
 
-def _happened(plan: PlannedTrip, driven: Driven, last_s: float) -> Iterable[Happened | None]:
+def _happened(
+    plan: PlannedTrip, driven: Driven, time: TripTime, last_s: float
+) -> Iterable[Happened | None]:
     records = {record.fault: record for record in driven.process_faults.records}
     for _, fault in plan.entries:
         if fault.spec.place is not FaultPlace.PROCESS:
@@ -134,8 +141,10 @@ def _happened(plan: PlannedTrip, driven: Driven, last_s: float) -> Iterable[Happ
         if record is None:
             yield None
             continue
-        ended_s = last_s if record.ended_ns is None else record.ended_ns / NS_PER_S
-        yield Happened(record.began_ns / NS_PER_S, max(ended_s, record.began_ns / NS_PER_S))
+        began_s, ended_s = time.at_s(record.began_ns, record.began_clocks), last_s
+        if record.ended_ns is not None:
+            ended_s = time.at_s(record.ended_ns, record.ended_clocks)
+        yield Happened(began_s, max(ended_s, began_s))
 
 
 def _fresh(path: Path) -> Path:
