@@ -8,7 +8,7 @@ import pytest
 
 from iptm_core.errors import BagError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory, topic_name
@@ -123,3 +123,23 @@ def test_decisions(trajectory: Trajectory, write_run: WriteRun, tmp_path: Path) 
     np.testing.assert_array_equal(decisions.time_s, trajectory.time_s)
     np.testing.assert_array_equal(decisions.iterations, 10 + np.arange(len(trajectory)))
     assert decisions.limiter_active.sum() == 1
+
+
+def test_a_pause_inside_the_run_is_no_long_tick(
+    trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
+) -> None:
+    """Powers would count for all of it."""
+    last = len(trajectory) - 1
+    gone = frozenset((topic, row) for topic in (*TICK_TOPICS, Topic.SOLVE) for row in (5, 6, 7))
+    paused = {"pauses": "[{after_s: 4.0, until_s: 7.0, passed_over: 30}]"}
+    bag = write_run(tmp_path / "inside", trajectory, drop=gone, custom_data=paused)
+    with pytest.raises(BagError, match="was paused after 4 s until 7 s"):
+        read_trajectory(bag)
+    at_the_ends = {
+        "pauses": f"[{{after_s: null, until_s: 0.0}}, {{after_s: {last}.0, until_s: null}}]"
+    }
+    bag = write_run(tmp_path / "outside", trajectory, custom_data=at_the_ends)
+    assert len(read_trajectory(bag)) == len(trajectory)
+    bag = write_run(tmp_path / "malformed", trajectory, custom_data={"pauses": "[1]"})
+    with pytest.raises(BagError, match=r"pauses of the recording are '\[1\]'"):
+        read_trajectory(bag)

@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     bag = commands.add_parser(
         "bag", help="make a driving cycle of what a car did in a recorded bag"
     )
-    bag.add_argument("bag", type=Path, help="bag folder or .mcap file")
+    bag.add_argument("bag", type=Path, help="bag folder or file")
     bag.add_argument("file", type=Path, help=".csv file to write")
     bag.add_argument("--who", choices=("host", "leader"), default="host", help="whose drive (host)")
     given = parser.parse_args(arguments)

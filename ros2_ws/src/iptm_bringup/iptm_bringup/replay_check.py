@@ -98,7 +98,7 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
     """Read the inputs and the parameters of a node.
 
     Args:
-        bag: bag folder or .mcap file.
+        bag: bag folder or file.
         node: one of `NODES`.
         namespace: of the vehicle; needed only if the bag holds several.
 
@@ -186,7 +186,7 @@ def check_node(
     """Feed a node what a bag recorded, and compare its answers.
 
     Args:
-        bag: bag folder or .mcap file.
+        bag: bag folder or file.
         node: one of `NODES`.
         namespace: of the vehicle; needed only if the bag holds several.
         changes: parameters of the node to change against the recorded ones.
@@ -274,7 +274,7 @@ def build_parser() -> argparse.ArgumentParser:
         f" Left out: {', '.join(IGNORED_FIELDS)}.",
     )
     parser.add_argument("--check", choices=NODES, required=True, help="node to check")
-    parser.add_argument("bag", type=Path, help="bag folder or .mcap file, recorded in lock-step")
+    parser.add_argument("bag", type=Path, help="bag folder or file, recorded in lock-step")
     parser.add_argument("--namespace", help="of the vehicle; needed only if the bag holds several")
     parser.add_argument(
         "--set",

@@ -227,7 +227,7 @@ def read_model_parameters(path: Path) -> tuple[ModelParameters, bool]:
     """Return the parameters to judge a recorded run by.
 
     Args:
-        path: bag folder or .mcap file.
+        path: bag folder or file.
 
     Returns:
         The parameters of the run and True; or the default set and False where the bag has none.

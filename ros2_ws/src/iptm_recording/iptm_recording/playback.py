@@ -25,7 +25,7 @@ class PlaybackOptions:
     """What to play, and how.
 
     Attributes:
-        bag: bag folder or .mcap file.
+        bag: bag folder or file.
         rate: playback speed over recorded speed, positive.
         start_s: offset into the bag at which to begin.
         duration_s: length of the part to play, recorded time; None up to the end.

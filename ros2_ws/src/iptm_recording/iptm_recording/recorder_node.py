@@ -17,6 +17,7 @@ import yaml
 
 from iptm_core.declaration import Scalar
 from iptm_core.errors import BagError
+from iptm_interfaces.codecs import s_from_ns
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.process import EXIT_USER_ERROR
 from iptm_interfaces.services import Service
@@ -27,7 +28,7 @@ from iptm_recording.mcap_file import FileLimits
 from iptm_recording.node_parameters import ParameterCollector, with_model
 from iptm_recording.qos_overrides import QosOverrides
 from iptm_recording.recorded_topics import TopicSelection
-from iptm_recording.run_information import RunInformation
+from iptm_recording.run_information import PAUSES_KEY, RunInformation
 from iptm_recording.session import RecordingSession
 from iptm_recording.subscriptions import TopicSubscriber
 from iptm_recording.timeline import Timeline, TimeSource
@@ -158,14 +159,14 @@ class RecorderNode(SuiteNode):
         """Tell in the bag what is missing on purpose."""
         pauses = [
             {
-                "after_s": pause.after_ns * 1e-9 if pause.after_ns >= 0 else None,
-                "until_s": None if pause.until_ns is None else pause.until_ns * 1e-9,
+                "after_s": s_from_ns(pause.after_ns) if pause.after_ns >= 0 else None,
+                "until_s": None if pause.until_ns is None else s_from_ns(pause.until_ns),
                 "passed_over": pause.passed_over,
             }
             for pause in self._session.pauses
         ]
         text = yaml.safe_dump(pauses, sort_keys=False, default_flow_style=True, width=math.inf)
-        self._writer.add_information({"pauses": text.strip()})
+        self._writer.add_information({PAUSES_KEY: text.strip()})
 
     def _look(self) -> None:
         """Do what has to be done beside the messages, a few times a second."""

@@ -23,6 +23,8 @@ from iptm_core.strict_mapping import shown
 RECORD_NAME = "iptm_run"
 MODEL_KEY = "model"
 """Entry of the run's parameters that holds the model's, as `to_flat_dict` gives them."""
+PAUSES_KEY = "pauses"
+"""Text of a bag that tells when nothing was recorded on purpose."""
 _PACKAGES = ("numpy", "casadi", "ros-rclpy", "mcap", "rosbags", "iptm_core", "iptm_controller")
 
 
@@ -139,6 +141,23 @@ def load_run_information(path: Path) -> RunInformation:
         parameters=parameters,
         extra={str(key): str(value) for key, value in content.items()},
     )
+
+
+def stored_pauses(information: RunInformation) -> list[tuple[float, float]]:
+    """Return the pauses of a recording that began and ended within it: last tick before, last inside (s).
+
+    Raises:
+        BagError: the bag tells of some, but malformed.
+    """
+    text = information.extra.get(PAUSES_KEY, "")
+    pauses = parse_yaml(text, "pauses of the recording", BagError) or []
+    try:
+        found = [(pause["after_s"], pause["until_s"]) for pause in pauses]
+        return [(float(a), float(b)) for a, b in found if a is not None and b is not None]
+    except (TypeError, KeyError, ValueError):
+        raise BagError(
+            f"pauses of the recording are {shown(text)}; allowed: after_s, until_s"
+        ) from None
 
 
 def stored_model_parameters(information: RunInformation) -> ModelParameters | None:

@@ -14,6 +14,7 @@ from iptm_interfaces.assembly import assemble_decisions, assemble_run, last_trip
 from iptm_interfaces.codecs import ns_from_time, s_from_ns
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
+from iptm_recording.run_information import stored_pauses
 from iptm_recording.timeline import read_stamp_ns
 
 
@@ -21,7 +22,7 @@ def count_trips(path: Path, namespace: str | None = None) -> int:
     """Return how many trips a bag holds, one after the other.
 
     Args:
-        path: bag folder or .mcap file.
+        path: bag folder or file.
         namespace: namespace of the vehicle; needed only if the bag holds several.
 
     Raises:
@@ -39,15 +40,24 @@ def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
     Ticks at the very start and end that were recorded only in part are left out.
 
     Args:
-        path: bag folder or .mcap file.
+        path: bag folder or file.
         namespace: namespace of the vehicle; needed only if the bag holds several.
 
     Raises:
         BagError: the bag cannot be read, lacks a topic or has one of another type, holds no
-            complete tick, a tick inside the run is incomplete, or a message breaks its promise.
+            complete tick, a tick inside the run is incomplete or the recording was paused there, or a
+            message breaks its promise.
     """
     with BagReader(path) as reader, _named_after(path):
         run = assemble_run(_messages(reader, TICK_TOPICS, namespace))
+        pauses = stored_pauses(reader.run_information())
+    first_s, last_s = run.trajectory.time_s[0], run.trajectory.time_s[-1]
+    for after_s, until_s in pauses:
+        if first_s <= after_s < until_s < last_s:
+            raise BagError(
+                f"{path} was paused after {after_s:g} s until {until_s:g} s:"
+                " it holds parts of a run, each topic of which can be read"
+            )
     for stamp_ns, topics in run.incomplete.items():
         missing = ", ".join(topic.value for topic in topics)
         raise BagError(
@@ -61,7 +71,7 @@ def read_decisions(path: Path, namespace: str | None = None) -> DecisionSeries:
     """Read how the controller came to its decisions.
 
     Args:
-        path: bag folder or .mcap file.
+        path: bag folder or file.
         namespace: namespace of the vehicle; needed only if the bag holds several.
 
     Raises:

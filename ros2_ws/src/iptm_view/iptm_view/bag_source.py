@@ -36,7 +36,7 @@ class BagSource(AbstractContextManager["BagSource"]):
         """Open a bag.
 
         Args:
-            bag: bag folder or .mcap file.
+            bag: bag folder or file.
             rate: playback speed over recorded speed, 0 for everything at once.
             start_s: offset into the bag at which to begin.
             duration_s: length of the part to show, recorded time; None up to the end.

@@ -49,7 +49,7 @@ def build_parser() -> argparse.ArgumentParser:
         " ROS arguments (remaps) follow after --ros-args.",
     )
     parser.add_argument(
-        "bag", type=Path, nargs="?", help="bag folder or .mcap file (default: what is on the graph)"
+        "bag", type=Path, nargs="?", help="bag folder or file (default: what is on the graph)"
     )
     parser.add_argument("--namespace", default="", help="of the vehicle, e.g. car_1")
     parser.add_argument(

@@ -121,7 +121,7 @@ def served_bag(bag: Path, strategy: str, until_s: float | None = None) -> Iterat
     """Serve the page of a whole bag, with the reference car where its trip is known.
 
     Args:
-        bag: bag folder or .mcap file.
+        bag: bag folder or file.
         strategy: of the reference car, "none" for no such car.
         until_s: where to stop, recorded time; None at the end.
 
@@ -146,7 +146,7 @@ def take_screenshot(bag: Path, file: Path, picture: Picture, strategy: str) -> N
     """Write a picture of the page of a bag.
 
     Args:
-        bag: bag folder or .mcap file.
+        bag: bag folder or file.
         file: PNG file to write.
         picture: size, colours and instant.
         strategy: of the reference car, "none" for no such car.
