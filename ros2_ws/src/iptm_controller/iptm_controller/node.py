@@ -29,7 +29,7 @@ from iptm_interfaces.codecs import (
     decode_vehicle_state,
     encode_command,
     encode_decision_record,
-    encode_plan,
+    encode_plan_bytes,
     ns_from_time,
 )
 from iptm_interfaces.command_line import node_main
@@ -273,12 +273,16 @@ class ControllerNode(SuiteNode):
     def _publish(self, stamp_ns: int, decision: Decision) -> None:
         """Publish the command last: whoever has it has everything of this tick."""
         command = decision.command
-        self._solve_publisher.publish(encode_decision_record(stamp_ns, decision.record))
+        prefix = self.frame_prefix
+        self._solve_publisher.publish(
+            encode_decision_record.data(prefix, stamp_ns, decision.record)
+        )
         if decision.plan is not None:
-            self._plan_publisher.publish(encode_plan(plan_trajectory(decision.plan), stamp_ns))
+            plan = encode_plan_bytes(plan_trajectory(decision.plan), stamp_ns, prefix)
+            self._plan_publisher.publish(plan)
         self._acceleration_publisher.publish(Float64(data=float(command.acceleration_m_s2)))
         self._power_publisher.publish(Float64(data=float(command.compressor_power_w)))
-        self._command_publisher.publish(encode_command(stamp_ns, command))
+        self._command_publisher.publish(encode_command.data(prefix, stamp_ns, command))
 
     def _count(self, decision: Decision) -> None:
         self._solves[decision.record.status] += 1

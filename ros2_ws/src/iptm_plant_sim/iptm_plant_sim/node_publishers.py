@@ -39,6 +39,7 @@ class PlantPublishers:
             parameters: model parameters; the pack's capacity is published.
         """
         self._parameters = parameters
+        self._frame_prefix = node.frame_prefix
         pack, cell = parameters.pack, parameters.cell
         self._design_capacity_ah = cell.nominal_capacity_ah * pack.parallel
         self._publishers = {
@@ -64,19 +65,24 @@ class PlantPublishers:
 
     def publish(self, step: PlantStep) -> None:
         """Publish one state: the clock last, the odometry last but one."""
-        state = step.state
+        state, prefix = step.state, self._frame_prefix
         for topic, temperature_k in (
             (Topic.PLANT_CELL_1_TEMPERATURE, state.cell_1_temperature_k),
             (Topic.PLANT_CELL_N_TEMPERATURE, state.cell_n_temperature_k),
             (Topic.PLANT_COOLANT_INLET_TEMPERATURE, step.coolant_inlet_temperature_k),
             (Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, step.coolant_outlet_temperature_k),
         ):
-            self._publishers[topic].publish(encode_temperature(state.time_s, temperature_k))
+            self._publishers[topic].publish(
+                encode_temperature.data(prefix, state.time_s, temperature_k)
+            )
         self._publishers[Topic.PLANT_BATTERY].publish(encode_battery(self._reading(step)))
-        self._publishers[Topic.PLANT_POWERS].publish(encode_powers(state.time_s, step.powers))
-        self._publishers[Topic.PLANT_CAPACITY_LOSS].publish(encode_capacity_loss(state))
-        self._publishers[Topic.PLANT_ACCELERATION].publish(encode_acceleration(state))
-        self._publishers[Topic.PLANT_ODOMETRY].publish(encode_host_odometry(state))
+        for topic, data in (
+            (Topic.PLANT_POWERS, encode_powers.data(prefix, state.time_s, step.powers)),
+            (Topic.PLANT_CAPACITY_LOSS, encode_capacity_loss.data(prefix, state)),
+            (Topic.PLANT_ACCELERATION, encode_acceleration.data(prefix, state)),
+            (Topic.PLANT_ODOMETRY, encode_host_odometry.data(prefix, state)),
+        ):
+            self._publishers[topic].publish(data)
         self._publishers[Topic.CLOCK].publish(Clock(clock=time_from_s(state.time_s)))
 
     def publish_time(self, time_ns: int) -> None:

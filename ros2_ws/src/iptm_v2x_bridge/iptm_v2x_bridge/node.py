@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import replace
 
 from rosgraph_msgs.msg import Clock
 
@@ -14,7 +13,6 @@ from iptm_interfaces.codecs import (
     encode_leader_preview_bytes,
     encode_slope,
     ns_from_time,
-    time_from_ns,
 )
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
@@ -110,8 +108,7 @@ class BridgeNode(SuiteNode):
         self._answer, self._unanswered_ns = answer, None
         if answer.leader is not None:
             # The stamp is that of the clock to the nanosecond, however late the hour.
-            leader = encode_leader(replace(answer.leader, time_s=0.0))
-            leader.header.stamp = time_from_ns(time_ns)
+            leader = encode_leader.data(self.frame_prefix, answer.leader, time_ns)
             self._leader_publisher.publish(leader)
         self._preview_publisher.publish(
             encode_leader_preview_bytes(answer.preview, time_ns, self.frame(ROAD_FRAME))

@@ -15,7 +15,7 @@ from iptm_interfaces.codecs.command import (
 )
 from iptm_interfaces.codecs.datagram import decode_raw_datagram, encode_raw_datagram
 from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
-from iptm_interfaces.codecs.plan import PlanTrajectory, decode_plan, encode_plan
+from iptm_interfaces.codecs.plan import PlanTrajectory, decode_plan, encode_plan, encode_plan_bytes
 from iptm_interfaces.codecs.preview import (
     decode_leader_preview,
     decode_slope,
@@ -73,6 +73,7 @@ __all__ = [
     "encode_leader_preview_bytes",
     "encode_named_values",
     "encode_plan",
+    "encode_plan_bytes",
     "encode_powers",
     "encode_raw_datagram",
     "encode_slope",

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 from sensor_msgs.msg import BatteryState, JointState
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import IntervalPowers
 from iptm_interfaces.codecs._checks import finite, not_negative, reject
-from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
+from iptm_interfaces.codecs.fixed_layout import Numbers
+from iptm_interfaces.codecs.named_values import decode_named_values, named_values
 from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_s
 from iptm_interfaces.topics import PACK_FRAME, Topic
 
@@ -47,9 +48,10 @@ class BatteryReading:
     design_capacity_ah: float = math.nan
 
 
-def encode_powers(time_s: float, powers: IntervalPowers) -> JointState:
+@named_values(Topic.PLANT_POWERS)
+def encode_powers(time_s: float, powers: IntervalPowers) -> Numbers:
     """Return the mean powers of the interval that ended at a time (W)."""
-    return encode_named_values(Topic.PLANT_POWERS, ns_from_s(time_s), astuple(powers))
+    return ns_from_s(time_s), tuple(vars(powers).values())
 
 
 def decode_powers(message: JointState) -> IntervalPowers:

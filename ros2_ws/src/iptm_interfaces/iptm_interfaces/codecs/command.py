@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from enum import IntEnum
 from typing import TypeVar
 
@@ -11,7 +10,8 @@ from sensor_msgs.msg import JointState
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import Command
 from iptm_interfaces.codecs._checks import reject
-from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
+from iptm_interfaces.codecs.fixed_layout import Numbers
+from iptm_interfaces.codecs.named_values import decode_named_values, named_values
 from iptm_interfaces.codecs.time import ns_from_time
 from iptm_interfaces.topics import Topic
 
@@ -37,11 +37,10 @@ _MAY_BE_UNKNOWN = frozenset(
 )
 
 
-def encode_command(stamp_ns: int, command: Command) -> JointState:
+@named_values(Topic.COMMAND)
+def encode_command(stamp_ns: int, command: Command) -> Numbers:
     """Return a decision, stamped with the state it answers (acceleration m/s^2, power W)."""
-    return encode_named_values(
-        Topic.COMMAND, stamp_ns, (command.acceleration_m_s2, command.compressor_power_w)
-    )
+    return stamp_ns, (command.acceleration_m_s2, command.compressor_power_w)
 
 
 def decode_command(message: JointState) -> tuple[int, Command]:
@@ -56,9 +55,10 @@ def decode_command(message: JointState) -> tuple[int, Command]:
     return ns_from_time(message.header.stamp), Command(acceleration_m_s2, compressor_power_w)
 
 
-def encode_decision_record(stamp_ns: int, record: DecisionRecord) -> JointState:
+@named_values(Topic.SOLVE)
+def encode_decision_record(stamp_ns: int, record: DecisionRecord) -> Numbers:
     """Return the record of a decision, stamped like the decision."""
-    return encode_named_values(Topic.SOLVE, stamp_ns, astuple(record))
+    return stamp_ns, tuple(vars(record).values())
 
 
 def decode_decision_record(message: JointState) -> DecisionRecord:

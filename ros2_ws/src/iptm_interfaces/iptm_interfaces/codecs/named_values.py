@@ -6,17 +6,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import ParamSpec
 
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from iptm_interfaces.codecs._checks import reject
-from iptm_interfaces.codecs.time import time_from_ns
+from iptm_interfaces.codecs.fixed_layout import Encoder, FixedLayout, Numbers
 from iptm_interfaces.topics import TOPICS, Topic
+
+P = ParamSpec("P")
 
 _NAMES: dict[Topic, list[str]] = {
     topic: list(spec.fields) for topic, spec in TOPICS.items() if spec.message_type is JointState
 }
+
+
+def _layout(topic: Topic) -> FixedLayout:
+    names, frame = _NAMES[topic], TOPICS[topic].frame
+
+    def build() -> JointState:
+        header = Header(frame_id=frame)
+        return JointState(header=header, name=names, position=[0.0] * len(names))
+
+    return FixedLayout(build, [f"position[{index}]" for index in range(len(names))])
+
+
+_LAYOUTS = {topic: _layout(topic) for topic in _NAMES}
 
 
 def encode_named_values(topic: Topic, stamp_ns: int, values: Sequence[float]) -> JointState:
@@ -33,10 +51,13 @@ def encode_named_values(topic: Topic, stamp_ns: int, values: Sequence[float]) ->
     names = _NAMES[topic]
     if len(values) != len(names):
         reject(topic, f"{len(values)} values given; allowed: {len(names)} ({', '.join(names)})")
-    message = JointState(name=names, position=[float(value) for value in values])
-    message.header.stamp = time_from_ns(stamp_ns)
-    message.header.frame_id = TOPICS[topic].frame
+    message: JointState = _LAYOUTS[topic].message(stamp_ns, values)
     return message
+
+
+def named_values(topic: Topic) -> Callable[[Callable[P, Numbers]], Encoder[P]]:
+    """Return a decorator that makes an encoder of a function that returns the stamp and the values."""
+    return partial(Encoder, _LAYOUTS[topic])
 
 
 def decode_named_values(

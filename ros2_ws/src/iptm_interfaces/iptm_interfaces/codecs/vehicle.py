@@ -13,13 +13,15 @@ from typing import Any
 from geometry_msgs.msg import AccelStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, Temperature
+from std_msgs.msg import Header
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import LeaderState, PlantObservation, VehicleState
 from iptm_interfaces.codecs._checks import finite, not_negative, reject
 from iptm_interfaces.codecs.battery import decode_powers
-from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
-from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_s
+from iptm_interfaces.codecs.fixed_layout import Numbers, encoder
+from iptm_interfaces.codecs.named_values import decode_named_values, named_values
+from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns
 from iptm_interfaces.topics import (
     HOST_FRAME,
     LEADER_FRAME,
@@ -31,29 +33,31 @@ from iptm_interfaces.topics import (
 )
 
 
-def _encode_motion(time_s: float, position_m: float, speed_m_s: float, body: str) -> Odometry:
-    message = Odometry(child_frame_id=body)
-    message.header.stamp = time_from_s(time_s)
-    message.header.frame_id = ROAD_FRAME
-    message.pose.pose.position.x = float(position_m)
-    message.twist.twist.linear.x = float(speed_m_s)
-    return message
-
-
 def _decode_motion(topic: Topic, message: Odometry) -> tuple[float, float]:
     position_m = finite(topic, "position", message.pose.pose.position.x)
     speed_m_s = not_negative(topic, "speed", message.twist.twist.linear.x)
     return position_m, speed_m_s
 
 
-def encode_host_odometry(state: VehicleState) -> Odometry:
+_MOTION = ("pose.pose.position.x", "twist.twist.linear.x")
+
+
+def _motion(body: str) -> Odometry:
+    return Odometry(header=Header(frame_id=ROAD_FRAME), child_frame_id=body)
+
+
+@encoder(lambda: _motion(HOST_FRAME), *_MOTION)
+def encode_host_odometry(state: VehicleState) -> Numbers:
     """Return the host's position (m) and speed (m/s)."""
-    return _encode_motion(state.time_s, state.position_m, state.speed_m_s, HOST_FRAME)
+    return ns_from_s(state.time_s), (state.position_m, state.speed_m_s)
 
 
-def encode_leader(state: LeaderState) -> Odometry:
-    """Return the leader's position (m) and speed (m/s)."""
-    return _encode_motion(state.time_s, state.position_m, state.speed_m_s, LEADER_FRAME)
+@encoder(lambda: _motion(LEADER_FRAME), *_MOTION)
+def encode_leader(state: LeaderState, stamp_ns: int | None = None) -> Numbers:
+    """Return the leader's position (m) and speed (m/s), at a stamp where its time is not exact enough."""
+    if stamp_ns is None:
+        stamp_ns = ns_from_s(state.time_s)
+    return stamp_ns, (state.position_m, state.speed_m_s)
 
 
 def decode_leader(message: Odometry) -> LeaderState:
@@ -66,21 +70,16 @@ def decode_leader(message: Odometry) -> LeaderState:
     return LeaderState(s_from_ns(ns_from_time(message.header.stamp)), position_m, speed_m_s)
 
 
-def encode_acceleration(state: VehicleState) -> AccelStamped:
+@encoder(lambda: AccelStamped(header=Header(frame_id=HOST_FRAME)), "accel.linear.x")
+def encode_acceleration(state: VehicleState) -> Numbers:
     """Return the acceleration actuated over the interval that ended at the stamp (m/s^2)."""
-    message = AccelStamped()
-    message.header.stamp = time_from_s(state.time_s)
-    message.header.frame_id = HOST_FRAME
-    message.accel.linear.x = float(state.acceleration_m_s2)
-    return message
+    return ns_from_s(state.time_s), (state.acceleration_m_s2,)
 
 
-def encode_temperature(time_s: float, temperature_k: float) -> Temperature:
+@encoder(lambda: Temperature(header=Header(frame_id=PACK_FRAME)), "temperature")
+def encode_temperature(time_s: float, temperature_k: float) -> Numbers:
     """Return a temperature; kelvin in, degrees Celsius on the wire. Its variance is unknown (0)."""
-    message = Temperature(temperature=float(temperature_k) - CELSIUS_ZERO_K)
-    message.header.stamp = time_from_s(time_s)
-    message.header.frame_id = PACK_FRAME
-    return message
+    return ns_from_s(time_s), (float(temperature_k) - CELSIUS_ZERO_K,)
 
 
 def decode_temperature(topic: Topic, message: Temperature) -> float:
@@ -93,10 +92,10 @@ def decode_temperature(topic: Topic, message: Temperature) -> float:
     return not_negative(topic, "absolute temperature", temperature_k)
 
 
-def encode_capacity_loss(state: VehicleState) -> JointState:
+@named_values(Topic.PLANT_CAPACITY_LOSS)
+def encode_capacity_loss(state: VehicleState) -> Numbers:
     """Return the capacity losses of cell 1 and cell N_c (fractions of nominal)."""
-    values = (state.cell_1_capacity_loss, state.cell_n_capacity_loss)
-    return encode_named_values(Topic.PLANT_CAPACITY_LOSS, ns_from_s(state.time_s), values)
+    return ns_from_s(state.time_s), (state.cell_1_capacity_loss, state.cell_n_capacity_loss)
 
 
 def decode_capacity_loss(message: JointState) -> tuple[float, float]:
