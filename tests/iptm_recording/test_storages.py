@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from mcap.reader import make_reader
 from rosbags.interfaces import QosDurability
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -23,6 +24,7 @@ from iptm_recording.bag_info import main as bag_info
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.compare_bags import compare_bags
 from iptm_recording.recorded_topics import DEFAULT_QOS
+from iptm_recording.recover import recover
 from iptm_recording.trajectory_reader import read_trajectory
 
 LATCHED = DEFAULT_QOS._replace(durability=QosDurability.TRANSIENT_LOCAL)
@@ -170,6 +172,21 @@ def test_messages_of_no_topic_are_missed(small_bag: Path, tmp_path: Path) -> Non
     database.close()
     with pytest.raises(BagError, match="20 messages belong to no topic"):
         BagReader(file)
+
+
+def test_messages_packed_one_by_one_are_recovered_as_plain_ones(
+    small_bag: Path, tmp_path: Path
+) -> None:
+    """So that every tool can read them."""
+    (file,) = stored(small_bag, tmp_path / "other", StoragePlugin.MCAP, MESSAGE).glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-200])
+    report = recover(file, tmp_path / "new")
+    with BagReader(small_bag) as reader:
+        expected = [message.data for message in reader.raw_messages()]
+    with (tmp_path / "new" / "new_0.mcap").open("rb") as stream:
+        found = [message.data for _, _, message in make_reader(stream).iter_messages()]
+    assert found == expected
+    assert report.message_count == 40
 
 
 @pytest.fixture

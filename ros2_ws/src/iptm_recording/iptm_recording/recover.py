@@ -16,6 +16,7 @@ from pathlib import Path
 
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.well_known import MessageEncoding
+from zstandard import ZstdError
 
 from iptm_core.errors import BagError, IptmError
 from iptm_recording.bag_files import check_exists
@@ -25,6 +26,7 @@ from iptm_recording.metadata import METADATA_FILE, read_metadata
 from iptm_recording.recorded_topics import parse_profiles
 from iptm_recording.run_information import RECORD_NAME
 from iptm_recording.salvage import SalvageReader
+from iptm_recording.storage import unpacked
 
 _UNKNOWN_TOPIC = "unknown topic"
 
@@ -219,10 +221,14 @@ class _Copy:
         for record in SalvageReader(content.reader.path).records():
             if isinstance(record, Message):
                 topic_id = topics.get(record.channel_id)
-                if topic_id is None:
+                try:
+                    data: bytes | None = unpacked(record.data)
+                except ZstdError:
+                    data = None
+                if topic_id is None or data is None:
                     orphans[record.channel_id] += 1
                 else:
-                    self._writer.write(topic_id, record.data, record.log_time, record.publish_time)
+                    self._writer.write(topic_id, data, record.log_time, record.publish_time)
                     taken[record.channel_id] += 1
         if content.reader.statistics is not None:
             missing = Counter(content.reader.statistics.channel_message_counts) - taken

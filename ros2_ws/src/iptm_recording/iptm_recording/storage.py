@@ -52,6 +52,15 @@ class RawMessage:
     data: bytes
 
 
+def unpacked(data: bytes) -> bytes:
+    """Return the bytes of a message that rosbag2 may have packed with zstd, one by one.
+
+    Raises:
+        ZstdError: it has, and they are damaged.
+    """
+    return ZstdDecompressor().decompress(data) if data.startswith(ZSTD_MAGIC) else data
+
+
 class StorageFile(ABC):
     """A sound file of a bag, opened for reading.
 
@@ -72,7 +81,6 @@ class StorageFile(ABC):
     def __init__(self, path: Path, source: Path | None = None) -> None:
         self.path = source or path
         self._is_unpacked = source is not None
-        self._decompressor = ZstdDecompressor()
         self.topics: Sequence[TopicRecord] = ()
         self.message_count = 0
         self.start_ns = 0
@@ -118,8 +126,8 @@ class StorageFile(ABC):
         try:
             for message in self._read(topics, start_ns, end_ns):
                 found[message.topic] += 1
-                if message.data.startswith(ZSTD_MAGIC):  # packed by rosbag2, one by one
-                    yield replace(message, data=self._decompressor.decompress(message.data))
+                if message.data.startswith(ZSTD_MAGIC):
+                    yield replace(message, data=unpacked(message.data))
                 else:
                     yield message
         except STORAGE_DAMAGE as error:
