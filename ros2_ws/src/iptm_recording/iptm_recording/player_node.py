@@ -7,12 +7,12 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
+from rich.console import Console
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.errors import BagError
@@ -21,10 +21,10 @@ from iptm_interfaces.process import EXIT_DEFECT, EXIT_USER_ERROR
 from iptm_interfaces.services import Service
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_reader import BagReader
-from iptm_recording.message_types import known_hashes
 from iptm_recording.playback import LEAST_RATE, MOST_RATE, Playback, PlaybackOptions
 from iptm_recording.playback_control import PlaybackControl, Verdict
-from iptm_recording.rclpy_types import message_class, to_profile
+from iptm_recording.playback_progress import PlaybackProgress
+from iptm_recording.rclpy_types import recorded_class, to_profile
 from iptm_recording.recorded_topics import TopicRecord, offer_for
 
 STARTED_LINE = "player started"
@@ -35,7 +35,7 @@ _LEAST_DEPTH = 100
 _CLOCK_DEPTH = 10
 _POLL_S = 0.02
 _ACKNOWLEDGE_S = 1.0
-_PROGRESS_PERIOD_S = 5.0
+_SHOW_PERIOD_S = 0.2
 
 
 class PlayerNode(SuiteNode):
@@ -87,6 +87,8 @@ class PlayerNode(SuiteNode):
             (Service.PLAYER_PLAY_NEXT, self._play_next),
         ):
             self.serve(service, action)
+        self._progress: PlaybackProgress | None = None
+        self.every(_SHOW_PERIOD_S, self._show)
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._thread.start()
 
@@ -94,12 +96,14 @@ class PlayerNode(SuiteNode):
         """End the playback, should it still go on, and destroy the node."""
         self._control.stop()
         self._thread.join()
+        if self._progress is not None:
+            self._progress.close()
         self._reader.close()
         super().destroy_node()
 
     def _advertise_topic(self, topic: TopicRecord) -> None:
         try:
-            kind = _class_of(topic)
+            kind = recorded_class(topic)
         except BagError as error:
             self.get_logger().warning(f"topic {topic.name} is not played: {error}")
             return
@@ -169,6 +173,12 @@ class PlayerNode(SuiteNode):
             raise BagError("the player is playing; allowed: while paused")
         return "next message"
 
+    def _show(self) -> None:
+        if self._progress is not None:
+            control = self._control
+            at_s = self._offset_s(control.position_ns)
+            self._progress.show(at_s, control.rate, is_paused=control.is_paused)
+
     def _tell(self, what: str) -> str:
         """Print a line with the position, and return it."""
         text = f"{what} at {self._offset_s(self._control.position_ns):.1f} s of the bag"
@@ -212,6 +222,11 @@ class PlayerNode(SuiteNode):
             f" recorded speed{', paused' if self._control.is_paused else ''}",
             flush=True,
         )
+        self._progress = PlaybackProgress(
+            Console(),
+            self._offset_s(self._playback.start_ns),
+            self._offset_s(self._playback.end_ns),
+        )
         sent = 0
         from_ns = self._playback.start_ns
         while True:
@@ -232,7 +247,6 @@ class PlayerNode(SuiteNode):
 
     def _publish_from(self, from_ns: int) -> tuple[int, Verdict]:
         """Publish the messages from a position on; return their number and why it ended."""
-        next_progress_s = time.monotonic() + _PROGRESS_PERIOD_S
         sent = 0
         for message in self._playback.messages(from_ns):
             publisher = self._publishers_by_topic.get(message.topic)
@@ -244,10 +258,6 @@ class PlayerNode(SuiteNode):
                     return sent, verdict
             publisher.publish(message.data)
             sent += 1
-            if time.monotonic() >= next_progress_s:
-                next_progress_s = time.monotonic() + _PROGRESS_PERIOD_S
-                at_s, end_s = map(self._offset_s, (message.log_time_ns, self._playback.end_ns))
-                print(f"at {at_s:.1f} of {end_s:.1f} s", flush=True)
         return sent, self._wait_for(self._playback.end_ns)
 
     def _wait_for(self, due_ns: int) -> Verdict:
@@ -272,19 +282,6 @@ class PlayerNode(SuiteNode):
             left_s = deadline_s - time.monotonic()
             if left_s > 0.0 and not self._control.is_stopped:
                 publisher.wait_for_all_acked(Duration(seconds=left_s))
-
-
-def _class_of(topic: TopicRecord) -> type[Any]:
-    """Return the class with which to publish the bytes of a topic.
-
-    Raises:
-        BagError: there is none, or its fields are others than those in the bag.
-    """
-    kind = message_class(topic.type_name)
-    hashes = known_hashes(topic.type_name)
-    if topic.type_hash and hashes and topic.type_hash not in hashes:
-        raise BagError(f"message type {topic.type_name} is defined otherwise here than in the bag")
-    return kind
 
 
 def _refuse_not_finite(parameters: Sequence[Parameter]) -> SetParametersResult:

@@ -24,7 +24,8 @@ from rosbags.interfaces import (
 
 from iptm_core.errors import BagError
 from iptm_core.trip_time import NS_PER_S
-from iptm_recording.recorded_topics import UNLIMITED
+from iptm_recording.message_types import known_hashes
+from iptm_recording.recorded_topics import UNLIMITED, TopicRecord
 
 
 def message_class(type_name: str) -> type[Any]:
@@ -46,6 +47,19 @@ def message_class(type_name: str) -> type[Any]:
     except AttributeError:
         raise BagError(f"message type {type_name}: package {package} has no such type") from None
     return found
+
+
+def recorded_class(topic: TopicRecord) -> type[Any]:
+    """Return the class with which the recorded bytes of a topic can be published.
+
+    Raises:
+        BagError: there is none here, or its fields are others than those in the bag.
+    """
+    kind = message_class(topic.type_name)
+    hashes = known_hashes(topic.type_name)
+    if topic.type_hash and hashes and topic.type_hash not in hashes:
+        raise BagError(f"message type {topic.type_name} is defined otherwise here than in the bag")
+    return kind
 
 
 def to_profile(qos: Qos) -> QoSProfile:
