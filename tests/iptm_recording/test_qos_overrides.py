@@ -51,6 +51,12 @@ def test_what_is_not_named_stays(tmp_path: Path) -> None:
     assert overrides.applied("/third", DEFAULT_QOS) == DEFAULT_QOS
 
 
+def test_an_unlimited_time_as_bags_have_it(tmp_path: Path) -> None:
+    (tmp_path / "qos.yaml").write_text("/a: {deadline: {sec: 9223372036, nsec: 854775807}}")
+    overrides = load_qos_overrides(tmp_path / "qos.yaml")
+    assert overrides.applied("/a", DEFAULT_QOS) == DEFAULT_QOS
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -64,6 +70,7 @@ def test_what_is_not_named_stays(tmp_path: Path) -> None:
         ("/a: {depth: true}", "depth is True; allowed"),
         ("/a: {deadline: 1.5}", "deadline is 1.5; allowed: {sec"),
         ("/a: {deadline: {sec: 1, nsec: 1000000000}}", "nsec is 1000000000"),
+        ("/a: {lifespan: {sec: 9223372036, nsec: 854775808}}", "from 0 to 854775807"),
         ("/a: {avoid_ros_namespace_conventions: 1}", "allowed: true, false"),
         ("{", "not valid YAML"),
     ],

@@ -28,6 +28,8 @@ from rosbags.interfaces import (
 from iptm_core.errors import BagError
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.strict_mapping import check_known, shown
+from iptm_core.trip_time import NS_PER_S
+from iptm_recording.recorded_topics import UNLIMITED
 
 _KINDS: Final[Mapping[str, type[Enum]]] = {
     "history": QosHistory,
@@ -45,8 +47,6 @@ _TIMES = ("deadline", "lifespan", "liveliness_lease_duration")
 _CONVENTIONS = "avoid_ros_namespace_conventions"
 _DEPTH = "depth"
 _MOST_DEPTH = 1_000_000
-_MOST_NS = 10**9 - 1
-_MOST_S = 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,9 @@ def _value(where: str, name: object, value: object) -> object:
 def _time(place: str, value: object) -> QosTime:
     if not isinstance(value, dict) or set(value) != {"sec", "nsec"}:
         raise BagError(f"{place} is {shown(value)}; allowed: {{sec: ..., nsec: ...}}")
-    seconds = _whole(f"{place}.sec", value["sec"], _MOST_S)
-    return QosTime(seconds, _whole(f"{place}.nsec", value["nsec"], _MOST_NS))
+    seconds = _whole(f"{place}.sec", value["sec"], UNLIMITED.sec)
+    most_ns = UNLIMITED.nsec if seconds == UNLIMITED.sec else NS_PER_S - 1
+    return QosTime(seconds, _whole(f"{place}.nsec", value["nsec"], most_ns))
 
 
 def _whole(place: str, value: object, most: int) -> int:
