@@ -14,7 +14,7 @@ import iptm_bringup
 import iptm_view
 from iptm_bringup.composition import parameter_file_text
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
-from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
 from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
@@ -107,13 +107,19 @@ NODES = {
 }
 
 
+CHANGEABLE_NOTE = (
+    f"May be [set while it drives](../how-to/README.md#change-strategy-weights-or-horizon-while-it-drives): "
+    f"{', '.join(f'`{name}`' for name in CHANGEABLE)}.\n\n"
+)
+
+
 def nodes_page() -> str:
     """Parameters of the three nodes, of the sender of messages and of the visualizer."""
     parts = [f"# Node parameters\n\n{NOTICE}"]
     others = {"v2x_sender": (SenderNodeParameters, ""), PUBLISHER: (VisualizerParameters, "")}
     for node, (parameters, _) in (NODES | others).items():
         parts.append(
-            f"## `{node}`\n\n| parameter | default | unit | allowed | meaning |\n|---|---|---|---|---|\n"
+            f"## `{node}`\n\n{CHANGEABLE_NOTE if node == CONTROLLER else ''}| parameter | default | unit | allowed | meaning |\n|---|---|---|---|---|\n"
         )
         parts += [
             f"| `{spec.name}` | `{plain(spec.default)}` | {spec.unit or '-'} | {spec.allowed} "

@@ -148,17 +148,8 @@ class Controller:
         self.options = options
         self.backend = backend or build_solver(horizon, parameters, options.solver)
         self._grid = ProblemGrid(horizon)
-        self._builder = ProblemDataBuilder(self._grid, options.strategy, parameters.limits)
-        self._valuation = (
-            TemperatureValuation(
-                parameters,
-                options.strategy.aging_weight,
-                horizon.duration_s,
-                options.trip_duration_s,
-            )
-            if options.strategy.cost_to_go
-            else None
-        )
+        self._model = parameters
+        self._pose(options.strategy)
         self._shifter = PlanShifter(horizon)
         self._forecaster = LeaderForecaster(horizon.motion_duration_s, options.max_preview_age_s)
         self._traction = (
@@ -173,6 +164,27 @@ class Controller:
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
         self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
         self._last_trusted: VehicleState | None = None
+
+    def _pose(self, strategy: Strategy) -> None:
+        """Set up what depends on the cost terms and their weights, which are numbers of a problem."""
+        self._builder = ProblemDataBuilder(self._grid, strategy, self._model.limits)
+        self._valuation = (
+            TemperatureValuation(
+                self._model,
+                strategy.aging_weight,
+                self.options.horizon.duration_s,
+                self.options.trip_duration_s,
+            )
+            if strategy.cost_to_go
+            else None
+        )
+
+    def use_strategy(self, strategy: Strategy) -> None:
+        """Go on with other cost terms and weights; nothing is compiled, and the memory stays."""
+        memory = self.memory
+        self.options = replace(self.options, strategy=strategy)
+        self._pose(strategy)
+        self.memory = memory
 
     @property
     def memory(self) -> ControllerMemory:

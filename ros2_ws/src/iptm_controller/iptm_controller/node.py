@@ -6,27 +6,25 @@ import math
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-import numpy as np
 from std_msgs.msg import Float64, Float64MultiArray
 
-from iptm_controller.controller import Decision, Measurements
+from iptm_controller.controller import Decision
 from iptm_controller.memory import ControllerMemory
-from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_controller.node_changes import SettingsChanges
+from iptm_controller.node_inputs import read_measurements
+from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
 from iptm_controller.node_reports import Road, decision_values, plan_trajectory, situation
 from iptm_controller.node_watch import OperatorWatch
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import MessageError
-from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_core.state import SlopePreview
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import (
-    decode_leader,
     decode_leader_preview_bytes,
     decode_slope,
-    decode_vehicle_state,
     encode_command,
     encode_decision_record,
     encode_plan_bytes,
@@ -53,7 +51,6 @@ SLOW_DECISION_S = 0.05
 WAITED_SHARE = 0.5
 """A tick that is complete within this share of the time of a slow decision after it has waited for it."""
 CATCH_UP_S = 0.002
-FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
 
 
 class ControllerNode(SuiteNode):
@@ -63,10 +60,11 @@ class ControllerNode(SuiteNode):
 
     def __init__(self) -> None:
         super().__init__("controller")
-        self._options = declare_parameters(self, self.PARAMETERS)
+        self._options = declare_parameters(self, self.PARAMETERS, CHANGEABLE)
         self.reject_unknown_parameters()
         self.use_frame_prefix(self._options.frame_prefix)
         self._controller = self._options.build_controller()
+        self._changes = SettingsChanges(self, self._options)
         self._model = self._options.model().values
         self._watch = OperatorWatch(self._model, self._options)
         self._trip_before = (self._controller.memory, self._watch)
@@ -237,7 +235,8 @@ class ControllerNode(SuiteNode):
         self._unanswered_since_s = None
         self._held = None
         started_s = time.monotonic()
-        measured = self._measurements(matched.values)
+        self._take_changes_over(matched.stamp_ns)
+        measured = read_measurements(matched.values, self._slope)
         decision = self._controller.decide(measured)
         self._last, self._last_ns = decision, matched.stamp_ns
         self._publish(matched.stamp_ns, decision)
@@ -247,28 +246,15 @@ class ControllerNode(SuiteNode):
         self._answered_s = time.monotonic()
         self._took_s = self._answered_s - started_s
 
-    def _measurements(self, values: Mapping[Topic, Any]) -> Measurements:
-        """Decode what arrived; what is missing or malformed is left out, with the reason."""
-        faults = []
-        state: VehicleState | None = None
-        leader: LeaderState | None = None
-        missing = [topic.value for topic in STATE_TOPICS if topic not in values]
-        try:
-            if missing:
-                faults.append(f"no {', '.join(missing)} received")
-            else:
-                state = decode_vehicle_state(values)
-        except MessageError as error:
-            faults.append(str(error))
-        try:
-            if Topic.LEADER in values:
-                leader = decode_leader(values[Topic.LEADER])
-            else:
-                faults.append("no measurement of the leader received")
-        except MessageError as error:
-            faults.append(str(error))
-        preview: LeaderPreview = values.get(Topic.LEADER_PREVIEW) or LeaderPreview.empty()
-        return Measurements(state, leader, preview, self._slope or FLAT_ROAD, "; ".join(faults))
+    def _take_changes_over(self, stamp_ns: int) -> None:
+        """Go on with changed settings that are ready, and say from which tick on."""
+        before = self._changes.options
+        self._controller = self._changes.take_over(self._controller, stamp_ns)
+        self._options = self._changes.options
+        if self._options != before:
+            self._last_ns = stamp_ns
+            level, _ = self._situation()
+            self._reporter.report(stamp_ns, level, "settings have been changed", self._values())
 
     def _publish(self, stamp_ns: int, decision: Decision) -> None:
         """Publish the command last: whoever has it has everything of this tick."""
@@ -293,11 +279,15 @@ class ControllerNode(SuiteNode):
 
     def _report(self) -> None:
         level, reason = self._situation()
+        self._reporter.report(self._last_ns, level, reason, self._values())
+
+    def _values(self) -> dict[str, object]:
         counts = self._matcher.counts
         values: dict[str, object] = {
             "strategy": self._options.strategy,
             "horizon": self._options.horizon,
             "solver": self._options.solver,
+            **self._changes.values,
             "machine_code": self._controller.backend.compiled,
             "limited_ticks": self._limited_ticks,
             "skipped_ticks": self._skipped_ticks,
@@ -311,7 +301,7 @@ class ControllerNode(SuiteNode):
         if self._last is not None:
             values.update(decision_values(self._last))
             values.update(self._watch.values)
-        self._reporter.report(self._last_ns, level, reason, values)
+        return values
 
     def _situation(self) -> tuple[Level, str]:
         """Return what is wrong with the inputs as a whole, else the situation of the last decision."""

@@ -16,6 +16,9 @@ from iptm_core.declaration import parameter
 from iptm_core.settings import FrameSettings, ModelSettings, SamplingSettings
 
 FROM_STRATEGY = -1.0
+WEIGHTS = ("speed_weight", "temperature_weight", "energy_weight", "aging_weight")
+CHANGEABLE = ("strategy", "horizon", *WEIGHTS, "deadline_ms")
+"""Parameters that may be set while the node runs."""
 
 
 @dataclass(frozen=True)
@@ -82,13 +85,13 @@ class ControllerNodeParameters(
         60.0,
     )
 
-    def build_controller(self) -> Controller:
-        """Return the controller, its problem compiled.
+    def controller_options(self) -> ControllerOptions:
+        """Return what the controller is to do.
 
         Raises:
-            IptmError: a parameter, the horizon or the solver is not usable.
+            IptmError: the horizon is not usable.
         """
-        options = ControllerOptions(
+        return ControllerOptions(
             strategy=self._strategy(),
             horizon=Horizon.parse(self.horizon),
             solver=SolverOptions(
@@ -103,7 +106,14 @@ class ControllerNodeParameters(
             tick_s=self.period_s,
             trip_duration_s=self.trip_duration_s or math.inf,
         )
-        return Controller(self.model().values, options)
+
+    def build_controller(self) -> Controller:
+        """Return the controller, its problem compiled.
+
+        Raises:
+            IptmError: a parameter, the horizon or the solver is not usable.
+        """
+        return Controller(self.model().values, self.controller_options())
 
     def _strategy(self) -> Strategy:
         base = strategy_by_name(self.strategy)

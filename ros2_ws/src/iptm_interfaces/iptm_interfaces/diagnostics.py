@@ -21,6 +21,10 @@ from iptm_interfaces.topics import Topic
 
 HARDWARE_ID = "iptm"
 """Vehicle of a suite outside of any namespace."""
+CHANGED_SETTINGS = "changed_settings"
+"""Key: settings that were changed last while the node runs, with their former values."""
+SETTINGS_SINCE = "settings_since_s"
+"""Key: trip time of the first tick with them, or `start`."""
 
 
 class Level(Enum):

@@ -3,13 +3,14 @@
     parameters = declare_parameters(node, BridgeNodeParameters)
 
 The descriptors carry description, unit and range, so `ros2 param describe` shows them. Parameters are
-read-only: a run is described by what it was started with. A whole number is accepted for a float
-(`latency_s:=1`), which plain ROS refuses.
+read-only, as a run is described by what it was started with, but for those that a node says it can change and
+reports. A whole number is accepted for a float (`latency_s:=1`), which plain ROS refuses.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -21,23 +22,25 @@ from iptm_core.errors import ParameterError
 D = TypeVar("D")
 
 
-def declare_parameters(node: Node, description: type[D]) -> D:
+def declare_parameters(node: Node, description: type[D], changeable: Collection[str] = ()) -> D:
     """Declare the parameters of a dataclass on a node and return them, checked, as an instance.
 
     Args:
         node: the node.
         description: dataclass whose fields are all parameters.
+        changeable: names of those that may be set while the node runs.
 
     Raises:
         ParameterError: an override has the wrong type, is not finite or out of range.
     """
     values: dict[str, Any] = {
-        spec.name: _declare_parameter(node, spec) for spec in parameter_specs(description)
+        spec.name: _declare_parameter(node, spec, read_only=spec.name not in changeable)
+        for spec in parameter_specs(description)
     }
     return description(**values)
 
 
-def _declare_parameter(node: Node, spec: ParameterSpec) -> Value:
+def _declare_parameter(node: Node, spec: ParameterSpec, *, read_only: bool) -> Value:
     # Looked at first without a type: ROS would refuse whole numbers for floats, and its own errors
     # neither name the range nor stop NaN.
     probe = ParameterDescriptor(dynamic_typing=True)
@@ -47,16 +50,18 @@ def _declare_parameter(node: Node, spec: ParameterSpec) -> Value:
         value: Value = checked_value(spec, given)
     except ParameterError as error:
         raise ParameterError(f"parameter {error}") from None
-    node.declare_parameter(spec.name, plain(value), _descriptor(spec), ignore_override=True)
+    node.declare_parameter(
+        spec.name, plain(value), _descriptor(spec, read_only=read_only), ignore_override=True
+    )
     return value
 
 
-def _descriptor(spec: ParameterSpec) -> ParameterDescriptor:
+def _descriptor(spec: ParameterSpec, *, read_only: bool) -> ParameterDescriptor:
     unit = f" [{spec.unit}]" if spec.unit else ""
     descriptor = ParameterDescriptor(
         description=spec.description + unit,
         additional_constraints=spec.allowed,
-        read_only=True,
+        read_only=read_only,
     )
     # ROS knows ranges of scalars only, and none that is open at one end; float limits stand in.
     largest = {float: 1.7e308, int: 2**63 - 1}.get(type(spec.default))

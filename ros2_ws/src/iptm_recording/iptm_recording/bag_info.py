@@ -67,6 +67,7 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
         BagError: the bag does not hold a complete run of the suite.
     """
     # Decoding to the suite's messages needs ROS, everything else here does not.
+    from iptm_recording.changed_settings import read_settings_changes  # noqa: PLC0415
     from iptm_recording.trajectory_reader import (  # noqa: PLC0415
         count_trips,
         read_decisions,
@@ -82,6 +83,9 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
     trips = count_trips(path, namespace)
     notes = [] if is_stored else ["limits of the default parameter set: the bag names no other"]
     notes += [f"the last of {trips} trips"] if trips > 1 else []
+    notes += [
+        f"changed while driving: {change}" for change in read_settings_changes(path, namespace)
+    ]
     caption = "; ".join(notes) or None
     table = Table("figure", title=f"{path.name}: results", title_justify="left", caption=caption)
     table.add_column("value", justify="right")

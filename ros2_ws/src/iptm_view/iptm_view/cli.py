@@ -17,9 +17,9 @@ from rclpy.exceptions import NameValidationException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
 from iptm_core.errors import IptmError, ViewError
+from iptm_interfaces.command_line import own_arguments
 from iptm_interfaces.discovery import middleware_settings
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
 from iptm_recording.run_information import load_run_information
@@ -99,10 +99,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 when stopped or when the picture is there, 2 after a mistake of the user.
     """
     command = list(sys.argv if arguments is None else arguments)
-    parsed = build_parser().parse_args(remove_ros_args(command)[1:])
-    stop = StopRequest()
-    stop.install()
     try:
+        parsed = build_parser().parse_args(own_arguments(command))
+        stop = StopRequest()
+        stop.install()
         if parsed.screenshot is not None:
             _take_picture(parsed)
         else:

@@ -1,0 +1,148 @@
+"""Changes of the controller's settings while it drives: checked, prepared beside the node, then taken over.
+
+Weights and strategy are numbers of a problem and hold from the next decision on. Another horizon or deadline
+is another problem, which a thread builds and compiles while the node decides on with the present one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Future
+from dataclasses import replace
+from threading import Thread
+from time import perf_counter
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
+
+from iptm_controller.controller import Controller
+from iptm_controller.memory import LadderMemory
+from iptm_controller.node_parameters import CHANGEABLE, WEIGHTS, ControllerNodeParameters
+from iptm_core.declaration import plain
+from iptm_core.errors import IptmError, ParameterError
+from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE
+from iptm_interfaces.suite_node import SuiteNode
+
+_NUMBERS_OF_A_PROBLEM = frozenset(("strategy", *WEIGHTS))
+
+
+class SettingsChanges:
+    """Takes one change after the other.
+
+    Attributes:
+        options: settings that the decisions are made with.
+        values: key values for the diagnostics.
+    """
+
+    def __init__(self, node: SuiteNode, options: ControllerNodeParameters) -> None:
+        """Answer whoever sets parameters of a node.
+
+        Args:
+            node: the controller node.
+            options: settings that it was started with.
+        """
+        self.options = self._wanted = options
+        self.values: dict[str, object] = {CHANGED_SETTINGS: "none", SETTINGS_SINCE: "start"}
+        self._node = node
+        self._prepared: Future[tuple[Controller, float]] | None = None
+        self._is_giving_up = False
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._prepare)
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        """Refuse all that is asked for in one sentence, or nothing of it."""
+        changes = {each.name: each.value for each in parameters if each.name in CHANGEABLE}
+        if not changes or self._is_giving_up:
+            return SetParametersResult(successful=True)
+        try:
+            if self._prepared is not None:
+                raise ParameterError(
+                    f"another change ({self._difference()}) is being prepared; allowed: one at a time"
+                )
+            wanted = replace(self._wanted, **changes)
+            wanted.controller_options()
+        except IptmError as error:
+            return SetParametersResult(successful=False, reason=" ".join(str(error).split()))
+        return SetParametersResult(successful=True)
+
+    def _prepare(self, parameters: Sequence[Parameter]) -> None:
+        changes = {each.name: each.value for each in parameters if each.name in CHANGEABLE}
+        if self._is_giving_up or not changes:
+            return
+        self._wanted = replace(self._wanted, **changes)
+        different = set(self._different())
+        if different and not different <= _NUMBERS_OF_A_PROBLEM:
+            self._node.get_logger().info(f"prepares {self._difference()}")
+            self._prepared = Future()
+            # A daemon, so that a node that is told to stop does not wait for a compiler.
+            Thread(target=_build, args=(self._wanted, self._prepared), daemon=True).start()
+
+    def take_over(self, controller: Controller, stamp_ns: int) -> Controller:
+        """Return the controller to decide a tick with: the present one, or the one that is ready now.
+
+        Args:
+            controller: the present one.
+            stamp_ns: the tick.
+        """
+        if self._wanted == self.options:
+            return controller
+        if self._prepared is None:
+            controller.use_strategy(self._wanted.controller_options().strategy)
+            self._note(stamp_ns, "")
+            return controller
+        if not self._prepared.done():
+            return controller
+        prepared, self._prepared = self._prepared, None
+        try:
+            ready, took_s = prepared.result()
+        except Exception as error:  # noqa: BLE001  whatever it is, the car must be driven on
+            self._give_up(error)
+            return controller
+        memory = controller.memory
+        if self._wanted.horizon != self.options.horizon:
+            # A plan on another grid is no start for this one.
+            memory = replace(memory, ladder=LadderMemory(None, memory.ladder.failures))
+        ready.memory = memory
+        self._note(stamp_ns, f", prepared in {took_s:.2g} s")
+        return ready
+
+    def _note(self, stamp_ns: int, how: str) -> None:
+        since = f"{stamp_ns / NS_PER_S:.9g}"
+        self.values = {CHANGED_SETTINGS: self._difference(), SETTINGS_SINCE: since}
+        self._node.get_logger().info(f"from {since} s on: {self._difference()}{how}")
+        self.options = self._wanted
+
+    def _give_up(self, error: Exception) -> None:
+        """Keep the present settings, and say so in the parameters as well."""
+        self._node.get_logger().error(f"{self._difference()} cannot be prepared: {error}")
+        back = [Parameter(name, value=getattr(self.options, name)) for name in self._different()]
+        self._wanted = self.options
+        self._is_giving_up = True
+        try:
+            self._node.set_parameters_atomically(back)
+        finally:
+            self._is_giving_up = False
+
+    def _different(self) -> list[str]:
+        return [
+            name
+            for name in CHANGEABLE
+            if getattr(self._wanted, name) != getattr(self.options, name)
+        ]
+
+    def _difference(self) -> str:
+        return ", ".join(
+            f"{name}={plain(getattr(self._wanted, name))} (was {plain(getattr(self.options, name))})"
+            for name in self._different()
+        )
+
+
+def _build(options: ControllerNodeParameters, prepared: Future[tuple[Controller, float]]) -> None:
+    started_s = perf_counter()
+    try:
+        controller = options.build_controller()
+    except Exception as error:  # noqa: BLE001  handed to the node, which goes on as it is
+        prepared.set_exception(error)
+    else:
+        prepared.set_result((controller, perf_counter() - started_s))

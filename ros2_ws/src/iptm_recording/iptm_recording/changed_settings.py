@@ -1,0 +1,65 @@
+"""Settings of the controller that were changed while a bag was recorded, as its diagnostics tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, status_values
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_reader import BagReader
+
+
+@dataclass(frozen=True)
+class SettingsChange:
+    """One change.
+
+    Attributes:
+        since_s: first tick that was decided with the new settings.
+        what: names, new and former values.
+    """
+
+    since_s: float
+    what: str
+
+    def __str__(self) -> str:
+        """Return the change in words."""
+        return f"from {self.since_s:g} s on {self.what}"
+
+
+def read_settings_changes(path: Path, namespace: str | None = None) -> list[SettingsChange]:
+    """Return the changes inside a bag, in order; what was changed before it is none.
+
+    Args:
+        path: bag folder or .mcap file.
+        namespace: of the vehicle; None takes all there are.
+
+    Raises:
+        BagError: the bag cannot be read.
+    """
+    name = TOPICS[Topic.DIAGNOSTICS].name
+    prefix = None if namespace is None else f"/{namespace.strip('/')}/".replace("//", "/")
+    changes: list[SettingsChange] = []
+    since: dict[str, str] = {}
+    with BagReader(path) as reader:
+        if name not in reader.topics:
+            return []
+        for item in reader.messages([name]):
+            for status in item.message.status:
+                values = status_values(status)
+                now = values.get(SETTINGS_SINCE)
+                if now is None or (prefix and status.name.rpartition("/")[0] + "/" != prefix):
+                    continue
+                before = since.get(status.name, now)
+                since[status.name] = now
+                if now != before and CHANGED_SETTINGS in values and _is_number(now):
+                    changes.append(SettingsChange(float(now), values[CHANGED_SETTINGS]))
+    return changes
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

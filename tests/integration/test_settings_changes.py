@@ -1,0 +1,156 @@
+"""Settings of the controller that are changed while it drives: checked, taken over, told, recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+from tests.integration.node_bench import NodeBench, S, node_bench
+from tests.integration.test_controller_node import ROAD, SMALL, as_measured, tick_messages
+
+from iptm_controller.node import ControllerNode
+from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_core.errors import SolverSetupError
+from iptm_interfaces.codecs import decode_command, encode_slope, time_from_ns
+from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, Level, build_status
+from iptm_interfaces.topics import Topic
+from iptm_recording.bag_writer import BagWriter
+from iptm_recording.changed_settings import read_settings_changes
+
+pytestmark = pytest.mark.usefixtures("ros_environment")
+OPTIONS: dict[str, Any] = {**SMALL, "compile_code": False, "strategy": "reference"}
+
+
+@pytest.fixture
+def controller() -> Iterator[NodeBench]:
+    with node_bench(ControllerNode, **OPTIONS) as bench:
+        bench.hear({Topic.SLOPE: encode_slope(ROAD)})
+        yield bench
+
+
+def set_all(bench: NodeBench, **values: Any) -> Any:
+    """Set parameters at once, as the service does; return the result."""
+    parameters = [Parameter(name, value=value) for name, value in values.items()]
+    return bench.node.set_parameters_atomically(parameters)
+
+
+def plan_steps(bench: NodeBench) -> int:
+    return len(bench.said[Topic.PLAN][-1].points) - 1
+
+
+def test_weights_hold_from_the_next_tick_on(controller: NodeBench) -> None:
+    alone = ControllerNodeParameters(**OPTIONS).build_controller()
+    for tick in range(6):
+        if tick == 3:
+            assert set_all(controller, strategy="aging", aging_weight=7.0).successful
+            weights = ControllerNodeParameters(**{**OPTIONS, "strategy": "aging"}, aging_weight=7.0)
+            alone.use_strategy(weights.controller_options().strategy)
+        messages = tick_messages(float(tick))
+        controller.hear(messages)
+        assert decode_command(controller.said[Topic.COMMAND][-1]) == (
+            tick * S,
+            alone.decide(as_measured(messages)).command,
+        )
+    told = [
+        status.message for array in controller.said[Topic.DIAGNOSTICS] for status in array.status
+    ]
+    assert told.count("settings have been changed") == 1
+    assert controller.values["strategy"] == "aging"
+    assert controller.values[SETTINGS_SINCE] == "3"
+    assert "strategy=aging (was reference)" in controller.values[CHANGED_SETTINGS]
+    assert "aging_weight=7.0 (was -1.0)" in controller.values[CHANGED_SETTINGS]
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"strategy": "fastest"}, "fastest"),
+        ({"horizon": "5x1+3x0.1"}, "horizon"),
+        ({"deadline_ms": 1e6}, "deadline_ms"),
+        ({"speed_weight": 2.0, "horizon": "many"}, "many"),
+        ({"speed_weight": 2.0, "period_s": 0.5}, "read-only"),
+    ],
+)
+def test_a_mistake_is_refused_in_a_sentence_and_changes_nothing(
+    controller: NodeBench, values: dict[str, Any], words: str
+) -> None:
+    result = set_all(controller, **values)
+    assert not result.successful
+    assert words in result.reason
+    assert len(result.reason.splitlines()) == 1
+    controller.hear(tick_messages(0.0))
+    assert controller.values[CHANGED_SETTINGS] == "none"
+    for name in values:
+        assert controller.node.get_parameter(name).value == getattr(
+            ControllerNodeParameters(**OPTIONS), name
+        )
+
+
+def test_a_horizon_is_built_while_the_node_decides_on(controller: NodeBench) -> None:
+    controller.hear(tick_messages(0.0))
+    assert plan_steps(controller) == 4
+    assert set_all(controller, horizon="3x1+3x5").successful
+    refused = set_all(controller, speed_weight=2.0)
+    assert not refused.successful
+    assert "another change" in refused.reason
+    tick = 0
+
+    def decides_with_the_new_one() -> bool:
+        nonlocal tick
+        tick += 1
+        controller.hear(tick_messages(float(tick)))
+        assert controller.stamps(Topic.COMMAND)[-1] == tick
+        return plan_steps(controller) == 6
+
+    controller.spin_until(decides_with_the_new_one)
+    assert controller.values["horizon"] == "3x1+3x5"
+    assert controller.values[SETTINGS_SINCE] == str(tick)
+    assert set_all(controller, speed_weight=2.0).successful
+
+
+def test_a_problem_that_cannot_be_built_leaves_the_settings_as_they_are(
+    controller: NodeBench,
+) -> None:
+    controller.hear(tick_messages(0.0))
+    failure = SolverSetupError("the compiler fails")
+    with mock.patch.object(ControllerNodeParameters, "build_controller", side_effect=failure):
+        assert set_all(controller, horizon="3x1+3x5").successful
+        ticks = iter(range(1, 10_000))
+
+        def is_given_up() -> bool:
+            controller.hear(tick_messages(float(next(ticks))))
+            return bool(controller.node.get_parameter("horizon").value == SMALL["horizon"])
+
+        controller.spin_until(is_given_up)
+    assert plan_steps(controller) == 4
+    assert controller.values[CHANGED_SETTINGS] == "none"
+    assert set_all(controller, horizon="2x1+3x5").successful
+
+
+def test_a_bag_tells_of_changes_inside_it(tmp_path: Path) -> None:
+    told = [
+        (5, "4", "before"),
+        (6, "4", "before"),
+        (9, "9", "horizon=2x1 (was 1x1)"),
+        (10, "9", "x"),
+    ]
+    with BagWriter(tmp_path / "bag") as writer:
+        key = writer.add_topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+        for second, since, what in told:
+            values = {CHANGED_SETTINGS: what, SETTINGS_SINCE: since}
+            for name in ("/car_1/controller", "/car_2/controller"):
+                if name == "/car_1/controller" or second < 9:
+                    status = build_status(f"{name}: optimal control", Level.OK, "", values)
+                    message = DiagnosticArray(status=[status])
+                    message.header.stamp = time_from_ns(second * S)
+                    writer.write(key, serialize_message(message), second * S)
+    (change,) = read_settings_changes(tmp_path / "bag", "car_1")
+    assert str(change) == "from 9 s on horizon=2x1 (was 1x1)"
+    assert read_settings_changes(tmp_path / "bag", "car_2") == []
+    assert len(read_settings_changes(tmp_path / "bag")) == 1
