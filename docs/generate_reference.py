@@ -118,8 +118,10 @@ def nodes_page() -> str:
     parts = [f"# Node parameters\n\n{NOTICE}"]
     others = {"v2x_sender": (SenderNodeParameters, ""), PUBLISHER: (VisualizerParameters, "")}
     for node, (parameters, _) in (NODES | others).items():
+        note = CHANGEABLE_NOTE if node == CONTROLLER else ""
         parts.append(
-            f"## `{node}`\n\n{CHANGEABLE_NOTE if node == CONTROLLER else ''}| parameter | default | unit | allowed | meaning |\n|---|---|---|---|---|\n"
+            f"## `{node}`\n\n{note}"
+            "| parameter | default | unit | allowed | meaning |\n|---|---|---|---|---|\n"
         )
         parts += [
             f"| `{spec.name}` | `{plain(spec.default)}` | {spec.unit or '-'} | {spec.allowed} "

@@ -11,6 +11,7 @@ from rosgraph_msgs.msg import Clock
 from iptm_core.state import Command, VehicleState
 from iptm_interfaces.codecs import decode_vehicle_state, encode_command, ns_from_time
 from iptm_interfaces.diagnostics import status_values
+from iptm_interfaces.services import SERVICES, Service
 from iptm_interfaces.topics import STATE_TOPICS, Topic
 
 MODULE = "iptm_plant_sim.node"
@@ -96,3 +97,14 @@ def _stamp(message: Any) -> int:
 def start(launcher: Any, *arguments: str, **parameters: object) -> Any:
     defaults: dict[str, object] = {"cycle": "nycc", "slope": "large", "linger_s": 0.5}
     return launcher.start_node(MODULE, *arguments, parameters={**defaults, **parameters})
+
+
+def call(peer: Any, service: Service) -> Any:
+    """Call a service of the suite and return its answer."""
+    kind = SERVICES[service].service_type
+    client = peer.node.create_client(kind, service.value)
+    peer.wait_until(client.service_is_ready, what=f"{service.value} offered")
+    future = client.call_async(kind.Request())
+    peer.wait_until(future.done, what=f"an answer of {service.value}")
+    peer.node.destroy_client(client)
+    return future.result()

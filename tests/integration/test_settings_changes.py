@@ -16,12 +16,12 @@ from tests.integration.test_controller_node import ROAD, SMALL, as_measured, tic
 
 from iptm_controller.node import ControllerNode
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_core.errors import SolverSetupError
+from iptm_core.errors import BagError, SolverSetupError
 from iptm_interfaces.codecs import decode_command, encode_slope, time_from_ns
 from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, Level, build_status
 from iptm_interfaces.topics import Topic
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.changed_settings import read_settings_changes
+from iptm_recording.changed_settings import read_settings_changes, refuse_changed_settings
 
 pytestmark = pytest.mark.usefixtures("ros_environment")
 OPTIONS: dict[str, Any] = {**SMALL, "compile_code": False, "strategy": "reference"}
@@ -40,6 +40,12 @@ def set_all(bench: NodeBench, **values: Any) -> Any:
     return bench.node.set_parameters_atomically(parameters)
 
 
+def tell(bench: NodeBench, tick: int) -> None:
+    """Tell the controller a tick and wait for its answer, which a starved machine delays."""
+    bench.hear(tick_messages(float(tick)))
+    bench.spin_until(lambda: bench.stamps(Topic.COMMAND)[-1:] == [tick])
+
+
 def plan_steps(bench: NodeBench) -> int:
     return len(bench.said[Topic.PLAN][-1].points) - 1
 
@@ -51,11 +57,10 @@ def test_weights_hold_from_the_next_tick_on(controller: NodeBench) -> None:
             assert set_all(controller, strategy="aging", aging_weight=7.0).successful
             weights = ControllerNodeParameters(**{**OPTIONS, "strategy": "aging"}, aging_weight=7.0)
             alone.use_strategy(weights.controller_options().strategy)
-        messages = tick_messages(float(tick))
-        controller.hear(messages)
+        tell(controller, tick)
         assert decode_command(controller.said[Topic.COMMAND][-1]) == (
             tick * S,
-            alone.decide(as_measured(messages)).command,
+            alone.decide(as_measured(tick_messages(float(tick)))).command,
         )
     told = [
         status.message for array in controller.said[Topic.DIAGNOSTICS] for status in array.status
@@ -84,7 +89,7 @@ def test_a_mistake_is_refused_in_a_sentence_and_changes_nothing(
     assert not result.successful
     assert words in result.reason
     assert len(result.reason.splitlines()) == 1
-    controller.hear(tick_messages(0.0))
+    tell(controller, 0)
     assert controller.values[CHANGED_SETTINGS] == "none"
     for name in values:
         assert controller.node.get_parameter(name).value == getattr(
@@ -93,7 +98,7 @@ def test_a_mistake_is_refused_in_a_sentence_and_changes_nothing(
 
 
 def test_a_horizon_is_built_while_the_node_decides_on(controller: NodeBench) -> None:
-    controller.hear(tick_messages(0.0))
+    tell(controller, 0)
     assert plan_steps(controller) == 4
     assert set_all(controller, horizon="3x1+3x5").successful
     refused = set_all(controller, speed_weight=2.0)
@@ -104,8 +109,7 @@ def test_a_horizon_is_built_while_the_node_decides_on(controller: NodeBench) -> 
     def decides_with_the_new_one() -> bool:
         nonlocal tick
         tick += 1
-        controller.hear(tick_messages(float(tick)))
-        assert controller.stamps(Topic.COMMAND)[-1] == tick
+        tell(controller, tick)
         return plan_steps(controller) == 6
 
     controller.spin_until(decides_with_the_new_one)
@@ -117,14 +121,14 @@ def test_a_horizon_is_built_while_the_node_decides_on(controller: NodeBench) -> 
 def test_a_problem_that_cannot_be_built_leaves_the_settings_as_they_are(
     controller: NodeBench,
 ) -> None:
-    controller.hear(tick_messages(0.0))
+    tell(controller, 0)
     failure = SolverSetupError("the compiler fails")
     with mock.patch.object(ControllerNodeParameters, "build_controller", side_effect=failure):
         assert set_all(controller, horizon="3x1+3x5").successful
         ticks = iter(range(1, 10_000))
 
         def is_given_up() -> bool:
-            controller.hear(tick_messages(float(next(ticks))))
+            tell(controller, next(ticks))
             return bool(controller.node.get_parameter("horizon").value == SMALL["horizon"])
 
         controller.spin_until(is_given_up)
@@ -152,5 +156,8 @@ def test_a_bag_tells_of_changes_inside_it(tmp_path: Path) -> None:
                     writer.write(key, serialize_message(message), second * S)
     (change,) = read_settings_changes(tmp_path / "bag", "car_1")
     assert str(change) == "from 9 s on horizon=2x1 (was 1x1)"
+    with pytest.raises(BagError, match="changed while it drove"):
+        refuse_changed_settings(tmp_path / "bag", "car_1")
     assert read_settings_changes(tmp_path / "bag", "car_2") == []
+    refuse_changed_settings(tmp_path / "bag", "car_2")
     assert len(read_settings_changes(tmp_path / "bag")) == 1

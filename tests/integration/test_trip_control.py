@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.integration.plant_driver import Driver, S, lively, start
+from tests.integration.plant_driver import Driver, S, call, lively, start
 
 from iptm_core.state import Command
 from iptm_interfaces.codecs import decode_command, ns_from_time
 from iptm_interfaces.diagnostics import Level
-from iptm_interfaces.services import SERVICES, Service
+from iptm_interfaces.services import Service
 from iptm_interfaces.topics import Topic
 from iptm_recording.trajectory_reader import count_trips, read_trajectory
 
@@ -26,17 +26,6 @@ RING: dict[str, dict[str, object]] = {
         "expected_peers": 3,  # the recorder and the node of the test are two of them
     },
 }
-
-
-def call(peer: Any, service: Service) -> Any:
-    """Call a service of the plant and return its answer."""
-    kind = SERVICES[service].service_type
-    client = peer.node.create_client(kind, service.value)
-    peer.wait_until(client.service_is_ready, what=f"{service.value} offered")
-    future = client.call_async(kind.Request())
-    peer.wait_until(future.done, what=f"an answer of {service.value}")
-    peer.node.destroy_client(client)
-    return future.result()
 
 
 def wait_for_repeats(driver: Driver, count: int) -> None:

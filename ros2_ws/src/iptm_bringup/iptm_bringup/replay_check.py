@@ -32,7 +32,7 @@ from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
 from iptm_interfaces.topics import OBSERVATION_TOPICS, STATE_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
-from iptm_recording.changed_settings import read_settings_changes
+from iptm_recording.changed_settings import refuse_changed_settings
 from iptm_recording.compare_bags import TopicComparison, compare_bags, comparison_table
 from iptm_recording.field_differences import NumberTolerance
 from iptm_recording.recorded_topics import TopicSelection
@@ -131,12 +131,8 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
     trips = len(split_trips(answered))
     if trips > 1:
         raise BagError(f"{bag} holds {trips} trips; allowed: one, as a check begins with the start")
-    changes = read_settings_changes(bag, namespace) if node == CONTROLLER else []
-    if changes:
-        raise BagError(
-            f"settings of {bag} were changed while it drove ({changes[0]}); allowed: settings that stay,"
-            " as a check starts the node with the recorded ones"
-        )
+    if node == CONTROLLER:
+        refuse_changed_settings(bag, namespace)
     if node == PLANT and given.get("mode", "lock_step") != LoopMode.LOCK_STEP.value:
         raise BagError(
             f"mode of {bag} is {given['mode']}; allowed: lock_step, as a plant on the wall clock"

@@ -19,7 +19,8 @@ from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
 from iptm_controller.node_reports import Road, decision_values, plan_trajectory, situation
 from iptm_controller.node_watch import OperatorWatch
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.errors import MessageError
+from iptm_core.errors import MessageError, ServiceError
+from iptm_core.saved_state import write_state
 from iptm_core.state import SlopePreview
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import (
@@ -33,6 +34,7 @@ from iptm_interfaces.codecs import (
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
+from iptm_interfaces.services import Service, state_path
 from iptm_interfaces.stamp_gate import Verdict
 from iptm_interfaces.stamp_matcher import MatchedSet, StampMatcher
 from iptm_interfaces.suite_node import SuiteNode
@@ -67,6 +69,8 @@ class ControllerNode(SuiteNode):
         self._changes = SettingsChanges(self, self._options)
         self._model = self._options.model().values
         self._watch = OperatorWatch(self._model, self._options)
+        self._start_memories = self._options.start_memories()
+        self._before: tuple[int, ControllerMemory] | None = None
         self._trip_before = (self._controller.memory, self._watch)
         self._slope: SlopePreview | None = None
         self._slope_fault = ""
@@ -103,6 +107,7 @@ class ControllerNode(SuiteNode):
         self.every(REPORT_PERIOD_S, self._report)
         self._catch_up_timer = self.every(CATCH_UP_S, self._catch_up)
         self._catch_up_timer.cancel()
+        self.serve(Service.SAVE_CONTROLLER, self._save_state)
         self._report()
 
     # --- inputs
@@ -177,9 +182,14 @@ class ControllerNode(SuiteNode):
 
     def _follow(self, matched: MatchedSet[Topic]) -> None:
         """Begin anew with a trip, or go on with the one before a stray beginning."""
-        if matched.verdict is Verdict.NEW_TRIP and matched.stamp_ns == 0:
+        start = self._start_memories.get(matched.stamp_ns)
+        if self._before is None:
+            if start is None and self._options.start_state:
+                self.get_logger().warning("the trip does not start where start_state was saved")
+            self._controller.memory = start or ControllerMemory()
+        elif matched.verdict is Verdict.NEW_TRIP and start is not None:
             self._trip_before = (self._controller.memory, self._watch)
-            self._controller.memory = ControllerMemory()
+            self._controller.memory = start
             self._watch = OperatorWatch(self._model, self._options)
         elif matched.verdict is Verdict.RESUMED:
             self._controller.memory, self._watch = self._trip_before
@@ -237,6 +247,7 @@ class ControllerNode(SuiteNode):
         started_s = time.monotonic()
         self._take_changes_over(matched.stamp_ns)
         measured = read_measurements(matched.values, self._slope)
+        self._before = (matched.stamp_ns, self._controller.memory)
         decision = self._controller.decide(measured)
         self._last, self._last_ns = decision, matched.stamp_ns
         self._publish(matched.stamp_ns, decision)
@@ -255,6 +266,13 @@ class ControllerNode(SuiteNode):
             self._last_ns = stamp_ns
             level, _ = self._situation()
             self._reporter.report(stamp_ns, level, "settings have been changed", self._values())
+
+    def _save_state(self) -> str:
+        if self._before is None:
+            raise ServiceError("no decision has been made; allowed: a state of a trip under way")
+        path = state_path(self, self._options.state_folder, self._before[0])
+        write_state(path, self._options.saved_state(*self._before))
+        return f"saved {self._before[0] / NS_PER_S:g} s in {path}"
 
     def _publish(self, stamp_ns: int, decision: Decision) -> None:
         """Publish the command last: whoever has it has everything of this tick."""

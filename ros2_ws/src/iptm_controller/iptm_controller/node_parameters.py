@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
 from iptm_controller.ladder import LadderOptions
+from iptm_controller.memory import ControllerMemory
 from iptm_controller.node_watch import WarningSettings
 from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import Strategy, strategy_by_name
-from iptm_core.declaration import parameter
+from iptm_core.declaration import Scalar, parameter, plain
+from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import FrameSettings, ModelSettings, SamplingSettings
 
 FROM_STRATEGY = -1.0
+CONTROLLER_STATE = "controller"
+_OF_A_STATE = ("horizon", "parameter_set", "parameter_overrides", "period_s")
 WEIGHTS = ("speed_weight", "temperature_weight", "energy_weight", "aging_weight")
 CHANGEABLE = ("strategy", "horizon", *WEIGHTS, "deadline_ms")
 """Parameters that may be set while the node runs."""
@@ -84,6 +89,34 @@ class ControllerNodeParameters(
         0.05,
         60.0,
     )
+
+    state_folder: str = parameter(
+        "states", "folder for the service controller/save_state, made when it is needed"
+    )
+    start_state: str = parameter(
+        "",
+        "file of the service controller/save_state, for a trip that starts from a saved state of the plant",
+    )
+
+    def saved_state(self, stamp_ns: int, memory: ControllerMemory) -> SavedState:
+        """Return what a file needs to hold to decide on from a tick."""
+        return SavedState(CONTROLLER_STATE, stamp_ns, self._kept(), to_plain(memory))
+
+    def start_memories(self) -> dict[int, ControllerMemory]:
+        """Return what the controller knows at the start of a trip, by the trip time of the start (ns).
+
+        Raises:
+            StateError: the file with a saved state cannot be read, or is none of these settings.
+        """
+        memories = {0: ControllerMemory()}
+        if self.start_state:
+            saved = read_state(Path(self.start_state), CONTROLLER_STATE, self._kept())
+            memories[saved.stamp_ns] = from_plain(ControllerMemory, saved.state)
+        return memories
+
+    def _kept(self) -> dict[str, Scalar]:
+        """Return the settings that a memory depends on."""
+        return {name: plain(getattr(self, name)) for name in _OF_A_STATE}
 
     def controller_options(self) -> ControllerOptions:
         """Return what the controller is to do.

@@ -9,9 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 from types import MappingProxyType
 
+from rclpy.node import Node
 from std_srvs.srv import Trigger
+
+from iptm_core.trip_time import NS_PER_S
 
 
 class Service(Enum):
@@ -21,6 +25,8 @@ class Service(Enum):
     RESUME = "plant/resume"
     STEP = "plant/step"
     RESET = "plant/reset"
+    SAVE_PLANT = "plant/save_state"
+    SAVE_CONTROLLER = "controller/save_state"
     PLAYER_PAUSE = "player/pause"
     PLAYER_RESUME = "player/resume"
     PLAYER_TOGGLE_PAUSED = "player/toggle_paused"
@@ -65,6 +71,16 @@ _SPECS = (
         "plant",
         "begin a new trip from the start, which the other nodes follow; one that is paused stays so",
     ),
+    ServiceSpec(
+        Service.SAVE_PLANT,
+        "plant",
+        "write the present state into a file of `state_folder`, to start from with `start_state`",
+    ),
+    ServiceSpec(
+        Service.SAVE_CONTROLLER,
+        "controller",
+        "write what the controller knew before its newest decision into a file of `state_folder`, likewise",
+    ),
     ServiceSpec(Service.PLAYER_PAUSE, "player", "hold the playback"),
     ServiceSpec(Service.PLAYER_RESUME, "player", "go on with a playback that is paused"),
     ServiceSpec(Service.PLAYER_TOGGLE_PAUSED, "player", "hold the playback, or go on"),
@@ -84,6 +100,12 @@ _SPECS = (
 
 SERVICES: Mapping[Service, ServiceSpec] = MappingProxyType({spec.service: spec for spec in _SPECS})
 """The table: specification of every service by its key."""
+
+
+def state_path(node: Node, folder: str, stamp_ns: int) -> Path:
+    """Return the file for the state of a node at a trip time: `<folder>/car_1_plant_120s.json`."""
+    name = node.get_fully_qualified_name().strip("/").replace("/", "_")
+    return Path(folder).resolve() / f"{name}_{stamp_ns / NS_PER_S:.9g}s.json"
 
 
 def service_table_markdown() -> str:

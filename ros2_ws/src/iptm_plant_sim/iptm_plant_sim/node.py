@@ -9,9 +9,10 @@ from __future__ import annotations
 import sys
 
 from iptm_core.errors import ServiceError
+from iptm_core.saved_state import write_state
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
-from iptm_interfaces.services import Service
+from iptm_interfaces.services import Service, state_path
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_plant_sim.node_trip import TripNode
 from iptm_plant_sim.trip import CommandHold, TripPhase
@@ -34,6 +35,7 @@ class PlantNode(TripNode):
         self.serve(Service.RESUME, self._resume)
         self.serve(Service.STEP, self._step)
         self.serve(Service.RESET, self._reset)
+        self.serve(Service.SAVE_PLANT, self._save_state)
         self.every(REPORT_PERIOD_S, self._report)
         self._report()
 
@@ -95,6 +97,12 @@ class PlantNode(TripNode):
         self._hold = CommandHold(self._options.command_timeout_s)
         self._begin()
         return f"a new trip, after {at} of the one before"
+
+    def _save_state(self) -> str:
+        self._refuse_in(TripPhase.WAITING)
+        path = state_path(self, self._options.state_folder, self._trip.stamp_ns)
+        write_state(path, self._options.saved_state(self._trip))
+        return f"saved {self._at()} in {path}"
 
     def _refuse_in(self, phase: TripPhase) -> None:
         if self._phase is phase:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
-from iptm_core.declaration import parameter
+from iptm_core.declaration import Scalar, parameter, plain
+from iptm_core.errors import StateError
+from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import (
     FrameSettings,
     IntegrationSettings,
@@ -13,12 +16,23 @@ from iptm_core.settings import (
     TickSettings,
     TripSettings,
 )
-from iptm_plant_sim.plant import Plant
+from iptm_core.trip_time import NS_PER_S
+from iptm_plant_sim.plant import Plant, PlantStep
 from iptm_plant_sim.trip import Trip
 
 STOP = "stop"
 WAIT = "wait"
 EXIT = "exit"
+PLANT_STATE = "plant"
+_OF_A_STATE = (
+    "cycle",
+    "slope",
+    "parameter_set",
+    "parameter_overrides",
+    "period_s",
+    "thermal_model",
+    "integration_step_s",
+)
 
 
 @dataclass(frozen=True)
@@ -58,6 +72,12 @@ class PlantNodeParameters(
         "when the trip has ended: end the process, or wait for the service plant/reset",
         choices=(EXIT, WAIT),
     )
+    state_folder: str = parameter(
+        "states", "folder for the service plant/save_state, made when it is needed"
+    )
+    start_state: str = parameter(
+        "", "file of the service plant/save_state to start from; empty starts at the start"
+    )
     linger_s: float = parameter(
         1.0, "wall time between the last message and the end of the process", "s", 0.0, 60.0
     )
@@ -71,6 +91,32 @@ class PlantNodeParameters(
         model = self.model().values
         route = self.trip_route(model.gap.initial_gap_m)
         plant = Plant(model, route.slope.slope_at, self.integration_step_s, self.thermal_model)
-        trip = Trip(plant, route.duration_s, self.period_s)
+        trip = Trip(plant, route.duration_s, self.period_s, *self._start(plant))
         trip.warm_up()
         return trip
+
+    def saved_state(self, trip: Trip) -> SavedState:
+        """Return what a file needs to hold to go on from where a trip stands."""
+        return SavedState(PLANT_STATE, trip.stamp_ns, self._kept(), to_plain(trip.step))
+
+    def _start(self, plant: Plant) -> tuple[PlantStep | None, int]:
+        """Return where the trip starts and how many ticks it has driven there.
+
+        Raises:
+            StateError: the file cannot be read, or its state is none of this trip.
+        """
+        if not self.start_state:
+            return None, 0
+        saved = read_state(Path(self.start_state), PLANT_STATE, self._kept())
+        tick, rest_ns = divmod(saved.stamp_ns, round(self.period_s * NS_PER_S))
+        if rest_ns:
+            raise StateError(
+                f"{self.start_state} is of {saved.stamp_ns} ns; allowed: whole periods"
+            )
+        step = from_plain(PlantStep, saved.state)
+        plant.check(step.state)
+        return step, tick
+
+    def _kept(self) -> dict[str, Scalar]:
+        """Return the settings that the rest of a trip depends on."""
+        return {name: plain(getattr(self, name)) for name in _OF_A_STATE}

@@ -7,6 +7,7 @@ from dataclasses import replace
 from enum import Enum
 
 from iptm_core.controlled_stop import controlled_stop_command
+from iptm_core.errors import StateError
 from iptm_core.state import Command, VehicleState
 from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.actuators import Clamp
@@ -44,7 +45,8 @@ class Trip:
         plant: Plant,
         duration_s: float,
         period_s: float = 1.0,
-        start: VehicleState | None = None,
+        start: VehicleState | PlantStep | None = None,
+        first_tick: int = 0,
     ) -> None:
         """Place the vehicle at the start.
 
@@ -52,10 +54,12 @@ class Trip:
             plant: the vehicle on its road.
             duration_s: length of the trip, rounded up to whole periods.
             period_s: time between two states.
-            start: state at the start, at time 0; by default the plant's initial state.
+            start: state at the start; by default the plant's initial state. An observation of another trip
+                is taken as it is.
+            first_tick: number of intervals that have been driven before.
 
         Raises:
-            StateError: the start state is not possible.
+            StateError: the start state is not possible, or the trip is over before.
         """
         self._plant = plant
         self._duration_s = duration_s
@@ -64,8 +68,15 @@ class Trip:
         self._period_ns = round(period_s * NS_PER_S)
         self.parameters = plant.parameters
         self.ticks = max(1, -(-round(duration_s * NS_PER_S) // self._period_ns))
-        self.tick = 0
-        self.step: PlantStep = plant.observe(plant.initial_state() if start is None else start)
+        self._first_tick = first_tick
+        if not 0 <= first_tick < self.ticks:
+            raise StateError(f"trip begins at tick {first_tick}; allowed: 0 to {self.ticks - 1}")
+        self.tick = first_tick
+        self.step: PlantStep = (
+            start
+            if isinstance(start, PlantStep)
+            else plant.observe(plant.initial_state() if start is None else start)
+        )
         self.clamps: Counter[Clamp] = Counter()
         self.limited_ticks = 0
         self.last_reason = ""
@@ -88,7 +99,7 @@ class Trip:
 
     def anew(self) -> Trip:
         """Return the same trip at its start, driven by the same plant."""
-        return Trip(self._plant, self._duration_s, self._period_s, self._start)
+        return Trip(self._plant, self._duration_s, self._period_s, self._start, self._first_tick)
 
     def warm_up(self) -> None:
         """Let the plant build its integrator now instead of in the first interval."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from iptm_core.errors import BagError
 from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, status_values
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
@@ -55,6 +56,20 @@ def read_settings_changes(path: Path, namespace: str | None = None) -> list[Sett
                 if now != before and CHANGED_SETTINGS in values and _is_number(now):
                     changes.append(SettingsChange(float(now), values[CHANGED_SETTINGS]))
     return changes
+
+
+def refuse_changed_settings(path: Path, namespace: str | None = None) -> None:
+    """Refuse a bag inside which settings were changed; for arguments see `read_settings_changes`.
+
+    Raises:
+        BagError: they were, or the bag cannot be read.
+    """
+    changes = read_settings_changes(path, namespace)
+    if changes:
+        raise BagError(
+            f"settings of {path} were changed while it drove ({changes[0]}); allowed: settings that stay,"
+            " as those of the start are taken for all ticks"
+        )
 
 
 def _is_number(text: str) -> bool:

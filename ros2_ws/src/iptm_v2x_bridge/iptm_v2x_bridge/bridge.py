@@ -90,9 +90,23 @@ class V2xBridge:
     The same tick asked again gets the same answer; an earlier one means that a new trip has begun.
     """
 
-    def __init__(self, source: PreviewSource, settings: PreviewSettings | None = None) -> None:
+    def __init__(
+        self,
+        source: PreviewSource,
+        settings: PreviewSettings | None = None,
+        earlier_ticks_ns: range = range(0),
+    ) -> None:
+        """Set up a bridge that has not been asked anything.
+
+        Args:
+            source: leader and predictions.
+            settings: of the predictions and of the link.
+            earlier_ticks_ns: ticks before the first one whose predictions were sent as well, for a trip
+                that is taken up at the tick behind them.
+        """
         self._source = source
         self._settings = settings or PreviewSettings()
+        self._earlier_ticks_ns = earlier_ticks_ns
         self._restart()
 
     def _restart(self) -> None:
@@ -127,11 +141,18 @@ class V2xBridge:
         if self._settings.preview_mode is PreviewMode.NONE:
             self._last = BridgeAnswer(time_ns, leader, LeaderPreview.empty(), lost=False)
             return self._last
+        if self._last is None and time_ns == self._earlier_ticks_ns.stop:
+            for earlier_ns in self._earlier_ticks_ns:
+                self._transmit(earlier_ns)
+                self._receive(earlier_ns)
         lost = self._transmit(time_ns)
-        for preview in self._link.deliver(time_ns):
-            self._receiver.receive(preview)
+        self._receive(time_ns)
         self._last = BridgeAnswer(time_ns, leader, self._receiver.latest, lost)
         return self._last
+
+    def _receive(self, time_ns: int) -> None:
+        for preview in self._link.deliver(time_ns):
+            self._receiver.receive(preview)
 
     def _transmit(self, time_ns: int) -> bool:
         """Send the prediction of this tick; return whether it is lost on the way."""

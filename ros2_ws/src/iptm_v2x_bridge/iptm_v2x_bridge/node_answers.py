@@ -72,10 +72,13 @@ class _CycleAnswers:
     def __init__(self, source: CycleSource, options: BridgeNodeParameters) -> None:
         self._source = source
         self._options = options
-        self._bridge = self._before = V2xBridge(source, options)
+        self._bridge = self._before = self._fresh()
 
     def begin_trip(self) -> None:
-        self._before, self._bridge = self._bridge, V2xBridge(self._source, self._options)
+        self._before, self._bridge = self._bridge, self._fresh()
+
+    def _fresh(self) -> V2xBridge:
+        return V2xBridge(self._source, self._options, self._options.earlier_ticks_ns)
 
     def resume_trip(self) -> None:
         self._bridge = self._before

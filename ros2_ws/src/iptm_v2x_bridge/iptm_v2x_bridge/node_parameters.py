@@ -11,6 +11,7 @@ from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import ParameterError, RouteError
 from iptm_core.routes import Route, build_route
 from iptm_core.settings import FrameSettings, PreviewSettings, RoadSettings, TickSettings
+from iptm_core.trip_time import NS_PER_S
 from iptm_v2x_bridge.cam_bridge import DEFAULT_KNOWN_BOUND_M
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
@@ -131,9 +132,22 @@ class BridgeNodeParameters(CamSettings, FrameSettings, TickSettings, PreviewSett
     initial_gap_m: float = parameter(
         15.0, "position of the leader at t = 0, the host being at 0", "m", 1.0, 500.0
     )
+    start_time_s: float = parameter(
+        0.0,
+        "cycle: trip time at which a trip that starts from a saved state is taken up; predictions of the "
+        "ticks before are known then",
+        "s",
+        0.0,
+        1e6,
+    )
     expected_peers: int = parameter(
         0, "subscribers of v2x/leader_preview to wait for before the first answer", "", 0, 100
     )
+
+    @property
+    def earlier_ticks_ns(self) -> range:
+        """Ticks before the one at which the trip is taken up, in integer nanoseconds."""
+        return range(0, round(self.start_time_s * NS_PER_S), round(self.period_s * NS_PER_S))
 
     def build_source(self) -> CycleSource:
         """Return the leader on its road.
