@@ -34,6 +34,13 @@ ALLOWED = {
         "iptm_faults",
     },
     "iptm_reproduction": {"iptm_core", "iptm_controller", "iptm_studies"},
+    "iptm_traffic": {
+        "iptm_core",
+        "iptm_plant_sim",
+        "iptm_v2x_bridge",
+        "iptm_controller",
+        "iptm_studies",
+    },
 }
 
 # All of these packages runs without ROS, but for the node modules of those that have one.
@@ -45,6 +52,7 @@ PURE = {
     "iptm_faults",
     "iptm_studies",
     "iptm_reproduction",
+    "iptm_traffic",
 }
 
 # The controller node with a solver that fails on demand is the node itself but for that; the table of faults

@@ -6,7 +6,18 @@ from pathlib import Path
 
 import pytest
 
-LOCKS = ["build", "run", "run-no-ros", "dev", "compiler", "view", "capture", "can", "oracle"]
+LOCKS = [
+    "build",
+    "run",
+    "run-no-ros",
+    "dev",
+    "compiler",
+    "view",
+    "capture",
+    "can",
+    "oracle",
+    "traffic",
+]
 FOLDER = Path(__file__).resolve().parents[2] / "requirements"
 
 PIN = re.compile(r"(?P<name>[a-z0-9][a-z0-9-]*)==(?P<version>[\w.!+]+)(?: ; (?P<marker>[^\\]+?))?")

@@ -16,7 +16,8 @@ MAX_ASIDE_M = 10.0
 
 def knowledge_of(station: Station, road: RoadLine) -> Knowledge:
     """Return the observations of a station, and its predicted path as far as it stays on the road."""
-    return Knowledge(tuple(station.observations), _road_path(station, road))
+    length_m = station.message.front_to_rear_m
+    return Knowledge(tuple(station.observations), _road_path(station, road), length_m)
 
 
 def _road_path(station: Station, road: RoadLine) -> RoadPath | None:

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from iptm_core.state import FloatArray
+from iptm_v2x_bridge.messages.cam import ASSUMED_LENGTH_M
 from iptm_v2x_bridge.stations.station import Observation
 
 
@@ -18,9 +19,12 @@ class PredictorName(str, Enum):
 
     RECEIVED_PATH = "received_path"
     LEARNT_PROFILE = "learnt_profile"
+    SIGNALS = "signals"
     SPEED_LIMITS = "speed_limits"
     HISTORY = "history"
     ASSUMED_BRAKING = "assumed_braking"
+    RULES = "rules"
+    """No prediction: where the rules of the road let the host drive."""
 
     def __str__(self) -> str:
         """Return the bare word, as it stands in diagnostics."""
@@ -48,10 +52,12 @@ class Knowledge:
     Attributes:
         observations: what it told, oldest first, at least one.
         path: what it said that it will do, None if it said nothing.
+        length_m: from its rear end to its front.
     """
 
     observations: Sequence[Observation]
     path: RoadPath | None = None
+    length_m: float = ASSUMED_LENGTH_M
 
     @property
     def last(self) -> Observation:

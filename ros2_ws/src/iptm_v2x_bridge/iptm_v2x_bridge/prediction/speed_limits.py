@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from bisect import bisect_right
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -39,6 +41,8 @@ class SpeedLimits:
 
     starts_m: FloatArray
     limits_m_s: FloatArray
+    _starts: tuple[float, ...] = field(init=False, repr=False)
+    _limits: tuple[float, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         fits = self.starts_m.size and self.starts_m.shape == self.limits_m_s.shape
@@ -47,15 +51,20 @@ class SpeedLimits:
                 f"speed limits: {self.starts_m.size} starts, {self.limits_m_s.size} limits; "
                 "allowed: equal numbers from 1, increasing starts, limits above 0"
             )
+        # The same as plain numbers, for single positions.
+        object.__setattr__(self, "_starts", tuple(self.starts_m.tolist()))
+        object.__setattr__(self, "_limits", tuple(self.limits_m_s.tolist()))
 
-    def approach_m_s(self, positions_m: FloatArray) -> FloatArray:
-        """Return the speed with which each position can be passed, lower limits ahead kept in mind."""
-        here = np.maximum(np.searchsorted(self.starts_m, positions_m, side="right") - 1, 0)
-        allowed: FloatArray = self.limits_m_s[here]
-        for start, limit in zip(self.starts_m.tolist(), self.limits_m_s.tolist(), strict=True):
-            ahead = start - positions_m
-            reach = np.sqrt(limit**2 + 2.0 * BRAKING_M_S2 * np.maximum(ahead, 0.0))
-            allowed = np.where(ahead > 0.0, np.minimum(allowed, reach), allowed)
+    def approach_at_m_s(self, position_m: float) -> float:
+        """Return the speed with which a position can be passed, lower limits ahead kept in mind."""
+        starts, limits = self._starts, self._limits
+        here = max(bisect_right(starts, position_m) - 1, 0)
+        allowed = limits[here]
+        for start, limit in zip(starts[here + 1 :], limits[here + 1 :], strict=True):
+            ahead = start - position_m
+            if 2.0 * BRAKING_M_S2 * ahead >= allowed * allowed:
+                break
+            allowed = min(allowed, math.sqrt(limit * limit + 2.0 * BRAKING_M_S2 * ahead))
         return allowed
 
 
@@ -75,12 +84,10 @@ class BoundedBySpeedLimits:
         if free is None:
             return None
         # Someone who drives 10 % above the limit here will do so there.
-        habit = max(
-            1.0, last.speed_m_s / float(self._limits.approach_m_s(_one(last.position_m))[0])
-        )
+        habit = max(1.0, last.speed_m_s / self._limits.approach_at_m_s(last.position_m))
         positions, speeds = [last.position_m], [last.speed_m_s]
         for aimed in free.speeds_m_s[1 : fine.size].tolist():
-            allowed = habit * float(self._limits.approach_m_s(_one(positions[-1]))[0])
+            allowed = habit * self._limits.approach_at_m_s(positions[-1])
             speed = min(aimed, max(allowed, speeds[-1] - 2.0 * BRAKING_M_S2 * _STEP_S))
             positions.append(positions[-1] + 0.5 * _STEP_S * (speeds[-1] + speed))
             speeds.append(speed)
@@ -93,7 +100,3 @@ class BoundedBySpeedLimits:
             speeds_m_s=np.interp(times_s, reached, speeds),
             bounds_m=GROWTH.at(np.maximum(times_s - last.time_s, 0.0)) + last.bound_m,
         )
-
-
-def _one(value: float) -> FloatArray:
-    return np.array([value])

@@ -1,0 +1,111 @@
+"""Drives all scenarios in simulated traffic with all kinds of knowledge: the table of docs/traffic.md.
+
+Needs requirements/traffic.txt. The wall times are those of this machine, whatever else it does.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from benchmarks.harness import markdown_table, run_benchmark
+from benchmarks.v2x_page import put
+from iptm_core.parameters import load_parameters
+from iptm_traffic.demand import DemandSettings, TrafficScenario
+from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult, drive_in_traffic
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "traffic.md"
+COLUMNS = {
+    "scenario": "`{scenario}`",
+    "known": "`{knowledge}`",
+    "way:": "{distance_km:.2f} km",
+    "battery energy:": "{battery_energy_kj:.0f} kJ",
+    "degradation:": "{degradation_1e7:.3f}·10⁻⁷",
+    "battery life saved:": "{saved_percent:.1f} %",
+    "smallest gap:": "{smallest_gap_m:.2f} m",
+    "smallest margin to s_min:": "{smallest_margin_m:.2f} m",
+    "lines passed:": "{lines_passed}",
+    "while closed:": "{lines_passed_closed}",
+    "above the limit:": "{excess_km_h:.1f} km/h",
+    "cars ahead:": "{leaders}",
+    "messages:": "{messages}",
+    "without solution:": "{fallback_ticks} s",
+    "plant − SUMO:": "{deviation_m:.0e} m",
+    "times real time:": "{times_real_time:.0f}",
+}
+
+
+def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
+    """Return the figures of one drive beside the reference strategy's in the same traffic."""
+    run, other = result.metrics, reference.metrics
+    return {
+        "scenario": str(result.drive.scenario),
+        "knowledge": str(result.drive.knowledge),
+        "distance_km": 1e-3 * run.distance_m,
+        "battery_energy_kj": 1e-3 * run.energy.battery_j,
+        "degradation_1e7": 1e7 * run.degradation.total,
+        "saved_percent": 100.0 * (1.0 - run.degradation.total / other.degradation.total),
+        "smallest_gap_m": run.gap.smallest_m,
+        "smallest_margin_m": result.smallest_margin_m,
+        "lines_passed": result.lines_passed,
+        "lines_passed_closed": result.lines_passed_closed,
+        "excess_km_h": 3.6 * result.largest_excess_m_s,
+        "leaders": len(result.leaders),
+        "messages": result.messages,
+        "fallback_ticks": result.fallback_ticks,
+        "deviation_m": result.largest_deviation_m,
+        "times_real_time": result.times_real_time,
+        "digest": result.digest,
+    }
+
+
+def measure(
+    duration_s: float = 600.0,
+    seed: int = 1,
+    scenario: tuple[str, ...] = tuple(str(entry) for entry in TrafficScenario),
+    know: tuple[str, ...] = tuple(str(entry) for entry in TrafficKnowledge),
+    page: int = 0,
+) -> dict[str, Any]:
+    """Measure all drives.
+
+    Args:
+        duration_s: length of each, s.
+        seed: of the traffic.
+        scenario: only these; may be repeated.
+        know: only with this knowledge; may be repeated.
+        page: 1 writes the table into docs/traffic.md.
+    """
+    parameters = load_parameters().values
+    rows = []
+    for name in scenario:
+        for knowledge in know:
+            drive = TrafficDrive(
+                TrafficScenario(name),
+                TrafficKnowledge(knowledge),
+                duration_s,
+                demand=DemandSettings(traffic_seed=seed),
+            )
+            result = drive_in_traffic(drive, parameters)
+            reference = drive_in_traffic(replace(drive, strategy="reference"), parameters)
+            rows.append(row_of(result, reference))
+            print(rows[-1], file=sys.stderr, flush=True)
+    numbers = {"duration_s": duration_s, "seed": seed, "load": os.getloadavg()[0], "rows": rows}
+    if page:
+        PAGE.write_text(put(PAGE.read_text("utf-8"), "drives", as_table(numbers)), "utf-8")
+    return numbers
+
+
+def as_table(numbers: dict[str, Any]) -> str:
+    """Return the numbers as a table in Markdown."""
+    told = (
+        f"Trips of {numbers['duration_s']:g} s, seed {numbers['seed']}; {os.cpu_count()} processors, "
+        f"mean load {numbers['load']:.0f}."
+    )
+    return f"{told}\n\n{markdown_table(numbers['rows'], COLUMNS)}"
+
+
+if __name__ == "__main__":
+    sys.exit(run_benchmark(measure, text_of=as_table))

@@ -1,0 +1,216 @@
+"""The command ``traffic``: drive the host through simulated traffic and report it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from iptm_controller.settings import ControllerSettings
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.declaration import parameter_specs
+from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
+from iptm_core.parameters import DEFAULT_SET, load_parameters
+from iptm_core.user_input import number
+from iptm_traffic.demand import DemandSettings, TrafficScenario
+from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult, drive_in_traffic
+
+PROGRAM = "traffic"
+EXIT_OK, EXIT_NOT_GOOD, EXIT_USER_ERROR = 0, 1, 2
+NO_COMPARISON = "none"
+LARGEST_DEVIATION_M = 1e-3
+_EPILOG = """\
+exit code: 0; 1 when a closed line was passed, another car was touched, or plant and SUMO do not agree about
+the host to a millimetre; 2 for a mistake in the options, or without SUMO.
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser."""
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM,
+        description=__doc__,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "--scenario",
+        choices=[str(entry) for entry in TrafficScenario],
+        default=str(TrafficScenario.FOLLOWING),
+        help="what happens around the host (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--know",
+        choices=[str(entry) for entry in TrafficKnowledge],
+        default=str(TrafficKnowledge.SIGNALS),
+        help="how the car ahead is foretold: by what it says that it will do, by what it did, or by that "
+        "within signal phases and speed limits (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--duration-s", type=number, default=600.0, help="length of the trip (default: 600)"
+    )
+    parser.add_argument(
+        "--step-s",
+        type=number,
+        default=TrafficDrive.step_s,
+        help="step of SUMO, also the period of the messages; a part of a second (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--strategy",
+        choices=list(STRATEGIES),
+        default=ControllerSettings.strategy,
+        help="the controller's (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--against",
+        choices=[NO_COMPARISON, *STRATEGIES],
+        default="reference",
+        help="drive in the same traffic with this strategy, too, and compare (default: %(default)s)",
+    )
+    parser.add_argument("--parameter-set", default=DEFAULT_SET, help="of the model")
+    parser.add_argument("--output", type=Path, metavar="FILE.csv", help="write the trajectory")
+    traffic = parser.add_argument_group("traffic")
+    for spec in parameter_specs(DemandSettings):
+        traffic.add_argument(
+            f"--{spec.name.replace('_', '-')}",
+            type=type(spec.default),
+            default=spec.default,
+            help=f"{spec.description}; {spec.allowed} (default: {spec.default})",
+        )
+    return parser
+
+
+def drive_from(arguments: argparse.Namespace) -> TrafficDrive:
+    """Return the drive that the arguments describe.
+
+    Raises:
+        IptmError: one of them is out of range.
+    """
+    given = {spec.name: getattr(arguments, spec.name) for spec in parameter_specs(DemandSettings)}
+    return TrafficDrive(
+        TrafficScenario(arguments.scenario),
+        TrafficKnowledge(arguments.know),
+        arguments.duration_s,
+        arguments.strategy,
+        DemandSettings(**given),
+        arguments.step_s,
+    )
+
+
+def results_table(result: TrafficResult, other: TrafficResult | None) -> Table:
+    """Return the figures of a drive, beside those of another one in the same traffic."""
+    title = f"{result.drive.scenario}, {result.drive.knowledge} known"
+    table = Table(title=title, title_justify="left")
+    for head in ("figure", result.drive.strategy):
+        table.add_column(head, justify="left" if head == "figure" else "right")
+    runs = [result] if other is None else [result, other]
+    if other is not None:
+        table.add_column(other.drive.strategy, justify="right")
+    values = [figure_values(run.metrics) for run in runs]
+    for key in TRIP_FIGURES:
+        figure = FIGURES[key]
+        table.add_row(figure.title, *(figure.precise_text(value.get(key)) for value in values))
+    table.add_section()
+    rows = {
+        "Smallest gap less s_min, cars that move in left out [m]": "{0.smallest_margin_m:.2f}",
+        "Stop lines passed": "{0.lines_passed}",
+        "Stop lines passed while closed": "{0.lines_passed_closed}",
+        "Largest excess over the speed limit [m/s]": "{0.largest_excess_m_s:.2f}",
+        "Cars ahead, one after the other": "{1}",
+        "Messages received": "{0.messages}",
+        "Ticks without a solution to follow": "{0.fallback_ticks}",
+        "Largest deviation of plant and SUMO [m]": "{0.largest_deviation_m:.1e}",
+        "Times real time": "{0.times_real_time:.0f}",
+        "Digest": "{2}",
+    }
+    for label, text in rows.items():
+        cells = (text.format(run, len(run.leaders), run.digest[:12]) for run in runs)
+        table.add_row(label, *cells)
+    return table
+
+
+def headline(result: TrafficResult, other: TrafficResult) -> str:
+    """Say in one line what a drive saves against another one."""
+    saved = 1.0 - result.metrics.degradation.total / other.metrics.degradation.total
+    energy = result.metrics.energy.battery_j / other.metrics.energy.battery_j - 1.0
+    said = "saved" if saved >= 0.0 else "lost"
+    return (
+        f"against the {other.drive.strategy} in the same traffic: {100.0 * abs(saved):.1f} % of battery "
+        f"aging {said}, battery energy {100.0 * energy:+.1f} %"
+    )
+
+
+def verdict(result: TrafficResult) -> list[str]:
+    """Return what did not hold, nothing if all is well."""
+    wrong = []
+    if result.lines_passed_closed:
+        wrong.append(f"{result.lines_passed_closed} stop lines were passed while closed")
+    if result.metrics.gap.smallest_m <= 0.0:
+        wrong.append(f"the smallest gap is {result.metrics.gap.smallest_m:.2f} m")
+    if result.largest_deviation_m > LARGEST_DEVIATION_M:
+        wrong.append(f"plant and SUMO are {result.largest_deviation_m:.4f} m apart")
+    return wrong
+
+
+def write_trajectory(result: TrafficResult, file: Path) -> None:
+    """Write a trajectory as CSV, with units in the column names.
+
+    Raises:
+        ScenarioError: the file cannot be written.
+    """
+    columns = result.trajectory.to_arrays()
+    try:
+        np.savetxt(
+            file,
+            np.column_stack(list(columns.values())),
+            "%.17g",
+            ",",
+            header=",".join(columns),
+            comments="",
+        )
+    except OSError as reason:
+        raise ScenarioError(f"--output {file} cannot be written: {reason}") from reason
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Drive; see the module.
+
+    Args:
+        arguments: command line without the program's name; None takes that of the process.
+
+    Returns:
+        Exit code of the process, see the epilog of ``--help``.
+    """
+    parsed = build_parser().parse_args(arguments)
+    console = Console(width=None if sys.stdout.isatty() else 110)
+    try:
+        drive = drive_from(parsed)
+        parameters = load_parameters(parsed.parameter_set).values
+        result = drive_in_traffic(drive, parameters)
+        other = None
+        if parsed.against not in {NO_COMPARISON, drive.strategy}:
+            other = drive_in_traffic(replace(drive, strategy=parsed.against), parameters)
+        if parsed.output is not None:
+            write_trajectory(result, parsed.output)
+    except IptmError as error:
+        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
+        return EXIT_USER_ERROR
+    if other is not None:
+        console.print(headline(result, other), style="bold green")
+    console.print(results_table(result, other))
+    wrong = verdict(result)
+    for line in wrong:
+        console.print(f"PROBLEM  {line}", style="bold red")
+    return EXIT_NOT_GOOD if wrong else EXIT_OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,211 @@
+"""Who drives on the corridor: vehicles drawn once from a seed and written as SUMO's routes.
+
+Drivers differ in how fast they like to go and are not random otherwise, so that a simulation repeats exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from iptm_core.declaration import Settings, parameter
+from iptm_core.settings import MAX_SEED
+from iptm_traffic.corridor import HOST_LANE, Corridor
+from iptm_traffic.network import HOST_START_M
+
+BEFORE_TRIP_S = 120.0
+"""Traffic drives for so long before the trip begins."""
+HOST, LEADER = "host", "leader"
+VEHICLE_LENGTH_M = 4.5
+MAIN_PREFIX = "main"
+MAIN_NAMES = (MAIN_PREFIX, LEADER)
+"""What the names of the vehicles that drive along the main road begin with."""
+
+_QUIET_S = (-14.0, 6.0)
+"""No car starts behind or over the standing host, s of trip time."""
+_SHORTEST_HEADWAY_S = 2.5
+
+
+class TrafficScenario(str, Enum):
+    """What happens around the host."""
+
+    FOLLOWING = "following"
+    """A leader drives ahead in ordinary traffic."""
+    CUT_IN = "cut_in"
+    """Cars of the other lane move in between, again and again."""
+    TURN_OFF = "turn_off"
+    """The leader turns off, and whoever leads then does so, too."""
+    RED_LIGHT_QUEUE = "red_light_queue"
+    """The first lines close in front of a queue that the host arrives at."""
+
+    def __str__(self) -> str:
+        """Return the bare word, as it is written on a command line."""
+        return str(self.value)
+
+
+@dataclass(frozen=True)
+class DemandSettings(Settings):
+    """How much traffic there is."""
+
+    main_headway_s: float = parameter(
+        9.0, "mean time between two cars that enter the main road", "s", 3.0, 600.0
+    )
+    oncoming_headway_s: float = parameter(
+        20.0, "mean time between two cars that enter from the other end", "s", 3.0, 600.0
+    )
+    cross_headway_s: float = parameter(
+        40.0, "mean time between two cars on each arm of a cross street", "s", 5.0, 600.0
+    )
+    turning_share: float = parameter(
+        0.3, "share of the cars of the main road that turn off somewhere", "", 0.0, 1.0
+    )
+    traffic_seed: int = parameter(1, "seed of cars and signal offsets", "", 0, MAX_SEED)
+
+
+@dataclass(frozen=True)
+class _Trip:
+    depart_s: float
+    name: str
+    edges: tuple[str, ...]
+    speed_factor: float
+    more: dict[str, str] = field(default_factory=dict)
+
+
+def signal_offsets_s(
+    corridor: Corridor, scenario: TrafficScenario, settings: DemandSettings, cycle_s: float
+) -> tuple[float, ...]:
+    """Return for each signal a trip time at which the main road turns green."""
+    draws = np.random.default_rng([settings.traffic_seed, 1])
+    offsets = draws.integers(0, round(cycle_s), len(corridor.signals)).astype(float).tolist()
+    if scenario is TrafficScenario.RED_LIGHT_QUEUE:
+        # They close some seconds before the leader would arrive, and stay closed for long.
+        offsets[0] = 130.0
+    return tuple(offsets)
+
+
+def write_demand(
+    corridor: Corridor,
+    scenario: TrafficScenario,
+    settings: DemandSettings,
+    duration_s: float,
+    gap_m: float,
+    step_s: float,
+    folder: Path,
+    *,
+    with_stand_in: bool,
+) -> Path:
+    """Write all vehicles and return the file.
+
+    Args:
+        corridor: where they drive.
+        scenario: what the leader does.
+        settings: how many there are.
+        duration_s: length of the trip.
+        gap_m: from the host to its leader at the start.
+        step_s: SUMO's step; the cars that stand at trip time 0 are put in by the one that ends then.
+        folder: for the file.
+        with_stand_in: put a car that SUMO drives where the host would be.
+    """
+    draws = np.random.default_rng([settings.traffic_seed, 2])
+    end_s = BEFORE_TRIP_S + duration_s
+    standing_s = BEFORE_TRIP_S - step_s
+    trips = [_leader(corridor, scenario, standing_s, gap_m)]
+    if scenario is TrafficScenario.RED_LIGHT_QUEUE:
+        trips += [_queued(corridor, number, standing_s, gap_m) for number in range(1, 6)]
+    if with_stand_in:
+        trips.append(_Trip(standing_s, HOST, corridor.main_edges, 1.0, _standing(0.0)))
+    for number, time_s in enumerate(_instants(draws, settings.main_headway_s, end_s)):
+        edges, factor = corridor.main_edges, _factor(draws)
+        if draws.random() < settings.turning_share:
+            last = int(draws.integers(1, corridor.blocks))
+            edges = (*edges[:last], f"south_out_{last}")
+        if not _QUIET_S[0] < time_s - BEFORE_TRIP_S < _QUIET_S[1]:
+            trips.append(_Trip(time_s, f"{MAIN_PREFIX}_{number}", edges, factor, _MOVING))
+    for name, edges, headway_s in _other_ways(corridor, settings):
+        trips += [
+            _Trip(time_s, f"{name}_{number}", edges, _factor(draws), _MOVING)
+            for number, time_s in enumerate(_instants(draws, headway_s, end_s))
+        ]
+    return _written(trips, folder)
+
+
+def _instants(draws: np.random.Generator, headway_s: float, end_s: float) -> list[float]:
+    """Return when cars enter: random instants some mean time apart, and never too close."""
+    mean_s = max(headway_s - _SHORTEST_HEADWAY_S, 0.1)
+    found: list[float] = []
+    time_s = 0.0
+    while (time_s := time_s + _SHORTEST_HEADWAY_S + draws.exponential(mean_s)) < end_s:
+        found.append(time_s)
+    return found
+
+
+def _factor(draws: np.random.Generator) -> float:
+    """Return how fast a driver likes to go, in speed limits."""
+    return float(np.clip(draws.normal(1.0, 0.08), 0.85, 1.15))
+
+
+def _other_ways(
+    corridor: Corridor, settings: DemandSettings
+) -> Iterator[tuple[str, tuple[str, ...], float]]:
+    """Yield name, edges and mean headway of the other ways through the corridor."""
+    yield "oncoming", corridor.oncoming_edges, settings.oncoming_headway_s
+    for number in range(1, corridor.blocks):
+        for arm, opposite in (("north", "south"), ("south", "north")):
+            across = (f"{arm}_in_{number}", f"{opposite}_out_{number}")
+            yield f"cross_{arm}_{number}", across, settings.cross_headway_s
+        joining = (f"south_in_{number}", *corridor.main_edges[number:])
+        yield f"{MAIN_PREFIX}_joining_{number}", joining, 3.0 * settings.cross_headway_s
+
+
+_MOVING = {"departSpeed": "max", "departLane": "best"}
+
+
+def _standing(position_m: float) -> dict[str, str]:
+    """Return how a car is put into the host's lane at its front's distance ahead of the host's."""
+    place = f"{HOST_START_M + position_m:g}"
+    return {"departLane": str(HOST_LANE), "departPos": place, "departSpeed": "0"}
+
+
+def _leader(corridor: Corridor, scenario: TrafficScenario, depart_s: float, gap_m: float) -> _Trip:
+    edges = corridor.main_edges
+    if scenario is TrafficScenario.TURN_OFF:
+        edges = (*edges[:2], "south_out_2")
+    return _Trip(depart_s, LEADER, edges, 1.0, _standing(gap_m + VEHICLE_LENGTH_M))
+
+
+def _queued(corridor: Corridor, number: int, depart_s: float, gap_m: float) -> _Trip:
+    ahead_m = gap_m + VEHICLE_LENGTH_M + number * (VEHICLE_LENGTH_M + gap_m)
+    name = f"{MAIN_PREFIX}_queued_{number}"
+    return _Trip(depart_s, name, corridor.main_edges, 1.0, _standing(ahead_m))
+
+
+def _written(trips: list[_Trip], folder: Path) -> Path:
+    root = ET.Element("routes")
+    ET.SubElement(
+        root,
+        "vType",
+        id="car",
+        length=f"{VEHICLE_LENGTH_M:g}",
+        minGap="2.5",
+        carFollowModel="IDM",
+        accel="1.6",
+        decel="1.6",
+        emergencyDecel="4.5",
+        tau="1.3",
+        sigma="0",
+        speedDev="0",
+    )
+    for trip in sorted(trips, key=lambda trip: (trip.depart_s, trip.name)):
+        vehicle = ET.SubElement(root, "vehicle", {"id": trip.name, "type": "car", **trip.more})
+        vehicle.set("depart", f"{trip.depart_s:.2f}")
+        vehicle.set("speedFactor", f"{trip.speed_factor:.4f}")
+        ET.SubElement(vehicle, "route", edges=" ".join(trip.edges))
+    ET.indent(root)
+    file = folder / "demand.rou.xml"
+    ET.ElementTree(root).write(file, encoding="unicode")
+    return file

@@ -1,0 +1,80 @@
+"""What happens on the way: lines that the host passes, and drivers who are told to cut in or to turn off."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iptm_core.state import VehicleState
+from iptm_traffic.corridor import HOST_LANE
+from iptm_traffic.demand import LEADER, TrafficScenario
+from iptm_traffic.simulation import TrafficSimulation
+from iptm_v2x_bridge.prediction.signals import SignalPlan
+
+EVENT_PERIOD_S = 60.0
+"""Cars cut in, or leaders turn off, no more often."""
+CUT_IN_ROOM_M = (8.0, 60.0)
+"""Where, seen from the host's front, a car of the other lane has its rear end when it cuts in."""
+_LEFT_LANE = 1
+
+
+class LineWatch:
+    """Notes the stop lines that the host passes.
+
+    Attributes:
+        passed: instants, and whether the line was open.
+    """
+
+    def __init__(self, plan: SignalPlan) -> None:
+        self._plan = plan
+        self.passed: list[tuple[float, bool]] = []
+
+    def watch(self, before: VehicleState, after: VehicleState) -> None:
+        """Look at one interval of the plant."""
+        signal = self._plan.next_after(before.position_m)
+        if signal is None or after.position_m <= signal.stop_line_m:
+            return
+        # The instant at constant acceleration; a host that halts inside the interval was there earlier.
+        way_m = signal.stop_line_m - before.position_m
+        mean = 0.5 * (before.speed_m_s + after.speed_m_s)
+        acceleration = (after.speed_m_s - before.speed_m_s) / (after.time_s - before.time_s)
+        root = max(before.speed_m_s**2 + 2.0 * acceleration * way_m, 0.0) ** 0.5
+        elapsed_s = 2.0 * way_m / max(before.speed_m_s + root, 0.1 * mean, 1e-9)
+        time_s = min(before.time_s + elapsed_s, after.time_s)
+        self.passed.append((time_s, signal.is_open(time_s)))
+
+
+class Director:
+    """Makes happen what the scenario is about."""
+
+    def __init__(self, scenario: TrafficScenario, simulation: TrafficSimulation) -> None:
+        self._scenario, self._simulation = scenario, simulation
+        self._next_s = EVENT_PERIOD_S
+
+    def direct(self, leader: str | None) -> None:
+        """Look at the traffic of a tick, and tell a driver what to do where it is time."""
+        if self._simulation.time_s < self._next_s:
+            return
+        if self._scenario is TrafficScenario.CUT_IN:
+            name = self._who_can_cut_in()
+            if name is not None:
+                self._simulation.change_lane(name, HOST_LANE, EVENT_PERIOD_S)
+                self._next_s = self._simulation.time_s + EVENT_PERIOD_S
+        elif (
+            self._scenario is TrafficScenario.TURN_OFF
+            and leader not in {None, LEADER}
+            and self._simulation.turn_off(str(leader))
+        ):
+            self._next_s = self._simulation.time_s + 2.0 * EVENT_PERIOD_S
+
+    def _who_can_cut_in(self) -> str | None:
+        around = self._simulation.neighbours()
+        host_m, speed = self._simulation.host_position_m, self._simulation.host_speed_m_s
+        leader = self._simulation.leader()
+        nearest = np.inf if leader is None else leader[1]
+        for row, name in enumerate(around.names):
+            rear_m = around.positions_m[row] - around.lengths_m[row] - host_m
+            fits = CUT_IN_ROOM_M[0] < rear_m < min(CUT_IN_ROOM_M[1], nearest)
+            beside = around.lanes[row] == _LEFT_LANE and 2.0 < around.lateral_m[row] < 5.0
+            if fits and beside and around.speeds_m_s[row] > max(speed - 2.0, 3.0):
+                return name
+        return None

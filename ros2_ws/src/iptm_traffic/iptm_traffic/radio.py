@@ -1,0 +1,190 @@
+"""SUMO's vehicles as stations: each tells of itself in cooperative awareness messages, as bits.
+
+A vehicle that tells its path tells what it did in a rehearsal: the same simulation, with a car of SUMO's own
+in the host's place. As soon as it is somewhere else than it was then, it tells none.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.state import FloatArray
+from iptm_core.trip_time import NS_PER_S
+from iptm_traffic.network import HostRoad, step_deg
+from iptm_traffic.simulation import Neighbours, TrafficSimulation
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.messages.cam import PASSENGER_CAR, CamMessage, PredictedPath
+from iptm_v2x_bridge.messages.cam_codec import encode_cam
+from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
+from iptm_v2x_bridge.messages.its_time import delta_time_ms
+from iptm_v2x_bridge.sending.sender import POSITION_BOUND_M
+from iptm_v2x_bridge.sending.settings import SenderSettings, path_times_s
+
+SAME_PLACE_M = 0.5
+"""A vehicle that is farther from where it was in the rehearsal does something else."""
+PATH_BEHIND_M, PATH_AHEAD_M = 20.0, 250.0
+"""Where, seen from the host, a vehicle tells its path; farther ones do not lead, and messages are short."""
+_HIGHEST_ACCELERATION_M_S2 = 16.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsed:
+    """What one vehicle did in the rehearsal.
+
+    Attributes:
+        times_s: trip times, shape (n,).
+        positions_m: fronts along the road, shape (n,).
+        lateral_m: shape (n,).
+    """
+
+    times_s: FloatArray
+    positions_m: FloatArray
+    lateral_m: FloatArray
+
+
+@dataclass
+class Rehearsal:
+    """Collects the drives of the main road's vehicles.
+
+    Attributes:
+        places: of each vehicle, instants and places in SUMO's plane.
+    """
+
+    places: dict[str, list[tuple[float, float, float]]] = field(default_factory=dict)
+
+    def watch(self, simulation: TrafficSimulation, duration_s: float) -> None:
+        """Drive a simulation without host to its end and note who was where."""
+        while simulation.time_s < duration_s:
+            simulation.step()
+            time_s = simulation.time_s
+            for name, (east, north) in simulation.main_road_places():
+                self.places.setdefault(name, []).append((time_s, east, north))
+
+    def drives(self, road: HostRoad) -> dict[str, Rehearsed]:
+        """Return the drives as seen from the road."""
+        found = {}
+        for name, places in self.places.items():
+            times, east, north = np.array(places).T
+            along, aside = road.along_and_aside_m(east, north)
+            found[name] = Rehearsed(times, along, aside)
+        return found
+
+
+class TrafficRadio:
+    """A bridge that hears, before each tick, what the vehicles around the host have sent by then."""
+
+    def __init__(
+        self,
+        simulation: TrafficSimulation,
+        bridge: CamBridge,
+        road_line: RoadLine,
+        rehearsal: dict[str, Rehearsed] | None = None,
+    ) -> None:
+        """Set up the radio.
+
+        Args:
+            simulation: the traffic.
+            bridge: what hears the messages.
+            road_line: the host's road on Earth.
+            rehearsal: what the vehicles are going to do; None for vehicles that do not tell.
+        """
+        self._simulation, self.bridge, self._road_line = simulation, bridge, road_line
+        self._rehearsal = rehearsal
+        self._ahead_s = path_times_s(SenderSettings.path_points, SenderSettings.path_length_s)
+        self._path_told: dict[str, float] = {}
+        self._pending: list[tuple[int, Neighbours, float]] = []
+        self.sent = 0
+
+    def note(self) -> None:
+        """Let all vehicles around the host send; called after every step of the simulation."""
+        around = self._simulation.neighbours()
+        self._pending.append(
+            (round(around.time_s * NS_PER_S), around, self._simulation.host_position_m)
+        )
+
+    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+        """Return the answer to one tick; see `CamBridge.answer`."""
+        for sent_ns, around, host_m in self._pending:
+            for message in self.messages(around, host_m):
+                self.bridge.receive(self.datagram(message, sent_ns // 10**6), sent_ns)
+                self.sent += 1
+        self._pending.clear()
+        return self.bridge.answer(time_ns, host_position_m)
+
+    def messages(self, around: Neighbours, host_position_m: float) -> list[CamMessage]:
+        """Return what the vehicles say at one instant."""
+        latitudes, longitudes = self._on_earth(around.positions_m, around.lateral_m)
+        said = []
+        for row, name in enumerate(around.names):
+            said.append(
+                CamMessage(
+                    station_id=zlib.crc32(name.encode()),
+                    delta_time_ms=delta_time_ms(round(around.time_s * 1000.0)),
+                    latitude_deg=float(latitudes[row]),
+                    longitude_deg=float(longitudes[row]),
+                    heading_deg=float(around.headings_deg[row]),
+                    speed_m_s=float(around.speeds_m_s[row]),
+                    acceleration_m_s2=float(
+                        np.clip(
+                            around.accelerations_m_s2[row],
+                            -_HIGHEST_ACCELERATION_M_S2,
+                            _HIGHEST_ACCELERATION_M_S2,
+                        )
+                    ),
+                    length_m=float(around.lengths_m[row]),
+                    width_m=1.8,
+                    position_bound_m=POSITION_BOUND_M,
+                    path=self._path(around, row, host_position_m),
+                )
+            )
+        return said
+
+    def _path(self, around: Neighbours, row: int, host_position_m: float) -> PredictedPath | None:
+        if self._rehearsal is None:
+            return None
+        name, time_s = around.names[row], around.time_s
+        drive = self._rehearsal.get(name)
+        ahead_m = around.positions_m[row] - host_position_m
+        if drive is None or not -PATH_BEHIND_M < ahead_m < PATH_AHEAD_M:
+            return None
+        if time_s - self._path_told.get(name, -np.inf) < 1.0 - 1e-9:
+            return None
+        if not drive.times_s[0] <= time_s < drive.times_s[-1] - self._ahead_s[0]:
+            return None
+        there = np.interp(time_s, drive.times_s, drive.positions_m)
+        aside = np.interp(time_s, drive.times_s, drive.lateral_m)
+        if (
+            abs(there - around.positions_m[row]) > SAME_PLACE_M
+            or abs(aside - around.lateral_m[row]) > SAME_PLACE_M
+        ):
+            return None
+        self._path_told[name] = time_s
+        ahead_s = self._ahead_s[time_s + self._ahead_s <= drive.times_s[-1]]
+        at = time_s + ahead_s
+        latitudes, longitudes = self._on_earth(
+            np.interp(at, drive.times_s, drive.positions_m),
+            np.interp(at, drive.times_s, drive.lateral_m),
+        )
+        return PredictedPath(ahead_s, latitudes, longitudes, confidence=0.95)
+
+    def _on_earth(self, along_m: FloatArray, aside_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        latitudes, longitudes, headings = self._road_line.locate(along_m)
+        left = np.radians(headings) - 0.5 * np.pi
+        return step_deg(latitudes, longitudes, aside_m * np.sin(left), aside_m * np.cos(left))
+
+    @staticmethod
+    def datagram(message: CamMessage, timestamp_ms: int) -> bytes:
+        """Return a message as a packet on the air."""
+        position = SenderPosition(
+            timestamp_ms=timestamp_ms,
+            latitude=round(message.latitude_deg * 1e7),
+            longitude=round(message.longitude_deg * 1e7),
+            speed_cm_s=round(message.speed_m_s * 100.0),
+            heading=round(message.heading_deg * 10.0) % 3600,
+        )
+        return wrap(encode_cam(message), position, message.station_id, PASSENGER_CAR)

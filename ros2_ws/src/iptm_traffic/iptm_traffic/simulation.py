@@ -1,0 +1,270 @@
+"""One SUMO simulation with the host in it, moved exactly as the plant says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from iptm_core.errors import ScenarioError
+from iptm_core.state import FloatArray, VehicleState
+from iptm_traffic.corridor import HOST_LANE
+from iptm_traffic.demand import BEFORE_TRIP_S, HOST, MAIN_NAMES
+from iptm_traffic.network import HOST_START_M, Network
+from iptm_traffic.sumo_process import SumoProcess
+
+RADIO_RANGE_M = 400.0
+LOOKED_AHEAD_M = 1000.0
+_CHANGE_LANES_NEVER = 0
+_OBEY_NOTHING = 0
+_VEHICLES = 0xA4  # TraCI's domain of vehicles
+_SPEED, _POSITION, _ANGLE, _LENGTH, _LANE_INDEX, _ACCELERATION = 0x40, 0x42, 0x43, 0x44, 0x52, 0x72
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """The vehicles in radio range of the host at one instant, in the order of their names.
+
+    Attributes:
+        time_s: trip time.
+        names: SUMO's names, n of them.
+        positions_m: fronts along the host's road, shape (n,).
+        lateral_m: distances to the left of it, shape (n,).
+        headings_deg: clockwise from north, shape (n,).
+        speeds_m_s: shape (n,).
+        accelerations_m_s2: shape (n,).
+        lengths_m: shape (n,).
+        lanes: lane indices, 0 the outermost one, shape (n,).
+    """
+
+    time_s: float
+    names: tuple[str, ...]
+    positions_m: FloatArray
+    lateral_m: FloatArray
+    headings_deg: FloatArray
+    speeds_m_s: FloatArray
+    accelerations_m_s2: FloatArray
+    lengths_m: FloatArray
+    lanes: FloatArray
+
+
+class TrafficSimulation:
+    """SUMO, step by step, to be closed in the end.
+
+    Attributes:
+        network: the corridor.
+        largest_deviation_m: how far apart SUMO and plant ever had the host.
+        after_step: called after every step.
+
+    With the host in it, the simulation waits at trip time 0 until `move_host` says where the host is next.
+    """
+
+    def __init__(
+        self, network: Network, demand: Path, step_s: float, *, with_host: bool = True
+    ) -> None:
+        """Start SUMO and let the traffic drive up to trip time 0.
+
+        Args:
+            network: the corridor.
+            demand: vehicles, see `iptm_traffic.demand`.
+            step_s: SUMO's step.
+            with_host: put the host in.
+
+        Raises:
+            ScenarioError: SUMO does not start, or there is no room for the host.
+        """
+        self.network = network
+        self._step_s = step_s
+        self._process = SumoProcess(
+            [
+                *("-n", str(network.file), "-r", str(demand)),
+                *("-a", str(network.file.parent / "signals.add.xml")),
+                *("--step-length", f"{step_s:g}", "--step-method.ballistic", "true"),
+                *("--time-to-teleport", "-1", "--collision.action", "none", "--seed", "1"),
+                *("--lanechange.duration", "2", "--no-step-log", "true", "--no-warnings", "true"),
+            ]
+        )
+        self.connection = self._process.connection
+        self._vehicle = self.connection.vehicle
+        self._steps = 0
+        self.largest_deviation_m = 0.0
+        self.after_step: Callable[[], None] = lambda: None
+        self._host_position_m, self._host_speed_m_s = 0.0, 0.0
+        self._odometer_start_m = 0.0
+        try:
+            self._warm_up(with_host=with_host)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """End SUMO."""
+        self._process.close()
+
+    def _warm_up(self, *, with_host: bool) -> None:
+        # The step that ends at trip time 0 puts the standing cars in.
+        before = round(BEFORE_TRIP_S / self._step_s) - with_host
+        for _ in range(before):
+            self.connection.simulationStep()
+            if not with_host:
+                self.main_road_places()
+        if not with_host:
+            return
+        vehicle = self._vehicle
+        self.connection.route.add("host_route", self.network.corridor.main_edges)
+        vehicle.add(
+            HOST,
+            "host_route",
+            typeID="car",
+            depart="now",
+            departLane=str(HOST_LANE),
+            departPos=f"{HOST_START_M:g}",
+            departSpeed="0",
+        )
+        vehicle.setSpeedMode(HOST, _OBEY_NOTHING)
+        vehicle.setLaneChangeMode(HOST, _CHANGE_LANES_NEVER)
+        vehicle.setSpeed(HOST, 0.0)
+        self.connection.simulationStep()
+        if HOST not in vehicle.getIDList():
+            raise ScenarioError("SUMO finds no room for the host at the start of the corridor")
+        vehicle.subscribeContext(
+            HOST,
+            _VEHICLES,
+            RADIO_RANGE_M,
+            [_SPEED, _POSITION, _ANGLE, _LENGTH, _LANE_INDEX, _ACCELERATION],
+        )
+        self._odometer_start_m = self.sumo_position_m()
+
+    @property
+    def time_s(self) -> float:
+        """Trip time."""
+        return self._steps * self._step_s
+
+    def sumo_position_m(self) -> float:
+        """Return where the host is for SUMO, along the road from where it started."""
+        lane = self._vehicle.getLaneID(HOST)
+        start_m = self.network.road.lane_starts_m.get(lane)
+        if start_m is None:
+            raise ScenarioError(f"the host is on SUMO's lane {lane!r}; allowed: those of its road")
+        return start_m + float(self._vehicle.getLanePosition(HOST))
+
+    def step(self) -> None:
+        """Let a step pass."""
+        try:
+            self.connection.simulationStep()
+        except self._process.failure as reason:
+            raise ScenarioError(
+                f"SUMO has ended at trip time {self.time_s:g} s: {reason}"
+            ) from reason
+        self._steps += 1
+        self.after_step()
+
+    def main_road_places(self) -> list[tuple[str, tuple[float, float]]]:
+        """Return where the vehicles of the main road are that have been subscribed to; for rehearsals."""
+        for name in self.connection.simulation.getDepartedIDList():
+            if name.startswith(MAIN_NAMES):
+                self._vehicle.subscribe(name, [_POSITION])
+        found = self._vehicle.getAllSubscriptionResults()
+        return [(name, values[_POSITION]) for name, values in found.items()]
+
+    def move_host(self, state: VehicleState, duration_s: float) -> None:
+        """Let an interval pass in which the host moves as its plant has moved.
+
+        SUMO's ballistic step covers the mean of the speeds at its two ends. The speed at its beginning is set
+        to what leads exactly to the plant's position, so nothing adds up, wherever the host halts between.
+
+        Args:
+            state: host at the end of the interval.
+            duration_s: length of the interval, a whole number of SUMO's steps.
+        """
+        count = round(duration_s / self._step_s)
+        start_m, speed = self._host_position_m, self._host_speed_m_s
+        moved_m, end_speed = state.position_m - start_m, state.speed_m_s
+        for number in range(1, count + 1):
+            at_s = number * self._step_s
+            target_m, target_speed = (
+                (moved_m, end_speed)
+                if number == count
+                else _inside(speed, end_speed, moved_m, duration_s, at_s)
+            )
+            step_m = start_m + target_m - self.sumo_position_m()
+            before = max(2.0 * step_m / self._step_s - target_speed, 0.0)
+            self._vehicle.setPreviousSpeed(HOST, before)
+            self._vehicle.setSpeed(HOST, target_speed)
+            self._host_position_m, self._host_speed_m_s = start_m + target_m, target_speed
+            self.step()
+        self._host_position_m, self._host_speed_m_s = state.position_m, end_speed
+        deviation_m = abs(self.sumo_position_m() - state.position_m)
+        self.largest_deviation_m = max(self.largest_deviation_m, deviation_m)
+
+    @property
+    def host_position_m(self) -> float:
+        """Position of the host as its plant last said."""
+        return self._host_position_m
+
+    @property
+    def host_speed_m_s(self) -> float:
+        """Speed of the host as its plant last said."""
+        return self._host_speed_m_s
+
+    def leader(self) -> tuple[str, float, float] | None:
+        """Return name, gap and speed of the car ahead in the host's lane, None if there is none."""
+        found = self._vehicle.getLeader(HOST, LOOKED_AHEAD_M)
+        if found is None or not found[0]:
+            return None
+        gap_m = float(found[1]) + float(self._vehicle.getMinGap(HOST))
+        return found[0], gap_m, float(self._vehicle.getSpeed(found[0]))
+
+    def neighbours(self) -> Neighbours:
+        """Return the vehicles around the host."""
+        around = dict(self._vehicle.getContextSubscriptionResults(HOST) or {})
+        around.pop(HOST, None)
+        names = tuple(sorted(around))
+        rows = [around[name] for name in names]
+
+        def column(key: int) -> FloatArray:
+            return np.array([row[key] for row in rows], dtype=np.float64)
+
+        places = np.array([row[_POSITION] for row in rows], dtype=np.float64).reshape(-1, 2)
+        along, aside = self.network.road.along_and_aside_m(places[:, 0], places[:, 1])
+        return Neighbours(
+            self.time_s,
+            names,
+            along,
+            aside,
+            column(_ANGLE),
+            np.maximum(column(_SPEED), 0.0),
+            column(_ACCELERATION),
+            column(_LENGTH),
+            column(_LANE_INDEX),
+        )
+
+    def change_lane(self, name: str, lane: int, duration_s: float) -> None:
+        """Tell a vehicle to move to a lane and to stay there for a while."""
+        self._vehicle.changeLane(name, lane, duration_s)
+
+    def turn_off(self, name: str) -> bool:
+        """Tell a vehicle of the main road to leave it at the next signal; return whether it can."""
+        number = str(self._vehicle.getRoadID(name)).removeprefix("main_")
+        if not number.isdigit() or int(number) >= self.network.corridor.blocks - 1:
+            return False
+        try:
+            self._vehicle.changeTarget(name, f"south_out_{int(number) + 1}")
+        except self._process.refusal:
+            return False  # too near to the junction, or on a lane from which no one turns off
+        return True
+
+
+def _inside(
+    start_speed: float, end_speed: float, moved_m: float, duration_s: float, at_s: float
+) -> tuple[float, float]:
+    """Return way and speed inside an interval of constant acceleration that may end at a halt."""
+    if end_speed > 0.0 or start_speed <= 0.0:
+        acceleration = (end_speed - start_speed) / duration_s
+    else:
+        acceleration = -0.5 * start_speed**2 / max(moved_m, 1e-9)
+        at_s = min(at_s, -start_speed / acceleration)
+    way_m = at_s * (start_speed + 0.5 * acceleration * at_s)
+    return min(way_m, moved_m), max(start_speed + acceleration * at_s, 0.0)

@@ -1,0 +1,62 @@
+"""What a user of the command sees; SUMO is not needed."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import pytest
+
+from iptm_core.parameters import load_parameters
+from iptm_core.state import VehicleState
+from iptm_plant_sim.plant import Plant
+from iptm_traffic import cli
+from iptm_traffic.events import LineWatch
+from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan
+
+
+def test_without_sumo_one_line_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "sumo", None)
+    assert cli.main(["--duration-s", "5"]) == cli.EXIT_USER_ERROR
+    said = capsys.readouterr().err
+    assert "requirements/traffic.txt" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "word"),
+    [
+        ("--step-s", "0.3", "step_s"),
+        ("--duration-s", "0", "duration_s"),
+        ("--main-headway-s", "1", "main_headway_s"),
+        ("--duration-s", "1e9", "duration_s"),
+    ],
+)
+def test_wrong_options_are_refused_in_one_line(
+    option: str, value: str, word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main([option, value]) == cli.EXIT_USER_ERROR
+    said = capsys.readouterr().err
+    assert word in said
+    assert value in said or "1e+09" in said
+    assert "allowed" in said
+
+
+def at(time_s: float, position_m: float, speed_m_s: float) -> VehicleState:
+    plant = Plant(load_parameters().values, lambda positions: 0.0 * positions)
+    start = plant.initial_state(position_m, speed_m_s)
+    return replace(start, time_s=time_s)
+
+
+def test_lines_are_counted_with_the_instant_they_were_passed_at() -> None:
+    # Green from 0 s to 10.5 s; at 10 m/s the line at 105 m is reached at 10.5 s.
+    for line_m, is_open in ((104.0, True), (106.0, False)):
+        watch = LineWatch(SignalPlan((Signal(line_m, 60.0, 0.0, 10.5),)))
+        watch.watch(at(9.0, 90.0, 10.0), at(10.0, 100.0, 10.0))
+        assert watch.passed == []
+        watch.watch(at(10.0, 100.0, 10.0), at(11.0, 110.0, 10.0))
+        assert watch.passed == [(pytest.approx(line_m / 10.0), is_open)]
+        watch.watch(at(11.0, 110.0, 10.0), at(12.0, 120.0, 10.0))
+        assert len(watch.passed) == 1

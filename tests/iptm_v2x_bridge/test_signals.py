@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iptm_core.errors import RouteError
+from iptm_core.state import FloatArray
+from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, PredictorName
+from iptm_v2x_bridge.prediction.signals import BoundedBySignals, Signal, SignalPlan
+from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
+from iptm_v2x_bridge.stations.station import Observation
+
+TIMES: FloatArray = np.arange(0.0, 61.0)
+FREE = SpeedLimits(np.array([0.0]), np.array([50.0]))
+# Green from 10 s to 40 s of every 80 s.
+SIGNAL = Signal(stop_line_m=500.0, cycle_s=80.0, opens_at_s=10.0, open_for_s=30.0)
+
+
+def foretold(
+    position_m: float,
+    speed_m_s: float,
+    *signals: Signal,
+    limits: SpeedLimits = FREE,
+    time_s: float = 0.0,
+) -> Prediction:
+    known = Knowledge((Observation(time_s, position_m, speed_m_s, 0.0),), length_m=5.0)
+    told = BoundedBySignals(History(), limits, SignalPlan(signals)).predict(known, time_s + TIMES)
+    assert told is not None
+    assert told.predictor is PredictorName.SIGNALS
+    return told
+
+
+@pytest.mark.parametrize(
+    ("time_s", "is_open", "open_until_s", "closed_until_s"),
+    [
+        (0.0, False, 0.0, 10.0),
+        (10.0, True, 40.0, 10.0),
+        (39.5, True, 40.0, 39.5),
+        (40.0, False, 40.0, 90.0),
+        (-75.0, False, -75.0, -70.0),
+        (-65.0, True, -40.0, -65.0),
+    ],
+)
+def test_a_signal_by_hand(
+    time_s: float, is_open: bool, open_until_s: float, closed_until_s: float
+) -> None:
+    assert SIGNAL.is_open(time_s) is is_open
+    assert SIGNAL.open_until_s(time_s) == pytest.approx(open_until_s)
+    assert SIGNAL.closed_until_s(time_s) == pytest.approx(closed_until_s)
+
+
+def test_signals_that_never_change() -> None:
+    assert Signal(0.0, 60.0, 0.0, 60.0).open_until_s(7.0) == math.inf
+    assert Signal(0.0, 60.0, 0.0, 0.0).closed_until_s(7.0) == math.inf
+
+
+@pytest.mark.parametrize(
+    "values", [(0.0, 0.0, 0.0, 0.0), (0.0, 60.0, 0.0, 61.0), (math.nan, 60.0, 0.0, 30.0)]
+)
+def test_impossible_signals_are_refused(values: tuple[float, float, float, float]) -> None:
+    with pytest.raises(RouteError, match="allowed"):
+        Signal(*values)
+
+
+def test_stop_lines_out_of_order_are_refused() -> None:
+    with pytest.raises(RouteError, match="increasing"):
+        SignalPlan((SIGNAL, SIGNAL))
+
+
+def test_the_leader_halts_before_a_closed_line_and_drives_on_when_it_opens() -> None:
+    # Its front is 195 m away; it would be there after 14 s, closed from 5 s to 50 s.
+    told = foretold(300.0, 14.0, Signal(500.0, 80.0, 50.0, 35.0))
+    fronts = told.positions_m + 5.0
+    assert (fronts[TIMES < 50.0] <= 500.0 + 1e-9).all()
+    assert fronts[49] > 495.0
+    assert told.speeds_m_s[49] == 0.0
+    assert told.speeds_m_s[60] > 8.0
+    assert History().predict(Knowledge((Observation(0.0, 300.0, 14.0, 0.0),)), TIMES).positions_m[
+        50
+    ] == pytest.approx(1000.0)
+
+
+def test_an_open_line_and_one_that_closes_too_late_change_nothing() -> None:
+    # At the line after 7 s: once open for long, once closed when 14 m are left, which takes 7 m/s^2.
+    for signal in (Signal(400.0, 80.0, -5.0, 60.0), Signal(400.0, 80.0, -20.0, 26.0)):
+        told = foretold(297.0, 14.0, signal)
+        np.testing.assert_allclose(told.positions_m, 297.0 + 14.0 * TIMES, atol=1e-6)
+
+
+def test_a_standing_leader_is_known_until_its_line_opens() -> None:
+    told = foretold(480.0, 0.0, SIGNAL, time_s=42.0)  # the line opens 48 s later
+    standing = TIMES <= 47.0
+    assert (told.positions_m[standing] == 480.0).all()
+    assert (told.bounds_m[standing] == told.bounds_m[0]).all()
+    assert told.bounds_m[55] > 10.0
+    # The same leader in front of an open line is known no better than any other.
+    assert foretold(480.0, 0.0, SIGNAL, time_s=12.0).bounds_m[10] > 10.0
+
+
+@given(st.floats(0.0, 25.0), st.floats(0.0, 480.0), st.floats(0.0, 80.0), st.floats(1.0, 79.0))
+def test_no_closed_line_is_passed_by_who_can_halt(
+    speed_m_s: float, position_m: float, opens_at_s: float, open_for_s: float
+) -> None:
+    signal = Signal(500.0, 80.0, opens_at_s, open_for_s)
+    limits = SpeedLimits(np.array([0.0, 300.0]), np.array([25.0, 12.0]))
+    known = Knowledge((Observation(0.0, position_m, speed_m_s, 0.0),), length_m=5.0)
+    fine = 0.25 * np.arange(0.0, 241.0)
+    told = BoundedBySignals(History(), limits, SignalPlan((signal,))).predict(known, fine)
+    assert told is not None
+    assert (np.diff(told.positions_m) >= -1e-9).all()
+    assert (told.speeds_m_s >= 0.0).all()
+    assert (told.speeds_m_s <= max(speed_m_s, 25.0) + 1e-9).all()
+    passed = np.flatnonzero(np.diff((told.positions_m + 5.0 > 500.0).astype(int)))
+    for index in passed.tolist():
+        speed, front = told.speeds_m_s[index], told.positions_m[index] + 5.0
+        # Whoever passes while it is closed could not have halted.
+        assert (
+            signal.is_open(fine[index])
+            or signal.is_open(fine[index + 1])
+            or (speed**2 > 2.0 * 2.4 * (500.0 - front))
+        )
