@@ -131,11 +131,10 @@ def test_vehicles_lie_where_sumo_has_them(tmp_path: Path) -> None:
 def test_a_drive_is_lawful_and_repeats_to_the_last_bit(
     scenario: TrafficScenario, knowledge: TrafficKnowledge
 ) -> None:
-    drive = TrafficDrive(scenario, knowledge, 150.0)
+    drive = TrafficDrive(scenario, knowledge, 130.0)
     first = drive_in_traffic(drive, PARAMETERS)
     assert cli.verdict(first) == []
     assert first.trajectory.position_m[-1] > 800.0
-    assert first.lines_passed >= 1 or first.trajectory.position_m[-1] < 1056.0
     told_by = "signals" if knowledge is TrafficKnowledge.SIGNALS else "received_path"
     assert first.predictors[told_by] > 5
     assert drive_in_traffic(drive, PARAMETERS).digest == first.digest

@@ -243,7 +243,8 @@ def _limits_m_s(network: Network, trajectory: Trajectory) -> FloatArray:
     """Return the speed limit at every instant, shape (n,)."""
     limits = network.limits
     index = np.searchsorted(limits.starts_m, trajectory.position_m, side="right") - 1
-    return limits.limits_m_s[np.maximum(index, 0)]
+    here: FloatArray = limits.limits_m_s[np.maximum(index, 0)]
+    return here
 
 
 def _predictors(knowledge: TrafficKnowledge, network: Network) -> tuple[Predictor, ...]:
