@@ -5,6 +5,7 @@ Needs requirements/traffic.txt. The wall times are those of this machine, whatev
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from dataclasses import replace
@@ -35,6 +36,7 @@ COLUMNS = {
     "without solution:": "{fallback_ticks} s",
     "plant − SUMO:": "{deviation_m:.0e} m",
     "times real time:": "{times_real_time:.0f}",
+    "by processor time:": "{times_processor_time:.0f}",
 }
 
 
@@ -58,6 +60,7 @@ def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
         "fallback_ticks": result.fallback_ticks,
         "deviation_m": result.largest_deviation_m,
         "times_real_time": result.times_real_time,
+        "times_processor_time": result.times_processor_time,
         "digest": result.digest,
     }
 
@@ -67,6 +70,7 @@ def measure(
     seed: int = 1,
     scenario: tuple[str, ...] = tuple(str(entry) for entry in TrafficScenario),
     know: tuple[str, ...] = tuple(str(entry) for entry in TrafficKnowledge),
+    rows_of: tuple[str, ...] = (),
     page: int = 0,
 ) -> dict[str, Any]:
     """Measure all drives.
@@ -76,11 +80,14 @@ def measure(
         seed: of the traffic.
         scenario: only these; may be repeated.
         know: only with this knowledge; may be repeated.
+        rows_of: no drives, but the rows of these --json files; may be repeated.
         page: 1 writes the table into docs/traffic.md.
     """
     parameters = load_parameters().values
-    rows = []
-    for name in scenario:
+    rows: list[dict[str, Any]] = []
+    for file in rows_of:
+        rows += json.loads(Path(file).read_text("utf-8"))["rows"]
+    for name in () if rows_of else scenario:
         for knowledge in know:
             drive = TrafficDrive(
                 TrafficScenario(name),

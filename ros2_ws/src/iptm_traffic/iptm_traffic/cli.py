@@ -129,6 +129,7 @@ def results_table(result: TrafficResult, other: TrafficResult | None) -> Table:
         "Ticks without a solution to follow": "{0.fallback_ticks}",
         "Largest deviation of plant and SUMO [m]": "{0.largest_deviation_m:.1e}",
         "Times real time": "{0.times_real_time:.0f}",
+        "Times real time, by processor time": "{0.times_processor_time:.0f}",
         "Digest": "{2}",
     }
     for label, text in rows.items():

@@ -138,6 +138,11 @@ class TrafficSimulation:
         self._odometer_start_m = self.sumo_position_m()
 
     @property
+    def processor_s(self) -> float:
+        """Processor time that SUMO has used so far, in s."""
+        return self._process.processor_s
+
+    @property
     def time_s(self) -> float:
         """Trip time."""
         return self._steps * self._step_s

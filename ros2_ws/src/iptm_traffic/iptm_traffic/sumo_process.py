@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import subprocess
 import time
 from contextlib import suppress
@@ -76,6 +77,13 @@ class SumoProcess:
         self._process.kill()
         said = " ".join((self._process.communicate()[1] or "").split())
         raise ScenarioError(f"SUMO does not start: {said[:500] or 'no answer'}")
+
+    @property
+    def processor_s(self) -> float:
+        """Processor time that SUMO has used so far, in s."""
+        stat = Path(f"/proc/{self._process.pid}/stat").read_text(encoding="ascii")
+        user, system = stat.rpartition(")")[2].split()[11:13]
+        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
     def close(self) -> None:
         """End SUMO."""
