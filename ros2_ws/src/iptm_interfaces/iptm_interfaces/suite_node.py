@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.service import Service as RclpyService
 from rclpy.subscription import Subscription
@@ -79,7 +80,12 @@ class SuiteNode(Node):
         return frame_in(self.frame_prefix, name)
 
     def listen(
-        self, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False
+        self,
+        topic: Topic,
+        callback: Callable[[Any], None],
+        *,
+        raw: bool = False,
+        qos: QoSProfile | None = None,
     ) -> Subscription:
         """Return a subscription to a topic of the table.
 
@@ -87,11 +93,14 @@ class SuiteNode(Node):
             topic: key of the topic.
             callback: called with the message, or with its serialised bytes if `raw`.
             raw: leave out the conversion to a message object.
+            qos: of the subscription, that of the table if None; a deeper one for who must not miss a message
+                of a publisher that does not wait for it.
         """
         spec = TOPICS[topic]
         kind = None if raw else spec.message_type
         take = partial(self._let_in, topic, kind, callback)
-        return self.create_subscription(spec.message_type, spec.name, take, spec.qos, raw=True)
+        wanted = qos or spec.qos
+        return self.create_subscription(spec.message_type, spec.name, take, wanted, raw=True)
 
     def serve(self, service: Service, action: Callable[[], str]) -> RclpyService:
         """Return a server of a service of the table.

@@ -144,6 +144,9 @@ class _SocketSource:
     def missing(self, time_ns: int) -> str:
         if not self._lock_step or self._ended_ns == time_ns:
             return ""
+        before = self._ended_ns is not None and self._ended_ns < time_ns
+        if before and self._marks and self._marks[0].time_ns > time_ns:
+            return ""  # the sender left this tick out: it had no decision to tell
         return "waiting for the sender's end of the tick"
 
     def report(self) -> dict[str, object]:

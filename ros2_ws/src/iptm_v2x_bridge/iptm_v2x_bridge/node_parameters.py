@@ -158,10 +158,29 @@ class BridgeNodeParameters(CamSettings, FrameSettings, TickSettings, PreviewSett
         return CycleSource(self.route(self.initial_gap_m))
 
 
+class SentDrive(str, Enum):
+    """Whose drive the sender tells."""
+
+    CYCLE = "cycle"
+    """That of the leader in the cycle."""
+    HOST = "host"
+    """That of the vehicle whose topics it hears, with its plan as path prediction."""
+
+    def __str__(self) -> str:
+        """Return the bare word, as it is written in a file."""
+        return str(self.value)
+
+
 @dataclass(frozen=True)
 class SenderNodeParameters(SenderSettings, TickSettings, RoadSettings):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
+    sent_drive: SentDrive = parameter(
+        SentDrive.CYCLE,
+        "cycle: that of the leader in the cycle; host: that of the vehicle in the namespace of the node, at "
+        "every decision, with its plan as path prediction, on the road of the cycle and initial_gap_m ahead "
+        "of its own position",
+    )
     initial_gap_m: float = declared(BridgeNodeParameters, "initial_gap_m")
     to_address: str = parameter(LOCALHOST, "address that the messages are sent to")
     to_port: int = declared(CamSettings, "cam_port", minimum=1)

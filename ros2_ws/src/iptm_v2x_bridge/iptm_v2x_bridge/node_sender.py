@@ -17,8 +17,10 @@ from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_v2x_bridge.messages.cam_codec import specification
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
-from iptm_v2x_bridge.node_parameters import SenderNodeParameters
+from iptm_v2x_bridge.node_host_ticks import HostTicks
+from iptm_v2x_bridge.node_parameters import SenderNodeParameters, SentDrive
 from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+from iptm_v2x_bridge.sending.plan_sender import HostTick, PlanSender
 from iptm_v2x_bridge.sending.sender import CamSender
 
 WALL_PERIOD_S = 0.01
@@ -29,8 +31,9 @@ REPORT_PERIOD_S = 1.0
 class SenderNode(SuiteNode):
     """Sends what the leader would: cooperative awareness messages of a drive, lost and late as asked for.
 
-    On `/clock` it sends everything that arrives up to the tick, then the end of the tick, which is repeated
-    until the next tick in case the bridge was not there yet.
+    On `/clock`, or at every decision of the vehicle whose plan it tells, it sends everything that arrives up
+    to the tick, then the end of the tick, which is repeated until the next tick in case the bridge was not
+    there yet.
     """
 
     def __init__(self) -> None:
@@ -51,8 +54,12 @@ class SenderNode(SuiteNode):
         self._reporter = DiagnosticsReporter.of_node(self, "messages")
         self.every(REPORT_PERIOD_S, self._report)
         if options.follow_clock:
-            self.listen(Topic.CLOCK, self._on_clock)
             self.every(REPEAT_PERIOD_S, self._repeat_end)
+        self._plan_sender: PlanSender | None = None
+        if options.sent_drive is SentDrive.HOST:
+            self._host = HostTicks(self, self._on_host)
+        elif options.follow_clock:
+            self.listen(Topic.CLOCK, self._on_clock)
         else:
             self.every(WALL_PERIOD_S, self._on_wall_clock)
         self._report()
@@ -74,6 +81,23 @@ class SenderNode(SuiteNode):
         self._ended = EndOfTick(time_ns, self._sent)
         self._repeat_end()
 
+    def _on_host(self, tick: HostTick) -> None:
+        if self._last_ns is not None and tick.time_ns <= self._last_ns:
+            if tick.time_ns == self._last_ns:
+                return  # a state that was repeated, and answered again
+            self._sent, self._plan_sender = 0, None  # a new trip
+        options = self._options
+        sender = self._plan_sender = self._plan_sender or PlanSender(
+            self._route.road_line, options, options.initial_gap_m, self._start_ms(tick.time_ns)
+        )
+        for datagram in sender.arrivals(tick):
+            self._send(datagram)
+            self._sent += 1
+        self._last_ns = tick.time_ns
+        if options.follow_clock:
+            self._ended = EndOfTick(tick.time_ns, self._sent)
+            self._repeat_end()
+
     def _on_wall_clock(self) -> None:
         self._send_until(time.monotonic_ns() - self._start_ns)
 
@@ -88,12 +112,17 @@ class SenderNode(SuiteNode):
         self._last_ns = time_ns
 
     def _start(self, time_ns: int) -> CamSender:
-        options = self._options
-        start_ms = options.trip_start_timestamp_ms
+        self._sender = CamSender(
+            self._route.leader, self._route.road_line, self._options, self._start_ms(time_ns)
+        )
+        return self._sender
+
+    def _start_ms(self, time_ns: int) -> int:
+        """Return the TimestampIts of trip time 0, the present being a trip time."""
+        start_ms = self._options.trip_start_timestamp_ms
         if start_ms < 0:
             start_ms = its_timestamp_ms(time.time_ns()) - time_ns // 1_000_000
-        self._sender = CamSender(self._route.leader, self._route.road_line, options, start_ms)
-        return self._sender
+        return start_ms
 
     def _repeat_end(self) -> None:
         if self._ended is not None:
@@ -108,6 +137,7 @@ class SenderNode(SuiteNode):
 
     def _report(self) -> None:
         values: dict[str, object] = {
+            "sent_drive": self._options.sent_drive.value,
             "cycle": self._options.cycle,
             "to": f"{self._target[0]}:{self._target[1]}",
             "sent": self._sent,
@@ -115,7 +145,8 @@ class SenderNode(SuiteNode):
         }
         level, reason = Level.OK, "messages are sent"
         if self._last_ns is None:
-            reason = "waiting for the clock"
+            drives = self._options.sent_drive is SentDrive.HOST
+            reason = "waiting for a decision" if drives else "waiting for the clock"
         elif self._failed:
             level, reason = Level.WARN, "some messages could not be sent"
         self._reporter.report(self._last_ns or 0, level, reason, values)

@@ -126,7 +126,7 @@ class CamSender:
         period_ns = max(round(self._settings.path_period_s * NS_PER_S), self._period_ns)
         return time_ns % period_ns < self._period_ns
 
-    def _path(self, time_s: float) -> PredictedPath:
+    def _path(self, time_s: float) -> PredictedPath | None:
         settings = self._settings
         ahead = path_times_s(settings.path_points, settings.path_length_s)
         fronts = self._motion.positions_at(time_s + ahead) + settings.vehicle_length_m
@@ -166,6 +166,16 @@ class CamSender:
                 found.append((arrival_ns, generated_ns))
         found.sort()
         return [(arrival_ns, self.datagram_at(generated_ns)) for arrival_ns, generated_ns in found]
+
+    def departures(self, after_ns: int, until_ns: int) -> list[tuple[int, bytes]]:
+        """Return what is generated in a span of trip time and not lost, with the instants of its arrival."""
+        found = []
+        for number in range(after_ns // self._period_ns + 1, until_ns // self._period_ns + 1):
+            generated_ns = number * self._period_ns
+            arrival_ns = self._arrival_ns(number, generated_ns)
+            if arrival_ns is not None:
+                found.append((arrival_ns, self.datagram_at(generated_ns)))
+        return found
 
     def _arrival_ns(self, number: int, generated_ns: int) -> int | None:
         """Return when a message arrives, None if it is lost."""

@@ -1,0 +1,142 @@
+"""A car that tells what it does and means to do: its state and its plan as messages to the car behind it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_core.routes.leader import FINAL_BRAKING_M_S2, LeaderMotion
+from iptm_core.routes.piecewise import cumulative_integral
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.state import FloatArray
+from iptm_core.trip_time import NS_PER_S
+from iptm_v2x_bridge.messages.cam import PredictedPath
+from iptm_v2x_bridge.sending.sender import BEFORE_START_S, CamSender
+from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
+
+MAX_TICK_S = 10.0
+"""Nothing is told of the time between two ticks that lie farther apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class HostTick:
+    """What a car knows of itself at a tick.
+
+    Attributes:
+        time_ns: the tick, integer nanoseconds of trip time.
+        position_m: its front along its own road.
+        speed_m_s: its speed.
+        plan_times_s: nodes of its plan, trip times, shape (n,), increasing; empty without a plan.
+        plan_speeds_m_s: speeds there, shape (n,), linear in between.
+    """
+
+    time_ns: int
+    position_m: float
+    speed_m_s: float
+    plan_times_s: FloatArray
+    plan_speeds_m_s: FloatArray
+
+
+class _TickSender(CamSender):
+    """Tells a path in the message of one tick, as far as the plan reaches."""
+
+    def __init__(
+        self,
+        tick: HostTick,
+        motion: LeaderMotion,
+        road: RoadLine,
+        settings: SenderSettings,
+        start_timestamp_ms: int,
+    ) -> None:
+        super().__init__(motion, road, settings, start_timestamp_ms)
+        self._tick = tick
+
+    def _tells_path(self, time_ns: int) -> bool:
+        wanted = self._settings.foresight is Foresight.PATH
+        return wanted and time_ns == self._tick.time_ns and self._tick.plan_times_s.size > 0
+
+    def _path(self, time_s: float) -> PredictedPath | None:
+        path = super()._path(time_s)
+        if path is None:
+            return None
+        known = path.times_s <= float(self._tick.plan_times_s[-1]) - time_s + 1e-9
+        if not known.any():
+            return None
+        return PredictedPath(
+            path.times_s[known],
+            path.latitudes_deg[known],
+            path.longitudes_deg[known],
+            path.confidence,
+        )
+
+
+class PlanSender:
+    """Tells a drive while it takes place.
+
+    The message of a tick carries the plan made at it; those of the time since the tick before, none.
+    """
+
+    def __init__(
+        self,
+        road: RoadLine,
+        settings: SenderSettings,
+        ahead_m: float,
+        start_timestamp_ms: int = 0,
+    ) -> None:
+        """Set up a sender.
+
+        Args:
+            road: where it drives.
+            settings: what is sent.
+            ahead_m: where its rear bumper is on this road when its own position is 0.
+            start_timestamp_ms: TimestampIts at trip time 0.
+        """
+        self._road, self._settings, self._ahead_m = road, settings, ahead_m
+        self._start_ms = start_timestamp_ms
+        self._past: deque[HostTick] = deque(maxlen=3)
+        self._under_way: list[tuple[int, bytes]] = []
+
+    def arrivals(self, tick: HostTick) -> list[bytes]:
+        """Return what arrives up to a tick and was not returned before.
+
+        Args:
+            tick: later than the one before.
+        """
+        last = self._past[-1] if self._past else None
+        if last is None or tick.time_ns - last.time_ns > MAX_TICK_S * NS_PER_S:
+            self._past.clear()
+            # Of a car that drives already nothing is known before; one that stands, stood there.
+            stood_s = BEFORE_START_S if tick.speed_m_s == 0.0 else 0.0
+            after_ns = tick.time_ns - max(round(stood_s * NS_PER_S), 1)
+        else:
+            after_ns = last.time_ns
+        self._past.append(tick)
+        sender = _TickSender(tick, self._motion(), self._road, self._settings, self._start_ms)
+        self._under_way += sender.departures(after_ns, tick.time_ns)
+        self._under_way.sort(key=lambda entry: entry[0])
+        arrived = [datagram for at_ns, datagram in self._under_way if at_ns <= tick.time_ns]
+        del self._under_way[: len(arrived)]
+        return arrived
+
+    def _motion(self) -> LeaderMotion:
+        """Return the motion from some ticks before to the end of the plan, and a halt after it."""
+        tick = self._past[-1]
+        past_s = np.array([known.time_ns / NS_PER_S for known in self._past])
+        past_m_s = np.array([known.speed_m_s for known in self._past])
+        # A second before the first of them as it is there: no acceleration is known.
+        past_s, past_m_s = (
+            np.insert(past_s, 0, past_s[0] - 1.0),
+            np.insert(past_m_s, 0, past_m_s[0]),
+        )
+        ahead = tick.plan_times_s > past_s[-1] + 1e-6
+        times = np.concatenate([past_s, tick.plan_times_s[ahead]])
+        speeds = np.concatenate([past_m_s, np.maximum(tick.plan_speeds_m_s[ahead], 0.0)])
+        halt_s = times[-1] + max(speeds[-1] / FINAL_BRAKING_M_S2, 1e-3)
+        way_m = float(cumulative_integral(past_s, past_m_s)[-1])
+        return LeaderMotion(
+            np.append(times, halt_s),
+            np.append(speeds, 0.0),
+            self._ahead_m + tick.position_m - way_m,
+        )
