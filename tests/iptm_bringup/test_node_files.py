@@ -6,7 +6,7 @@ import ast
 import runpy
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,6 +15,7 @@ import yaml
 import iptm_bringup
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.declaration import checked_value, parameter_specs
+from iptm_core.errors import ScenarioError
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 
@@ -64,6 +65,7 @@ def launch_stubs(monkeypatch: pytest.MonkeyPatch) -> list[Recorded]:
             "EmitEvent",
             "GroupAction",
             "IncludeLaunchDescription",
+            "OpaqueFunction",
             "RegisterEventHandler",
         ],
         "launch.event_handlers": ["OnProcessExit"],
@@ -125,7 +127,7 @@ def test_the_launch_file_sets_parameters_and_arguments_that_exist(
     module["generate_launch_description"]()
     declared = {item.arguments[0] for item in of_class(launch_stubs, "DeclareLaunchArgument")}
     used = {item.arguments[0] for item in of_class(launch_stubs, "LaunchConfiguration")}
-    assert used == declared
+    assert used == declared - {"scenario"}  # which is read before the others are set
     for argument in of_class(launch_stubs, "DeclareLaunchArgument"):
         choices = argument.named["choices"]
         assert argument.named["description"]
@@ -152,16 +154,54 @@ def test_the_end_of_a_process_ends_its_own_loop_and_no_other(launch_stubs: list[
     module["generate_launch_description"]()
     nodes = of_class(launch_stubs, "Node")
     assert not any("on_exit" in node.named for node in nodes)
+    ended = SimpleNamespace(returncode=0, process_name="plant-1")
+    driving, stopping = SimpleNamespace(is_shutdown=False), SimpleNamespace(is_shutdown=True)
     handlers = {
         id(handler.named["target_action"]): [
             action.named["event"].named["process_matcher"].arguments[0]
-            for action in handler.named["on_exit"]
+            for action in handler.named["on_exit"](ended, driving)
         ]
         for handler in of_class(launch_stubs, "OnProcessExit")
     }
+    # One that fails ends the launch, unless that is ending anyway.
+    failed = SimpleNamespace(returncode=2, process_name="controller-3")
+    on_exit = of_class(launch_stubs, "OnProcessExit")[0].named["on_exit"]
+    with pytest.raises(RuntimeError, match="controller-3 ended with exit code 2"):
+        on_exit(failed, driving)
+    assert on_exit(failed, stopping)
     assert len(of_class(launch_stubs, "RegisterEventHandler")) == len(nodes)
     for node in nodes:
         assert handlers[id(node)] == [other for other in nodes if other is not node]
+
+
+@needs_sources
+def test_a_scenario_is_the_default_of_arguments_that_are_not_given(
+    launch_stubs: list[Recorded], tmp_path: Path
+) -> None:
+    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+    module["generate_launch_description"]()
+    (description,) = of_class(launch_stubs, "LaunchDescription")
+    first, second = description.arguments[0][:2]
+    assert first.arguments[0] == "scenario"
+    take = second.named["function"]
+
+    given = {"scenario": "real_time", "cycle": "us06"}
+    take(SimpleNamespace(launch_configurations=given))
+    assert (given["cycle"], given["slope"], given["mode"]) == ("us06", "small", "real_time")
+    text = Path(given["controller_parameters"]).read_text(encoding="utf-8")
+    assert yaml.safe_load(text)["/**/controller"]["ros__parameters"]["deadline_ms"] == 500
+    assert given.keys() <= module["ARGUMENTS"].keys()
+
+    clash = {"scenario": "real_time", "controller_parameters": "mine.yaml"}
+    with pytest.raises(ScenarioError, match="parameters of controller"):
+        take(SimpleNamespace(launch_configurations=clash))
+    file = tmp_path / "faulty.yaml"
+    file.write_text("faults:\n  - {kind: preview_lost, start_s: 5, duration_s: 5}\n")
+    with pytest.raises(ScenarioError, match="has faults"):
+        take(SimpleNamespace(launch_configurations={"scenario": str(file)}))
+    none = {"scenario": ""}
+    take(SimpleNamespace(launch_configurations=none))
+    assert none == {"scenario": ""}
 
 
 @needs_sources

@@ -1,17 +1,27 @@
 """The closed loop for a full ROS 2 installation: plant, V2X bridge, controller and, if wanted, the recorder.
 
     ros2 launch iptm_bringup closed_loop.launch.py cycle:=us06 slope:=large record:=true
-    ros2 launch iptm_bringup closed_loop.launch.py namespace:=car_1
+    ros2 launch iptm_bringup closed_loop.launch.py scenario:=real_time namespace:=car_1
 
-The loop ends with the first of its processes that does; other loops of the launch go on.
-What no argument names is set in the parameter files.
+The loop ends with the first of its processes that does; other loops of the launch go on. A process that fails
+ends the launch, with exit code 1. Arguments go before the scenario; what neither names is set in the
+parameter files.
 """
 
+import atexit
+import shutil
+import tempfile
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
-from launch.actions import DeclareLaunchArgument, EmitEvent, RegisterEventHandler
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    OpaqueFunction,
+    RegisterEventHandler,
+)
 from launch.conditions import IfCondition
 from launch.event_handlers import OnProcessExit
 from launch.events import matches_action
@@ -20,8 +30,11 @@ from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from iptm_bringup.composition import parameter_file_text
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT, Scenario, names_for
+from iptm_bringup.scenario_files import load_scenario, shipped_scenarios
 from iptm_core.declaration import parameter_specs, plain
+from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from launch import LaunchDescription
 
@@ -37,9 +50,11 @@ SPECS = {spec.name: spec for spec in parameter_specs(Scenario)}
 PARAMETERS = {node: {name: SPECS[name].kind for name in names_for(node)} for node in NODES}
 PARAMETERS[BRIDGE]["initial_gap_m"] = float
 
+TRUTH_VALUES = ["true", "false", "True", "False"]
 DEFAULT_GAP_M = load_parameters().values.gap.initial_gap_m
 # Argument -> default, description.
 ARGUMENTS = {
+    "scenario": ("", f"{', '.join(shipped_scenarios())}, or a .yaml file; empty for none"),
     "namespace": ("", "namespace of all nodes"),
     "clock": ("clock", "topic of the clock; a relative name moves with the namespace"),
     "use_sim_time": ("false", "the nodes go by the stamps of messages; only their logs differ"),
@@ -56,6 +71,55 @@ ARGUMENTS = {
         for node in NODES
     },
 }
+
+
+def take_scenario(context) -> None:
+    """Take the values of the scenario for all arguments that are not given.
+
+    Raises:
+        ScenarioError: it cannot be read, or asks for what a launch cannot do.
+    """
+    given = context.launch_configurations
+    if not given["scenario"]:
+        return
+    scenario = load_scenario(given["scenario"])
+    if scenario.faults:
+        raise ScenarioError(
+            f"scenario {scenario.name} has faults; allowed: none here, scripts/run_demo drives it"
+        )
+    for name in SPECS.keys() & ARGUMENTS.keys():
+        given.setdefault(name, str(plain(getattr(scenario, name))))
+    for node, values in scenario.node_parameters.items():
+        if f"{node}_parameters" in given:
+            raise ScenarioError(
+                f"scenario {scenario.name} sets parameters of {node}, as {node}_parameters does; "
+                "allowed: one of the two"
+            )
+        folder = tempfile.mkdtemp(prefix="iptm_launch_")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        path = Path(folder) / f"{node}.yaml"
+        path.write_text(parameter_file_text(node, values), encoding="utf-8")
+        given[f"{node}_parameters"] = str(path)
+
+
+def end_loop(others, event, context) -> list[EmitEvent]:
+    """Return what ends the other processes of a loop of which one has ended.
+
+    Raises:
+        RuntimeError: it failed; this ends the launch, with exit code 1.
+    """
+    if event.returncode and not context.is_shutdown:
+        raise RuntimeError(f"{event.process_name} ended with exit code {event.returncode}")
+    return [
+        EmitEvent(event=ShutdownProcess(process_matcher=matches_action(other))) for other in others
+    ]
+
+
+def choices_of(name: str) -> list[str] | None:
+    """Return what an argument may be, None where that is not a list."""
+    if name in {"record", "use_sim_time"}:
+        return TRUTH_VALUES
+    return list(SPECS[name].choices) or None if name in SPECS else None
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -78,7 +142,7 @@ def generate_launch_description() -> LaunchDescription:
             name,
             default_value=default,
             description=description,
-            choices=list(SPECS[name].choices) or None if name in SPECS else None,
+            choices=choices_of(name),
         )
         for name, (default, description) in ARGUMENTS.items()
     ]
@@ -115,13 +179,12 @@ def generate_launch_description() -> LaunchDescription:
         RegisterEventHandler(
             OnProcessExit(
                 target_action=process,
-                on_exit=[
-                    EmitEvent(event=ShutdownProcess(process_matcher=matches_action(other)))
-                    for other in processes
-                    if other is not process
-                ],
+                on_exit=partial(end_loop, [each for each in processes if each is not process]),
             )
         )
         for process in processes
     ]
-    return LaunchDescription([*actions, *endings, *processes])
+    scenario, *others = actions
+    return LaunchDescription(
+        [scenario, OpaqueFunction(function=take_scenario), *others, *endings, *processes]
+    )
