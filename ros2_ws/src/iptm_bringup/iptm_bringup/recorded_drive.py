@@ -1,6 +1,7 @@
 """Recorded drives: shows what is read out of a file, and makes an example with the noise of a phone.
 
 drive_file show my_drive.gpx --picture my_drive.png
+drive_file can my_drive.blf my_drive.csv --dbc car.dbc --signal speed_kmh=VehicleSpeed
 drive_file bag bags/example_us06_120s my_car.csv
 """
 
@@ -16,8 +17,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from iptm_core.errors import IptmError
+from iptm_core.errors import IptmError, RouteError
 from iptm_core.routes import build_route
+from iptm_core.routes.can_log import CAN_COLUMNS, can_log_csv
 from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.routes.track import RecordedDrive
 from iptm_core.routes.user_csv import UserTrip, read_user_trip
@@ -39,6 +41,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     show = commands.add_parser("show", help="what is read out of a .gpx or .csv file")
     show.add_argument("file", type=Path)
     show.add_argument("--picture", type=Path, help="draw it into this .png file")
+    can = commands.add_parser(
+        "can", help="make a drive of signals in a CAN log (MF4, BLF, ASC), and show it"
+    )
+    can.add_argument("log", type=Path, help=".mf4, .blf or .asc file")
+    can.add_argument("file", type=Path, help=".csv file to write")
+    can.add_argument(
+        "--dbc", type=Path, help="decodes the frames; none for an MF4 file that holds signals"
+    )
+    can.add_argument(
+        "--signal",
+        action="append",
+        default=[],
+        metavar="COLUMN=SIGNAL",
+        help=f"what a signal is, repeatable; columns: {', '.join(CAN_COLUMNS)}",
+    )
+    can.add_argument("--picture", type=Path, help="draw it into this .png file")
     example = commands.add_parser(
         "example", help="make an example drive as a phone would record it"
     )
@@ -59,6 +77,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             trajectory = read_trajectory(given.bag)
             given.file.write_text(cycle_csv(trajectory, given.who), encoding="utf-8")
             return 0
+        if given.command == "can":
+            text = can_log_csv(given.log, given.dbc, dict(map(_named_signal, given.signal)))
+            given.file.write_text(text, encoding="utf-8")
         trip = read_user_trip(given.file)
         print(description(trip))
         if given.picture is not None:
@@ -67,6 +88,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"drive_file: {reason}", file=sys.stderr)
         return 2
     return 0
+
+
+def _named_signal(text: str) -> tuple[str, str]:
+    column, separator, signal = text.partition("=")
+    if not (column and separator and signal):
+        raise RouteError(f"--signal is {text!r}; allowed: COLUMN=SIGNAL")
+    return column, signal
 
 
 def cycle_csv(trajectory: Trajectory, who: str) -> str:
