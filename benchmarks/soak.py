@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks.harness import resident_memory_mib, run_benchmark
 from iptm_bringup.drive import DriveOutcome
 from iptm_bringup.environment import domain_of_run
-from iptm_bringup.monitor import Snapshot, stamp_ns_of
+from iptm_bringup.monitor import Snapshot
 from iptm_bringup.run_folder import RunFolder
 from iptm_bringup.runner import Driven, RunOptions, drive_processes
 from iptm_bringup.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
@@ -32,6 +32,7 @@ from iptm_core.routes.cycles import load_cycle
 from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault, in_order
 from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
+from iptm_interfaces.codecs import stamp_ns_of
 from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.process import StopRequest
 from iptm_interfaces.topics import Topic

@@ -59,7 +59,7 @@ def recorded_class(name: str) -> type[Recorded]:
 def launch_stubs(monkeypatch: pytest.MonkeyPatch) -> list[Recorded]:
     """Stand in for the packages of a full ROS 2 installation."""
     modules = {
-        "launch": ["LaunchDescription"],
+        "launch": ["LaunchContext", "LaunchDescription"],
         "launch.actions": [
             "DeclareLaunchArgument",
             "EmitEvent",
@@ -205,15 +205,26 @@ def test_a_scenario_is_the_default_of_arguments_that_are_not_given(
 
 
 @needs_sources
-def test_two_vehicles_differ_in_namespace_and_bag(launch_stubs: list[Recorded]) -> None:
-    module = runpy.run_path(str(LAUNCH / "two_vehicles.launch.py"))
+def test_the_vehicles_of_a_string_follow_each_other(launch_stubs: list[Recorded]) -> None:
+    module = runpy.run_path(str(LAUNCH / "string.launch.py"))
     module["generate_launch_description"]()
+    configuration: Any = sys.modules["launch.substitutions"].LaunchConfiguration
+    configuration.perform = lambda self, _: module["ARGUMENTS"][self.arguments[0]][0]
+    (opaque,) = of_class(launch_stubs, "OpaqueFunction")
+    opaque.named["function"](None)
     given = [
         dict(item.named["launch_arguments"])
         for item in of_class(launch_stubs, "IncludeLaunchDescription")
     ]
-    assert [entry["namespace"] for entry in given] == ["car_1", "car_2"]
-    assert [entry["bag"][1] for entry in given] == ["/car_1", "/car_2"]
+    names = ["/car_1", "/car_2", "/car_3", "/car_4", "/car_5"]
+    assert [entry["namespace"] for entry in given] == names
+    assert [entry["vehicle_ahead"] for entry in given] == ["", *names[:-1]]
+    assert [entry["vehicle_behind"] for entry in given] == [*names[1:], ""]
+    assert [entry["leader_source"] for entry in given] == ["cycle", *["vehicle"] * 4]
+    # 15 m from bumper to bumper, and 4.5 m of car.
+    starts_m = [float(entry["start_position_m"]) for entry in given]
+    assert starts_m == [0.0, -19.5, -39.0, -58.5, -78.0]
+    assert [Path(entry["bag"]).name for entry in given] == [name[1:] for name in names]
     assert not any("clock" in entry for entry in given)  # the namespace moves it
     # What is set for the first vehicle must not be in force for the second.
     groups = [item.arguments[0] for item in of_class(launch_stubs, "GroupAction")]

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from iptm_bringup.scenario import PLANT, PreparedScenario
 from iptm_controller.controller import Controller, ControllerOptions
-from iptm_controller.horizon import SINGLE_HORIZON
+from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.declaration import Settings, parameter_specs
 from iptm_core.metrics import RunMetrics, compute_metrics, figure_values
@@ -71,21 +71,43 @@ def drive_other(prepared: PreparedScenario, strategy: str) -> ClosedLoopRun:
     Raises:
         IptmError: the strategy is not known, or the problem cannot be compiled.
     """
-    scenario, model, route = prepared.scenario, prepared.model.values, prepared.route
-    of_plant = scenario.node_parameters.get(PLANT, {})
+    return run_closed_loop(
+        prepared.route,
+        plant_for(prepared),
+        controller_for(prepared, strategy),
+        preview_for(prepared),
+    )
+
+
+def plant_for(prepared: PreparedScenario) -> Plant:
+    """Return the plant that a scenario asks for."""
+    of_plant = prepared.scenario.node_parameters.get(PLANT, {})
     integration = given_settings(IntegrationSettings, of_plant)
-    sampling = given_settings(SamplingSettings, of_plant)
+    return Plant(
+        prepared.model.values,
+        prepared.route.slope.slope_at,
+        integration.integration_step_s,
+        integration.thermal_model,
+    )
+
+
+def controller_for(
+    prepared: PreparedScenario, strategy: str, horizon: Horizon = SINGLE_HORIZON
+) -> Controller:
+    """Return a fresh controller with a strategy and a horizon, the paper's single one, for a scenario."""
+    of_plant = prepared.scenario.node_parameters.get(PLANT, {})
     options = ControllerOptions(
         strategy=strategy_by_name(strategy),
-        horizon=SINGLE_HORIZON,
-        tick_s=sampling.period_s,
-        trip_duration_s=route.duration_s,
+        horizon=horizon,
+        tick_s=given_settings(SamplingSettings, of_plant).period_s,
+        trip_duration_s=prepared.route.duration_s,
     )
-    preview = given_settings(PreviewSettings, vars(scenario))
-    plant = Plant(
-        model, route.slope.slope_at, integration.integration_step_s, integration.thermal_model
-    )
-    return run_closed_loop(route, plant, Controller(model, options), preview)
+    return Controller(prepared.model.values, options)
+
+
+def preview_for(prepared: PreparedScenario) -> PreviewSettings:
+    """Return what a scenario says about previews."""
+    return given_settings(PreviewSettings, vars(prepared.scenario))
 
 
 def drive_comparison(prepared: PreparedScenario, strategy: str) -> Comparison:

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from iptm_bringup.comparison import Comparison
-from iptm_bringup.monitor import heard_by_stamp, stamp_ns_of
+from iptm_bringup.monitor import heard_by_stamp
 from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.scenario_files import scenario_text
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import FIGURES, RunMetrics, compute_metrics, figure_values
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.assembly import assemble_decisions, assemble_run, split_trips
-from iptm_interfaces.codecs import s_from_ns
+from iptm_interfaces.codecs import s_from_ns, stamp_ns_of
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.run_information import RunInformation

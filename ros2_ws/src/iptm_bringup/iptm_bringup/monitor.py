@@ -7,7 +7,6 @@ few times a second, to show how far it is.
 
 from __future__ import annotations
 
-import struct
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,9 +22,13 @@ from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_core.decision_record import Rung
 from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.assembly import last_trip
-from iptm_interfaces.codecs import decode_decision_record, decode_temperature, ns_from_time
+from iptm_interfaces.codecs import (
+    decode_decision_record,
+    decode_temperature,
+    ns_from_time,
+    stamp_ns_of,
+)
 from iptm_interfaces.diagnostics import Level, find_status
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
@@ -39,7 +42,6 @@ BEFORE_GATE = (*(topic for topic in TICK_TOPICS if topic not in GATE), Topic.SOL
 _DEPTH = 10_000  # the runner may be busy for a moment, the nodes do not wait for it
 _SETTLE_S = 0.1  # time for the publishers to learn of the subscriptions made last
 _LOOK_PERIOD_S = 0.05
-_STAMP = struct.Struct("<4xiI")  # first field of a clock and of every header, behind the CDR prefix
 # A node that was found a moment ago has no name yet; it may be one of the run.
 _NOT_FOREIGN = {PLANT, BRIDGE, CONTROLLER, RECORDER, INJECTOR, NAME, "_NODE_NAME_UNKNOWN_"}
 _ONLY_ONE_PUBLISHES = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
@@ -249,12 +251,6 @@ class RunMonitor(SuiteNode):
         if plant is not None:
             self.last_sign_s = time.monotonic()
             self.plant_reason = plant.message
-
-
-def stamp_ns_of(data: bytes) -> int:
-    """Return the stamp of a clock or of a message that starts with a header, from its bytes."""
-    seconds, nanoseconds = _STAMP.unpack_from(data)
-    return int(seconds) * NS_PER_S + int(nanoseconds)
 
 
 def heard_by_stamp(

@@ -40,7 +40,7 @@ _LEAST_TEMPERATURE_SPAN_K = 2.0
 _LEAST_COOLING_KW = 0.5
 _LEAST_CAPACITY_LOSS = 1e-12
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_STYLE: Any = {
+STYLE: Any = {
     "font.size": 9.5,
     "axes.titlesize": 10.5,
     "axes.titleweight": "bold",
@@ -73,7 +73,7 @@ def save_picture(path: Path, results: RunResults) -> None:
     panels = _panels(results)
     heights = [height for _, height in panels]
     size = (_WIDTH_INCHES, _HEADING_INCHES + _INCHES_PER_HEIGHT * sum(heights))
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         layout = ConstrainedLayoutEngine(h_pad=0.06, hspace=0.03)
         figure = Figure(figsize=size, dpi=_DOTS_PER_INCH, layout=layout)
         FigureCanvasAgg(figure)

@@ -55,13 +55,20 @@ class Supervisor:
     them in an order that loses nothing. Should the runner itself be killed, they end as well.
     """
 
-    def __init__(self, environment: Mapping[str, str], log_path: Callable[[str], Path]) -> None:
+    def __init__(
+        self,
+        environment: Mapping[str, str],
+        log_path: Callable[[str], Path],
+        interrupt_patience_s: float = INTERRUPT_PATIENCE_S,
+    ) -> None:
         """Set up a supervisor.
 
         Args:
             environment: of every process.
             log_path: file for the output of a process, by its name.
+            interrupt_patience_s: wall time that a process may take to end after it was asked to.
         """
+        self._interrupt_patience_s = interrupt_patience_s
         self._environment = dict(environment)
         self._log_path = log_path
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
@@ -120,7 +127,7 @@ class Supervisor:
         """
         chosen = [self._processes[name] for name in (self._processes if names is None else names)]
         for number, patience_s in (
-            (signal.SIGINT, INTERRUPT_PATIENCE_S),
+            (signal.SIGINT, self._interrupt_patience_s),
             (signal.SIGTERM, TERMINATE_PATIENCE_S),
             (signal.SIGKILL, KILL_PATIENCE_S),
         ):

@@ -36,6 +36,7 @@ from iptm_bringup.scenario_files import load_scenario, shipped_scenarios
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
+from iptm_core.settings import VEHICLE_LENGTH_M, StringSettings
 from launch import LaunchDescription
 
 CONFIG = Path(get_package_share_directory("iptm_bringup")) / "config" / "nodes"
@@ -48,7 +49,14 @@ EXECUTABLES = {
 SPECS = {spec.name: spec for spec in parameter_specs(Scenario)}
 # Node -> parameters of it that are arguments here, with their types.
 PARAMETERS = {node: {name: SPECS[name].kind for name in names_for(node)} for node in NODES}
-PARAMETERS[BRIDGE]["initial_gap_m"] = float
+PARAMETERS[BRIDGE] |= {
+    "initial_gap_m": float,
+    "leader_source": str,
+    "vehicle_ahead": str,
+    "leader_length_m": float,
+}
+PARAMETERS[PLANT] |= {"vehicle_ahead": str, "vehicle_behind": str, "start_position_m": float}
+NEIGHBOURS = {spec.name: spec for spec in parameter_specs(StringSettings)}
 
 TRUTH_VALUES = ["true", "false", "True", "False"]
 DEFAULT_GAP_M = load_parameters().values.gap.initial_gap_m
@@ -66,6 +74,10 @@ ARGUMENTS = {
         if any(name in of_node for of_node in PARAMETERS.values())
     },
     "initial_gap_m": (str(DEFAULT_GAP_M), "gap at the start in m, as in the parameter set"),
+    "leader_source": ("cycle", "where the leader is known from: cycle, cam or vehicle"),
+    "leader_length_m": (str(VEHICLE_LENGTH_M), "leader_source vehicle: length of the leader in m"),
+    "start_position_m": ("0.0", "where the vehicle starts along the road, in m"),
+    **{name: (str(plain(spec.default)), spec.description) for name, spec in NEIGHBOURS.items()},
     **{
         f"{node}_parameters": (str(CONFIG / f"{node}.yaml"), f"parameter file of {node}")
         for node in NODES

@@ -281,9 +281,8 @@ class ControllerNode(SuiteNode):
         self._solve_publisher.publish(
             encode_decision_record.data(prefix, stamp_ns, decision.record)
         )
-        if decision.plan is not None:
-            plan = encode_plan_bytes(plan_trajectory(decision.plan), stamp_ns, prefix)
-            self._plan_publisher.publish(plan)
+        plan = encode_plan_bytes(plan_trajectory(decision.plan), stamp_ns, prefix)
+        self._plan_publisher.publish(plan)
         self._acceleration_publisher.publish(Float64(data=float(command.acceleration_m_s2)))
         self._power_publisher.publish(Float64(data=float(command.compressor_power_w)))
         self._command_publisher.publish(encode_command.data(prefix, stamp_ns, command))

@@ -49,18 +49,22 @@ def is_about_limits(reason: str) -> bool:
     return all(part in CONCERNS or part in _LIMITS for part in parts)
 
 
-def plan_trajectory(plan: Plan) -> PlanTrajectory:
+def plan_trajectory(plan: Plan | None) -> PlanTrajectory:
     """Return the plan as published: inputs hold from their node on, the last node repeats the last ones.
 
-    It ends with the motion: of thermal steps there is no position to publish.
+    It ends with the motion: of thermal steps there is no position to publish. None becomes a plan without
+    nodes: whoever waits for the plan of a tick has to hear that there is none.
     """
+    if plan is None:
+        return PlanTrajectory(*np.empty((7, 0)))
     steps = plan.motion_steps
     inputs = np.vstack([plan.inputs[:steps], plan.inputs[steps - 1]])
     states = plan.states[: steps + 1]
+    times_s, positions_m, speeds_m_s = plan.motion
     return PlanTrajectory(
-        times_s=plan.start_s + plan.node_times_s[: steps + 1],
-        positions_m=states[:, StateIndex.POSITION],
-        speeds_m_s=states[:, StateIndex.SPEED],
+        times_s=times_s,
+        positions_m=positions_m,
+        speeds_m_s=speeds_m_s,
         cell_1_temperatures_k=states[:, StateIndex.CELL_1_TEMPERATURE],
         cell_n_temperatures_k=states[:, StateIndex.CELL_N_TEMPERATURE],
         accelerations_m_s2=inputs[:, InputIndex.ACCELERATION],

@@ -53,6 +53,17 @@ class Plan:
         return Command(float(row[InputIndex.ACCELERATION]), float(row[InputIndex.COMPRESSOR_POWER]))
 
     @property
+    def motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Trip times, positions and speeds at the nodes of the motion, shape (motion_steps + 1,) each."""
+        nodes = slice(self.motion_steps + 1)
+        states = self.states[nodes]
+        return (
+            self.start_s + self.node_times_s[nodes],
+            states[:, StateIndex.POSITION],
+            states[:, StateIndex.SPEED],
+        )
+
+    @property
     def slacks(self) -> Slacks:
         """Largest slack per group; the solver's own round-off below zero is cut."""
         worst = np.maximum(self.inputs.max(axis=0), 0.0)

@@ -17,6 +17,8 @@ from iptm_core.routes import SLOPE_CHOICES, Route, build_route
 from iptm_core.trip_time import NS_PER_S
 
 MAX_SEED = 2**63 - 1
+VEHICLE_LENGTH_M = 4.5
+"""Front to rear bumper where nothing else is said: a car of the compact class."""
 
 
 class LoopMode(str, Enum):
@@ -206,6 +208,18 @@ class FrameSettings(Settings):
     frame_prefix: str = parameter(
         "",
         "prefix of the frames of this vehicle, car_1 for car_1/base_link; empty takes the namespace, / none",
+    )
+
+
+@dataclass(frozen=True)
+class StringSettings(Settings):
+    """Neighbours of a vehicle in a string of vehicles of the same graph; they drive in lock-step."""
+
+    vehicle_ahead: str = parameter(
+        "", "namespace of the vehicle ahead in a string of vehicles, e.g. /car_1; empty for none"
+    )
+    vehicle_behind: str = parameter(
+        "", "namespace of the vehicle behind in a string of vehicles, e.g. /car_3; empty for none"
     )
 
 

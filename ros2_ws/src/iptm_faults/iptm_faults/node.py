@@ -20,7 +20,7 @@ from iptm_core.state import SlopePreview
 from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
-from iptm_faults.node_messages import changed_state_message, stamp_ns_of, with_stamp
+from iptm_faults.node_messages import changed_state_message, with_stamp
 from iptm_faults.node_parameters import InjectorNodeParameters
 from iptm_faults.signals import PreviewFaults, told_leader, told_slope
 from iptm_faults.traffic import Traffic
@@ -32,6 +32,7 @@ from iptm_interfaces.codecs import (
     encode_leader,
     encode_leader_preview_bytes,
     encode_slope,
+    stamp_ns_of,
 )
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level

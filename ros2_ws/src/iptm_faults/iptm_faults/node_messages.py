@@ -31,12 +31,6 @@ _CHANGES = {
 }
 
 
-def stamp_ns_of(data: bytes) -> int:
-    """Return the stamp of a clock or of a message that starts with a header, integer nanoseconds."""
-    seconds, nanoseconds = _STAMP.unpack_from(data, _STAMP_OFFSET)
-    return int(seconds) * NS_PER_S + int(nanoseconds)
-
-
 def with_stamp(data: bytes, stamp_ns: int) -> bytes:
     """Return a clock or a message that starts with a header with another stamp, held within what fits."""
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)

@@ -22,7 +22,7 @@ from iptm_core.strict_mapping import suggestion
 from iptm_interfaces.framed_publisher import FramedPublisher
 from iptm_interfaces.node_health import AwakeClock, NodeHealth, largest_message_bytes
 from iptm_interfaces.services import SERVICES, Service
-from iptm_interfaces.topics import TOPICS, Topic, frame_in
+from iptm_interfaces.topics import TOPICS, Topic, frame_in, topic_of
 
 _LOG_THROTTLE_S = 5.0
 _KNOWN_DEFECTS = 20
@@ -65,7 +65,7 @@ class SuiteNode(Node):
         """Return a publisher for a topic of the table, whose frames are those of the vehicle."""
         spec = TOPICS[topic]
         publisher = self.create_publisher(
-            spec.message_type, spec.name, spec.qos, publisher_class=FramedPublisher
+            spec.message_type, spec.name, spec.offered_qos, publisher_class=FramedPublisher
         )
         publisher.frame_prefix = self.frame_prefix
         return publisher
@@ -86,6 +86,7 @@ class SuiteNode(Node):
         *,
         raw: bool = False,
         qos: QoSProfile | None = None,
+        vehicle: str = "",
     ) -> Subscription:
         """Return a subscription to a topic of the table.
 
@@ -95,12 +96,14 @@ class SuiteNode(Node):
             raw: leave out the conversion to a message object.
             qos: of the subscription, that of the table if None; a deeper one for who must not miss a message
                 of a publisher that does not wait for it.
+            vehicle: namespace of another vehicle whose topic is meant, from its beginning on.
         """
         spec = TOPICS[topic]
+        name = topic_of(vehicle, topic) if vehicle else spec.name
         kind = None if raw else spec.message_type
         take = partial(self._let_in, topic, kind, callback)
-        wanted = qos or spec.qos
-        return self.create_subscription(spec.message_type, spec.name, take, wanted, raw=True)
+        wanted = qos or (spec.offered_qos if vehicle else spec.qos)
+        return self.create_subscription(spec.message_type, name, take, wanted, raw=True)
 
     def serve(self, service: Service, action: Callable[[], str]) -> RclpyService:
         """Return a server of a service of the table.

@@ -42,6 +42,14 @@ STREAM_QOS = QoSProfile(
 )
 """State, previews and commands: reliable, keep last 10, volatile."""
 
+KEPT_STREAM_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""A stream whose beginning nobody may miss: a late subscriber that asks for it gets what is kept."""
+
 LATCHED_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1,
@@ -101,6 +109,7 @@ class TopicSpec:
         meaning: content and sign convention.
         fields: names and units of named values and trajectory columns, in published order.
         latched: whether late subscribers still get the last message.
+        kept: whether late subscribers still get the last messages of a stream.
         rate: when it is published.
         on_request: only published where a parameter asks for it, so that nobody waits for it.
     """
@@ -113,6 +122,7 @@ class TopicSpec:
     meaning: str
     fields: Mapping[str, str] = field(default_factory=dict)
     latched: bool = False
+    kept: bool = False
     rate: str = "every tick (1 s)"
     on_request: bool = False
 
@@ -123,10 +133,15 @@ class TopicSpec:
 
     @property
     def qos(self) -> QoSProfile:
-        """Profile offered by the publisher and requested by subscribers."""
+        """Profile requested by subscribers, and offered by the publisher unless it keeps a stream."""
         if self.on_request:
             return RAW_QOS
         return LATCHED_QOS if self.latched else STREAM_QOS
+
+    @property
+    def offered_qos(self) -> QoSProfile:
+        """Profile offered by the publisher; who must not miss the beginning of a stream requests it, too."""
+        return KEPT_STREAM_QOS if self.kept else self.qos
 
     @property
     def type_name(self) -> str:
@@ -229,12 +244,14 @@ _SPECS = (
     TopicSpec(
         Topic.PLAN, JointTrajectory, "controller", ROAD_FRAME, "see fields",
         "predicted motion, temperatures and inputs of the host at header.stamp + time_from_start; "
-        "the inputs of the last point repeat those of the last interval",
+        "the inputs of the last point repeat those of the last interval; no points: the command follows "
+        "no plan",
         {
             "position_m": "m", "speed_m_s": "m/s",
             "cell_1_temperature_k": "K", "cell_n_temperature_k": "K",
             "acceleration_m_s2": "m/s^2", "compressor_power_w": "W",
         },
+        kept=True,
     ),
     TopicSpec(
         Topic.SOLVE, JointState, "controller", HOST_FRAME, "see fields",
@@ -281,6 +298,17 @@ TICK_TOPICS = (*OBSERVATION_TOPICS, Topic.LEADER)
 """Topics that make up one row of a trajectory."""
 
 
+def topic_of(vehicle: str, topic: Topic) -> str:
+    """Return the absolute name of a topic of a vehicle: `/car_1/clock`.
+
+    Args:
+        vehicle: its namespace, with or without the leading slash; `/` for none.
+        topic: key of the topic.
+    """
+    prefix = "/" + vehicle.strip("/")
+    return topic.value if topic.value.startswith("/") else f"{prefix.rstrip('/')}/{topic.value}"
+
+
 def frame_in(prefix: str, frame: str) -> str:
     """Return the name of a frame of a vehicle in the graph: `car_1/odom` with prefix `car_1`.
 
@@ -301,13 +329,7 @@ def find_topic(name: str, namespace: str = "/") -> TopicSpec | None:
         name: absolute name as seen in the graph or in a bag, e.g. `/car_1/plant/odometry`.
         namespace: namespace of the suite, e.g. `/car_1`.
     """
-    prefix = "/" + namespace.strip("/")
-    prefix = prefix if prefix.endswith("/") else prefix + "/"
-    for spec in _SPECS:
-        absolute = spec.name if spec.name.startswith("/") else prefix + spec.name
-        if absolute == name:
-            return spec
-    return None
+    return next((spec for spec in _SPECS if topic_of(namespace, spec.topic) == name), None)
 
 
 def describe_qos(profile: QoSProfile) -> str:
@@ -330,7 +352,7 @@ def topic_table_markdown(specs: Iterable[TopicSpec] = _SPECS) -> str:
         "|---|---|---|---|---|---|---|---|",
     ]
     lines += [
-        f"| `{s.name}` | `{s.type_name.replace('/msg/', '/')}` | {describe_qos(s.qos)} | {s.unit} "
+        f"| `{s.name}` | `{s.type_name.replace('/msg/', '/')}` | {describe_qos(s.offered_qos)} | {s.unit} "
         f"| {s.frame} | {s.meaning} | {s.rate} | {s.publisher} |"
         for s in specs
     ]

@@ -13,6 +13,7 @@ from iptm_core.settings import (
     IntegrationSettings,
     ModelSettings,
     PaceSettings,
+    StringSettings,
     TickSettings,
     TripSettings,
 )
@@ -37,10 +38,19 @@ _OF_A_STATE = (
 
 @dataclass(frozen=True)
 class PlantNodeParameters(
-    FrameSettings, IntegrationSettings, TickSettings, PaceSettings, ModelSettings, TripSettings
+    StringSettings,
+    FrameSettings,
+    IntegrationSettings,
+    TickSettings,
+    PaceSettings,
+    ModelSettings,
+    TripSettings,
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
+    start_position_m: float = parameter(
+        0.0, "where the front bumper is at the start, along the road", "m", -1e5, 1e5
+    )
     command_timeout_s: float = parameter(
         3.0, "real_time: age in trip time beyond which a command is lost", "s", 0.1, 60.0
     )
@@ -99,14 +109,14 @@ class PlantNodeParameters(
         """Return what a file needs to hold to go on from where a trip stands."""
         return SavedState(PLANT_STATE, trip.stamp_ns, self._kept(), to_plain(trip.step))
 
-    def _start(self, plant: Plant) -> tuple[PlantStep | None, int]:
+    def _start(self, plant: Plant) -> tuple[PlantStep, int]:
         """Return where the trip starts and how many ticks it has driven there.
 
         Raises:
             StateError: the file cannot be read, or its state is none of this trip.
         """
         if not self.start_state:
-            return None, 0
+            return plant.observe(plant.initial_state(self.start_position_m)), 0
         saved = read_state(Path(self.start_state), PLANT_STATE, self._kept())
         tick, rest_ns = divmod(saved.stamp_ns, round(self.period_s * NS_PER_S))
         if rest_ns:

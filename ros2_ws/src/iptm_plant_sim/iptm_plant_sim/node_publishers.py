@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from rosgraph_msgs.msg import Clock
 
@@ -47,16 +48,20 @@ class PlantPublishers:
             for topic in (*OBSERVATION_TOPICS, Topic.PLANT_BATTERY, Topic.CLOCK)
         }
 
-    def missing_subscribers(self, expected_peers: int) -> tuple[str, ...]:
+    def missing_subscribers(
+        self, expected_peers: int, others: Mapping[Topic, int]
+    ) -> tuple[str, ...]:
         """Names of the topics that not everyone expected listens to yet.
 
         Args:
             expected_peers: subscribers of odometry and clock to wait for; 0 waits for nobody.
+            others: further subscribers of these two.
         """
         if expected_peers == 0:
             return ()
         # A command depends on the whole state: without a listener the start would be one into silence.
-        needed = dict.fromkeys(STATE_TOPICS, 1) | dict.fromkeys(_COUNTED, expected_peers)
+        needed = dict.fromkeys(STATE_TOPICS, 1)
+        needed |= {topic: expected_peers + others[topic] for topic in _COUNTED}
         return tuple(
             self._publishers[topic].topic_name
             for topic, count in needed.items()

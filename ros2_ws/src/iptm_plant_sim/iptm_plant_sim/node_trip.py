@@ -16,6 +16,7 @@ from iptm_interfaces.process import EXIT_DEFECT
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
+from iptm_plant_sim.node_neighbours import Neighbours
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.node_publishers import PlantPublishers
 from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
@@ -66,7 +67,8 @@ class TripNode(SuiteNode):
         self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
         self._watchdog.attach(self)
         self.watch_peers(Topic.PLANT_ODOMETRY, Topic.COMMAND)
-        self._commands = self.listen(Topic.COMMAND, self._on_command)
+        self._neighbours = Neighbours(self, self._options)
+        self._commands = self.listen(Topic.COMMAND, self._neighbours.in_step(self._on_command))
         self._start_timer = self.every(MATCHING_PERIOD_S, self._start_when_matched)
 
     def _report(self) -> None:
@@ -111,7 +113,8 @@ class TripNode(SuiteNode):
 
     def _missing_peers(self) -> tuple[str, ...]:
         expected = self._options.expected_peers
-        missing = self._outputs.missing_subscribers(expected)
+        missing = self._outputs.missing_subscribers(expected, self._neighbours.listeners)
+        missing += self._neighbours.missing(self._trip.stamp_ns)
         needs_controller = expected > 0 or not self._is_real_time
         if needs_controller and self._commands.get_publisher_count() == 0:
             missing = (*missing, self._commands.topic_name)
@@ -225,6 +228,9 @@ class TripNode(SuiteNode):
 
     def _on_silence(self, _: float) -> None:
         """Lock-step: the controller does not answer."""
+        if self._neighbours.is_holding:
+            self._watchdog.feed()
+            return
         if self._options.on_lost_controller == WAIT:
             self._report()
             return

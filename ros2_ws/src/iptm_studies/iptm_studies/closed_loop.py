@@ -17,7 +17,7 @@ from iptm_core.trajectory import Trajectory
 from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.plant import Plant, PlantStep
 from iptm_v2x_bridge.bridge import TickBridge, V2xBridge
-from iptm_v2x_bridge.source import CycleSource
+from iptm_v2x_bridge.source import CycleSource, PreviewSource
 
 Disturb = Callable[[Measurements], tuple[LeaderState, Measurements]]
 """From what is true to the leader that counts and what the controller is told."""
@@ -46,11 +46,13 @@ def run_closed_loop(
     on_tick: Callable[[int, Measurements, Decision], None] | None = None,
     disturb: Disturb | None = None,
     bridge: TickBridge | None = None,
+    leader: PreviewSource | None = None,
+    start_position_m: float = 0.0,
 ) -> ClosedLoopRun:
     """Drive a route from standstill.
 
     Args:
-        route: leader and slope.
+        route: leader, slope and length of the trip.
         plant: the simulated vehicle; it must know the same slope.
         controller: a fresh controller.
         bridge_settings: preview length and imperfections.
@@ -59,16 +61,18 @@ def run_closed_loop(
             has the leader that counts and the true state.
         bridge: a fresh bridge that knows the leader otherwise than from the route itself; it has settings
             of its own.
+        leader: who drives ahead, where it is not the leader of the route.
+        start_position_m: where the host starts, along the road.
 
     Returns:
         The trajectory and the controller's answers.
     """
     tick_s = controller.options.tick_s
     ticks = round(route.duration_s / tick_s)
-    source = CycleSource(route)
+    slope = CycleSource(route).slope_ahead()
+    source = CycleSource(route) if leader is None else leader
     answering: TickBridge = bridge or V2xBridge(source, bridge_settings)
-    slope = source.slope_ahead()
-    step = plant.observe(plant.initial_state())
+    step = plant.observe(plant.initial_state(start_position_m))
 
     def measure(state: VehicleState, tick: int) -> tuple[LeaderState, Measurements]:
         time_ns = round(tick * tick_s * NS_PER_S)
@@ -80,15 +84,15 @@ def run_closed_loop(
     observed: list[tuple[PlantStep, LeaderState]] = []
     records: list[DecisionRecord] = []
     for tick in range(ticks):
-        leader, measured = measure(step.state, tick)
+        leader_now, measured = measure(step.state, tick)
         decision = controller.decide(measured)
-        observed.append((step, leader))
+        observed.append((step, leader_now))
         records.append(decision.record)
         if on_tick is not None:
             on_tick(tick, measured, decision)
         step = plant.advance(step.state, decision.command, tick_s)
-    leader, _ = measure(step.state, ticks)
-    observed.append((step, leader))
+    leader_now, _ = measure(step.state, ticks)
+    observed.append((step, leader_now))
     trajectory = Trajectory.from_ticks(observed)
     return ClosedLoopRun(
         trajectory,

@@ -24,6 +24,7 @@ from iptm_interfaces.watchdog import Watchdog
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.node_answers import node_answers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.prediction.predictor import PredictorName
 
 CLOCK_TIMEOUT_S = 5.0
 REPORT_PERIOD_S = 1.0
@@ -143,6 +144,8 @@ class BridgeNode(SuiteNode):
             return Level.WARN, missing
         if answer.leader is None:
             return Level.WARN, "no leader is known"
+        if answer.predictor == PredictorName.ASSUMED_BRAKING:
+            return Level.WARN, "the leader is not heard any more and taken to brake to a halt"
         return self._preview_situation(answer)
 
     def _preview_situation(self, answer: BridgeAnswer) -> tuple[Level, str]:

@@ -1,4 +1,4 @@
-"""Where the node's answers to the clock come from: a cycle, or messages."""
+"""Where the node's answers to the clock come from: a cycle, a vehicle, or messages."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from iptm_interfaces.suite_node import SuiteNode
 from iptm_v2x_bridge.bridge import BridgeAnswer, V2xBridge
 from iptm_v2x_bridge.node_cam_answers import CamAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, LeaderSource
+from iptm_v2x_bridge.node_vehicle_answers import VehicleAnswers
 from iptm_v2x_bridge.source import CycleSource
 
 
@@ -63,6 +64,8 @@ def node_answers(
     source = options.build_source()
     if options.leader_source is LeaderSource.CYCLE:
         return _CycleAnswers(source, options)
+    if options.leader_source is LeaderSource.VEHICLE:
+        return VehicleAnswers(node, source, options, retry)
     return CamAnswers(node, source, options, retry)
 
 

@@ -10,7 +10,14 @@ import numpy as np
 from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import ParameterError, RouteError
 from iptm_core.routes import Route, build_route
-from iptm_core.settings import FrameSettings, PreviewSettings, RoadSettings, TickSettings
+from iptm_core.settings import (
+    VEHICLE_LENGTH_M,
+    FrameSettings,
+    PreviewSettings,
+    RoadSettings,
+    StringSettings,
+    TickSettings,
+)
 from iptm_core.trip_time import NS_PER_S
 from iptm_v2x_bridge.cam_bridge import DEFAULT_KNOWN_BOUND_M
 from iptm_v2x_bridge.prediction.history import History
@@ -32,6 +39,8 @@ class LeaderSource(str, Enum):
     """The cycle itself."""
     CAM = "cam"
     """Cooperative awareness messages that arrive at a UDP port."""
+    VEHICLE = "vehicle"
+    """The odometry and the plans of another vehicle of the graph."""
 
     def __str__(self) -> str:
         """Return the bare word, as it is written in a file."""
@@ -44,8 +53,8 @@ class CamSettings(Settings):
 
     leader_source: LeaderSource = parameter(
         LeaderSource.CYCLE,
-        "cycle: the leader drives the cycle; cam: it is known from the messages that arrive, and the cycle "
-        "gives the road only",
+        "cycle: the leader drives the cycle; cam: it is known from the messages that arrive; vehicle: it is "
+        "vehicle_ahead, whose plans are the previews; with the latter two the cycle gives the road only",
     )
     cam_address: str = parameter(
         LOCALHOST, "cam: own address to listen at; 0.0.0.0 listens to the whole network"
@@ -129,6 +138,10 @@ def read_limits(text: str) -> SpeedLimits:
 class BridgeNodeParameters(CamSettings, FrameSettings, TickSettings, PreviewSettings, RoadSettings):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
+    vehicle_ahead: str = declared(StringSettings, "vehicle_ahead")
+    leader_length_m: float = parameter(
+        VEHICLE_LENGTH_M, "vehicle: length of the leader, front to rear bumper", "m", 0.1, 102.0
+    )
     initial_gap_m: float = parameter(
         15.0, "position of the leader at t = 0, the host being at 0", "m", 1.0, 500.0
     )

@@ -186,6 +186,8 @@ def plan_ahead(messages: Mapping[Topic, bytes]) -> dict[str, list[float]]:
     if Topic.PLAN not in messages:
         return {}
     _, plan = decode_plan(_message(Topic.PLAN, messages[Topic.PLAN]))
+    if not plan.times_s.size:
+        return {}
     gaps_m = np.full(plan.times_s.shape, math.nan)
     if Topic.LEADER_PREVIEW in messages:
         _, preview = decode_leader_preview_bytes(messages[Topic.LEADER_PREVIEW])

@@ -9,7 +9,7 @@ from iptm_bringup.environment import domain_of_run
 from iptm_bringup.fault_table.catalogue import REAL_TIME_RATE, PlannedTrip, Way
 from iptm_bringup.fault_table.headless import PARAMETERS, leader_apart
 from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement, TripTime
-from iptm_bringup.monitor import Snapshot, heard_by_stamp, stamp_ns_of
+from iptm_bringup.monitor import Snapshot, heard_by_stamp
 from iptm_bringup.run_folder import RunFolder
 from iptm_bringup.runner import Driven, RunOptions, drive_processes
 from iptm_bringup.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
@@ -24,6 +24,7 @@ from iptm_interfaces.codecs import (
     decode_observation,
     encode_leader,
     s_from_ns,
+    stamp_ns_of,
 )
 from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.process import StopRequest

@@ -30,6 +30,7 @@ from iptm_interfaces.codecs.time import (
     ns_from_s,
     ns_from_time,
     s_from_ns,
+    stamp_ns_of,
     time_from_ns,
     time_from_s,
 )
@@ -81,6 +82,7 @@ __all__ = [
     "ns_from_s",
     "ns_from_time",
     "s_from_ns",
+    "stamp_ns_of",
     "time_from_ns",
     "time_from_s",
 ]

@@ -8,6 +8,7 @@ the nearest representable value; this holds for trips of up to 26 days (2^51 ns)
 from __future__ import annotations
 
 import math
+import struct
 
 from builtin_interfaces.msg import Duration, Time
 
@@ -15,6 +16,7 @@ from iptm_core.errors import MessageError
 from iptm_core.trip_time import NS_PER_S
 
 _MAX_STAMP_NS = 2**31 * NS_PER_S - 1
+_STAMP = struct.Struct("<4xiI")  # first field of a clock and of every header, behind the CDR prefix
 
 
 def is_stamp(stamp_ns: int) -> bool:
@@ -56,6 +58,18 @@ def ns_from_time(message: Time) -> int:
     Whatever a sender wrote is returned, also what is no trip time; see `is_stamp`.
     """
     return message.sec * NS_PER_S + message.nanosec
+
+
+def stamp_ns_of(data: bytes) -> int:
+    """Return the stamp of a clock or of a message that starts with a header, from its bytes.
+
+    Raises:
+        MessageError: the bytes end before.
+    """
+    if len(data) < _STAMP.size:
+        raise MessageError(f"message has {len(data)} bytes; allowed: at least {_STAMP.size}")
+    seconds, nanoseconds = _STAMP.unpack_from(data)
+    return int(seconds) * NS_PER_S + int(nanoseconds)
 
 
 def time_from_s(time_s: float) -> Time:

@@ -1,0 +1,223 @@
+"""The command ``run_string``: drive a string of vehicles over ROS 2, record each, and report the string."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from iptm_bringup.comparison import NO_COMPARISON, controller_for, plant_for, preview_for
+from iptm_bringup.environment import domain_of_run
+from iptm_bringup.run_closed_loop import build_parser as build_run_parser
+from iptm_bringup.run_closed_loop import prepared_from
+from iptm_bringup.run_folder import default_output
+from iptm_bringup.runner import EXIT_RUN_FAILED, EXIT_SIGNAL
+from iptm_bringup.scenario import PreparedScenario
+from iptm_bringup.string_page import StringRun, print_string, write_page
+from iptm_bringup.string_run import VehicleResult, drive_string
+from iptm_bringup.tables import TABLES_WIDTH
+from iptm_controller.horizon import SINGLE_HORIZON, Horizon
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.settings import VEHICLE_LENGTH_M
+from iptm_core.vehicle_string import MAX_VEHICLES, vehicles_in_string
+from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
+from iptm_recording.trajectory_reader import read_decisions, read_trajectory
+from iptm_studies.closed_loop import ClosedLoopRun
+from iptm_studies.vehicle_string import run_string
+
+PROGRAM = "run_string"
+PAGE = "string.md"
+_DESCRIPTION = """\
+Drives a string of vehicles in lock-step, each with its own nodes, clock, frames and bag: car_1 follows the
+driving cycle, every other vehicle follows the one before, whose plan of a tick is the preview of that tick.
+Ends with a table and with a page (string.md) and picture beside the bags.
+"""
+_EPILOG = """\
+All other arguments are those of scripts/run_demo (see its --help) and hold for every vehicle, for example
+scripts/run_string --vehicles 3 us06 --slope large.
+
+exit code: 0 when all trips were finished, no hard limit was broken and all bags are complete; 1 when not;
+2 for a mistake in scenario or options; 130 after Ctrl-C.
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of what a string has beyond the run of one vehicle."""
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM,
+        usage=f"{PROGRAM} [scenario] [options]",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "--vehicles", type=int, default=5, metavar="N", help=f"2 to {MAX_VEHICLES} (default: 5)"
+    )
+    parser.add_argument(
+        "--vehicle-length-m",
+        type=float,
+        default=VEHICLE_LENGTH_M,
+        metavar="LENGTH",
+        help="of every vehicle, front to rear bumper (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="folder to create, with a bag for each vehicle (default: bags/string_<date>_<time>)",
+    )
+    parser.add_argument(
+        "--against",
+        choices=[NO_COMPARISON, *STRATEGIES],
+        default=NO_COMPARISON,
+        help="drive a string of vehicles with this strategy, too, without ROS, and compare place by place "
+        "(default: %(default)s)",
+    )
+    parser.add_argument(
+        "--late",
+        type=float,
+        nargs="+",
+        default=[],
+        metavar="SECONDS",
+        help="drive the string without ROS, too, with plans that arrive so late",
+    )
+    parser.add_argument(
+        "--page",
+        type=Path,
+        metavar="FILE",
+        help=f"write the page here, its picture beside it (default: {PAGE} in the output folder)",
+    )
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Drive a string.
+
+    Args:
+        arguments: command line without the program's name; None takes that of the process.
+
+    Returns:
+        Exit code of the process, see the epilog of ``--help``.
+    """
+    parsed, rest = build_parser().parse_known_args(arguments)
+    console = Console(width=None if sys.stdout.isatty() else TABLES_WIDTH)
+    try:
+        return _run(parsed, rest, console)
+    except IptmError as error:
+        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
+        return EXIT_USER_ERROR
+
+
+def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
+    prepared = _prepared(parsed, rest)
+    stop = StopRequest()
+    stop.install()
+    gap_m = prepared.model.values.gap.initial_gap_m
+    length_m: float = parsed.vehicle_length_m
+    namespace = prepared.scenario.namespace
+    vehicles = vehicles_in_string(parsed.vehicles, gap_m, length_m, namespace)
+    output: Path = parsed.output or default_output("string")
+    try:
+        output.mkdir(parents=True)
+    except OSError as error:
+        raise ScenarioError(f"cannot create {output}: {error.strerror}") from None
+    with domain_of_run(prepared.scenario.domain) as domain:
+        said = f"{len(vehicles)} vehicles; to watch: export ROS_DOMAIN_ID={domain.number}"
+        console.print(said, highlight=False)
+        results = drive_string(vehicles, rest, length_m, output, domain, stop, console)
+    if stop.number is not None:
+        return EXIT_SIGNAL + int(stop.number)
+    complaints = [result for result in results if result.complaint]
+    for result in complaints:
+        text = f"{PROGRAM}: {result.vehicle.name}: {result.complaint}"
+        print(" ".join(text.split()), file=sys.stderr)
+    if not all(result.results for result in results):
+        codes = {result.end.code for result in complaints}
+        print(f"logs: {output / 'logs'}", file=sys.stderr)
+        return EXIT_USER_ERROR if EXIT_USER_ERROR in codes else EXIT_RUN_FAILED
+    run = _evaluated(prepared, results)
+    with console.status("driving the strings to compare with ..."):
+        if parsed.against != NO_COMPARISON:
+            others = _headless(prepared, len(vehicles), length_m, parsed.against, SINGLE_HORIZON)
+            run = replace(run, against=parsed.against, others=others)
+        late = {
+            late_s: _headless(_later(prepared, late_s), len(vehicles), length_m)
+            for late_s in parsed.late
+        }
+        run = replace(run, late=late)
+    write_page(parsed.page or output / PAGE, run)
+    print_string(run, console)
+    console.print(str(output), highlight=False, soft_wrap=True)
+    return EXIT_RUN_FAILED if complaints else EXIT_OK
+
+
+def _prepared(parsed: argparse.Namespace, rest: list[str]) -> PreparedScenario:
+    """Return the scenario of every vehicle.
+
+    Raises:
+        ScenarioError: it is none, or nothing for a string.
+    """
+    if not 2 <= parsed.vehicles <= MAX_VEHICLES:
+        raise ScenarioError(f"--vehicles is {parsed.vehicles}; allowed: 2 to {MAX_VEHICLES}")
+    if not 0.1 <= parsed.vehicle_length_m <= 102.0:
+        raise ScenarioError(
+            f"--vehicle-length-m is {parsed.vehicle_length_m:g}; allowed: 0.1 to 102 m"
+        )
+    options = build_run_parser().parse_args(rest)
+    unfit = [name for name in ("view", "list", "no_record") if getattr(options, name)]
+    if unfit:
+        told = unfit[0].replace("_", "-")
+        raise ScenarioError(f"--{told} is given for a string; allowed: with one vehicle")
+    prepared = prepared_from(options)
+    if not prepared.is_lock_step:
+        raise ScenarioError("mode is real_time; allowed in a string: lock_step")
+    return prepared
+
+
+def _evaluated(prepared: PreparedScenario, results: Sequence[VehicleResult]) -> StringRun:
+    """Read the bags."""
+    places = [(result.folder, result.vehicle.namespace) for result in results]
+    return StringRun(
+        prepared=prepared,
+        trajectories=tuple(read_trajectory(*place) for place in places),
+        decisions=tuple(read_decisions(*place) for place in places),
+        wall_time_s=max(float(result.results["wall_time_s"]) for result in results),
+        cores=len(os.sched_getaffinity(0)),
+    )
+
+
+def _headless(
+    prepared: PreparedScenario,
+    vehicles: int,
+    length_m: float,
+    strategy: str = "",
+    horizon: Horizon | None = None,
+) -> tuple[ClosedLoopRun, ...]:
+    """Drive a string without ROS, with the scenario's own strategy and horizon where none are given."""
+    scenario = prepared.scenario
+    chosen = strategy or scenario.strategy, horizon or Horizon.parse(scenario.horizon)
+    return tuple(
+        run_string(
+            prepared.route,
+            vehicles,
+            plant_for(prepared),
+            lambda: controller_for(prepared, *chosen),
+            preview_for(prepared),
+            length_m,
+        )
+    )
+
+
+def _later(prepared: PreparedScenario, late_s: float) -> PreparedScenario:
+    return replace(prepared, scenario=replace(prepared.scenario, latency_s=late_s))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,180 @@
+"""Drives a string of vehicles: one run per vehicle, all in one ROS domain, in step with each other."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from iptm_bringup.environment import RunDomain, environment_of_run
+from iptm_bringup.run_folder import LOGS, RESULTS
+from iptm_bringup.scenario import BRIDGE, PLANT
+from iptm_bringup.supervisor import ProcessEnd, Supervisor
+from iptm_core.errors import ScenarioError
+from iptm_core.vehicle_string import VehicleInString
+from iptm_interfaces.process import StopRequest
+
+LEADER_IS_A_VEHICLE = "vehicle"
+"""Value of the bridge's parameter `leader_source` with which it follows another vehicle of the graph."""
+STOP_PATIENCE_S = 30.0
+"""For as long the run of a vehicle may take to end its own processes."""
+_POLL_S = 0.2
+_SHOW_PERIOD_S = 5.0
+_WHERE = re.compile(r"^(\d+) of (\d+) s ", re.MULTILINE)
+_RUN = "iptm_bringup.run_closed_loop"
+
+
+@dataclass(frozen=True)
+class VehicleResult:
+    """How the trip of one vehicle ended.
+
+    Attributes:
+        vehicle: which one.
+        folder: its bag, with results and logs.
+        results: content of its results.json, empty where the trip was not finished.
+        end: how its run ended.
+    """
+
+    vehicle: VehicleInString
+    folder: Path
+    results: Mapping[str, Any]
+    end: ProcessEnd
+
+    @property
+    def complaint(self) -> str:
+        """What was wrong, empty if nothing."""
+        if self.end.code == 0:
+            return ""
+        return "; ".join(self.results.get("problems", ())) or _said(self.end)
+
+
+def vehicle_options(vehicle: VehicleInString, length_m: float) -> list[str]:
+    """Return the options that make a run of one vehicle that of a vehicle in a string.
+
+    Args:
+        vehicle: which one.
+        length_m: of the vehicle ahead.
+    """
+    nodes: dict[str, dict[str, object]] = {
+        PLANT: {
+            "start_position_m": vehicle.start_position_m,
+            "vehicle_ahead": vehicle.vehicle_ahead,
+            "vehicle_behind": vehicle.vehicle_behind,
+        },
+        BRIDGE: {},
+    }
+    if vehicle.vehicle_ahead:
+        nodes[BRIDGE] = {
+            "leader_source": LEADER_IS_A_VEHICLE,
+            "vehicle_ahead": vehicle.vehicle_ahead,
+            "leader_length_m": length_m,
+        }
+    settings = [
+        ("--set", f"{node}.{name}={value}")
+        for node, parameters in nodes.items()
+        for name, value in parameters.items()
+        if value != ""
+    ]
+    return [f"--namespace={vehicle.namespace}", *(part for pair in settings for part in pair)]
+
+
+def drive_string(
+    vehicles: Sequence[VehicleInString],
+    arguments: Sequence[str],
+    length_m: float,
+    output: Path,
+    domain: RunDomain,
+    stop: StopRequest,
+    console: Console,
+) -> list[VehicleResult]:
+    """Start the run of every vehicle and wait until all have ended.
+
+    A vehicle whose run fails is told at once. The others go on without it, unless the string has not set off
+    yet: then there is nothing to go on with.
+
+    Args:
+        vehicles: the first one first.
+        arguments: of `run_closed_loop`, the same for all.
+        length_m: of every vehicle.
+        output: folder that exists; that of each vehicle becomes a bag in it.
+        domain: ROS domain of the string.
+        stop: tells that the user wants to stop.
+        console: told how far it is.
+    """
+    logs = output / LOGS
+    logs.mkdir()
+    environment = environment_of_run(domain.number, logs / "ros")
+    supervisor = Supervisor(environment, lambda name: logs / f"{name}.log", STOP_PATIENCE_S)
+    try:
+        for vehicle in vehicles:
+            own = [*vehicle_options(vehicle, length_m), "--output", str(output / vehicle.name)]
+            command = [sys.executable, "-m", _RUN, *arguments, *own]
+            supervisor.start(vehicle.name, [*command, f"--domain={domain.number}"])
+        _watch(supervisor, output, stop, console)
+    finally:
+        supervisor.stop()
+    ends = {end.name: end for end in supervisor.endings()}
+    return [
+        VehicleResult(vehicle, folder, _results_in(folder), ends[vehicle.name])
+        for vehicle in vehicles
+        for folder in [output / vehicle.name]
+    ]
+
+
+def _watch(supervisor: Supervisor, output: Path, stop: StopRequest, console: Console) -> None:
+    told: set[str] = set()
+    shown_s = began_s = time.monotonic()
+    while stop.number is None:
+        ends = supervisor.endings()
+        if len(ends) == len(supervisor.names):
+            return
+        for end in ends:
+            if end.code != 0 and end.name not in told:
+                told.add(end.name)
+                text = f"{end.name}: {_said(end)}"
+                console.print(text, markup=False, highlight=False, soft_wrap=True)
+        running = set(supervisor.names) - {end.name for end in ends}
+        if told and not all((output / name / LOGS).is_dir() for name in running):
+            return  # a vehicle that never sets off is waited for for ever
+        now_s = time.monotonic()
+        if now_s - shown_s >= _SHOW_PERIOD_S:
+            shown_s = now_s
+            console.print(_progress(supervisor, now_s - began_s), highlight=False, soft_wrap=True)
+        time.sleep(_POLL_S)
+
+
+def _progress(supervisor: Supervisor, wall_s: float) -> str:
+    """Return where the slowest vehicle is."""
+    found = {name: _WHERE.findall(supervisor.log_text(name)) for name in supervisor.names}
+    if not all(found.values()):
+        waiting = ", ".join(name for name, entries in found.items() if not entries)
+        return f"starting: {waiting}"
+    slowest = min(found, key=lambda name: int(found[name][-1][0]))
+    at_s, of_s = found[slowest][-1]
+    return (
+        f"{at_s} of {of_s} s ({int(at_s) / max(int(of_s), 1):.0%}), {wall_s:.0f} s since the start"
+    )
+
+
+def _said(end: ProcessEnd) -> str:
+    """Return what the run of a vehicle said about its failure."""
+    begin = "run_closed_loop: "
+    said = [line.removeprefix(begin) for line in end.last_lines if line.startswith(begin)]
+    return said[-1] if said else end.how
+
+
+def _results_in(folder: Path) -> dict[str, Any]:
+    try:
+        content: dict[str, Any] = json.loads((folder / RESULTS).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"cannot read {folder / RESULTS}: {error}") from None
+    return content

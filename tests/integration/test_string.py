@@ -1,0 +1,175 @@
+"""A string of vehicles over DDS: each follows the one before, and all of it can be repeated."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iptm_bringup.run_closed_loop import build_parser, prepared_from
+from iptm_bringup.run_string import main
+from iptm_controller.controller import Controller, ControllerOptions
+from iptm_core.decision_record import Rung
+from iptm_core.metrics import gap_margins_m
+from iptm_core.settings import VEHICLE_LENGTH_M
+from iptm_core.state import Command
+from iptm_interfaces.codecs import decode_command
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_plant_sim.plant import Plant
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.trajectory_reader import read_decisions, read_trajectory
+from iptm_studies.vehicle_string import run_string
+
+MODULE = "iptm_bringup.run_string"
+TICKS = 40
+OPTIONS = ("--cycle", "us06", "--slope", "large", "--duration-s", str(TICKS), "--no-picture")
+RUN_TIMEOUT_S = 300.0
+
+
+def commands_of(bag: Path, vehicle: str) -> list[tuple[int, Command]]:
+    """Return stamps and commands; the bytes between the fields of a message mean nothing."""
+    with BagReader(bag) as reader:
+        topics = [f"/{vehicle}/{Topic.COMMAND.value}"]
+        return [decode_command(entry.message) for entry in reader.messages(topics)]
+
+
+def test_a_string_is_that_of_the_loop_without_ros_and_can_be_repeated(
+    launcher: Any, tmp_path: Path
+) -> None:
+    """Fifteen processes, then ten: the third vehicle changes nothing for the two before it."""
+    outputs = {3: tmp_path / "three", 2: tmp_path / "two"}
+    for vehicles, output in outputs.items():
+        runner = launcher.start_module(
+            MODULE, "--vehicles", str(vehicles), *OPTIONS, "--output", output
+        )
+        assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
+        assert f"{vehicles} vehicles, {TICKS} s" in runner.stdout
+        assert "Traceback" not in runner.stderr
+
+    prepared = prepared_from(build_parser().parse_args(list(OPTIONS)))
+    model = prepared.model.values
+    options = ControllerOptions(trip_duration_s=prepared.route.duration_s)
+    plant = Plant(model, prepared.route.slope.slope_at)
+    headless = run_string(prepared.route, 3, plant, lambda: Controller(model, options))
+    ahead = None
+    for place, run in enumerate(headless):
+        name = f"car_{place + 1}"
+        bag = outputs[3] / name
+        there = read_trajectory(bag, name)
+        for column in ("position_m", "speed_m_s", "leader_position_m", "compressor_power_w"):
+            np.testing.assert_allclose(
+                getattr(there, column), getattr(run.trajectory, column), rtol=1e-9, atol=1e-9
+            )
+        assert gap_margins_m(there, model).min() > -1e-3
+        assert set(read_decisions(bag, name).rung) == {Rung.OPTIMAL}
+        if ahead is not None:
+            rear_m = ahead.position_m - VEHICLE_LENGTH_M
+            np.testing.assert_array_equal(there.leader_position_m, rear_m)
+        ahead = there
+
+    # The second run is the first one, bit by bit.
+    for name in ("car_1", "car_2"):
+        commands = commands_of(outputs[3] / name, name)
+        assert len(commands) == TICKS + 1
+        assert commands == commands_of(outputs[2] / name, name)
+
+    # Each bag has one vehicle, with its own frames, and no bag lacks a message.
+    for place in range(3):
+        name = f"car_{place + 1}"
+        with BagReader(outputs[3] / name) as reader:
+            assert {topic.split("/")[1] for topic in reader.topics} == {name, "diagnostics"}
+            counts = {topic: info.message_count for topic, info in reader.topics.items()}
+            leaders = [f"/{name}/{Topic.LEADER.value}"]
+            frames = {m.message.child_frame_id for m in reader.messages(leaders)}
+        assert frames == {f"{name}/leader"}
+        for topic in (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.PLAN, Topic.COMMAND):
+            assert counts[f"/{name}/{TOPICS[topic].name}"] == TICKS + 1, topic
+    page = (outputs[3] / "string.md").read_text(encoding="utf-8")
+    assert "| car_3 |" in page
+    assert (outputs[3] / "string.png").is_file()
+
+
+def pid_of(module: str, namespace: str, parent: str) -> int | None:
+    """Return the process of a vehicle's node, started for an output folder."""
+    for folder in Path("/proc").iterdir():
+        try:
+            command = (folder / "cmdline").read_bytes().decode().split("\0")
+        except (OSError, UnicodeDecodeError):
+            continue
+        ours = any(parent in part for part in command)
+        if module in command and f"__ns:={namespace}" in command and ours:
+            return int(folder.name)
+    return None
+
+
+def test_a_vehicle_that_dies_is_told_and_the_one_behind_goes_on_without_it(
+    launcher: Any, tmp_path: Path, wait_until: Callable[..., None]
+) -> None:
+    output = tmp_path / "run"
+    runner = launcher.start_module(
+        MODULE, "--vehicles", "2", "--duration-s", "400", "--no-picture", "--output", output
+    )
+
+    def under_way() -> bool:
+        sizes = [path.stat().st_size for path in (output / "car_2").glob("*.mcap")]
+        return sum(sizes) > 500_000 or not runner.is_running
+
+    wait_until(under_way, RUN_TIMEOUT_S, "messages in the bag of car_2")
+    pid = pid_of("iptm_controller.node", "/car_1", str(output))
+    assert pid is not None, runner.stdout + runner.stderr
+    os.kill(pid, signal.SIGKILL)
+    assert runner.wait(RUN_TIMEOUT_S) == 1, runner.stdout + runner.stderr
+    assert "car_1: controller was killed by signal 9 (SIGKILL)" in runner.stderr
+    # Behind a leader that is taken to have braked to a halt, car_2 has finished its trip.
+    trajectory = read_trajectory(output / "car_2", "car_2")
+    assert trajectory.time_s[-1] == 400.0
+    assert trajectory.gap_m.min() > 0.0
+    assert trajectory.leader_speed_m_s[-1] == 0.0
+    with BagReader(output / "car_2") as reader:
+        told = [
+            status.message
+            for entry in reader.messages(["/diagnostics"])
+            for status in entry.message.status
+        ]
+    assert "the leader is not heard any more and taken to brake to a halt" in told
+
+
+@pytest.mark.parametrize(
+    ("module", "parameters", "said"),
+    [
+        ("iptm_v2x_bridge.node", {"leader_source": "vehicle"}, "vehicle_ahead is ''"),
+        (
+            "iptm_plant_sim.node",
+            {"mode": "real_time", "vehicle_ahead": "/car_1"},
+            "mode is real_time with vehicle_ahead /car_1",
+        ),
+    ],
+)
+def test_parameters_that_make_no_string_are_refused(
+    launcher: Any, module: str, parameters: dict[str, object], said: str
+) -> None:
+    launcher.start_node(module, parameters=parameters).assert_refused(said, 120.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--vehicles", "1"), "--vehicles is 1; allowed: 2 to 20"),
+        (("--mode", "real_time"), "mode is real_time; allowed in a string: lock_step"),
+        (("--no-record",), "--no-record is given for a string"),
+        (("--strategy", "agng"), "aging"),
+    ],
+)
+def test_options_that_make_no_string_are_refused(
+    options: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    output = tmp_path / "run"
+    assert main([*options, "--output", str(output)]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert said in line
+    assert not output.exists()
