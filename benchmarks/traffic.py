@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +87,15 @@ def measure(
     for file in rows_of:
         rows += json.loads(Path(file).read_text("utf-8"))["rows"]
     for name in () if rows_of else scenario:
+        reference = drive_in_traffic(
+            TrafficDrive(
+                TrafficScenario(name),
+                duration_s=duration_s,
+                strategy="reference",
+                demand=DemandSettings(traffic_seed=seed),
+            ),
+            parameters,
+        )
         for knowledge in know:
             drive = TrafficDrive(
                 TrafficScenario(name),
@@ -96,7 +104,6 @@ def measure(
                 demand=DemandSettings(traffic_seed=seed),
             )
             result = drive_in_traffic(drive, parameters)
-            reference = drive_in_traffic(replace(drive, strategy="reference"), parameters)
             rows.append(row_of(result, reference))
             print(rows[-1], file=sys.stderr, flush=True)
     numbers = {"duration_s": duration_s, "seed": seed, "load": os.getloadavg()[0], "rows": rows}

@@ -14,6 +14,7 @@ import pytest
 pytest.importorskip("traci", reason="requirements/traffic.txt is not installed")
 pytest.importorskip("sumo", reason="requirements/traffic.txt is not installed")
 
+from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
@@ -29,6 +30,7 @@ from iptm_traffic.demand import (
 from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, drive_in_traffic
 from iptm_traffic.network import CYCLE_S, Network, build_network
 from iptm_traffic.simulation import TrafficSimulation
+from iptm_traffic.sumo_process import SumoProcess
 
 PARAMETERS = load_parameters().values
 SETTINGS = DemandSettings(traffic_seed=3)
@@ -154,3 +156,9 @@ def test_an_hour_without_drift() -> None:
     result = drive_in_traffic(drive, PARAMETERS)
     assert cli.verdict(result) == []
     assert result.largest_deviation_m < 1e-6
+
+
+def test_sumo_that_ends_is_one_error(tmp_path: Path) -> None:
+    process = SumoProcess(["-n", str(tmp_path / "missing.net.xml")])
+    with closing(process), pytest.raises(ScenarioError, match=r"missing\.net\.xml"):
+        process.step()

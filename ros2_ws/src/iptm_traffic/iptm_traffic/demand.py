@@ -22,10 +22,25 @@ BEFORE_TRIP_S = 120.0
 """Traffic drives for so long before the trip begins."""
 HOST, LEADER = "host", "leader"
 VEHICLE_LENGTH_M = 4.5
+CAR, HOST_KIND = "car", "host"
+"""SUMO's types of vehicles."""
 MAIN_PREFIX = "main"
 MAIN_NAMES = (MAIN_PREFIX, LEADER)
 """What the names of the vehicles that drive along the main road begin with."""
 
+_CAR = {
+    "length": f"{VEHICLE_LENGTH_M:g}",
+    "minGap": "2.5",
+    "carFollowModel": "IDM",
+    "accel": "1.6",
+    "decel": "1.6",
+    "emergencyDecel": "4.5",
+    "tau": "1.3",
+    "sigma": "0",
+    "speedDev": "0",
+}
+# What others see of the host when they move in front of it: its jerk limit lets it brake only gently.
+_HOST = {"tau": "3", "decel": "0.8"}
 _QUIET_S = (-14.0, 6.0)
 """No car starts behind or over the standing host, s of trip time."""
 _SHORTEST_HEADWAY_S = 2.5
@@ -186,22 +201,11 @@ def _queued(corridor: Corridor, number: int, depart_s: float, gap_m: float) -> _
 
 def _written(trips: list[_Trip], folder: Path) -> Path:
     root = ET.Element("routes")
-    ET.SubElement(
-        root,
-        "vType",
-        id="car",
-        length=f"{VEHICLE_LENGTH_M:g}",
-        minGap="2.5",
-        carFollowModel="IDM",
-        accel="1.6",
-        decel="1.6",
-        emergencyDecel="4.5",
-        tau="1.3",
-        sigma="0",
-        speedDev="0",
-    )
+    for kind, more in ((CAR, _CAR), (HOST_KIND, {**_CAR, **_HOST})):
+        ET.SubElement(root, "vType", {"id": kind, **more})
     for trip in sorted(trips, key=lambda trip: (trip.depart_s, trip.name)):
-        vehicle = ET.SubElement(root, "vehicle", {"id": trip.name, "type": "car", **trip.more})
+        kind = HOST_KIND if trip.name == HOST else CAR
+        vehicle = ET.SubElement(root, "vehicle", {"id": trip.name, "type": kind, **trip.more})
         vehicle.set("depart", f"{trip.depart_s:.2f}")
         vehicle.set("speedFactor", f"{trip.speed_factor:.4f}")
         ET.SubElement(vehicle, "route", edges=" ".join(trip.edges))

@@ -11,7 +11,7 @@ import numpy as np
 from iptm_core.errors import ScenarioError
 from iptm_core.state import FloatArray, VehicleState
 from iptm_traffic.corridor import HOST_LANE
-from iptm_traffic.demand import BEFORE_TRIP_S, HOST, MAIN_NAMES
+from iptm_traffic.demand import BEFORE_TRIP_S, HOST, HOST_KIND, MAIN_NAMES
 from iptm_traffic.network import HOST_START_M, Network
 from iptm_traffic.sumo_process import SumoProcess
 
@@ -107,7 +107,7 @@ class TrafficSimulation:
         # The step that ends at trip time 0 puts the standing cars in.
         before = round(BEFORE_TRIP_S / self._step_s) - with_host
         for _ in range(before):
-            self.connection.simulationStep()
+            self._process.step()
             if not with_host:
                 self.main_road_places()
         if not with_host:
@@ -117,7 +117,7 @@ class TrafficSimulation:
         vehicle.add(
             HOST,
             "host_route",
-            typeID="car",
+            typeID=HOST_KIND,
             depart="now",
             departLane=str(HOST_LANE),
             departPos=f"{HOST_START_M:g}",
@@ -126,7 +126,7 @@ class TrafficSimulation:
         vehicle.setSpeedMode(HOST, _OBEY_NOTHING)
         vehicle.setLaneChangeMode(HOST, _CHANGE_LANES_NEVER)
         vehicle.setSpeed(HOST, 0.0)
-        self.connection.simulationStep()
+        self._process.step()
         if HOST not in vehicle.getIDList():
             raise ScenarioError("SUMO finds no room for the host at the start of the corridor")
         vehicle.subscribeContext(
@@ -157,12 +157,7 @@ class TrafficSimulation:
 
     def step(self) -> None:
         """Let a step pass."""
-        try:
-            self.connection.simulationStep()
-        except self._process.failure as reason:
-            raise ScenarioError(
-                f"SUMO has ended at trip time {self.time_s:g} s: {reason}"
-            ) from reason
+        self._process.step()
         self._steps += 1
         self.after_step()
 

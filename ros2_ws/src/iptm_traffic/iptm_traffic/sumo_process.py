@@ -17,7 +17,8 @@ NOT_INSTALLED = (
     "SUMO is not installed; needed: python -m pip install --require-hashes -r requirements/traffic.txt "
     "in the entered environment"
 )
-_TRIES, _WAIT_S = 400, 0.05
+_STARTS = 3
+_LONGEST_START_S, _WAIT_S = 120.0, 0.05
 
 
 def sumo_program(name: str) -> Path:
@@ -57,26 +58,31 @@ class SumoProcess:
         traci = _module("traci")
         self.refusal: type[Exception] = traci.exceptions.TraCIException
         self.failure: type[Exception] = traci.exceptions.FatalTraCIError
-        sumolib = _module("sumolib.miscutils")
-        port = sumolib.getFreeSocketPort()
-        command = [str(sumo_program("sumo")), *options, "--remote-port", str(port)]
-        self._process = subprocess.Popen(  # noqa: S603
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-        )
-        self.connection: Any = self._connect(traci, port)
+        command = [str(sumo_program("sumo")), *options, "--remote-port"]
+        said = ""
+        for _ in range(_STARTS):
+            port = _module("sumolib.miscutils").getFreeSocketPort()
+            self._process = subprocess.Popen(  # noqa: S603
+                [*command, str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+            )
+            connection = self._connected(traci, port)
+            if connection is not None:
+                self.connection: Any = connection
+                return
+            # Another program may have taken the port that was free a moment ago.
+            self._process.kill()
+            said = " ".join((self._process.communicate()[1] or "").split())
+        raise ScenarioError(f"SUMO does not start: {said[:500] or 'no answer'}")
 
-    def _connect(self, traci: ModuleType, port: int) -> Any:
-        refused = (traci.exceptions.TraCIException, traci.exceptions.FatalTraCIError)
-        for _ in range(_TRIES):
-            with suppress(*refused):
+    def _connected(self, traci: ModuleType, port: int) -> Any | None:
+        """Return the connection, None if SUMO has ended or does not answer."""
+        until = time.monotonic() + _LONGEST_START_S
+        while self._process.poll() is None and time.monotonic() < until:
+            with suppress(self.refusal, self.failure):
                 return traci.connect(port, numRetries=0, proc=self._process)
-            if self._process.poll() is not None:
-                break
             # TraCI's own wait between tries is a second; SUMO starts in a tenth of that.
             time.sleep(_WAIT_S)
-        self._process.kill()
-        said = " ".join((self._process.communicate()[1] or "").split())
-        raise ScenarioError(f"SUMO does not start: {said[:500] or 'no answer'}")
+        return None
 
     @property
     def processor_s(self) -> float:
@@ -85,13 +91,27 @@ class SumoProcess:
         user, system = stat.rpartition(")")[2].split()[11:13]
         return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
+    def step(self) -> None:
+        """Let SUMO make a step.
+
+        Raises:
+            ScenarioError: it has ended.
+        """
+        try:
+            self.connection.simulationStep()
+        except self.failure as reason:
+            self._process.kill()
+            said = " ".join((self._process.communicate()[1] or "").split())
+            raise ScenarioError(f"SUMO has ended: {said[:500] or reason}") from reason
+
     def close(self) -> None:
         """End SUMO."""
-        try:
+        with suppress(self.refusal, self.failure, OSError):
             self.connection.close(wait=False)
-        finally:
-            try:
-                self._process.communicate(timeout=10.0)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.communicate()
+        try:
+            self._process.wait(timeout=10.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+        if self._process.stderr is not None:
+            self._process.stderr.close()
+        self._process.wait()
