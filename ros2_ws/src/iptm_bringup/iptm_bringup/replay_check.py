@@ -21,7 +21,7 @@ from rich.console import Console
 
 from iptm_bringup.composition import LEADER_FROM_MESSAGES, node_command, parameter_file_text
 from iptm_bringup.environment import environment_of_run, process_environment
-from iptm_bringup.replay_feed import Step, answer_steps
+from iptm_bringup.replay_feed import Step, answer_steps, copy_without_repeats
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT
 from iptm_bringup.supervisor import Supervisor
 from iptm_core.errors import BagError, IptmError, ScenarioError
@@ -74,8 +74,9 @@ _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
     # This program alone listens, and nobody is late.
     CONTROLLER: {"input_timeout_s": 60.0},
     BRIDGE: {"expected_peers": 1},
-    PLANT: {"expected_peers": 1, "command_timeout_wall_s": 3600.0, "linger_s": 1.0},
-}
+    PLANT: {"expected_peers": 1, "command_timeout_wall_s": 3600.0, "linger_s": 1.0,
+            "start_paused": False},
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -138,11 +139,10 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
             f"mode of {bag} is {given['mode']}; allowed: lock_step, as a plant on the wall clock"
             " applies commands when they arrive"
         )
-    own_name = names[OUTPUTS[node][0]]
     own_topic = OUTPUTS[node][0]
     return Recorded(
         names=names,
-        namespace=own_name.removesuffix(own_topic.value).rstrip("/") or "/",
+        namespace=names[own_topic].removesuffix(own_topic.value).rstrip("/") or "/",
         parameters={**given, **own_way},
         steps=tuple(_steps(node, inputs, heard, bag)),
     )
@@ -221,10 +221,11 @@ def check_node(
         answer_steps(
             recorded.steps, OUTPUTS[node], recorded.names, answers, _alive(supervisor), on_tick
         )
+        once = copy_without_repeats(bag, list(recorded.names.values()), folder / "recorded")
         return [
             outcome
             for topic in OUTPUTS[node]
-            for outcome in _compare(bag, answers, topic, recorded.names[topic], tolerance)
+            for outcome in _compare(once, answers, topic, recorded.names[topic], tolerance)
         ]
 
 

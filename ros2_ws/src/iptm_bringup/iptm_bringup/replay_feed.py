@@ -15,6 +15,7 @@ from rclpy.publisher import Publisher
 from iptm_core.errors import ScenarioError
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.timeline import read_stamp_ns
 
@@ -81,6 +82,33 @@ def answer_steps(
         node.destroy_node()
         executor.shutdown()
         context.try_shutdown()
+
+
+def copy_without_repeats(bag: Path, names: Sequence[str], copy: Path) -> Path:
+    """Write some topics of a bag into another one, each message once; return the folder of the copy.
+
+    A state that is not answered in time, or that a paused plant keeps up, is published and answered again, at
+    the same time of the trip and with the same bytes.
+
+    Args:
+        bag: bag folder or .mcap file.
+        names: full names of the topics.
+        copy: bag folder to create.
+
+    Raises:
+        BagError: the bag cannot be read.
+    """
+    now_ns = dict.fromkeys(names, -1)
+    said: dict[str, set[bytes]] = {name: set() for name in names}
+    with BagReader(bag) as reader, BagWriter(copy) as writer:
+        keys = {name: writer.add_topic(name, reader.topics[name].type_name) for name in names}
+        for raw in reader.raw_messages(list(names)):
+            if raw.log_time_ns != now_ns[raw.topic]:
+                now_ns[raw.topic], said[raw.topic] = raw.log_time_ns, set()
+            if raw.data not in said[raw.topic]:
+                said[raw.topic].add(raw.data)
+                writer.write(keys[raw.topic], raw.data, raw.log_time_ns)
+    return copy
 
 
 class _Feed:
