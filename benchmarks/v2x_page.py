@@ -24,11 +24,23 @@ def fuzz_text(numbers: dict[str, Any]) -> str:
     )
 
 
+def load_text(numbers: dict[str, Any]) -> str:
+    """Return a sentence on a crowd of cars."""
+    first = numbers["ticks"] - numbers["ticks_with_a_leader"]
+    return (
+        f"The node under {numbers['datagrams_per_s']:.0f} datagrams a second of {numbers['stations']} cars "
+        f"for {numbers['ticks']} s: {numbers['read']} of {numbers['sent']} read, {numbers['accepted']} "
+        f"accepted, at {100.0 * numbers['share_of_a_core']:.0f} % of a processor core. Ticks without a "
+        f"leader, which has to be heard for a moment first: {first}."
+    )
+
+
 TEXTS = {
     "prediction": v2x_prediction.as_table,
     "price": v2x_price.as_table,
     "fuzz": fuzz_text,
     "attacks": v2x_attacks.as_table,
+    "load": load_text,
 }
 
 
@@ -46,7 +58,7 @@ def put(page: str, name: str, text: str) -> str:
 
 
 def measure(
-    prediction: str = "", price: str = "", fuzz: str = "", attacks: str = ""
+    prediction: str = "", price: str = "", fuzz: str = "", attacks: str = "", load: str = ""
 ) -> dict[str, Any]:
     """Write the page.
 
@@ -55,9 +67,16 @@ def measure(
         price: numbers of v2x_price.
         fuzz: numbers of v2x_fuzz.
         attacks: numbers of v2x_attacks.
+        load: numbers of v2x_load.
     """
     page = PAGE.read_text(encoding="utf-8")
-    files = {"prediction": prediction, "price": price, "fuzz": fuzz, "attacks": attacks}
+    files = {
+        "prediction": prediction,
+        "price": price,
+        "fuzz": fuzz,
+        "attacks": attacks,
+        "load": load,
+    }
     for name, file in files.items():
         if file:
             numbers = json.loads(Path(file).read_text(encoding="utf-8"))

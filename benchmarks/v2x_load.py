@@ -1,0 +1,190 @@
+"""Loads the bridge with the messages of a crowd: does it lose any, and what does it cost?
+
+The node runs by the computer's clock, as with a radio. Two hundred cars behind the host send ten messages a
+second each, in bursts of two hundred, and the leader sends its own among them.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rosgraph_msgs.msg import Clock
+
+from benchmarks.harness import run_benchmark
+from iptm_bringup.environment import environment_of_run, process_environment
+from iptm_core.errors import ScenarioError
+from iptm_core.routes.road_line import RoadLine
+from iptm_interfaces.codecs import time_from_s
+from iptm_interfaces.diagnostics import find_status, status_values
+from iptm_interfaces.discovery import reserve_domain
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
+from iptm_v2x_bridge.messages.cam_codec import encode_cam
+from iptm_v2x_bridge.messages.its_time import delta_time_ms, its_timestamp_ms
+from iptm_v2x_bridge.sending.sender import car_on_road
+
+BURST_S = 0.1
+LEADER = 4711
+SPEED_M_S = 10.0
+START_TIMEOUT_S = 60.0
+READ_TIMEOUT_S = 30.0
+"""Until the diagnostics tell that all was read; what is not told by then is lost."""
+
+
+class _Host:
+    """Clock and place of the host, and ears for the bridge."""
+
+    def __init__(self, context: Context) -> None:
+        self.node = SuiteNode("v2x_load", context=context)
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.node)
+        self._clock = self.node.advertise(Topic.CLOCK)
+        self._odometry = self.node.advertise(Topic.PLANT_ODOMETRY)
+        self.values: dict[str, str] = {}
+        self.leaders = 0
+        self.node.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
+        self.node.listen(Topic.LEADER, self._on_leader)
+
+    def _on_leader(self, _: Any) -> None:
+        self.leaders += 1
+
+    def _on_diagnostics(self, message: Any) -> None:
+        status = find_status(message, "/v2x_bridge")
+        if status is not None:
+            self.values = status_values(status)
+
+    def wait_for_bridge(self) -> None:
+        until_s = time.monotonic() + START_TIMEOUT_S
+        while not (self._odometry.get_subscription_count() and self.values):
+            if time.monotonic() > until_s:
+                raise ScenarioError(f"no bridge within {START_TIMEOUT_S:g} s")
+            self.spin(0.05)
+
+    def wait_until_read(self, datagrams: int) -> None:
+        until_s = time.monotonic() + READ_TIMEOUT_S
+        while int(self.values.get("datagrams", 0)) < datagrams and time.monotonic() < until_s:
+            self.spin(0.05)
+
+    def tick(self, second: int) -> None:
+        message = Odometry()
+        message.header.stamp = time_from_s(float(second))
+        message.pose.pose.position.x = SPEED_M_S * second
+        self._odometry.publish(message)
+        self._clock.publish(Clock(clock=time_from_s(float(second))))
+
+    def spin(self, duration_s: float) -> None:
+        until_s = time.monotonic() + duration_s
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left_s)
+
+
+def processor_s(process: subprocess.Popen[bytes]) -> float:
+    """Return the processor time that a process has used."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text(encoding="ascii").rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def bursts(cars: int, seconds: int) -> list[list[bytes]]:
+    """Return what all cars say, burst by burst, without the time of generation."""
+    road = RoadLine.test_road()
+    found = []
+    for burst in range(round(seconds / BURST_S)):
+        host_m = SPEED_M_S * burst * BURST_S
+        places = {10_000 + number: host_m - 20.0 - 10.0 * number for number in range(cars)}
+        places[LEADER] = host_m + 20.0
+        found.append(
+            [
+                encode_cam(car_on_road(road, identity, 0, rear_m, SPEED_M_S))
+                for identity, rear_m in places.items()
+            ]
+        )
+    return found
+
+
+def load(host: _Host, port: int, said: list[list[bytes]]) -> int:
+    """Send all bursts at real time; return the number of datagrams."""
+    sent = 0
+    begin_s, begin_ms = time.monotonic(), its_timestamp_ms(time.time_ns())
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
+        for burst, messages in enumerate(said):
+            if burst % round(1.0 / BURST_S) == 0:
+                host.tick(round(burst * BURST_S))
+            # The time of generation follows the six bytes of the header.
+            delta = delta_time_ms(begin_ms + round(1000.0 * burst * BURST_S)).to_bytes(2, "big")
+            for message in messages:
+                radio.sendto(message[:6] + delta + message[8:], ("127.0.0.1", port))
+                sent += 1
+            host.spin(max(begin_s + (burst + 1) * BURST_S - time.monotonic(), 1e-3))
+    return sent
+
+
+def measure(cars: int = 200, seconds: int = 20) -> dict[str, Any]:
+    """Load a bridge.
+
+    Args:
+        cars: of the crowd, ten messages a second each.
+        seconds: of real time.
+
+    Raises:
+        ScenarioError: the bridge does not come up.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = int(taken.getsockname()[1])
+    with ExitStack() as stack:
+        domain = stack.enter_context(reserve_domain())
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        environment = environment_of_run(domain, folder)
+        stack.enter_context(process_environment(environment))
+        given = ("leader_source:=cam", f"cam_port:={port}", "cam_lock_step:=false")
+        parameters = [
+            part for text in (*given, "trip_start_timestamp_ms:=-1") for part in ("-p", text)
+        ]
+        command = [sys.executable, "-m", "iptm_v2x_bridge.node", "--ros-args", *parameters]
+        bridge = subprocess.Popen(command, env=environment)  # noqa: S603 - the project's own
+        context = Context()
+        context.init(args=[], domain_id=domain)
+        host = _Host(context)
+        try:
+            host.wait_for_bridge()
+            said = bursts(cars, seconds)
+            before_s, begin_s = processor_s(bridge), time.monotonic()
+            sent = load(host, port, said)
+            used_s, lasted_s = processor_s(bridge) - before_s, time.monotonic() - begin_s
+            host.wait_until_read(sent)
+        finally:
+            bridge.terminate()
+            bridge.wait()
+            host.node.destroy_node()
+            context.try_shutdown()
+    return {
+        "datagrams_per_s": sent / lasted_s,
+        "sent": sent,
+        "read": int(host.values.get("datagrams", 0)),
+        "accepted": int(host.values.get("messages_accepted", 0)),
+        "refused": {
+            name.removeprefix("rejected_"): int(count)
+            for name, count in host.values.items()
+            if name.startswith("rejected_")
+        },
+        "stations": int(host.values.get("stations", 0)),
+        "leader": host.values.get("leader_station"),
+        "ticks": seconds,
+        "ticks_with_a_leader": host.leaders,
+        "share_of_a_core": used_s / lasted_s,
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(run_benchmark(measure))
