@@ -84,8 +84,11 @@ def measure(
     """
     parameters = load_parameters().values
     rows: list[dict[str, Any]] = []
+    load = os.getloadavg()[0]
     for file in rows_of:
-        rows += json.loads(Path(file).read_text("utf-8"))["rows"]
+        measured = json.loads(Path(file).read_text("utf-8"))
+        rows += measured["rows"]
+        load = max(load, measured["load"])
     for name in () if rows_of else scenario:
         reference = drive_in_traffic(
             TrafficDrive(
@@ -106,7 +109,12 @@ def measure(
             result = drive_in_traffic(drive, parameters)
             rows.append(row_of(result, reference))
             print(rows[-1], file=sys.stderr, flush=True)
-    numbers = {"duration_s": duration_s, "seed": seed, "load": os.getloadavg()[0], "rows": rows}
+    numbers = {
+        "duration_s": duration_s,
+        "seed": seed,
+        "load": max(load, os.getloadavg()[0]),
+        "rows": rows,
+    }
     if page:
         PAGE.write_text(put(PAGE.read_text("utf-8"), "drives", as_table(numbers)), "utf-8")
     return numbers
@@ -116,7 +124,7 @@ def as_table(numbers: dict[str, Any]) -> str:
     """Return the numbers as a table in Markdown."""
     told = (
         f"Trips of {numbers['duration_s']:g} s, seed {numbers['seed']}; {os.cpu_count()} processors, "
-        f"mean load {numbers['load']:.0f}."
+        f"with other work on them (mean load {numbers['load']:.0f})."
     )
     return f"{told}\n\n{markdown_table(numbers['rows'], COLUMNS)}"
 

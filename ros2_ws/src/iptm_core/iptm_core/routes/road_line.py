@@ -190,7 +190,11 @@ class RoadLine:
         return latitude, longitude, self._headings_deg[left]
 
     def project(
-        self, latitude_deg: float, longitude_deg: float, near_m: float | None = None
+        self,
+        latitude_deg: float,
+        longitude_deg: float,
+        near_m: float | None = None,
+        around_m: float = NEAR_M,
     ) -> RoadFix:
         """Return where a point lies as seen from the road.
 
@@ -199,13 +203,16 @@ class RoadLine:
             longitude_deg: longitude.
             near_m: where it is expected: only the road around it is looked at, which is quick and knows
                 one direction of a road that returns from the other; None looks at all of it.
+            around_m: how much of the road before and behind that is looked at.
         """
         if near_m is None:
             first, last = self._around_nearest(latitude_deg, longitude_deg)
         else:
             first, last = (
                 int(index)
-                for index in np.searchsorted(self.positions_m, (near_m - NEAR_M, near_m + NEAR_M))
+                for index in np.searchsorted(
+                    self.positions_m, (near_m - around_m, near_m + around_m)
+                )
             )
         segments = self._headings_deg.size
         first = min(max(first - 1, 0), segments - 1)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from iptm_core.routes.road_line import RoadLine
+from iptm_core.routes.road_line import NEAR_M, RoadLine
 from iptm_v2x_bridge.prediction.predictor import Knowledge, RoadPath
 from iptm_v2x_bridge.stations.station import Station
 
 MAX_PATH_AGE_MS = 10_000
 """Not every message carries a path, and some are lost; an older one is no prediction any more."""
+AROUND_M, AROUND_M_S = 200.0, 100.0
+"""How far from a point of a path the next one is looked for, and how much farther with the time between."""
 MAX_ASIDE_M = 10.0
 """A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
 
@@ -34,7 +36,10 @@ def _road_path(station: Station, road: RoadLine) -> RoadPath | None:
         strict=True,
     )
     for time_s, latitude, longitude in points:
-        fix = road.project(latitude, longitude, near_m)
+        # Most of the time goes into the road that is looked at; no leader gets farther between two points.
+        elapsed_s = generated_ms / 1000.0 + time_s - times[-1]
+        around_m = min(AROUND_M + AROUND_M_S * elapsed_s, NEAR_M)
+        fix = road.project(latitude, longitude, near_m, around_m)
         if abs(fix.lateral_m) > MAX_ASIDE_M:
             break
         near_m = fix.position_m
