@@ -44,6 +44,8 @@ WARM_UP_SHARE = 0.1
 """Share of the trip after which memory counts: caches and the first plans are filled by then."""
 ALLOWED_GROWTH_MIB = 5.0
 WORD_WITHIN_S = 10.0
+LEAST_SAMPLES = 30
+"""Of the memory of a process, one a second, below which nothing can be said of its growth."""
 _SAMPLE_S = 1.0
 # Each of these ends or restarts a trip, or the recorder, on purpose.
 _ENDS = (FaultKind.PROCESS_KILLED, FaultKind.DISK_FULL, FaultKind.SOLVER_EXCEPTION)
@@ -88,7 +90,7 @@ class MemoryWatch:
         for name, samples in self.samples.items():
             times_s, resident_mib = np.array(samples).T
             lived_s = times_s[-1] - times_s[0]
-            if lived_s < 0.2 * self.ticks:
+            if lived_s < 0.2 * self.ticks or len(samples) < LEAST_SAMPLES:
                 continue
             early = times_s <= times_s[0] + 2.0 * WARM_UP_SHARE * lived_s
             early &= times_s >= times_s[0] + WARM_UP_SHARE * lived_s

@@ -101,16 +101,6 @@ def hears_repeated(controller: NodeBench, tick: int) -> bool:
     return controller.stamps(Topic.COMMAND)[-1] == tick
 
 
-def test_another_trip_is_told_for_three_ticks(controller: NodeBench) -> None:
-    """A plant that was restarted or reset in the middle of a trip begins at 0 again."""
-    told = []
-    for tick in range(5):
-        controller.hear(tick_messages(float(tick)))
-        told.append(controller.situation)
-    assert controller.stamps(Topic.COMMAND)[-5:] == [0, 1, 2, 3, 4]
-    assert told == [(Level.WARN, "another trip has begun")] * 3 + [(Level.OK, "optimal plans")] * 2
-
-
 @pytest.mark.parametrize("seconds", IMPOSSIBLE_S)
 def test_a_tick_with_an_impossible_stamp_is_counted_and_forgotten(
     controller: NodeBench, seconds: int

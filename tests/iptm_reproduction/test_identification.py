@@ -189,7 +189,15 @@ STAGES = (
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Client]:
-    with Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as made:
+    # Within the process Dask would ask the network for its address.
+    with Client(
+        processes=False,
+        protocol="tcp",
+        host="127.0.0.1",
+        n_workers=1,
+        threads_per_worker=1,
+        dashboard_address=None,
+    ) as made:
         yield made
 
 

@@ -121,7 +121,8 @@ class ProcessFaults:
             return lambda: supervisor.send(name, signal.SIGCONT)
         if fault.kind is FaultKind.PROCESS_DOUBLED:
             copy = self._start_again(fault.target, "copy")
-            return lambda: self._kill(copy)
+            # One that is killed stays on the graph of the middleware for 20 s; a trip may be over by then.
+            return lambda: self._kill(copy, signal.SIGTERM)
         if fault.kind is FaultKind.DISK_FULL:
             _fill_disk(supervisor.pid(name))
             return None
@@ -129,9 +130,9 @@ class ProcessFaults:
         restarts = fault.kind is FaultKind.PROCESS_RESTARTED
         return (lambda: self._restart(fault.target)) if restarts else None
 
-    def _kill(self, name: str) -> None:
+    def _kill(self, name: str, how: signal.Signals = signal.SIGKILL) -> None:
         self._excused.add(name)
-        self._supervisor.send(name, signal.SIGKILL)
+        self._supervisor.send(name, how)
 
     def _restart(self, target: str) -> None:
         self._now_called[target] = self._start_again(target, "again")

@@ -58,6 +58,7 @@ class FaultKind(str, Enum):
     FOREIGN_CLOCK = "foreign_clock"
     FOREIGN_LEADER = "foreign_leader"
     FOREIGN_PREVIEW = "foreign_preview"
+    FOREIGN_STATE = "foreign_state"
     SOLVER_TIMEOUT = "solver_timeout"
     SOLVER_EXCEPTION = "solver_exception"
     SOLVER_NOT_CONVERGED = "solver_not_converged"
@@ -160,6 +161,9 @@ KINDS: Mapping[FaultKind, KindSpec] = MappingProxyType({
         headless=False),
     FaultKind.FOREIGN_PREVIEW: KindSpec(
         FaultPlace.STAMPS, "20 more previews a tick, stamped from the size on", 1000.0, "s", -2e9, 2e9,
+        headless=False),
+    FaultKind.FOREIGN_STATE: KindSpec(
+        FaultPlace.STAMPS, "20 more odometries a tick, stamped from the size on", 1000.0, "s", -2e9, 2e9,
         headless=False),
     FaultKind.SOLVER_TIMEOUT: KindSpec(
         FaultPlace.SOLVER, f"it gives up after the size, {_WALL}", 0.1, "s", 0.0, 60.0),

@@ -50,6 +50,7 @@ _STRANGER = {
     FaultKind.FOREIGN_CLOCK: Topic.CLOCK,
     FaultKind.FOREIGN_LEADER: Topic.LEADER,
     FaultKind.FOREIGN_PREVIEW: Topic.LEADER_PREVIEW,
+    FaultKind.FOREIGN_STATE: Topic.PLANT_ODOMETRY,
 }
 
 

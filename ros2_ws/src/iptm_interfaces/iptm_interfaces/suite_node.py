@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.service import Service as RclpyService
 from rclpy.subscription import Subscription
@@ -26,6 +26,8 @@ from iptm_interfaces.topics import TOPICS, Topic, frame_in, topic_of
 
 _LOG_THROTTLE_S = 5.0
 _KNOWN_DEFECTS = 20
+LEAST_HISTORY = 100
+"""Messages that may wait in a subscription, at least: the burst of a stranger pushes out nothing due."""
 _GRAPH_PERIOD_S = 1.0
 _QOS_OVERRIDES = "qos_overrides."
 _ROS_PARAMETERS = ("use_sim_time", _QOS_OVERRIDES, "start_type_description_service")
@@ -94,15 +96,15 @@ class SuiteNode(Node):
             topic: key of the topic.
             callback: called with the message, or with its serialised bytes if `raw`.
             raw: leave out the conversion to a message object.
-            qos: of the subscription, that of the table if None; a deeper one for who must not miss a message
-                of a publisher that does not wait for it.
+            qos: of the subscription; if None that of the table, with a queue of `LEAST_HISTORY`. A deeper one
+                is for who must not miss a message of a publisher that does not wait for it.
             vehicle: namespace of another vehicle whose topic is meant, from its beginning on.
         """
         spec = TOPICS[topic]
         name = topic_of(vehicle, topic) if vehicle else spec.name
         kind = None if raw else spec.message_type
         take = partial(self._let_in, topic, kind, callback)
-        wanted = qos or (spec.offered_qos if vehicle else spec.qos)
+        wanted = qos or _deep(spec.offered_qos if vehicle else spec.qos)
         return self.create_subscription(spec.message_type, name, take, wanted, raw=True)
 
     def serve(self, service: Service, action: Callable[[], str]) -> RclpyService:
@@ -223,3 +225,15 @@ class SuiteNode(Node):
         """Ask for the end of the process; the current callback still completes."""
         self.exit_code = exit_code
         self.finished = True
+
+
+def _deep(qos: QoSProfile) -> QoSProfile:
+    """Return the QoS of a subscription; where the latest message is all that counts, that of the topic."""
+    if qos.durability is DurabilityPolicy.TRANSIENT_LOCAL or qos.depth >= LEAST_HISTORY:
+        return qos
+    return QoSProfile(
+        history=qos.history,
+        depth=LEAST_HISTORY,
+        reliability=qos.reliability,
+        durability=qos.durability,
+    )
