@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import time
+from pathlib import Path
 
 import pytest
-from benchmarks import closed_loop_equivalence, closed_loop_speed, node_scaling
+from benchmarks import closed_loop_equivalence, closed_loop_speed, node_scaling, ros_change
 from benchmarks.deadline_under_load import busy_processes, paced
 from benchmarks.harness import machine_description, timed
 
 from iptm_controller.controller import Controller
+from iptm_core.errors import ScenarioError
 
 
 def test_sleeping_takes_wall_time_only() -> None:
@@ -55,3 +57,8 @@ def test_a_paced_loop_counts_its_ticks() -> None:
 def test_busy_processes_end_with_their_context() -> None:
     with busy_processes(1):
         pass
+
+
+def test_a_change_is_measured_against_a_checkout(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="set up"):
+        ros_change.measure(str(tmp_path))
