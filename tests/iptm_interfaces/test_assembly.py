@@ -26,6 +26,7 @@ def test_a_first_state_that_is_repeated_is_one_trip() -> None:
 
 def test_late_messages_are_put_in_their_place() -> None:
     assert trips(0, 2, 1, 3) == [[0, 1, 2, 3]]
+    assert trips(1, 0, 2, 3) == [[0, 1, 2, 3]]
 
 
 def test_a_stray_stamp_begins_no_trip() -> None:

@@ -66,7 +66,8 @@ def split_trips(stamped: Iterable[tuple[int, M]]) -> list[dict[int, M]]:
             # The trip before goes on over the head of one that began beside it.
             newest_ns.pop()
             _merge_last(found)
-        elif (stamp_ns == 0 and last_ns > 0) or stamp_ns < last_ns - LEAST_REACH_NS:
+        # A first 0 behind a later stamp was sent again by the middleware and is only late.
+        elif (stamp_ns == 0 < last_ns and 0 in found[-1]) or stamp_ns < last_ns - LEAST_REACH_NS:
             found.append({})
             newest_ns.append(-1)
         found[-1][stamp_ns] = message
