@@ -117,11 +117,11 @@ class OptiPeer:
                 now, acceleration[k], power[k], p[layout.STEP_PARAMETERS :], shared
             )
             opti.subject_to(after == end)
-            rate_s = p[StepIndex.RATE_INTERVAL]
+            jerk_s, rate_s = p[StepIndex.ACCELERATION_INTERVAL], p[StepIndex.COMPRESSOR_INTERVAL]
             opti.subject_to(
                 opti.bounded(
                     -1.0,
-                    (acceleration[k] - last_acceleration) / (limits.max_jerk_m_s3 * rate_s),
+                    (acceleration[k] - last_acceleration) / (limits.max_jerk_m_s3 * jerk_s),
                     1.0,
                 )
             )

@@ -184,7 +184,7 @@ def run_stage(
          state.acceleration_m_s2, state.compressor_power_w]
     )  # fmt: skip
     step_parameters = [
-        leader[0] - state.position_m, leader[1], step_s, float(end_of_horizon)
+        leader[0] - state.position_m, leader[1], step_s, step_s, float(end_of_horizon)
     ]  # fmt: skip
     for node in quadrature(count)[0] * step_s:
         moved = state.speed_m_s * node + 0.5 * acceleration_m_s2 * node**2

@@ -101,16 +101,20 @@ def test_leader_at_the_end_of_every_step() -> None:
 
 def test_rates_count_between_the_middles_of_two_steps(steady: PredictedLeaderMotion) -> None:
     data = build(make_state(), steady)
-    intervals = [own[StepIndex.RATE_INTERVAL] for own, _ in steps_of(data, HORIZON)]
+    intervals = [own[StepIndex.ACCELERATION_INTERVAL] for own, _ in steps_of(data, HORIZON)]
+    assert intervals == [1.0, 1.0, 1.0, 1.0, 5.0, 5.0, 5.0, 5.0]
+    intervals = [own[StepIndex.COMPRESSOR_INTERVAL] for own, _ in steps_of(data, HORIZON)]
     assert intervals == [1.0, 1.0, 1.0, 1.75, 5.0, 5.0, 5.0, 5.0]
 
 
 def test_a_change_into_a_long_step_has_to_happen_soon(steady: PredictedLeaderMotion) -> None:
-    """Into a 15 s step as into one of 2.5 s; between equal steps nothing changes."""
-    horizon = Horizon.parse("2x1+2x15")
+    """The acceleration as in steps of 1 s, or as long as the one before; between equal steps in full."""
+    horizon = Horizon.parse("2x1+2x2+2x15")
     data = build(make_state(), steady, horizon=horizon)
-    intervals = [own[StepIndex.RATE_INTERVAL] for own, _ in steps_of(data, horizon)]
-    assert intervals == [1.0, 1.0, 1.75, 15.0]
+    intervals = [own[StepIndex.ACCELERATION_INTERVAL] for own, _ in steps_of(data, horizon)]
+    assert intervals == [1.0, 1.0, 1.0, 2.0, 2.0, 15.0]
+    intervals = [own[StepIndex.COMPRESSOR_INTERVAL] for own, _ in steps_of(data, horizon)]
+    assert intervals == [1.0, 1.0, 1.5, 2.0, 2.25, 15.0]
 
 
 def test_the_leader_is_known_at_every_sample(steady: PredictedLeaderMotion) -> None:

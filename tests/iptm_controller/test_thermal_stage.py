@@ -14,7 +14,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.node_reports import plan_trajectory
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import POWER_LEVELS
-from iptm_controller.ocp.layout import GlobalIndex, LimitIndex
+from iptm_controller.ocp.layout import GlobalIndex, LimitIndex, StepIndex
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.ocp.thermal_stage import build_thermal_stage
 from iptm_core.decision_record import Rung
@@ -45,7 +45,7 @@ def run_step(
     shared[GlobalIndex.AGING_WEIGHT] = AGING_WEIGHT
     shared[GlobalIndex.REFERENCE_TEMPERATURE] = 299.15
     own = np.zeros(layout.STEP_PARAMETERS)
-    own[2] = step_s
+    own[StepIndex.COMPRESSOR_INTERVAL] = step_s
     following, cost, rows = function(
         (state - layout.STATE_OFFSET) / layout.STATE_SCALE,
         np.array([0.0, power_w, 0.0, 0.0, 0.0, 0.0]) / layout.INPUT_SCALE,

@@ -17,7 +17,10 @@ from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
-LONGEST_CHANGE_S = 2.5
+LONGEST_ACCELERATION_CHANGE_S = 1.0
+"""On the way into a longer step the acceleration changes as if that step were so long: braking that builds up
+inside of it comes too late, and at 30 m/s each metre per second of speed is worth over 10 m of s_min."""
+LONGEST_COMPRESSOR_CHANGE_S = 2.5
 SLOPE_DIFFERENCE_M = 25.0
 COLD_COMPRESSOR_PRICE_1_KW = 100.0
 """Cost per kilowatt and second of a compressor that runs although the cells are at their lower limit."""
@@ -47,12 +50,8 @@ class ProblemDataBuilder:
         self._limits = limits
         lengths = grid.horizon.step_lengths_s
         self._node_times_s = grid.horizon.node_times_s
-        # A change of input between two steps happens over the time between their middles, but braking
-        # that begins halfway into a long step comes too late: there it has to happen sooner.
-        previous = np.concatenate([lengths[:1], lengths[:-1]])
-        grows = lengths > previous
-        following = np.where(grows, np.minimum(lengths, LONGEST_CHANGE_S), lengths)
-        self._rate_intervals_s = 0.5 * (previous + following)
+        self._acceleration_intervals_s = _change_intervals_s(lengths, LONGEST_ACCELERATION_CHANGE_S)
+        self._compressor_intervals_s = _change_intervals_s(lengths, LONGEST_COMPRESSOR_CHANGE_S)
 
     def build(
         self,
@@ -82,7 +81,8 @@ class ProblemDataBuilder:
         node_position, node_speed = leader.at(state.time_s + self._node_times_s[1:])
         steps[:, StepIndex.LEADER_POSITION] = node_position - origin_m
         steps[:, StepIndex.LEADER_SPEED] = node_speed
-        steps[:, StepIndex.RATE_INTERVAL] = self._rate_intervals_s
+        steps[:, StepIndex.ACCELERATION_INTERVAL] = self._acceleration_intervals_s
+        steps[:, StepIndex.COMPRESSOR_INTERVAL] = self._compressor_intervals_s
         steps[:, StepIndex.END_OF_PREVIEW] = 0.0
         motion_nodes = self._node_times_s[1 : grid.horizon.motion_steps + 1]
         known_nodes = int(np.searchsorted(motion_nodes, known_s + 1e-6, side="right"))
@@ -164,3 +164,15 @@ class ProblemDataBuilder:
         )
         scaled: FloatArray = (physical - layout.STATE_OFFSET) / layout.STATE_SCALE
         return scaled
+
+
+def _change_intervals_s(lengths_s: FloatArray, longest_s: float) -> FloatArray:
+    """Return the times in which an input changes on the way into each step, shape of the lengths.
+
+    They are those between the middles of two steps, where a longer one that follows counts as ``longest_s``.
+    """
+    previous = np.concatenate([lengths_s[:1], lengths_s[:-1]])
+    grows = lengths_s > previous
+    following = np.where(grows, np.minimum(lengths_s, np.maximum(longest_s, previous)), lengths_s)
+    intervals_s: FloatArray = 0.5 * (previous + following)
+    return intervals_s

@@ -72,14 +72,16 @@ class GlobalIndex(IntEnum):
 class StepIndex(IntEnum):
     """Parameters of one step ahead of its per-sample parameters.
 
-    The last one is 1 for the step with which the knowledge of the leader ends, where the braking reserve is
-    asked for, and 0 for the others: all steps have the same rows, as structure-exploiting solvers want.
+    The intervals are the times in which the inputs change from those of the step before. The last parameter
+    is 1 for the step with which the knowledge of the leader ends, where the braking reserve is asked for, and
+    0 for the others: all steps have the same rows, as structure-exploiting solvers want.
     """
 
     LEADER_POSITION = 0
     LEADER_SPEED = 1
-    RATE_INTERVAL = 2
-    END_OF_PREVIEW = 3
+    ACCELERATION_INTERVAL = 2
+    COMPRESSOR_INTERVAL = 3
+    END_OF_PREVIEW = 4
 
 
 class SampleIndex(IntEnum):

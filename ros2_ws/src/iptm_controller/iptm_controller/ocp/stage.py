@@ -288,7 +288,6 @@ def _limits(
 ) -> ca.SX:
     """Return the inequality rows at the end of the step: paper eqs. 16b to 16i, and the braking reserve."""
     bounds, gap_policy = parameters.limits, parameters.gap
-    rate_s = p[StepIndex.RATE_INTERVAL]
     speed = next_state[StateIndex.SPEED]
     gap = p[StepIndex.LEADER_POSITION] - next_state[StateIndex.POSITION]
     leader_speed = p[StepIndex.LEADER_SPEED]
@@ -305,8 +304,8 @@ def _limits(
     acceleration_change = inputs[InputIndex.ACCELERATION] - state[StateIndex.LAST_ACCELERATION]
     power_change = inputs[InputIndex.COMPRESSOR_POWER] - state[StateIndex.LAST_COMPRESSOR_POWER]
     rows = [
-        acceleration_change / (bounds.max_jerk_m_s3 * rate_s),
-        power_change / (bounds.max_compressor_rate_w_s * rate_s),
+        acceleration_change / (bounds.max_jerk_m_s3 * p[StepIndex.ACCELERATION_INTERVAL]),
+        power_change / (bounds.max_compressor_rate_w_s * p[StepIndex.COMPRESSOR_INTERVAL]),
         margin + inputs[InputIndex.GAP_SHORT],
         # The printed s_min turns negative while the leader pulls away; the gap must not.
         floor + inputs[InputIndex.GAP_SHORT],

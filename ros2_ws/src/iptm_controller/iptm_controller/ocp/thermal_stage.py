@@ -105,7 +105,7 @@ def build_thermal_stage(
     )
     rows = [
         acceleration,
-        change / (bounds.max_compressor_rate_w_s * p[StepIndex.RATE_INTERVAL]),
+        change / (bounds.max_compressor_rate_w_s * p[StepIndex.COMPRESSOR_INTERVAL]),
         *(short, short, short, far, fast, fast),
         *temperature_rows(end_1, end_n, each[-1].coolant.outlet_k, inputs, bounds),
     ]

@@ -77,7 +77,7 @@ class SwitchingCheck:
         lengths_s = self._grid.horizon.step_lengths_s
         self._lengths_s = lengths_s
         self._rate_slots = [
-            place.start + StepIndex.RATE_INTERVAL for place in self._grid.step_parameters
+            place.start + StepIndex.COMPRESSOR_INTERVAL for place in self._grid.step_parameters
         ]
         self._rate_1_s = limits.max_compressor_rate_w_s / _POWER_SCALE_W
         self._slack_prices = np.outer(lengths_s, astuple(problem.penalties))
