@@ -229,17 +229,36 @@ def test_the_single_horizon_drives(
     assert (run.decisions.rung == Rung.OPTIMAL).all()
 
 
-def test_a_cold_pack_at_its_limit_is_driven_by_plans() -> None:
-    """At -18 degC the pack of a heavy car delivers less than the leader's driving asks for."""
-    cold = {"environment.initial_cell_temperature_k": 255.0, "body.mass_kg": 2800.0}
-    parameters = load_parameters(overrides=cold).values
-    route = trip("us06", "large", 90.0, parameters)
+COLD_PACK = {"environment.initial_cell_temperature_k": 255.0, "body.mass_kg": 2800.0}
+LONG_HEADWAY = {
+    "environment.initial_cell_temperature_k": 269.0,
+    "environment.ambient_temperature_k": 269.0,
+    "body.mass_kg": 1600.0,
+    "body.frontal_area_m2": 3.3,
+    "gap.time_headway_s": 2.3,
+    "gap.standstill_gap_m": 2.8,
+    "gap.max_gap_m": 85.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "slope", "duration_s"),
+    [(COLD_PACK, "large", 90.0), (LONG_HEADWAY, "flat", 160.0)],
+    ids=["pack at its limit", "long headway"],
+)
+def test_an_unusual_car_is_driven_by_plans_that_keep_the_gap(
+    overrides: dict[str, float], slope: str, duration_s: float
+) -> None:
+    """A pack at -18 degC delivers less than the driving asks for; s_min that takes 10 m for each m/s."""
+    parameters = load_parameters(overrides=overrides).values
+    route = trip("us06", slope, duration_s, parameters)
     options = ControllerOptions(strategy=STRATEGIES["reference"])
     run = run_closed_loop(
         route, Plant(parameters, route.slope.slope_at), Controller(parameters, options)
     )
     expect_safe(run.trajectory, parameters)
     assert (run.decisions.rung == Rung.OPTIMAL).all()
+    assert gap_margins_m(run.trajectory, parameters).min() > -0.2
 
 
 @pytest.mark.parametrize(
