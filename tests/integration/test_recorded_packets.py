@@ -66,7 +66,7 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
     """In lock-step, and by the clock of the computer as with a radio."""
     port = free_port()
     clocks = {"trip_start_timestamp_ms": 0 if lock_step else -1}
-    common = {"leader_source": "cam", "cycle": "us06", "expected_peers": 1}
+    common = {"leader_source": "cam", "cycle": "nycc", "expected_peers": 1}
     bag = tmp_path / "drive"
     recorder = launcher.start_module(RECORDER, bag, "--topics", TOPICS[Topic.DATAGRAMS].name)
     live = launcher.start_node(
@@ -78,7 +78,7 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
     sender = launcher.start_node(
         SENDER,
         parameters={
-            **clocks, "to_port": port, "cycle": "us06", "loss_probability": 0.3, "follow_clock": lock_step,
+            **clocks, "to_port": port, "cycle": "nycc", "loss_probability": 0.3, "follow_clock": lock_step,
         },
     )  # fmt: skip
     host.wait_for(3 if lock_step else 2)
@@ -117,7 +117,7 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
 
     # The pure parts, from the bag alone.
     recording = read_recording(bag, port, 0)
-    road = build_route("us06", initial_gap_m=15.0).road_line
+    road = build_route("nycc", initial_gap_m=15.0).road_line
     pure = RecordedRadio(
         recording, CamBridge(road, start_timestamp_ms=recording.start_timestamp_ms)
     )

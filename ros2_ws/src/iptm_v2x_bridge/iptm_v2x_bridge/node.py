@@ -92,6 +92,8 @@ class BridgeNode(SuiteNode):
         publishers = (self._leader_publisher, self._preview_publisher)
         if min(publisher.get_subscription_count() for publisher in publishers) < expected:
             return False
+        if expected and not self._answers.is_heard():
+            return False
         self._matching_timer.cancel()
         return True
 

@@ -33,6 +33,10 @@ class NodeAnswers(Protocol):
         """Return what is waited for, empty if nothing is."""
         ...
 
+    def is_heard(self) -> bool:
+        """Return whether somebody listens to whatever is published beside the answers."""
+        ...
+
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics."""
         ...
@@ -91,6 +95,9 @@ class _CycleAnswers:
 
     def missing(self) -> str:
         return ""
+
+    def is_heard(self) -> bool:
+        return True
 
     def report(self) -> dict[str, object]:
         return {"predictions_sent": self._bridge.sent, "dropouts": self._bridge.lost}

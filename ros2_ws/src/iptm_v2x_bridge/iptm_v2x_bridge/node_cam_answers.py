@@ -129,6 +129,10 @@ class CamAnswers:
         """Return what is waited for, empty if nothing is."""
         return self._missing
 
+    def is_heard(self) -> bool:
+        """Return whether somebody listens to the datagrams, if they are published."""
+        return self._publisher is None or self._publisher.get_subscription_count() > 0
+
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics."""
         return self._datagrams.report() | (self._bridge.report() if self._bridge else {})

@@ -88,7 +88,8 @@ class CamSettings(Settings):
     )
     publish_datagrams: bool = parameter(
         default=False,
-        description="cam: publish every datagram on v2x/datagrams, so that a bag holds the radio traffic",
+        description="cam: publish every datagram on v2x/datagrams, so that a bag holds the radio traffic; "
+        "with expected_peers the first answer waits for a listener",
     )
     earlier_drives: str = parameter(
         "",

@@ -106,6 +106,10 @@ class VehicleAnswers:
         self._assumed += 1
         return replace(answer, predictor=str(PredictorName.ASSUMED_BRAKING))
 
+    def is_heard(self) -> bool:
+        """Return whether somebody listens to what is published beside the answers: there is nothing."""
+        return True
+
     def missing(self) -> str:
         """Return what is waited for, empty if nothing is."""
         return self._missing
