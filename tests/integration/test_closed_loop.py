@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
-from iptm_interfaces.codecs import ns_from_time
+from iptm_core.state import Command
+from iptm_interfaces.codecs import decode_command, ns_from_time
 from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_reader import BagReader, read_model_parameters
@@ -78,9 +79,9 @@ def all_gone(processes: dict[str, int]) -> bool:
     return not any(Path(f"/proc/{pid}").exists() for pid in processes.values())
 
 
-def commands_of(bag: Path) -> list[bytes]:
+def commands_of(bag: Path) -> list[tuple[int, Command]]:
     with BagReader(bag) as reader:
-        return [raw.data for raw in reader.raw_messages(["/controller/command"])]
+        return [decode_command(item.message) for item in reader.messages(["/controller/command"])]
 
 
 def test_a_run_ends_with_bag_table_and_picture_and_can_be_repeated(
