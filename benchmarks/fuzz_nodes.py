@@ -38,7 +38,7 @@ from iptm_interfaces.diagnostics import status_values
 from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
-from iptm_plant_sim import node as plant_module
+from iptm_plant_sim import node_trip
 from iptm_plant_sim.node import PlantNode
 from iptm_v2x_bridge.node import BridgeNode
 
@@ -127,7 +127,7 @@ class NodesHere(Suite):
         rclpy.init(args=["fuzz", "--ros-args", "--log-level", "fatal", *arguments])
         self._waits = contextlib.ExitStack()
         self._waits.enter_context(mock.patch.object(stamp_gate, "LEAST_QUIET_S", 0.05))
-        self._waits.enter_context(mock.patch.object(plant_module, "REPEAT_S", 0.1))
+        self._waits.enter_context(mock.patch.object(node_trip, "REPEAT_S", 0.1))
         self._nodes: tuple[SuiteNode, ...] = (PlantNode(), ControllerNode(), BridgeNode())
         self._listener = SuiteNode("listener")
         self._listener.listen(

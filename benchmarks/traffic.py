@@ -14,8 +14,9 @@ from typing import Any
 from benchmarks.harness import markdown_table, run_benchmark
 from benchmarks.v2x_page import put
 from iptm_core.parameters import load_parameters
+from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult, drive_in_traffic
+from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "traffic.md"
 COLUMNS = {

@@ -11,37 +11,32 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.integration.controller_ticks import (
+    LINK,
+    ROAD,
+    SMALL,
+    S,
+    as_measured,
+    tick_messages,
+)
 
-from iptm_controller.controller import Controller, Measurements
+from iptm_controller.controller import Controller
 from iptm_controller.horizon import Horizon
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import plan_trajectory
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.state import IntervalPowers, LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_core.state import LeaderPreview, SlopePreview
 from iptm_interfaces.codecs import (
     decode_command,
     decode_decision_record,
-    decode_leader,
-    decode_leader_preview,
     decode_plan,
-    decode_vehicle_state,
-    encode_acceleration,
-    encode_capacity_loss,
-    encode_host_odometry,
-    encode_leader,
-    encode_leader_preview,
-    encode_powers,
     encode_slope,
-    encode_temperature,
     ns_from_time,
 )
 from iptm_interfaces.diagnostics import Level, status_values
 from iptm_interfaces.topics import STATE_TOPICS, Topic
 
 MODULE = "iptm_controller.node"
-S = 1_000_000_000
-ROAD = SlopePreview(np.arange(0.0, 3000.0, 10.0), 0.04 * np.sin(np.arange(300) / 9.0))
-LINK = (Topic.LEADER, Topic.LEADER_PREVIEW)
 ANSWERS = (
     Topic.COMMAND,
     Topic.SOLVE,
@@ -49,44 +44,6 @@ ANSWERS = (
     Topic.ACCELERATION_COMMAND,
     Topic.COMPRESSOR_POWER_COMMAND,
 )
-SMALL: dict[str, object] = {"horizon": "2x1+2x5", "input_timeout_s": 60.0}
-"""A small problem, and no time limit that a busy machine could break; tests of the limit set their own."""
-
-
-def tick_messages(
-    time_s: float, leader_acceleration_m_s2: float = -0.3, **changes: float
-) -> dict[Topic, Any]:
-    """Everything that plant and bridge say at one tick."""
-    state = replace(
-        VehicleState(time_s, 200.0 + 15.0 * time_s, 15.0, 0.1, 300.0, 307.0, 308.5, 1e-3, 1e-3),
-        **changes,
-    )
-    ahead = np.arange(61.0)
-    speeds = np.maximum(16.0 + leader_acceleration_m_s2 * ahead, 0.0)
-    moved = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
-    leader = LeaderState(time_s, state.position_m + 45.0, 16.0)
-    preview = LeaderPreview(time_s, time_s + ahead, leader.position_m + moved, speeds)
-    powers = IntervalPowers(9e3, state.compressor_power_w, 200.0, 9.5e3, 100.0)
-    return {
-        Topic.PLANT_ODOMETRY: encode_host_odometry(state),
-        Topic.PLANT_ACCELERATION: encode_acceleration(state),
-        Topic.PLANT_CELL_1_TEMPERATURE: encode_temperature(time_s, state.cell_1_temperature_k),
-        Topic.PLANT_CELL_N_TEMPERATURE: encode_temperature(time_s, state.cell_n_temperature_k),
-        Topic.PLANT_POWERS: encode_powers(time_s, powers),
-        Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
-        Topic.LEADER: encode_leader(leader),
-        Topic.LEADER_PREVIEW: encode_leader_preview(preview, round(time_s * S)),
-    }
-
-
-def as_measured(messages: dict[Topic, Any], road: SlopePreview = ROAD) -> Measurements:
-    """What the node makes of them."""
-    return Measurements(
-        decode_vehicle_state(messages),
-        decode_leader(messages[Topic.LEADER]),
-        decode_leader_preview(messages[Topic.LEADER_PREVIEW])[1],
-        road,
-    )
 
 
 class World:

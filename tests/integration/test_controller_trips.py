@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from tests.integration.controller_ticks import ROAD, SMALL, tick_messages
 from tests.integration.node_bench import NodeBench, node_bench
-from tests.integration.test_controller_node import ROAD, SMALL, tick_messages
 
 from iptm_controller.node import ControllerNode
 from iptm_interfaces.codecs import encode_slope

@@ -9,7 +9,8 @@ from sensor_msgs.msg import JointState
 
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.topics import STREAM_QOS, TOPICS, Topic
+from iptm_interfaces.qos import STREAM_QOS
+from iptm_interfaces.topics import TOPICS, Topic
 
 PREFIXES = {"car_1": "", "car_2": "taxi"}
 DURATIONS_S = {"car_1": 12, "car_2": 20}

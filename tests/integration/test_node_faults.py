@@ -12,16 +12,13 @@ from unittest import mock
 import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from tests.integration.controller_ticks import LINK, ROAD, SMALL, tick_messages
 from tests.integration.node_bench import NodeBench, S, node_bench
-from tests.integration.test_controller_node import LINK, ROAD, SMALL, tick_messages
 
 from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_controller.node import ControllerNode
 from iptm_core.state import Command
-from iptm_interfaces.codecs import (
-    encode_command,
-    encode_slope,
-)
+from iptm_interfaces.codecs import encode_command, encode_slope
 from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.stamp_matcher import StampMatcher
 from iptm_interfaces.suite_node import SuiteNode

@@ -14,8 +14,8 @@ from std_msgs.msg import Float64MultiArray
 
 from iptm_interfaces.codecs import time_from_ns
 from iptm_interfaces.diagnostics import status_values
+from iptm_interfaces.qos import LATCHED_QOS
 from iptm_interfaces.services import SERVICES, Service
-from iptm_interfaces.topics import LATCHED_QOS
 from iptm_recording.bag_reader import BagReader
 
 S = 10**9

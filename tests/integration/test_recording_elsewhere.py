@@ -14,7 +14,7 @@ from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float64MultiArray
 
 from iptm_interfaces.codecs import time_from_ns
-from iptm_interfaces.topics import LATCHED_QOS
+from iptm_interfaces.qos import LATCHED_QOS
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.recover import recover
 

@@ -11,8 +11,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
+from tests.integration.controller_ticks import ROAD, SMALL, as_measured, tick_messages
 from tests.integration.node_bench import NodeBench, S, node_bench
-from tests.integration.test_controller_node import ROAD, SMALL, as_measured, tick_messages
 
 from iptm_controller.node import ControllerNode
 from iptm_controller.node_parameters import ControllerNodeParameters

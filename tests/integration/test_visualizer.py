@@ -10,7 +10,8 @@ import pytest
 from std_msgs.msg import String
 
 from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.topics import LATCHED_QOS, Topic
+from iptm_interfaces.qos import LATCHED_QOS
+from iptm_interfaces.topics import Topic
 from iptm_interfaces.visual_topics import VISUAL_TOPICS
 from iptm_recording.trajectory_reader import read_trajectory
 from iptm_view.vehicle_description import LENGTH_M

@@ -6,10 +6,8 @@ import pytest
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
+from iptm_interfaces.qos import LATCHED_QOS, RAW_QOS, STREAM_QOS
 from iptm_interfaces.topics import (
-    LATCHED_QOS,
-    RAW_QOS,
-    STREAM_QOS,
     TOPICS,
     Topic,
     TopicSpec,

@@ -6,7 +6,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosReliability, QosTime
 
 from iptm_core.errors import BagError
-from iptm_interfaces.topics import LATCHED_QOS, STREAM_QOS
+from iptm_interfaces.qos import LATCHED_QOS, STREAM_QOS
 from iptm_recording.rclpy_types import from_profile, message_class, to_profile
 from iptm_recording.recorded_topics import (
     DEFAULT_QOS,

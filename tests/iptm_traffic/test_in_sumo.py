@@ -19,6 +19,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
 from iptm_traffic import cli
+from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.corridor import Corridor
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
@@ -27,7 +28,7 @@ from iptm_traffic.demand import (
     signal_offsets_s,
     write_demand,
 )
-from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, drive_in_traffic
+from iptm_traffic.drive import TrafficDrive, TrafficKnowledge
 from iptm_traffic.network import CYCLE_S, Network, build_network
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.sumo_process import SumoProcess

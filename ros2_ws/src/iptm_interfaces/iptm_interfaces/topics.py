@@ -17,11 +17,13 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped
 from nav_msgs.msg import Odometry
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, JointState, Temperature
 from std_msgs.msg import Float64, Float64MultiArray, UInt8MultiArray
 from trajectory_msgs.msg import JointTrajectory
+
+from iptm_interfaces.qos import KEPT_STREAM_QOS, LATCHED_QOS, RAW_QOS, STREAM_QOS
 
 MAP_FRAME = "map"
 """The world, one for all vehicles: x east, y north, z up, origin where the host starts (REP 105)."""
@@ -33,38 +35,6 @@ LEADER_FRAME = "leader"
 """Body of the preceding vehicle: origin on the road below its rear bumper, axes likewise."""
 PACK_FRAME = "battery_pack"
 """The battery pack, fixed in the host: named by the battery, coolant and degradation messages."""
-
-STREAM_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
-"""State, previews and commands: reliable, keep last 10, volatile."""
-
-KEPT_STREAM_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-"""A stream whose beginning nobody may miss: a late subscriber that asks for it gets what is kept."""
-
-LATCHED_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-"""Static data: reliable, keep last 1, transient-local (a late subscriber still gets it)."""
-
-RAW_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=5000,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
-"""What comes in bursts and must not be lost: reliable, keep last 5000, volatile."""
 
 
 class Topic(Enum):

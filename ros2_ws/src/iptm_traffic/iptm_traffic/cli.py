@@ -19,8 +19,9 @@ from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.user_input import number
+from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult, drive_in_traffic
+from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
 
 PROGRAM = "traffic"
 EXIT_OK, EXIT_NOT_GOOD, EXIT_USER_ERROR = 0, 1, 2

@@ -13,8 +13,9 @@ from trajectory_msgs.msg import JointTrajectory
 from iptm_core.decision_record import Rung
 from iptm_core.state import FloatArray
 from iptm_interfaces.codecs import decode_decision_record, decode_plan, ns_from_time
+from iptm_interfaces.qos import RAW_QOS
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import RAW_QOS, Topic
+from iptm_interfaces.topics import Topic
 from iptm_v2x_bridge.sending.plan_sender import HostTick
 
 _JOIN_PERIOD_S = 0.05

@@ -27,8 +27,9 @@ from iptm_interfaces.codecs import (
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
+from iptm_interfaces.qos import LATCHED_QOS
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import LATCHED_QOS, TOPICS, Topic
+from iptm_interfaces.topics import TOPICS, Topic
 from iptm_interfaces.visual_topics import DESCRIPTION_TOPIC, PUBLISHER, VISUAL_TOPICS
 from iptm_recording.timeline import read_stamp_ns
 from iptm_view.graph_subscriptions import GraphSubscriptions

@@ -1,0 +1,245 @@
+"""A drive in traffic, headless: SUMO, messages, bridge, controller, plant, and back into SUMO."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections import Counter
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+
+from iptm_controller.controller import Controller, ControllerOptions, Measurements
+from iptm_controller.horizon import SINGLE_HORIZON, Horizon
+from iptm_controller.settings import ControllerSettings
+from iptm_controller.strategy import strategy_by_name
+from iptm_core.decision_record import Rung
+from iptm_core.metrics import compute_metrics
+from iptm_core.metrics.constraints import gap_margins_m
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.route import Route
+from iptm_core.settings import PreviewSettings
+from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
+from iptm_core.trajectory import Trajectory
+from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_studies.closed_loop import run_closed_loop
+from iptm_traffic.corridor import Corridor
+from iptm_traffic.demand import (
+    BEFORE_TRIP_S,
+    signal_offsets_s,
+    write_demand,
+)
+from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
+from iptm_traffic.events import Director, LineWatch
+from iptm_traffic.network import CYCLE_S, Network, build_network
+from iptm_traffic.radio import Rehearsal, Rehearsed, TrafficRadio
+from iptm_traffic.simulation import LOOKED_AHEAD_M, TrafficSimulation
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.predictor import Predictor
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.signals import BoundedBySignals
+from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
+
+DRIVER_FORESIGHT_S = 15.0
+"""How far ahead the host looks at lines where their plan is not sent to it."""
+SETTLING_S = 10
+"""A gap that another car has made by moving in is not counted for so long."""
+
+
+class PlantInTraffic(Plant):
+    """A plant whose every interval takes place in SUMO, too."""
+
+    def __init__(
+        self, parameters: ModelParameters, simulation: TrafficSimulation, lines: LineWatch
+    ) -> None:
+        """Put a fresh plant into a simulation; `lines` watches the stop lines that it passes."""
+        super().__init__(parameters, simulation.network.road.slope().slope_at)
+        self._simulation, self._lines = simulation, lines
+
+    def advance(self, state: VehicleState, command: Command, duration_s: float = 1.0) -> PlantStep:
+        """Carry out a command, and let the traffic go on for as long; see `Plant.advance`."""
+        step = super().advance(state, command, duration_s)
+        self._lines.watch(state, step.state)
+        self._simulation.move_host(step.state, duration_s)
+        return step
+
+
+class _Watched:
+    """A bridge that counts who foretold the leader."""
+
+    def __init__(self, inner: RulesOfTheRoad) -> None:
+        self._inner = inner
+        self.predictors: Counter[str] = Counter()
+
+    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+        answer = self._inner.answer(time_ns, host_position_m)
+        self.predictors[answer.predictor or "none"] += 1
+        return answer
+
+
+def drive_in_traffic(drive: TrafficDrive, parameters: ModelParameters) -> TrafficResult:
+    """Drive.
+
+    Raises:
+        IptmError: SUMO is not installed or fails, or the strategy is not known.
+    """
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="iptm_traffic_") as name:
+        folder = Path(name)
+        corridor = Corridor.long_enough_for(drive.duration_s)
+        offsets = signal_offsets_s(corridor, drive.scenario, drive.demand, CYCLE_S)
+        network = build_network(corridor, folder, offsets, BEFORE_TRIP_S)
+        rehearsal = None
+        if drive.knowledge is TrafficKnowledge.PATH:
+            demand = _demand(drive, corridor, parameters, folder, with_stand_in=True)
+            rehearsal = _rehearse(drive, network, demand)
+        demand = _demand(drive, corridor, parameters, folder, with_stand_in=False)
+        with closing(TrafficSimulation(network, demand, drive.step_s)) as simulation:
+            return _closed_loop(drive, parameters, simulation, rehearsal, began)
+
+
+def _demand(
+    drive: TrafficDrive,
+    corridor: Corridor,
+    parameters: ModelParameters,
+    folder: Path,
+    *,
+    with_stand_in: bool,
+) -> Path:
+    return write_demand(
+        corridor,
+        drive.scenario,
+        drive.demand,
+        drive.duration_s,
+        parameters.gap.initial_gap_m,
+        drive.step_s,
+        folder,
+        with_stand_in=with_stand_in,
+    )
+
+
+def _rehearse(drive: TrafficDrive, network: Network, demand: Path) -> dict[str, Rehearsed]:
+    rehearsal = Rehearsal()
+    longest_s = drive.duration_s + 60.0
+    with closing(TrafficSimulation(network, demand, drive.step_s, with_host=False)) as simulation:
+        rehearsal.watch(simulation, longest_s)
+    return rehearsal.drives(network.road)
+
+
+def _limits_m_s(network: Network, trajectory: Trajectory) -> FloatArray:
+    """Return the speed limit at every instant, shape (n,)."""
+    limits = network.limits
+    index = np.searchsorted(limits.starts_m, trajectory.position_m, side="right") - 1
+    here: FloatArray = limits.limits_m_s[np.maximum(index, 0)]
+    return here
+
+
+def _predictors(knowledge: TrafficKnowledge, network: Network) -> tuple[Predictor, ...]:
+    if knowledge is TrafficKnowledge.PATH:
+        return ReceivedPath(), History()
+    if knowledge is TrafficKnowledge.SIGNALS:
+        return BoundedBySignals(History(), network.limits, network.plan), History()
+    return (History(),)
+
+
+def _options(drive: TrafficDrive) -> ControllerOptions:
+    is_default = drive.strategy == ControllerSettings.strategy
+    return ControllerOptions(
+        strategy=strategy_by_name(drive.strategy),
+        horizon=Horizon.parse(ControllerSettings.horizon) if is_default else SINGLE_HORIZON,
+        trip_duration_s=drive.duration_s,
+    )
+
+
+def _closed_loop(
+    drive: TrafficDrive,
+    parameters: ModelParameters,
+    simulation: TrafficSimulation,
+    rehearsal: dict[str, Rehearsed] | None,
+    began: float,
+) -> TrafficResult:
+    network = simulation.network
+    road_line, slope = network.road.road_line(), network.road.slope()
+    preview = PreviewSettings()
+    radio = TrafficRadio(
+        simulation,
+        CamBridge(road_line, preview, predictors=_predictors(drive.knowledge, network)),
+        road_line,
+        rehearsal,
+    )
+    simulation.after_step = radio.note
+    radio.note()
+    knows_plan = drive.knowledge is TrafficKnowledge.SIGNALS
+    rules = RulesOfTheRoad(
+        radio,
+        lambda: simulation.host_speed_m_s,
+        network.limits,
+        network.plan,
+        parameters.gap,
+        preview,
+        foresight_s=preview.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,
+    )
+    watched = _Watched(rules)
+    lines = LineWatch(network.plan)
+    plant = PlantInTraffic(parameters, simulation, lines)
+    director = Director(drive.scenario, simulation)
+    leaders: list[str] = []
+    real: list[bool] = []
+    changes: list[int] = []
+
+    def truth(measured: Measurements) -> tuple[LeaderState, Measurements]:
+        assert measured.state is not None  # noqa: S101  the plant is measured without faults
+        found = simulation.leader()
+        state = measured.state
+        name = None if found is None else found[0]
+        if name is not None and (not leaders or leaders[-1] != name):
+            changes.append(len(real))
+            leaders.append(name)
+        real.append(found is not None)
+        director.direct(name)
+        if found is None:
+            far_m = state.position_m + LOOKED_AHEAD_M
+            return LeaderState(state.time_s, far_m, state.speed_m_s), measured
+        return LeaderState(state.time_s, state.position_m + found[1], found[2]), measured
+
+    controller = Controller(parameters, _options(drive))
+    route = Route(
+        f"traffic, {drive.scenario}",
+        LeaderMotion(np.zeros(1), np.zeros(1), parameters.gap.initial_gap_m),
+        slope,
+        drive.duration_s,
+        (),
+        "SUMO",
+        road_line,
+    )
+    started, used = time.perf_counter(), time.process_time() + simulation.processor_s
+    run = run_closed_loop(route, plant, controller, disturb=truth, bridge=watched)
+    ended = time.perf_counter()
+    processor_s = time.process_time() + simulation.processor_s - used
+    margins = gap_margins_m(run.trajectory, parameters)
+    counted = np.array(real)
+    for tick in changes:
+        counted[tick : tick + SETTLING_S] = False
+    records = run.decisions
+    return TrafficResult(
+        drive,
+        run.trajectory,
+        records,
+        compute_metrics(run.trajectory, parameters, records),
+        float(np.min(margins[counted], initial=np.inf)),
+        len(lines.passed),
+        sum(not is_open for _, is_open in lines.passed),
+        float(np.max(run.trajectory.speed_m_s - _limits_m_s(network, run.trajectory), initial=0.0)),
+        simulation.largest_deviation_m,
+        tuple(leaders),
+        dict(sorted(watched.predictors.items())),
+        radio.sent,
+        int(np.count_nonzero(np.asarray(records.rung) != Rung.OPTIMAL)),
+        started - began,
+        ended - started,
+        processor_s,
+    )
