@@ -129,7 +129,7 @@ def test_a_vehicle_that_dies_is_told_and_the_one_behind_goes_on_without_it(
     trajectory = read_trajectory(output / "car_2", "car_2")
     assert trajectory.time_s[-1] == 400.0
     assert trajectory.gap_m.min() > 0.0
-    assert trajectory.leader_speed_m_s[-1] == 0.0
+    assert trajectory.leader_speed_m_s[-1] == pytest.approx(0.0, abs=1e-9)
     with BagReader(output / "car_2") as reader:
         told = [
             status.message
