@@ -9,7 +9,7 @@ from sensor_msgs.msg import JointState
 
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.qos import STREAM_QOS
+from iptm_interfaces.qos import RAW_QOS
 from iptm_interfaces.topics import TOPICS, Topic
 
 PREFIXES = {"car_1": "", "car_2": "taxi"}
@@ -30,13 +30,13 @@ def test_a_namespace_moves_a_suite_with_its_clock(launcher: Any, peer: Any) -> N
             Clock,
             f"/{car}/clock",
             lambda message, car=car: clocks[car].append(ns_from_time(message.clock)),
-            STREAM_QOS,
+            RAW_QOS,
         )
         peer.node.create_subscription(
             JointState,
             f"/{car}/controller/command",
             lambda message, car=car: commands[car].append(ns_from_time(message.header.stamp)),
-            STREAM_QOS,
+            RAW_QOS,
         )
         for topic in (Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.PLAN):
             peer.node.create_subscription(
@@ -45,7 +45,7 @@ def test_a_namespace_moves_a_suite_with_its_clock(launcher: Any, peer: Any) -> N
                 lambda message, car=car: frames[car].update(
                     (message.header.frame_id, getattr(message, "child_frame_id", ""))
                 ),
-                STREAM_QOS,
+                RAW_QOS,
             )
         place = ("-r", f"__ns:=/{car}")
         prefix = {"frame_prefix": PREFIXES[car]}
