@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
@@ -18,6 +19,8 @@ _WAYS = {
     Way.LOCK_STEP: "lock-step",
     Way.REAL_TIME: "real time",
 }
+_FOLDER_OF_A_BAG = re.compile(r"/\S*/(?=\S+\.mcap)")
+"""Where a bag lay is the machine's own affair."""
 _ASKED = {Said.ALWAYS: "every tick", Said.ONCE: "a word", Said.NOTHING: "nothing"}
 
 
@@ -127,7 +130,8 @@ def _slowest(verdicts: Sequence[TrialOutcome]) -> str:
 
 
 def _reasons(verdicts: Sequence[TrialOutcome]) -> str:
-    counts = Counter(reason for verdict in verdicts for reason in verdict.said)
+    said = (reason for verdict in verdicts for reason in verdict.said)
+    counts = Counter(_FOLDER_OF_A_BAG.sub("", reason) for reason in said)
     return "<br>".join(f"{reason} ({count})" for reason, count in counts.most_common()) or "nothing"
 
 
