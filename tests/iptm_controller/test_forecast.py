@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import make_leader, make_preview
 
+from iptm_controller import forecast as forecast_module
 from iptm_controller.forecast import (
+    ACCELERATION_DECAY_S,
     HISTORY_S,
     LeaderForecaster,
     PredictedLeaderMotion,
@@ -20,7 +23,9 @@ from iptm_controller.forecast import (
     extrapolated_motion,
     measured_acceleration_m_s2,
 )
-from iptm_core.state import LeaderPreview, LeaderState
+from iptm_core.routes.cycles import CYCLE_NAMES, load_cycle
+from iptm_core.routes.leader import LeaderMotion
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 HORIZON_S = 28.0
 MAX_AGE_S = 10.0
@@ -224,6 +229,35 @@ def test_going_back_in_time_starts_a_new_history(forecaster: LeaderForecaster) -
     forecast = forecaster.forecast(leader, NONE_YET)
     assert forecast.motion.times_s[0] == 0.0
     expect_constant_speed(forecast.motion, leader)
+
+
+def squared_errors_m2(leader: LeaderMotion, decay_s: float) -> tuple[FloatArray, FloatArray]:
+    """Of positions 3, 5 and 8 s ahead, from every second on: extrapolated, and at a constant speed."""
+    ahead_s = np.array([3.0, 5.0, 8.0])
+    extrapolated, constant = [], []
+    with mock.patch.object(forecast_module, "ACCELERATION_DECAY_S", decay_s):
+        for time_s in np.arange(1.0, leader.times_s[-1] - ahead_s[-1]):
+            measured = [leader.state_at(time_s - 1.0), leader.state_at(time_s)]
+            motion = extrapolated_motion(measured[1], measured_acceleration_m_s2(measured))
+            driven_m = leader.positions_at(time_s + ahead_s)
+            extrapolated.append((motion.at(time_s + ahead_s)[0] - driven_m) ** 2)
+            steady_m = measured[1].position_m + measured[1].speed_m_s * ahead_s
+            constant.append((steady_m - driven_m) ** 2)
+    return np.array(extrapolated), np.array(constant)
+
+
+def test_the_decay_is_that_of_the_published_cycles() -> None:
+    leaders = [LeaderMotion.from_cycle(load_cycle(name), 40.0) for name in CYCLE_NAMES]
+    for leader in leaders:
+        extrapolated, constant = squared_errors_m2(leader, ACCELERATION_DECAY_S)
+        assert np.all(extrapolated.mean(axis=0) < constant.mean(axis=0))
+
+    def of_all(decay_s: float) -> float:
+        return sum(float(squared_errors_m2(leader, decay_s)[0].sum()) for leader in leaders)
+
+    best = of_all(ACCELERATION_DECAY_S)
+    assert best < of_all(0.5 * ACCELERATION_DECAY_S)
+    assert best < of_all(2.0 * ACCELERATION_DECAY_S)
 
 
 def spoil(preview: LeaderPreview, name: str, index: int, value: float) -> LeaderPreview:

@@ -11,7 +11,6 @@ from typing import Protocol
 from iptm_core.errors import BagError
 from iptm_interfaces.codecs import decode_raw_datagram
 from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.bag_reader import BagReader
 from iptm_v2x_bridge.captures import CAPTURE_SUFFIXES, read_capture
 from iptm_v2x_bridge.datagrams import MAX_KEPT, DatagramReader
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
@@ -206,6 +205,9 @@ def read_recording(
         start_ms = max(start_timestamp_ms, 0)
         marked = recording_with_marks(captured, str(path), start_ms)
         return marked or recording_by_time(captured, start_ms)
+    # Only here: reading bags takes long to import, and most bridges never read one.
+    from iptm_recording.bag_reader import BagReader  # noqa: PLC0415
+
     with BagReader(path) as reader:
         spec = TOPICS[Topic.DATAGRAMS]
         wanted = topic if topic in reader.topics else spec.name

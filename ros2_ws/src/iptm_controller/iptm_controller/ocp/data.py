@@ -21,6 +21,7 @@ LONGEST_ACCELERATION_CHANGE_S = 1.0
 """On the way into a longer step the acceleration changes as if that step were so long: braking that builds up
 inside of it comes too late, and at 30 m/s each metre per second of speed is worth over 10 m of s_min."""
 LONGEST_COMPRESSOR_CHANGE_S = 2.5
+"""Likewise of the compressor, which may be later: what it does shows in the temperatures over minutes."""
 SLOPE_DIFFERENCE_M = 25.0
 COLD_COMPRESSOR_PRICE_1_KW = 100.0
 """Cost per kilowatt and second of a compressor that runs although the cells are at their lower limit."""

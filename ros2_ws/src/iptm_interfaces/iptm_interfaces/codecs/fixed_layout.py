@@ -15,7 +15,7 @@ from typing import Any, Generic, ParamSpec
 
 from rclpy.serialization import serialize_message
 
-from iptm_interfaces.codecs.time import time_from_ns
+from iptm_interfaces.codecs.time import put_stamp, time_from_ns
 from iptm_interfaces.topics import frame_in
 
 P = ParamSpec("P")
@@ -23,8 +23,6 @@ P = ParamSpec("P")
 Numbers = tuple[int, Sequence[float]]
 """Stamp in integer nanoseconds, and the numbers in the order of the fields."""
 
-_STAMP = struct.Struct("<iI")
-_STAMP_OFFSET = 4  # behind the mark of the encoding
 _NUMBER_BYTES = 8
 
 
@@ -71,13 +69,12 @@ class FixedLayout:
         Raises:
             MessageError: no message can carry the stamp.
         """
-        stamp = time_from_ns(stamp_ns)
         form = self._forms.get(prefix)
         if form is None:
             form = self._forms[prefix] = self._form(prefix)
         start, adjacent, offsets = form
         data = bytearray(start)
-        _STAMP.pack_into(data, _STAMP_OFFSET, stamp.sec, stamp.nanosec)
+        put_stamp(data, stamp_ns)
         if adjacent is not None:
             adjacent.pack_into(data, offsets[0], *numbers)
         else:

@@ -18,13 +18,13 @@ from iptm_interfaces.codecs.time import (
     duration_from_ns,
     ns_from_duration,
     ns_from_time,
+    put_stamp,
     time_from_ns,
 )
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic, frame_in
 
 PLAN_NAMES = list(TOPICS[Topic.PLAN].fields)
 
-_STAMP_OFFSET = 4  # behind the mark of the encoding
 _LIST_BYTES = 8 * len(PLAN_NAMES)
 # One node in CDR: number of positions or the fill bytes behind it, positions, three empty lists, time.
 _POINT = np.dtype(
@@ -89,8 +89,7 @@ def encode_plan_bytes(plan: PlanTrajectory, stamp_ns: int, prefix: str = "") -> 
     offsets_ns, table = _table(plan, stamp_ns)
     start, points_at = _form(len(table), prefix)
     data = bytearray(start)
-    stamp = time_from_ns(stamp_ns)
-    struct.pack_into("<iI", data, _STAMP_OFFSET, stamp.sec, stamp.nanosec)
+    put_stamp(data, stamp_ns)
     points = np.frombuffer(data, _POINT, len(table), points_at)
     seconds = offsets_ns // NS_PER_S
     points["positions"] = table
