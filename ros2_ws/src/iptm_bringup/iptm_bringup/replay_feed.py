@@ -91,7 +91,7 @@ def copy_without_repeats(bag: Path, names: Sequence[str], copy: Path) -> Path:
     the same time of the trip and with the same bytes.
 
     Args:
-        bag: bag folder or .mcap file.
+        bag: bag folder or file.
         names: full names of the topics.
         copy: bag folder to create.
 

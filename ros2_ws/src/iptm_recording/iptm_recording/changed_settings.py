@@ -32,7 +32,7 @@ def read_settings_changes(path: Path, namespace: str | None = None) -> list[Sett
     """Return the changes inside a bag, in order; what was changed before it is none.
 
     Args:
-        path: bag folder or .mcap file.
+        path: bag folder or file.
         namespace: of the vehicle; None takes all there are.
 
     Raises:
