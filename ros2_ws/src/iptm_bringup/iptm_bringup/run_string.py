@@ -24,7 +24,7 @@ from iptm_bringup.tables import TABLES_WIDTH
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
-from iptm_core.settings import VEHICLE_LENGTH_M
+from iptm_core.settings import VEHICLE_LENGTH_M, VEHICLE_LENGTHS_M
 from iptm_core.vehicle_string import MAX_VEHICLES, vehicles_in_string
 from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
@@ -166,9 +166,10 @@ def _prepared(parsed: argparse.Namespace, rest: list[str]) -> PreparedScenario:
     """
     if not 2 <= parsed.vehicles <= MAX_VEHICLES:
         raise ScenarioError(f"--vehicles is {parsed.vehicles}; allowed: 2 to {MAX_VEHICLES}")
-    if not 0.1 <= parsed.vehicle_length_m <= 102.0:
+    shortest_m, longest_m = VEHICLE_LENGTHS_M
+    if not shortest_m <= parsed.vehicle_length_m <= longest_m:
         raise ScenarioError(
-            f"--vehicle-length-m is {parsed.vehicle_length_m:g}; allowed: 0.1 to 102 m"
+            f"--vehicle-length-m is {parsed.vehicle_length_m:g}; allowed: {shortest_m:g} to {longest_m:g} m"
         )
     options = build_run_parser().parse_args(rest)
     unfit = [name for name in ("view", "list", "no_record") if getattr(options, name)]

@@ -19,6 +19,8 @@ from iptm_core.trip_time import NS_PER_S
 MAX_SEED = 2**63 - 1
 VEHICLE_LENGTH_M = 4.5
 """Front to rear bumper where nothing else is said: a car of the compact class."""
+VEHICLE_LENGTHS_M = (0.1, 102.0)
+"""Shortest and longest vehicle, as far as messages between vehicles can tell."""
 
 
 class LoopMode(str, Enum):

@@ -12,6 +12,7 @@ from iptm_core.errors import ParameterError, RouteError
 from iptm_core.routes import Route, build_route
 from iptm_core.settings import (
     VEHICLE_LENGTH_M,
+    VEHICLE_LENGTHS_M,
     FrameSettings,
     PreviewSettings,
     RoadSettings,
@@ -141,7 +142,10 @@ class BridgeNodeParameters(CamSettings, FrameSettings, TickSettings, PreviewSett
 
     vehicle_ahead: str = declared(StringSettings, "vehicle_ahead")
     leader_length_m: float = parameter(
-        VEHICLE_LENGTH_M, "vehicle: length of the leader, front to rear bumper", "m", 0.1, 102.0
+        VEHICLE_LENGTH_M,
+        "vehicle: length of the leader, front to rear bumper",
+        "m",
+        *VEHICLE_LENGTHS_M,
     )
     initial_gap_m: float = parameter(
         15.0, "position of the leader at t = 0, the host being at 0", "m", 1.0, 500.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
-from iptm_core.settings import MAX_SEED, VEHICLE_LENGTH_M
+from iptm_core.settings import MAX_SEED, VEHICLE_LENGTH_M, VEHICLE_LENGTHS_M
 from iptm_core.state import FloatArray
 
 
@@ -63,7 +63,7 @@ class SenderSettings(Settings):
     )
     station_id: int = parameter(4711, "identity of the sender", "", 0, 2**32 - 1)
     vehicle_length_m: float = parameter(
-        VEHICLE_LENGTH_M, "length of the sender, front to rear bumper", "m", 0.1, 102.0
+        VEHICLE_LENGTH_M, "length of the sender, front to rear bumper", "m", *VEHICLE_LENGTHS_M
     )
     link_delay_s: float = parameter(0.0, "delay of every message on its way", "s", 0.0, 60.0)
     link_jitter_s: float = parameter(
