@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from iptm_recording.playback_control import PlaybackControl, Verdict
+from iptm_recording.playback_control import PlaybackControl, WaitOutcome
 
 S = 10**9
 
@@ -46,48 +46,48 @@ def test_recorded_time_follows_rate_pause_and_position(steady: Steady) -> None:
 def test_what_is_due_is_not_waited_for(steady: Steady) -> None:
     control = PlaybackControl(100 * S, 1.0, steady_s=steady)
     steady.now_s += 2.0
-    assert control.wait(102 * S) is Verdict.DUE
-    assert control.wait(103 * S, longest_s=0.0) is Verdict.EARLY
+    assert control.wait(102 * S) is WaitOutcome.DUE
+    assert control.wait(103 * S, longest_s=0.0) is WaitOutcome.EARLY
 
 
 def test_steps_of_a_paused_playback(steady: Steady) -> None:
     control = PlaybackControl(100 * S, 1.0, is_paused=True, steady_s=steady)
-    assert control.wait(100 * S, longest_s=0.0) is Verdict.EARLY
+    assert control.wait(100 * S, longest_s=0.0) is WaitOutcome.EARLY
     assert control.step()
     assert control.step()
-    assert control.wait(105 * S) is Verdict.DUE
+    assert control.wait(105 * S) is WaitOutcome.DUE
     assert control.position_ns == 105 * S
-    assert control.wait(105 * S) is Verdict.DUE
-    assert control.wait(106 * S, longest_s=0.0) is Verdict.EARLY
+    assert control.wait(105 * S) is WaitOutcome.DUE
+    assert control.wait(106 * S, longest_s=0.0) is WaitOutcome.EARLY
     control.pause(is_paused=False)
     assert not control.step()
     steady.now_s += 1.0
-    assert control.wait(106 * S) is Verdict.DUE
+    assert control.wait(106 * S) is WaitOutcome.DUE
 
 
 def test_a_position_is_asked_for_once(steady: Steady) -> None:
     control = PlaybackControl(0, 1.0, is_paused=True, steady_s=steady)
     control.seek(5 * S)
-    assert control.wait(S) is Verdict.SOUGHT
+    assert control.wait(S) is WaitOutcome.SOUGHT
     assert control.take_sought() == 5 * S
     assert control.take_sought() is None
-    assert control.wait(S, longest_s=0.0) is Verdict.EARLY
+    assert control.wait(S, longest_s=0.0) is WaitOutcome.EARLY
 
 
 @pytest.mark.parametrize(
     ("change", "verdict"),
     [
-        (PlaybackControl.stop, Verdict.STOPPED),
-        (lambda control: control.seek(0), Verdict.SOUGHT),
-        (PlaybackControl.step, Verdict.DUE),
-        (lambda control: control.pause(is_paused=False), Verdict.DUE),
+        (PlaybackControl.stop, WaitOutcome.STOPPED),
+        (lambda control: control.seek(0), WaitOutcome.SOUGHT),
+        (PlaybackControl.step, WaitOutcome.DUE),
+        (lambda control: control.pause(is_paused=False), WaitOutcome.DUE),
     ],
     ids=["stop", "seek", "step", "resume"],
 )
-def test_whoever_waits_is_woken(change: object, verdict: Verdict) -> None:
+def test_whoever_waits_is_woken(change: object, verdict: WaitOutcome) -> None:
     """The message is due a millisecond after the time at which the playback is paused."""
     control = PlaybackControl(0, 1.0, is_paused=True)
-    found: list[Verdict] = []
+    found: list[WaitOutcome] = []
     thread = threading.Thread(target=lambda: found.append(control.wait(S // 1000)), daemon=True)
     thread.start()
     change(control)  # type: ignore[operator]
@@ -97,4 +97,4 @@ def test_whoever_waits_is_woken(change: object, verdict: Verdict) -> None:
 
 def test_the_longest_wait_does_not_overflow() -> None:
     control = PlaybackControl(0, 1e-6)
-    assert control.wait(10**18, longest_s=0.001) is Verdict.EARLY
+    assert control.wait(10**18, longest_s=0.001) is WaitOutcome.EARLY

@@ -11,7 +11,7 @@ from enum import Enum
 _LONGEST_WAIT_S = 3600.0
 
 
-class Verdict(Enum):
+class WaitOutcome(Enum):
     """Why a wait ended."""
 
     DUE = "the message is to be played now"
@@ -121,7 +121,7 @@ class PlaybackControl:
         with self._condition:
             return self._condition.wait_for(lambda: self._is_stopped, min(seconds, _LONGEST_WAIT_S))
 
-    def wait(self, due_ns: int, longest_s: float | None = None) -> Verdict:
+    def wait(self, due_ns: int, longest_s: float | None = None) -> WaitOutcome:
         """Wait until something of a recorded time is due.
 
         Args:
@@ -132,22 +132,22 @@ class PlaybackControl:
             limit_s = None if longest_s is None else self._steady_s() + longest_s
             while True:
                 if self._is_stopped:
-                    return Verdict.STOPPED
+                    return WaitOutcome.STOPPED
                 if self._sought_ns is not None:
-                    return Verdict.SOUGHT
+                    return WaitOutcome.SOUGHT
                 left_s = _LONGEST_WAIT_S
                 if not self._is_paused:
                     left_s = (due_ns - self._position_ns()) * 1e-9 / self._rate
                     if left_s <= 0.0:
-                        return Verdict.DUE
+                        return WaitOutcome.DUE
                 elif self._steps:
                     self._steps -= 1
                     self._move_to(max(due_ns, self._position_ns()))
-                    return Verdict.DUE
+                    return WaitOutcome.DUE
                 if limit_s is not None:
                     early_s = limit_s - self._steady_s()
                     if early_s <= 0.0:
-                        return Verdict.EARLY
+                        return WaitOutcome.EARLY
                     left_s = min(left_s, early_s)
                 self._condition.wait(min(left_s, _LONGEST_WAIT_S))
 

@@ -22,7 +22,7 @@ from iptm_interfaces.services import Service
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.playback import LEAST_RATE, MOST_RATE, Playback, PlaybackOptions
-from iptm_recording.playback_control import PlaybackControl, Verdict
+from iptm_recording.playback_control import PlaybackControl, WaitOutcome
 from iptm_recording.playback_progress import PlaybackProgress
 from iptm_recording.rclpy_types import recorded_class, to_profile
 from iptm_recording.recorded_topics import TopicRecord, offer_for
@@ -234,9 +234,9 @@ class PlayerNode(SuiteNode):
             count, verdict = self._publish_from(from_ns)
             sent += count
             sought_ns = self._control.take_sought()
-            if verdict is Verdict.STOPPED:
+            if verdict is WaitOutcome.STOPPED:
                 return sent
-            if verdict is Verdict.SOUGHT and sought_ns is not None:
+            if verdict is WaitOutcome.SOUGHT and sought_ns is not None:
                 from_ns = sought_ns
                 self._control.begin(from_ns)
                 self._tell("going on")
@@ -245,7 +245,7 @@ class PlayerNode(SuiteNode):
             else:
                 from_ns = self._playback.start_ns
 
-    def _publish_from(self, from_ns: int) -> tuple[int, Verdict]:
+    def _publish_from(self, from_ns: int) -> tuple[int, WaitOutcome]:
         """Publish the messages from a position on; return their number and why it ended."""
         sent = 0
         for message in self._playback.messages(from_ns):
@@ -254,13 +254,13 @@ class PlayerNode(SuiteNode):
                 continue
             if message.log_time_ns >= from_ns:  # latched ones of before are sent at once
                 verdict = self._wait_for(message.log_time_ns)
-                if verdict is not Verdict.DUE:
+                if verdict is not WaitOutcome.DUE:
                     return sent, verdict
             publisher.publish(message.data)
             sent += 1
         return sent, self._wait_for(self._playback.end_ns)
 
-    def _wait_for(self, due_ns: int) -> Verdict:
+    def _wait_for(self, due_ns: int) -> WaitOutcome:
         """Wait for a recorded time, publishing the clock meanwhile."""
         while True:
             if self._clock_publisher is None or self._options.clock_hz is None:
@@ -272,7 +272,7 @@ class PlayerNode(SuiteNode):
                 self._clock_publisher.publish(Clock(clock=time_from_ns(at_ns)))
                 self._next_clock_s = now_s + 1.0 / self._options.clock_hz
             verdict = self._control.wait(due_ns, self._next_clock_s - now_s)
-            if verdict is not Verdict.EARLY:
+            if verdict is not WaitOutcome.EARLY:
                 return verdict
 
     def _wait_until_acknowledged(self) -> None:
