@@ -43,7 +43,9 @@ class Heard:
 
 
 def rules(inner: Heard, signal: Signal, speed_m_s: float, **more: float) -> RulesOfTheRoad:
-    return RulesOfTheRoad(inner, lambda: speed_m_s, LIMITS, SignalPlan((signal,)), GAP, **more)
+    return RulesOfTheRoad(
+        inner, lambda: speed_m_s, LIMITS, SignalPlan((signal,)), PARAMETERS, **more
+    )
 
 
 def test_a_closed_line_is_a_leader_that_comes_to_stand_behind_it() -> None:
@@ -128,7 +130,7 @@ def test_the_controller_passes_lines_only_while_they_are_open(
         lambda: plant.speed_m_s,
         LIMITS,
         plan,
-        GAP,
+        PARAMETERS,
         PreviewSettings(),
         foresight_s=foresight_s,
     )

@@ -179,7 +179,7 @@ def _closed_loop(
         lambda: simulation.host_speed_m_s,
         network.limits,
         network.plan,
-        parameters.gap,
+        parameters,
         preview,
         foresight_s=preview.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,
     )

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from iptm_core.parameters.model import GapParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
@@ -35,8 +35,6 @@ HARDEST_M_S2 = 1.8
 """A line that would take harder braking is passed; the margin has seen to it that it is still open."""
 ROOM_S = 1.0
 """Headway of the leader that is not there beyond that of the host's spacing policy."""
-RECKONED_BRAKING_M_S2 = 2.0
-"""Deceleration with which the controller reckons past the end of a preview."""
 PACE_MARGIN_M = 20.0
 """The leader that keeps the speed limit stays so much nearer than the largest gap of the host's policy."""
 _STEP_S = 0.5
@@ -59,7 +57,7 @@ class RulesOfTheRoad:
         host_speed_m_s: Callable[[], float],
         limits: SpeedLimits,
         plan: SignalPlan,
-        gap: GapParameters,
+        parameters: ModelParameters,
         settings: PreviewSettings | None = None,
         *,
         foresight_s: float = math.inf,
@@ -72,13 +70,15 @@ class RulesOfTheRoad:
             host_speed_m_s: tells the host's present speed.
             limits: speed limits of the road.
             plan: its signals.
-            gap: spacing policy of the host.
+            parameters: of the host: its spacing policy, and how hard it can brake.
             settings: length and step of the previews.
             foresight_s: lines that the host would reach later are not looked at.
             start_timestamp_ms: TimestampIts at trip time 0.
         """
         self._inner, self._host_speed_m_s = inner, host_speed_m_s
-        self._limits, self._plan, self._gap = limits, plan, gap
+        self._limits, self._plan, self._gap = limits, plan, parameters.gap
+        # The controller reckons with a leader that brakes as hard as the host can.
+        self._reckoned_m_s2 = -parameters.limits.min_acceleration_m_s2
         self._settings = settings or PreviewSettings()
         self._foresight_s = foresight_s
         self._start_s = start_timestamp_ms / 1000.0
@@ -265,7 +265,7 @@ class RulesOfTheRoad:
         # From any node on the controller reckons with a leader that brakes to a halt. The car behind the
         # rules may do so, too, and then halts nearer.
         room = np.maximum(leader.positions_m - positions, 0.0)
-        halting = 2.0 * RECKONED_BRAKING_M_S2 * room + leader.speeds_m_s**2
+        halting = 2.0 * self._reckoned_m_s2 * room + leader.speeds_m_s**2
         speeds = np.where(nearest > 0, np.minimum(speeds, np.sqrt(halting)), speeds)
         # What is beyond the known part of the leader's motion counts only where the rules are stricter.
         unknown = (columns >= known) & (nearest == 0)
