@@ -14,14 +14,13 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from iptm_core.declaration import Settings, parameter
-from iptm_core.settings import MAX_SEED
+from iptm_core.settings import MAX_SEED, VEHICLE_LENGTH_M
 from iptm_traffic.corridor import HOST_LANE, Corridor
 from iptm_traffic.network import HOST_START_M
 
 BEFORE_TRIP_S = 120.0
 """Traffic drives for so long before the trip begins."""
 HOST, LEADER = "host", "leader"
-VEHICLE_LENGTH_M = 4.5
 CAR, HOST_KIND = "car", "host"
 """SUMO's types of vehicles."""
 MAIN_PREFIX = "main"

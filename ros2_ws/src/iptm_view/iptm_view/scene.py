@@ -14,14 +14,15 @@ from visualization_msgs.msg import Marker, MarkerArray
 from iptm_core.parameters import ModelParameters
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.routes.road_course import RoadCourse, RoadPoses
+from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import FloatArray, LeaderState
 from iptm_interfaces.codecs.time import time_from_ns, time_from_s
 from iptm_interfaces.topics import MAP_FRAME
-from iptm_view.vehicle_description import CLEARANCE_M, LENGTH_M, body_size_m
+from iptm_view.vehicle_description import CLEARANCE_M, body_size_m
 
-HOST_LENGTH_M = -LENGTH_M
+HOST_LENGTH_M = -VEHICLE_LENGTH_M
 """From the position of the host, its front bumper, to its other end."""
-LEADER_LENGTH_M = LENGTH_M
+LEADER_LENGTH_M = VEHICLE_LENGTH_M
 """From the position of the leader, its rear bumper, to its other end."""
 
 _ROAD_POSES = 2000
@@ -87,7 +88,7 @@ def road_message(course: RoadCourse, stamp_ns: int) -> Path:
     end_m = float(course.slope.positions_m[-1]) if line is None else line.length_m
     spacing_m = max(_FINEST_SPACING_M, end_m / _ROAD_POSES)
     positions_m: FloatArray = np.arange(0.0, end_m + spacing_m, spacing_m, dtype=np.float64)
-    return path_message(course, stamp_ns, positions_m, LENGTH_M)
+    return path_message(course, stamp_ns, positions_m, VEHICLE_LENGTH_M)
 
 
 def scene_message(scene: Scene, course: RoadCourse, parameters: ModelParameters) -> MarkerArray:
@@ -114,7 +115,7 @@ def scene_message(scene: Scene, course: RoadCourse, parameters: ModelParameters)
             markers[name] = _bar(course, leader.position_m - gap_m, color)
     if scene.warmest_cell_c is not None:
         words.append(f"{scene.warmest_cell_c:.1f} °C")
-    above = course.poses(host.position_m - 0.5 * LENGTH_M, HOST_LENGTH_M)
+    above = course.poses(host.position_m - 0.5 * VEHICLE_LENGTH_M, HOST_LENGTH_M)
     markers["state"] = _marker(
         Marker.TEXT_VIEW_FACING, above, 4.0, (0.0, 0.0, _TEXT_M), _TEXT_COLOR
     )

@@ -5,25 +5,25 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from iptm_core.parameters import ModelParameters
+from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_interfaces.topics import HOST_FRAME, PACK_FRAME, frame_in
 
 Triple = tuple[float, float, float]
 
-# The model has no length: these are for drawing, of a car of the middle class.
-LENGTH_M = 4.5
+# The model has none of these: they are for drawing, of a car of the compact class.
 WIDTH_M = 1.8
 CLEARANCE_M = 0.2
 _AXLES_M = (-0.85, -3.55)  # behind the front bumper, where the frame of the body lies
 _TYRE_WIDTH_M = 0.2
 _PACK_SIZE_M = (2.0, 1.4, 0.12)
 
-PACK_PLACE_M: Triple = (-0.5 * LENGTH_M, 0.0, CLEARANCE_M + 0.5 * _PACK_SIZE_M[2])
+PACK_PLACE_M: Triple = (-0.5 * VEHICLE_LENGTH_M, 0.0, CLEARANCE_M + 0.5 * _PACK_SIZE_M[2])
 """Middle of the battery pack in the frame of the body."""
 
 
 def body_size_m(parameters: ModelParameters) -> Triple:
     """Return length, width and height of the body, whose front has the area of the parameter set."""
-    return LENGTH_M, WIDTH_M, parameters.body.frontal_area_m2 / WIDTH_M
+    return VEHICLE_LENGTH_M, WIDTH_M, parameters.body.frontal_area_m2 / WIDTH_M
 
 
 def vehicle_urdf(parameters: ModelParameters, prefix: str = "") -> str:
@@ -39,7 +39,7 @@ def vehicle_urdf(parameters: ModelParameters, prefix: str = "") -> str:
     robot = ET.Element("robot", name="iptm_vehicle")
     size = body_size_m(parameters)
     link = ET.SubElement(robot, "link", name=body)
-    place = (-0.5 * LENGTH_M, 0.0, CLEARANCE_M + 0.5 * size[2])
+    place = (-0.5 * VEHICLE_LENGTH_M, 0.0, CLEARANCE_M + 0.5 * size[2])
     _box(link, size, place, "body", (0.0, 0.45, 0.7, 0.5))
     radius_m = parameters.powertrain.wheel_radius_m
     for x in _AXLES_M:

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import FloatArray
 
 PASSENGER_CAR = 5
 VEHICLE_TYPES = range(3, 12)
 """Station types of motor vehicles: moped 3, motorcycle, car, bus, trucks, trailer, special, tram 11."""
 
-ASSUMED_LENGTH_M = 4.5
+ASSUMED_LENGTH_M = VEHICLE_LENGTH_M
 """Length of a vehicle that does not tell it."""
 ASSUMED_TRAILER_M = 14.0
 """Length added for a trailer of unknown length: the rear bumper is rather taken too near than too far."""
