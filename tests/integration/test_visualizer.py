@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 from std_msgs.msg import String
 
+from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.qos import LATCHED_QOS
 from iptm_interfaces.topics import Topic
 from iptm_interfaces.visual_topics import VISUAL_TOPICS
 from iptm_recording.trajectory_reader import read_trajectory
-from iptm_view.vehicle_description import LENGTH_M
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 
@@ -56,10 +56,10 @@ def test_a_replay_is_drawn_as_the_bag_says(launcher: Any, peer: Any) -> None:
     for scene in of[Topic.VISUAL_SCENE]:
         markers = {marker.ns: marker for marker in scene.markers}
         k = by_time[ns_from_time(markers["host"].header.stamp) / 1e9]
-        assert markers["host"].pose.position.x + 0.5 * LENGTH_M == pytest.approx(
+        assert markers["host"].pose.position.x + 0.5 * VEHICLE_LENGTH_M == pytest.approx(
             driven.position_m[k]
         )
-        assert markers["leader"].pose.position.x - 0.5 * LENGTH_M == pytest.approx(
+        assert markers["leader"].pose.position.x - 0.5 * VEHICLE_LENGTH_M == pytest.approx(
             driven.leader_position_m[k]
         )
     for plan in of[Topic.VISUAL_PLAN]:
