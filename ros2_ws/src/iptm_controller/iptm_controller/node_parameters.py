@@ -49,10 +49,6 @@ class ControllerNodeParameters(
     aging_weight: float = parameter(
         FROM_STRATEGY, "lambda_Q of J4, -1 takes that of the strategy", "", -1.0, 1e15
     )
-    compile_code: bool = parameter(
-        default=True,
-        description="compile the problem where a C compiler is found (cached between starts)",
-    )
     deadline_ms: float = parameter(
         0.0,
         "wall time of one solve at most, 0 for none; runs with a deadline are not exactly repeatable",

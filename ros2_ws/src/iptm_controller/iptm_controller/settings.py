@@ -35,3 +35,7 @@ class SolveSettings(Settings):
     tolerance: float = parameter(
         _SOLVER.tolerance, "optimality tolerance of the scaled problem", "", 1e-10, 1.0
     )
+    compile_code: bool = parameter(
+        _SOLVER.compile_code,
+        "compile the problem where a C compiler is found (cached between starts)",
+    )

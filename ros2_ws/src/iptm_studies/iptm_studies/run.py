@@ -172,5 +172,8 @@ def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptio
 def solver_options(spec: SolverSpec) -> SolverOptions:
     """Return the options of the solver of a run; what is not specified is the controller's default."""
     return SolverOptions(
-        name=spec.name, max_iterations=spec.max_iterations, tolerance=spec.tolerance
+        name=spec.name,
+        max_iterations=spec.max_iterations,
+        tolerance=spec.tolerance,
+        compile_code=spec.compile_code,
     )

@@ -56,6 +56,7 @@ class SolverSpec(Settings):
     name: str = declared(ControllerSettings, "solver")
     tolerance: float = declared(SolveSettings, "tolerance", minimum=1e-16)
     max_iterations: int = declared(SolveSettings, "max_iterations", maximum=100_000)
+    compile_code: bool = declared(SolveSettings, "compile_code")
 
 
 @dataclass(frozen=True)

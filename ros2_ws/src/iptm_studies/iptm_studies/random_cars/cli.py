@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 
-from iptm_controller.ocp.compilation import CACHE_VARIABLE
 from iptm_core.user_input import number, whole_number
 from iptm_studies.campaign import Campaign
 from iptm_studies.cli import EXIT_FAILED_RUNS, add_cluster_options, compute, perform_command
@@ -101,8 +98,7 @@ def _run(options: argparse.Namespace, console: Console) -> int:
         for inputs in survey(campaign, store):
             print(f"{inputs.address:30} {inputs.spec.describe()}")
         return 0
-    with _compiling_into(store.folder / "compiled"):
-        compute(campaign, store, ClusterOptions(options.scheduler, options.workers), console)
+    compute(campaign, store, ClusterOptions(options.scheduler, options.workers), console)
     runs = judged_runs(campaign, store)
     page = (Path(options.output) if options.output else store.folder) / PAGE
     page.parent.mkdir(parents=True, exist_ok=True)
@@ -112,18 +108,6 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     print(page)
     good = all(run.judgement is not None and not run.judgement.breaches for run in runs)
     return 0 if good else EXIT_FAILED_RUNS
-
-
-@contextmanager
-def _compiling_into(folder: Path) -> Iterator[None]:
-    """Keep machine code beside the results, out of the user's cache: hardly any car occurs twice."""
-    chosen = os.environ.get(CACHE_VARIABLE)
-    os.environ[CACHE_VARIABLE] = chosen or str(folder.absolute())
-    try:
-        yield
-    finally:
-        if chosen is None:
-            del os.environ[CACHE_VARIABLE]
 
 
 def judged_runs(campaign: Campaign, store: ResultStore) -> list[JudgedRun]:

@@ -23,7 +23,7 @@ from iptm_core.settings import PreviewMode
 from iptm_faults.fault import Fault, in_order
 from iptm_faults.kinds import KINDS, FaultKind
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
-from iptm_studies.run_spec import PreviewSpec, RunSpec
+from iptm_studies.run_spec import PreviewSpec, RunSpec, SolverSpec
 from iptm_studies.study import Case, Study
 
 MAX_TRIES = 500
@@ -36,6 +36,8 @@ IMPERFECT_SHARE = 0.3
 """Share of the runs in which the preview is not perfect; cars and trips are the same without."""
 WARM_K = 308.15
 TWIN = "warm_twin"
+INTERPRETED = SolverSpec(compile_code=False)
+"""Hardly any car occurs twice, and compiling takes longer than some minutes of driving do without."""
 
 
 @dataclass(frozen=True)
@@ -262,7 +264,8 @@ def _draw_run(random: Generator, duration_s: float | None) -> RunInputs:
             if random.random() < OVERRIDE_SHARE:
                 overrides[key] = draw.draw(random)
         try:
-            return resolve_inputs(RunSpec(**settings, overrides=tuple(overrides.items())))
+            spec = RunSpec(**settings, overrides=tuple(overrides.items()), solver=INTERPRETED)
+            return resolve_inputs(spec)
         except IptmError as error:
             refusal = str(error)
     raise ScenarioError(
