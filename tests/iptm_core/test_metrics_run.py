@@ -19,6 +19,7 @@ from iptm_core.metrics import (
     ConstraintCheck,
     RunMetrics,
     check_constraints,
+    cold_compressor_energies_j,
     compute_metrics,
     figure_values,
 )
@@ -142,6 +143,16 @@ def test_temperatures_are_averaged_over_time() -> None:
     assert (heat.spread_k.minimum, heat.spread_k.maximum) == (1.0, 3.0)
     assert heat.spread_k.mean == pytest.approx((2.0 * 1 + 2.0 * 3) / 4)
     assert heat.coolant_outlet_k.mean == pytest.approx(303.15)
+
+
+def test_the_compressor_in_the_cold_is_counted_from_what_both_cells_were_before() -> None:
+    run = make_run(
+        time_s=np.array([0.0, 1.0, 3.0, 4.0]),
+        compressor_power_w=np.array([900.0, 100.0, 200.0, 400.0]),
+        cell_1_temperature_k=np.array([290.0, 290.0, 290.0, 290.0]),
+        cell_n_temperature_k=np.array([290.0, 298.0, 299.0, 299.0]),
+    )
+    assert cold_compressor_energies_j(run, PARAMETERS).tolist() == [0.0, 100.0, 400.0, 0.0]
 
 
 def test_calm_run_keeps_every_limit() -> None:

@@ -10,8 +10,12 @@ from iptm_studies.study_loading import available_studies, load_study
 CONVENTIONAL = ("reference_energy", "reference_aging", "reference_energy_aging")
 
 
-OWN_COMPOSITION = ("first_composition", "cost_to_go")
-OTHER_TRIPS = {"cost_to_go": ("wltc_class3b", "us06", "udds", "hwfet")}
+TRIPS = {
+    "first_composition": {"comprehensive"},
+    "cost_to_go": {"comprehensive", "wltc_class3b", "us06", "udds", "hwfet"},
+    "cold_days": {"wltc_class3b", "us06", "udds"},
+}
+SLOPES = {"cold_days": {"flat", "large"}}
 
 
 def horizons(study: str) -> set[str]:
@@ -24,9 +28,8 @@ def test_every_study_says_what_it_shows(name: str) -> None:
     assert study.title
     assert len(study.about.split()) > 8
     assert study.cases
-    own = "comprehensive" if name in OWN_COMPOSITION else REPRODUCED_CYCLE
-    assert {case.spec.cycle for case in study.cases} == {own, *OTHER_TRIPS.get(name, ())}
-    assert {case.spec.slope for case in study.cases} == {"as_designed"}
+    assert {case.spec.cycle for case in study.cases} == TRIPS.get(name, {REPRODUCED_CYCLE})
+    assert {case.spec.slope for case in study.cases} == SLOPES.get(name, {"as_designed"})
     assert {case.spec.duration_s for case in study.cases} == {None}
 
 

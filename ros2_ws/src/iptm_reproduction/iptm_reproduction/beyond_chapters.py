@@ -23,6 +23,7 @@ from iptm_reproduction.runs import (
     REFERENCE,
     STUDIES,
     channel_run,
+    cold_day_run,
     cost_to_go_run,
 )
 from iptm_reproduction.tables import channel_tables, cost_to_go_tables
@@ -90,6 +91,12 @@ BEYOND_THE_PAPER = (
                 "The saving with a cost to go on other trips",
                 cost_to_go_tables.trips_table,
                 any_of=(cost_to_go_run("reference", "wltc_class3b"),),
+            ),
+            table(
+                "cold-days",
+                "The default controller on cold days",
+                cost_to_go_tables.cold_days_table,
+                (cold_day_run("wltc_class3b", "flat"),),
             ),
         ),
     ),

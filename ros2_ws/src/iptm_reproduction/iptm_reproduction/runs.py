@@ -36,6 +36,7 @@ STUDIES = {
     "first_composition": "This project's own composition",
     "full_channel": "The full channel",
     "cost_to_go": "The cost to go",
+    "cold_days": "Cold days",
 }
 """Names of the studies that addresses begin with, and their titles."""
 
@@ -116,6 +117,11 @@ def cost_to_go_run(
     return f"cost_to_go/{trip}/{controller}/{preview}"
 
 
+def cold_day_run(trip: str, slope: str, day: str = "without_limits") -> str:
+    """Return the run of the default controller on a cold day, or warm without temperature limits."""
+    return f"cold_days/{trip}/{slope}/{day}"
+
+
 COST_TO_GO_OPTIMUM = cost_to_go_run("whole_trip")
 """The whole trip of that study as one problem."""
 
@@ -177,6 +183,7 @@ _NAMES: dict[str, Callable[..., str]] = {
     "cost_to_go": lambda trip, name, preview: (
         f"{controller_name(name)}, {words(trip)}, {words(preview)}"
     ),
+    "cold_days": lambda trip, slope, day: f"{words(trip)}, {words(slope)} slope, {words(day)}",
 }
 
 

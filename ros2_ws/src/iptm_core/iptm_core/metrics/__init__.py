@@ -1,7 +1,12 @@
 """What a finished run achieved: energy, degradation, spacing, temperatures and kept limits."""
 
 from iptm_core.metrics.concerns import Concern
-from iptm_core.metrics.constraints import ConstraintCheck, check_constraints, gap_margins_m
+from iptm_core.metrics.constraints import (
+    ConstraintCheck,
+    check_constraints,
+    cold_compressor_energies_j,
+    gap_margins_m,
+)
 from iptm_core.metrics.figures import FIGURES, PAPER_TABLE, TRIP_FIGURES, Figure, figure_values
 from iptm_core.metrics.run_metrics import RunMetrics, compute_metrics
 
@@ -14,6 +19,7 @@ __all__ = [
     "Figure",
     "RunMetrics",
     "check_constraints",
+    "cold_compressor_energies_j",
     "compute_metrics",
     "figure_values",
     "gap_margins_m",

@@ -132,6 +132,23 @@ def gap_margins_m(trajectory: Trajectory, parameters: ModelParameters) -> FloatA
     return margins
 
 
+def cold_compressor_energies_j(trajectory: Trajectory, parameters: ModelParameters) -> FloatArray:
+    """Return what the compressor took in each interval that began with both cells below T_b,min.
+
+    Args:
+        trajectory: the run, n rows.
+        parameters: temperature limits.
+
+    Returns:
+        Energies in J, shape (n,), each in the row that ends its interval; 0 where a cell is warm.
+    """
+    warmest_k = np.maximum(trajectory.cell_1_temperature_k, trajectory.cell_n_temperature_k)
+    energies: FloatArray = np.zeros(warmest_k.size)
+    cold = warmest_k[:-1] < parameters.limits.min_temperature_k
+    energies[1:] = trajectory.compressor_power_w[1:] * trajectory.intervals_s * cold
+    return energies
+
+
 def _steps(values: FloatArray) -> FloatArray:
     """Return the magnitude of the change from the row before, shape (n,), 0 in row 0."""
     steps: FloatArray = np.abs(np.diff(values, prepend=values[:1]))

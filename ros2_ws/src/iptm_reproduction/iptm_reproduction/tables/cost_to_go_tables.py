@@ -1,12 +1,14 @@
-"""What the cost to go of the cell temperatures saves, with good and bad forecasts and on other trips."""
+"""What the cost to go saves, with good and bad forecasts, on other trips, and on cold days."""
 
 from __future__ import annotations
 
+from iptm_core.metrics import cold_compressor_energies_j
 from iptm_reproduction import figures as fig
 from iptm_reproduction.document import Cell, Row, Table
 from iptm_reproduction.runs import (
     COST_TO_GO_OPTIMUM,
     Results,
+    cold_day_run,
     controller_name,
     cost_to_go_run,
     words,
@@ -76,4 +78,40 @@ def trips_table(results: Results) -> Table:
         ("trip", "controller", *(figure.title for figure in (*_CHANGED, *_MARKS))),
         tuple(rows),
         note="The reference has figures, the others their change against it on the same trip.",
+    )
+
+
+def cold_days_table(results: Results) -> Table:
+    """Return what cold days change for the default controller, against the warm trip without limits."""
+    rows: list[Row] = []
+    for run in results.study("cold_days"):
+        _, trip, slope, day = run.address.split("/")
+        warm = cold_day_run(trip, slope)
+        below_j = cold_compressor_energies_j(run.trajectory, run.parameters).sum()
+        rows.append(
+            (
+                Cell(run.route.name),
+                Cell(words(slope)),
+                Cell(words(day), strong=run.address == warm),
+                *change_cells(results, run.address, warm, (fig.MOTOR_TRACTION,)),
+                Cell(f"{1e-3 * below_j:.1f}"),
+                *figure_cells(results, run.address, _MARKS),
+            )
+        )
+    return Table(
+        "cold-days",
+        "The default controller on cold days",
+        (
+            "trip",
+            "slope",
+            "air and cells first",
+            fig.MOTOR_TRACTION.title,
+            "Compressor while both cells are below T_b,min [kJ]",
+            *(figure.title for figure in _MARKS),
+        ),
+        tuple(rows),
+        note=(
+            "The trip without limits has air and cells at 35 °C first and no temperature limits; the others "
+            "have their change of traction energy against it."
+        ),
     )

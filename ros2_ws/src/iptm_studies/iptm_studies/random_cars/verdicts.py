@@ -10,7 +10,7 @@ import numpy as np
 
 from iptm_controller.horizon import Horizon
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.metrics import gap_margins_m
+from iptm_core.metrics import cold_compressor_energies_j, gap_margins_m
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
@@ -197,9 +197,7 @@ def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgemen
         if check.violations
     )
 
-    warmest_k = np.maximum(trip.cell_1_temperature_k, trip.cell_n_temperature_k)
-    cold = np.concatenate(([False], warmest_k[:-1] < parameters.limits.min_temperature_k))
-    energy_j = np.concatenate(([0.0], trip.compressor_power_w[1:] * trip.intervals_s)) * cold
+    energy_j = cold_compressor_energies_j(trip, parameters)
     amounts["cold_compressor"] = 1e-3 * float(energy_j.sum())
     if amounts["cold_compressor"] > COLD_COMPRESSOR_KJ:
         running = energy_j > 1.0
@@ -219,7 +217,7 @@ def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgemen
     causes["fallback"] = ", ".join(
         f"{count} x {fallback_text(cause)}" for cause, count in fallbacks.most_common()
     )
-    _judge_heat(run, inputs, warmest_k, amounts, causes)
+    _judge_heat(run, inputs, amounts, causes)
     return Judgement(amounts, causes, run.ticks, fallbacks)
 
 
@@ -231,10 +229,11 @@ def fallback_text(cause: Fallback) -> str:
 def _judge_heat(
     run: Run,
     inputs: RunInputs,
-    warmest_k: FloatArray,
     amounts: dict[str, float],
     causes: dict[str, str],
 ) -> None:
+    trip = run.trajectory
+    warmest_k = np.maximum(trip.cell_1_temperature_k, trip.cell_n_temperature_k)
     allowed_k = run.parameters.limits.max_temperature_k + OVERHEATED_BY_K
     hot = warmest_k > allowed_k
     amounts["too_hot"] = amounts["too_hot_anyway"] = 0.0
