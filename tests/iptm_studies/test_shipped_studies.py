@@ -119,7 +119,7 @@ def test_previews_reach_to_the_end_of_every_horizon_unless_they_are_meant_to_be_
 
 def test_the_cost_to_go_changes_nothing_but_itself() -> None:
     specs = {case.name: case.spec for case in load_study("cost_to_go").cases}
-    for trip in ("comprehensive", *OTHER_TRIPS["cost_to_go"]):
+    for trip in TRIPS["cost_to_go"]:
         with_it = specs[f"{trip}/multi_horizon_cost_to_go/perfect"]
         without = specs[f"{trip}/multi_horizon/perfect"]
         assert with_it.strategy.cost_to_go
