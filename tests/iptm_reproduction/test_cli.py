@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 import iptm_reproduction.report
+from iptm_core.program import EXIT_USER_ERROR
 from iptm_reproduction import cli
 from iptm_studies.campaign import Campaign
-from iptm_studies.cli import EXIT_FAILED_RUNS, EXIT_REFUSED
+from iptm_studies.cli import EXIT_FAILED_RUNS
 from iptm_studies.store import ResultStore
 
 Reports = list[tuple[Path, Path, list[str]]]
@@ -73,7 +74,7 @@ def test_report_alone(reports: Reports, tmp_path: Path) -> None:
 
 
 def test_nothing_to_report_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["report", "strategies", "--store", str(tmp_path)]) == EXIT_REFUSED
+    assert cli.main(["report", "strategies", "--store", str(tmp_path)]) == EXIT_USER_ERROR
     assert "error: " in capsys.readouterr().err
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from iptm_core.program import EXIT_USER_ERROR
 from iptm_studies import cli
 from iptm_studies.campaign import plan_campaign
 from iptm_studies.cli import main
@@ -103,7 +104,7 @@ def test_dry_run_shows_what_would_be_computed(
 def test_refusals(
     arguments: list[str], complaint: str, folder: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main([*arguments, "--store", folder]) == cli.EXIT_REFUSED
+    assert main([*arguments, "--store", folder]) == EXIT_USER_ERROR
     said = capsys.readouterr().err
     assert complaint in said
     assert "Traceback" not in said
@@ -112,7 +113,7 @@ def test_refusals(
 def test_usage_errors(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["paint"])
-    assert caught.value.code == cli.EXIT_REFUSED
+    assert caught.value.code == EXIT_USER_ERROR
     assert "invalid choice" in capsys.readouterr().err
 
 
@@ -146,7 +147,7 @@ cases:
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
-    assert process.returncode == cli.EXIT_INTERRUPTED
+    assert process.returncode == 130
     assert "goes on from what is stored" in said
     assert "Traceback" not in said
     assert store.keys() == (short.key,)

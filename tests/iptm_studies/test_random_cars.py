@@ -14,9 +14,9 @@ from iptm_controller.settings import ControllerSettings
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
+from iptm_core.program import EXIT_USER_ERROR
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_studies.campaign import Campaign
-from iptm_studies.cli import EXIT_REFUSED
 from iptm_studies.execution import admit
 from iptm_studies.random_cars import draws
 from iptm_studies.random_cars.bounds import (
@@ -302,5 +302,5 @@ def test_the_command_computes_once_and_writes_the_page(
 
 
 def test_the_command_refuses(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--runs", "0"]) == EXIT_REFUSED
+    assert main(["--runs", "0"]) == EXIT_USER_ERROR
     assert "runs is 0; allowed" in capsys.readouterr().err

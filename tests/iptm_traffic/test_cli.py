@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from iptm_core.parameters import load_parameters
+from iptm_core.program import EXIT_USER_ERROR
 from iptm_core.state import VehicleState
 from iptm_plant_sim.plant import Plant
 from iptm_traffic import cli
@@ -19,7 +20,7 @@ def test_without_sumo_one_line_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "sumo", None)
-    assert cli.main(["--duration-s", "5"]) == cli.EXIT_USER_ERROR
+    assert cli.main(["--duration-s", "5"]) == EXIT_USER_ERROR
     said = capsys.readouterr().err
     assert "requirements/traffic.txt" in said
     assert said.count("\n") == 1
@@ -37,7 +38,7 @@ def test_without_sumo_one_line_says_what_to_install(
 def test_wrong_options_are_refused_in_one_line(
     option: str, value: str, word: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main([option, value]) == cli.EXIT_USER_ERROR
+    assert cli.main([option, value]) == EXIT_USER_ERROR
     said = capsys.readouterr().err
     assert word in said
     assert value in said or "1e+09" in said

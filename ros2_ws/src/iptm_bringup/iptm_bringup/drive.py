@@ -16,7 +16,8 @@ from iptm_bringup.process_faults import ProcessFaults
 from iptm_bringup.progress import Progress
 from iptm_bringup.scenario import PLANT
 from iptm_bringup.supervisor import ProcessEnd, Supervisor
-from iptm_interfaces.process import EXIT_USER_ERROR, StopRequest
+from iptm_core.program import EXIT_USER_ERROR
+from iptm_interfaces.process import StopRequest
 from iptm_interfaces.topics import Topic
 
 START_TIMEOUT_S = 660.0

@@ -18,6 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from iptm_core.errors import IptmError, RouteError
+from iptm_core.program import refused
 from iptm_core.routes import build_route
 from iptm_core.routes.can_log import CAN_COLUMNS, can_log_csv
 from iptm_core.routes.road_line import RoadLine, east_north_m
@@ -85,8 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.picture is not None:
             draw(trip, given.picture)
     except (IptmError, OSError) as reason:
-        print(f"drive_file: {reason}", file=sys.stderr)
-        return 2
+        return refused("drive_file", reason)
     return 0
 
 

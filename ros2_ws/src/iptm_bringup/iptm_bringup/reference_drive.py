@@ -17,7 +17,7 @@ from iptm_bringup.scenario_files import scenario_from
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml
-from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
+from iptm_core.program import EXIT_OK, refused
 
 PROGRAM = "reference_drive"
 
@@ -36,8 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         scenario = scenario_from(content, "scenario", "reference", Path.cwd())
         run = drive_other(prepare(scenario), parsed.strategy).trajectory
     except IptmError as error:
-        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_USER_ERROR
+        return refused(PROGRAM, error)
     loss = run.cell_1_capacity_loss + run.cell_n_capacity_loss
     document = {
         "strategy": parsed.strategy,

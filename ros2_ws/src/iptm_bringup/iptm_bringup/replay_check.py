@@ -26,10 +26,10 @@ from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT
 from iptm_bringup.supervisor import Supervisor
 from iptm_core.errors import BagError, IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml
+from iptm_core.program import EXIT_OK, refused
 from iptm_core.settings import LoopMode
 from iptm_interfaces.assembly import split_trips
 from iptm_interfaces.discovery import reserve_domain
-from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
 from iptm_interfaces.topics import OBSERVATION_TOPICS, STATE_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.changed_settings import refuse_changed_settings
@@ -314,8 +314,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 on_tick=lambda done, count: status.update(f"tick {done} of {count}"),
             )
     except IptmError as error:
-        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_USER_ERROR
+        return refused(PROGRAM, error)
     console.print(comparison_table(comparison))
     for topic in comparison:
         if topic.first_fields:

@@ -24,8 +24,8 @@ from iptm_bringup.tables import TABLES_WIDTH
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import IptmError
+from iptm_core.program import EXIT_OK, refused
 from iptm_core.settings import LoopMode
-from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR
 
 PROGRAM = "run_closed_loop"
 WATCHING_RATE = 10.0
@@ -162,8 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         return run(prepared, options, console, Console(stderr=True))
     except IptmError as error:
-        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_USER_ERROR
+        return refused(PROGRAM, error)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from iptm_bringup.environment import domain_of_run
 from iptm_bringup.run_closed_loop import build_parser as build_run_parser
 from iptm_bringup.run_closed_loop import prepared_from
 from iptm_bringup.run_folder import default_output
-from iptm_bringup.runner import EXIT_RUN_FAILED, EXIT_SIGNAL
+from iptm_bringup.runner import EXIT_RUN_FAILED
 from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.string_page import StringRun, print_string, write_page
 from iptm_bringup.string_run import VehicleResult, drive_string
@@ -24,9 +24,10 @@ from iptm_bringup.tables import TABLES_WIDTH
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, refused, tell
 from iptm_core.settings import VEHICLE_LENGTH_M, VEHICLE_LENGTHS_M
 from iptm_core.vehicle_string import MAX_VEHICLES, vehicles_in_string
-from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
+from iptm_interfaces.process import StopRequest
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_studies.closed_loop import ClosedLoopRun
 from iptm_studies.vehicle_string import run_string
@@ -111,8 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(parsed, rest, console)
     except IptmError as error:
-        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_USER_ERROR
+        return refused(PROGRAM, error)
 
 
 def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
@@ -136,8 +136,7 @@ def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
         return EXIT_SIGNAL + int(stop.number)
     complaints = [result for result in results if result.complaint]
     for result in complaints:
-        text = f"{PROGRAM}: {result.vehicle.name}: {result.complaint}"
-        print(" ".join(text.split()), file=sys.stderr)
+        tell(PROGRAM, f"{result.vehicle.name}: {result.complaint}")
     if not all(result.results for result in results):
         codes = {result.end.code for result in complaints}
         print(f"logs: {output / 'logs'}", file=sys.stderr)

@@ -44,12 +44,12 @@ from iptm_bringup.tables import print_results
 from iptm_bringup.viewer import live_view
 from iptm_core.declaration import Scalar
 from iptm_core.errors import IptmError
-from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
+from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR
+from iptm_interfaces.process import StopRequest
 from iptm_interfaces.topics import Topic
 from iptm_recording.run_information import collect_run_information
 
 EXIT_RUN_FAILED = 1
-EXIT_SIGNAL = 128
 LOOK_AROUND_S = 2.0
 """Time to find others in a domain that the user chose; the controller takes as long to start."""
 

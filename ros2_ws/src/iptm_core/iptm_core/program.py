@@ -1,7 +1,8 @@
-"""Installed executables: a library that is missing is one line, not a traceback.
+"""How a program of the suite starts and ends: exit codes, and a mistake of the user in one line.
 
 In a workspace that is built and run with a Python of its own, nothing installs what the packages import. Each
-executable therefore starts here and is looked up by its name among the entry points of the suite.
+installed executable therefore starts with `main`, which looks it up by its name among the entry points of the
+suite.
 """
 
 from __future__ import annotations
@@ -9,10 +10,26 @@ from __future__ import annotations
 import sys
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import TextIO
 
 PROGRAMS = "iptm.programs"
 """Group of entry points in each ``setup.py``: name of an executable and its function."""
+EXIT_OK = 0
 EXIT_USER_ERROR = 2
+EXIT_SIGNAL = 128
+"""Added to the number of the signal that ended a program."""
+
+
+def tell(program: str, what: object, stderr: TextIO | None = None) -> None:
+    """Say something in one line on stderr, None being that of the process."""
+    line = " ".join(str(what).split())
+    print(f"{program}: {line}", file=sys.stderr if stderr is None else stderr, flush=True)
+
+
+def refused(program: str, reason: object, stderr: TextIO | None = None) -> int:
+    """Say what a user did wrong, as `tell` does; returns the exit code of the program."""
+    tell(program, reason, stderr)
+    return EXIT_USER_ERROR
 
 
 def main() -> None:
@@ -22,10 +39,7 @@ def main() -> None:
         (program,) = entry_points(group=PROGRAMS, name=name)
         function = program.load()
     except ModuleNotFoundError as error:
-        print(
-            f"{name}: {error} for {sys.executable}; needed: ROS 2 and the workspace sourced, and "
-            "`python3 -m pip install -r requirements/run-no-ros.txt`",
-            file=sys.stderr,
-        )
-        sys.exit(EXIT_USER_ERROR)
+        install = "`python3 -m pip install -r requirements/run-no-ros.txt`"
+        needed = f"ROS 2 and the workspace sourced, and {install}"
+        sys.exit(refused(name, f"{error} for {sys.executable}; needed: {needed}"))
     sys.exit(function())

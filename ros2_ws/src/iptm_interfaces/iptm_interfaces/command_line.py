@@ -14,7 +14,8 @@ from rclpy.utilities import remove_ros_args
 
 from iptm_core.declaration import ParameterSpec, Scalar, parameter_specs, plain
 from iptm_core.errors import ParameterError
-from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, run_node
+from iptm_core.program import EXIT_OK, refused
+from iptm_interfaces.process import run_node
 from iptm_interfaces.suite_node import SuiteNode
 
 _WIDTH = 100
@@ -46,18 +47,13 @@ def node_main(
     try:
         own = own_arguments(command)
     except ParameterError as error:
-        print(f"{program}: {error}", file=sys.stderr)
-        return EXIT_USER_ERROR
+        return refused(program, error)
     if "-h" in own or "--help" in own:
         print(help_text(program, inspect.getdoc(node) or "", parameter_specs(parameters)))
         return EXIT_OK
     if own:
-        print(
-            f"{program}: argument {own[0]!r} is unknown; allowed: --help, and behind --ros-args "
-            f"{_ALLOWED}",
-            file=sys.stderr,
-        )
-        return EXIT_USER_ERROR
+        allowed = f"--help, and behind --ros-args {_ALLOWED}"
+        return refused(program, f"argument {own[0]!r} is unknown; allowed: {allowed}")
     return run_node(node, command)
 
 

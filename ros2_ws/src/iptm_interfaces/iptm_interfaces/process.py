@@ -29,13 +29,11 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError
+from iptm_core.program import EXIT_OK, refused, tell
 from iptm_interfaces.discovery import middleware_settings
 from iptm_interfaces.suite_node import SuiteNode
 
-EXIT_OK = 0
 EXIT_DEFECT = 1
-EXIT_USER_ERROR = 2
-
 _SPIN_TIMEOUT_S = 0.1
 _USER_ERRORS = (
     IptmError,
@@ -103,9 +101,8 @@ def run_node(
         node = factory()
         node.reject_unknown_parameters()
     except _USER_ERRORS as error:
-        _tell(stderr, program, error)
         rclpy.try_shutdown()
-        return EXIT_USER_ERROR
+        return refused(program, error, stderr)
     except Exception:  # noqa: BLE001  the last line of defence of the process
         get_logger(program).fatal("unexpected error at start:\n" + traceback.format_exc())
         rclpy.try_shutdown()
@@ -128,7 +125,7 @@ def _spin(node: SuiteNode, stop: StopRequest, program: str, stderr: TextIO | Non
         code = node.exit_code
     except Exception as error:  # noqa: BLE001  the last line of defence of the process
         # The executor has logged the traceback already.
-        _tell(stderr, program, f"stopped by an unexpected {type(error).__name__}: {error}")
+        tell(program, f"stopped by an unexpected {type(error).__name__}: {error}", stderr)
         code = EXIT_DEFECT
     finally:
         executor.remove_node(node)
@@ -136,8 +133,3 @@ def _spin(node: SuiteNode, stop: StopRequest, program: str, stderr: TextIO | Non
         executor.shutdown()
         rclpy.try_shutdown()
     return code
-
-
-def _tell(stderr: TextIO | None, program: str, what: object) -> None:
-    line = " ".join(str(what).split())
-    print(f"{program}: {line}", file=sys.stderr if stderr is None else stderr, flush=True)

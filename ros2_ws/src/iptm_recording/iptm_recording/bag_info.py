@@ -15,6 +15,7 @@ from rosbags.interfaces import QosDurability
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.errors import BagError, IptmError
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
+from iptm_core.program import refused
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.recorded_topics import TopicRecord
 from iptm_recording.run_information import RunInformation
@@ -183,9 +184,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print_information(
                 path, console, namespace=options.namespace, show_parameters=options.parameters
             )
-    except BagError as error:
-        print(f"bag_info: {error}", file=sys.stderr)
-        return 2
+    except IptmError as error:
+        return refused("bag_info", error)
     return 0
 
 

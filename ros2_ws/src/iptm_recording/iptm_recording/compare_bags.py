@@ -19,7 +19,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from iptm_core.errors import BagError
+from iptm_core.errors import BagError, IptmError
+from iptm_core.program import refused
 from iptm_core.user_input import number
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.field_differences import FieldDifference, NumberTolerance, differences
@@ -248,9 +249,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             tolerance=NumberTolerance(parsed.absolute, parsed.relative),
             ignored_fields=parsed.ignore,
         )
-    except BagError as error:
-        print(f"compare_bags: {error}", file=sys.stderr)
-        return 2
+    except IptmError as error:
+        return refused("compare_bags", error)
     console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH)
     console.print(comparison_table(comparison))
     for topic in comparison:

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from iptm_core.errors import BagError, IptmError
+from iptm_core.program import refused
 from iptm_core.strict_mapping import shown
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.message_table import message_columns
@@ -186,8 +187,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             table = topic_table(given.bag, given.topic, given.namespace)
         WRITERS[given.output.suffix](given.output, table)
     except IptmError as error:
-        print(f"export: {error}", file=sys.stderr)
-        return 2
+        return refused("export", error)
     print(f"{table.row_count} rows, {len(table.columns)} columns in {given.output}")
     return 0
 

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from iptm_core.errors import ParameterError
+from iptm_core.program import refused
 from iptm_core.user_input import number, whole_number
 from iptm_interfaces.command_line import own_arguments
-from iptm_interfaces.process import EXIT_USER_ERROR, run_node
+from iptm_interfaces.process import run_node
 from iptm_recording.playback import PlaybackOptions
 from iptm_recording.player_node import PlayerNode
 from iptm_recording.qos_overrides import QosOverrides, load_qos_overrides
@@ -150,8 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         parsed = build_parser().parse_args(own_arguments(command))
     except ParameterError as error:
-        print(f"replay: {error}", file=sys.stderr)
-        return EXIT_USER_ERROR
+        return refused("replay", error)
     return run_node(lambda: PlayerNode(options_from(parsed)), ["replay", *command[1:]])
 
 

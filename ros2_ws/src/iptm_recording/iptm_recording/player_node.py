@@ -16,8 +16,9 @@ from rich.console import Console
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.errors import BagError
+from iptm_core.program import EXIT_USER_ERROR
 from iptm_interfaces.codecs.time import time_from_ns
-from iptm_interfaces.process import EXIT_DEFECT, EXIT_USER_ERROR
+from iptm_interfaces.process import EXIT_DEFECT
 from iptm_interfaces.services import Service
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_reader import BagReader

@@ -10,9 +10,10 @@ from datetime import datetime
 from pathlib import Path
 
 from iptm_core.errors import ParameterError
+from iptm_core.program import refused
 from iptm_core.user_input import whole_number
 from iptm_interfaces.command_line import own_arguments
-from iptm_interfaces.process import EXIT_USER_ERROR, run_node
+from iptm_interfaces.process import run_node
 from iptm_recording.mcap_file import COMPRESSIONS, MOST_INDEX_BYTES, FileLimits
 from iptm_recording.qos_overrides import QosOverrides, load_qos_overrides
 from iptm_recording.recorded_topics import TopicSelection
@@ -141,8 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         parsed = build_parser().parse_args(own_arguments(command))
     except ParameterError as error:
-        print(f"record: {error}", file=sys.stderr)
-        return EXIT_USER_ERROR
+        return refused("record", error)
     return run_node(lambda: RecorderNode(options_from(parsed)), ["record", *command[1:]])
 
 

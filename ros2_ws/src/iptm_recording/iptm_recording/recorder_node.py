@@ -17,9 +17,9 @@ import yaml
 
 from iptm_core.declaration import Scalar
 from iptm_core.errors import BagError
+from iptm_core.program import EXIT_USER_ERROR
 from iptm_interfaces.codecs import s_from_ns
 from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
-from iptm_interfaces.process import EXIT_USER_ERROR
 from iptm_interfaces.services import Service
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic

@@ -19,6 +19,7 @@ from mcap.well_known import MessageEncoding
 from zstandard import ZstdError
 
 from iptm_core.errors import BagError, IptmError
+from iptm_core.program import tell
 from iptm_recording.bag_files import check_exists
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
@@ -293,7 +294,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         report = recover(options.source, options.output)
     except IptmError as error:
-        print(f"recover_bag: {error}", file=sys.stderr)
+        tell("recover_bag", error)
         return 1
     print(report)
     return 0

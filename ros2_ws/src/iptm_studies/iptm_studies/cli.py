@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -15,6 +16,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 
 from iptm_core.errors import IptmError
+from iptm_core.program import EXIT_SIGNAL, EXIT_USER_ERROR
 from iptm_core.user_input import whole_number
 from iptm_studies.campaign import NOT_COMPUTED, Campaign, plan_campaign
 from iptm_studies.cluster import ClusterOptions
@@ -26,8 +28,6 @@ from iptm_studies.study_loading import available_studies, load_study
 from iptm_studies.tables import write_tables
 
 EXIT_FAILED_RUNS = 1
-EXIT_REFUSED = 2
-EXIT_INTERRUPTED = 130
 ALL = "all"
 SMALL_STORE = "small"
 
@@ -127,10 +127,10 @@ def perform_command(command: Command, options: argparse.Namespace) -> int:
         return command(options, console)
     except IptmError as error:
         console.print(f"error: {error}", style="red")
-        return EXIT_REFUSED
+        return EXIT_USER_ERROR
     except KeyboardInterrupt:
         console.print("stopped; the same command goes on from what is stored")
-        return EXIT_INTERRUPTED
+        return EXIT_SIGNAL + signal.SIGINT
 
 
 def add_cluster_options(parser: argparse.ArgumentParser) -> None:

@@ -18,13 +18,14 @@ from iptm_core.declaration import parameter_specs
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
 from iptm_core.parameters import DEFAULT_SET, load_parameters
+from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number
 from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
 from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
 
 PROGRAM = "traffic"
-EXIT_OK, EXIT_NOT_GOOD, EXIT_USER_ERROR = 0, 1, 2
+EXIT_NOT_GOOD = 1
 NO_COMPARISON = "none"
 LARGEST_DEVIATION_M = 1e-3
 _EPILOG = """\
@@ -203,8 +204,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if parsed.output is not None:
             write_trajectory(result, parsed.output)
     except IptmError as error:
-        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_USER_ERROR
+        return refused(PROGRAM, error)
     if other is not None:
         console.print(headline(result, other), style="bold green")
     console.print(results_table(result, other))

@@ -19,9 +19,10 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError, ViewError
+from iptm_core.program import EXIT_OK, refused
 from iptm_interfaces.command_line import own_arguments
 from iptm_interfaces.discovery import middleware_settings
-from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
+from iptm_interfaces.process import StopRequest
 from iptm_recording.run_information import load_run_information
 from iptm_view.bag_source import BagSource
 from iptm_view.foxglove_server import FoxgloveServer
@@ -112,8 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 else:
                     _show_bag(parsed, servers, stop)
     except IptmError as error:
-        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_USER_ERROR
+        return refused(PROGRAM, error)
     return EXIT_OK
 
 

@@ -27,14 +27,14 @@ from iptm_bringup.fault_table.over_ros import drive_over_ros
 from iptm_bringup.fault_table.page import faults_page
 from iptm_bringup.fault_table.store import VerdictStore, failed
 from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.program import EXIT_OK, EXIT_SIGNAL, refused
 from iptm_core.strict_mapping import check_known
 from iptm_faults.kinds import FaultKind
-from iptm_interfaces.process import EXIT_OK, EXIT_USER_ERROR, StopRequest
+from iptm_interfaces.process import StopRequest
 
 PROGRAM = "faults"
 PAGE = "faults.md"
 EXIT_RED = 1
-EXIT_SIGNAL = 128
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,8 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(options)
     except IptmError as error:
-        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_USER_ERROR
+        return refused(PROGRAM, error)
 
 
 def _parser() -> argparse.ArgumentParser:

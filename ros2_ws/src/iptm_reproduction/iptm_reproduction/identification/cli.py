@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from iptm_core.program import EXIT_USER_ERROR
 from iptm_core.user_input import whole_number
 from iptm_reproduction.identification.evaluations import Evaluation, EvaluationTable
 from iptm_reproduction.identification.objective import deviations, misfit
@@ -21,7 +22,7 @@ from iptm_reproduction.identification.unknowns import (
     read_unknowns,
     shipped_unknowns,
 )
-from iptm_studies.cli import EXIT_REFUSED, add_cluster_options, perform_command
+from iptm_studies.cli import add_cluster_options, perform_command
 from iptm_studies.cluster import ClusterOptions, connected
 from iptm_studies.progress import clock_text
 from iptm_studies.store import default_store_folder
@@ -64,7 +65,7 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     found = _stored(table, unknowns)
     if not found:
         console.print(f"{path} holds no candidate with all six strategies; run the search first")
-        return EXIT_REFUSED
+        return EXIT_USER_ERROR
     if options.command == "show":
         _show(found[: options.best])
         return 0
