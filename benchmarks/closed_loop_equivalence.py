@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import closed_loop, run_benchmark
+from benchmarks.harness import PROPOSED, closed_loop, run_benchmark
 from iptm_controller.solvers.interface import SolverOptions
+from iptm_controller.strategy import DEFAULT_STRATEGY
 from iptm_core.decision_record import SolveStatus
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
 from iptm_core.parameters import load_parameters
@@ -32,8 +33,8 @@ SOLVERS = {
 
 def measure(
     cycle: str = "wltc_class3b",
-    horizon: str = "3x1+5x5",
-    strategy: str = "aging",
+    horizon: str = PROPOSED,
+    strategy: str = DEFAULT_STRATEGY,
     duration_s: float | None = None,
 ) -> dict[str, Any]:
     """Drive the same trip with both solvers.

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import closed_loop, quantiles, run_benchmark, statuses, timed
+from benchmarks.harness import PROPOSED, closed_loop, quantiles, run_benchmark, statuses, timed
 from iptm_controller.controller import Controller
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.switching_check import SwitchingCheck
+from iptm_controller.strategy import DEFAULT_STRATEGY
 from iptm_core.decision_record import SolveStatus
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
@@ -53,8 +54,8 @@ def processor_clocks() -> Iterator[dict[str, list[float]]]:
 
 def measure(
     cycle: str = "comprehensive",
-    horizon: str = "3x1+5x5",
-    strategy: str = "aging",
+    horizon: str = PROPOSED,
+    strategy: str = DEFAULT_STRATEGY,
     solver: str = "riccati",
     duration_s: float | None = None,
 ) -> dict[str, Any]:

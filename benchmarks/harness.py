@@ -22,10 +22,10 @@ import casadi as ca
 import numpy as np
 
 from iptm_controller.controller import Controller, ControllerOptions
-from iptm_controller.horizon import Horizon
+from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.ocp.compilation import COMPILER_FLAGS, find_compiler
 from iptm_controller.solvers.interface import SolverOptions
-from iptm_controller.strategy import strategy_by_name
+from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import DecisionSeries, SolveStatus
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
@@ -35,6 +35,11 @@ from iptm_core.state import FloatArray
 from iptm_plant_sim.plant import Plant
 
 T = TypeVar("T")
+
+
+PROPOSED = str(MULTI_HORIZON)
+SINGLE = str(SINGLE_HORIZON)
+WITH_THERMAL_PHASE = f"{PROPOSED}+10x30t"
 
 
 @dataclass(frozen=True)
@@ -60,8 +65,8 @@ def timed(call: Callable[[], T]) -> tuple[T, Elapsed]:
 
 def closed_loop(
     cycle: str,
-    horizon: str = "3x1+5x5",
-    strategy: str = "aging",
+    horizon: str = PROPOSED,
+    strategy: str = DEFAULT_STRATEGY,
     solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
     duration_s: float | None = None,
 ) -> tuple[Route, Plant, Controller]:

@@ -16,6 +16,7 @@ from benchmarks.contenders import build_contender
 from benchmarks.harness import run_benchmark
 from benchmarks.record_problems import record_problems
 from iptm_controller.horizon import Horizon
+from iptm_controller.strategy import DEFAULT_STRATEGY
 from iptm_core.parameters import load_parameters
 
 GRIDS = ("15x1", "60x1", "200x1", "500x1", "1000x1")
@@ -43,7 +44,7 @@ def measure(
     parameters = load_parameters().values
     rows: list[dict[str, Any]] = []
     for grid in grids:
-        problems = record_problems(CYCLE, "aging", grid, FIRST_TICK, count)
+        problems = record_problems(CYCLE, DEFAULT_STRATEGY, grid, FIRST_TICK, count)
         horizon = Horizon.parse(grid)
         for name in solvers:
             contender = build_contender(name, horizon, parameters)

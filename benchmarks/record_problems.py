@@ -13,13 +13,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from benchmarks.harness import closed_loop, run_benchmark
+from benchmarks.harness import PROPOSED, closed_loop, run_benchmark
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
-from iptm_controller.strategy import strategy_by_name
+from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.settings import PreviewSettings
@@ -206,8 +206,8 @@ def record_problems(
 def measure(
     output: Path,
     cycle: str = "wltc_class3b",
-    strategy: str = "aging",
-    horizon: str = "3x1+5x5",
+    strategy: str = DEFAULT_STRATEGY,
+    horizon: str = PROPOSED,
     first_tick: int = 0,
     count: int | None = None,
 ) -> dict[str, Any]:

@@ -23,19 +23,25 @@ from benchmarks import (
 )
 from benchmarks.compare_solvers import compare
 from benchmarks.contenders import CONTENDER_NAMES
-from benchmarks.harness import machine_description, write_numbers
+from benchmarks.harness import (
+    PROPOSED,
+    SINGLE,
+    WITH_THERMAL_PHASE,
+    machine_description,
+    write_numbers,
+)
 from benchmarks.page import write_page
 from benchmarks.record_problems import ProblemSet, record_problems
-from benchmarks.targets import PROPOSED, REFERENCE, SINGLE
+from benchmarks.targets import REFERENCE
+from iptm_controller.strategy import DEFAULT_STRATEGY
 from iptm_core.errors import IptmError
 
 ROOT = Path(__file__).resolve().parents[1]
 NUMBERS = ROOT / "benchmarks" / "results"
 PAGE = ROOT / "docs" / "solver-benchmarks.md"
-STRATEGY = "aging"
 CYCLES = ("wltc_class3b", "comprehensive")
 # Grid to the contenders that are of use on it; dense QP solvers are not on long ones.
-SHORT, LONG = ("3x1+5x5", "15x1"), ("5x1+20x5", "60x1")
+SHORT, LONG = (PROPOSED, SINGLE), ("5x1+20x5", "60x1")
 LONG_CONTENDERS = tuple(
     name for name in CONTENDER_NAMES if name not in {"sqp_daqp", "riccati_interpreted"}
 )
@@ -57,7 +63,7 @@ def _comparisons(*, quick: bool) -> dict[str, Any]:
             problems = _recorded(cycle, grid, quick=quick, long=long)
             blocks = (3 if quick else 6) if long else (5 if quick else 15)
             _say(f"comparing on {cycle}, {grid}")
-            numbers[f"{cycle}, {STRATEGY}, {problems.horizon}"] = compare(
+            numbers[f"{cycle}, {DEFAULT_STRATEGY}, {problems.horizon}"] = compare(
                 problems, contenders, blocks, 10 if long else 20, 10 if long else 5
             )
             write_numbers(NUMBERS / "comparisons.json", numbers)  # so that a stop loses little
@@ -71,7 +77,7 @@ def _recorded(cycle: str, grid: str, *, quick: bool, long: bool) -> ProblemSet:
     if path.is_file():
         return ProblemSet.load(path)
     _say(f"recording {cycle}, {grid}")
-    problems = record_problems(cycle, STRATEGY, grid, first, count)
+    problems = record_problems(cycle, DEFAULT_STRATEGY, grid, first, count)
     problems.save(path)
     return problems
 
@@ -90,7 +96,12 @@ PARTS: dict[str, Callable[..., Any]] = {
     "loops": lambda *, quick: [
         closed_loop_speed.measure(cycle, grid, strategy, duration_s=300.0 if quick else None)
         for cycle in CYCLES
-        for grid, strategy in ((PROPOSED, STRATEGY), (SINGLE, STRATEGY), (SINGLE, REFERENCE))
+        for grid, strategy in (
+            (PROPOSED, DEFAULT_STRATEGY),
+            (WITH_THERMAL_PHASE, DEFAULT_STRATEGY),
+            (SINGLE, DEFAULT_STRATEGY),
+            (SINGLE, REFERENCE),
+        )
     ],
     "equivalence": lambda *, quick: [
         closed_loop_equivalence.measure(cycle, duration_s=300.0 if quick else None)

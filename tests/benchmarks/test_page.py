@@ -62,7 +62,7 @@ def test_computing_time_is_that_of_all_solves() -> None:
         "MH 3+5 at no more than half the time of the reference on SH 15, all solves of a trip"
     ]
     assert half.met is False
-    assert half.measured == "wltc_class3b: 0.53 (of aging on SH 15: 0.71)"
+    assert half.measured == "wltc_class3b: 0.53 (of itself on SH 15: 0.71)"
 
 
 def test_a_page_with_pictures_is_written_from_some_numbers(tmp_path: Path) -> None:
