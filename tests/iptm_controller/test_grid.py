@@ -62,8 +62,6 @@ def test_parameters_are_packed_step_by_step(grid: ProblemGrid) -> None:
         sample += count
     vector = grid.parameters(shared, steps, samples)
     np.testing.assert_array_equal(vector, np.concatenate(expected))
-    for table, again in zip((shared, steps, samples), grid.split_parameters(vector), strict=True):
-        np.testing.assert_array_equal(table, again)
 
 
 def test_samples_lie_at_the_quadrature_nodes_of_their_steps(grid: ProblemGrid) -> None:

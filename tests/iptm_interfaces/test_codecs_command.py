@@ -11,12 +11,9 @@ from iptm_core.state import Command
 from iptm_interfaces.codecs import (
     decode_command,
     decode_decision_record,
-    decode_named_values,
     encode_command,
     encode_decision_record,
-    encode_named_values,
 )
-from iptm_interfaces.topics import Topic
 
 RECORD = DecisionRecord(
     status=SolveStatus.ITERATION_LIMIT,
@@ -74,17 +71,6 @@ def test_empty_message_is_refused() -> None:
     message.name, message.position = [], []
     with pytest.raises(MessageError, match="got no names"):
         decode_command(message)
-
-
-def test_wrong_number_of_values_cannot_be_sent() -> None:
-    with pytest.raises(MessageError, match="1 values given; allowed: 2"):
-        encode_named_values(Topic.PLANT_CAPACITY_LOSS, 0, [1.0])
-
-
-def test_degradation_keeps_steps_that_single_precision_would_lose() -> None:
-    values = (1e-3, 1e-3 + 1e-12)
-    message = encode_named_values(Topic.PLANT_CAPACITY_LOSS, 0, values)
-    assert decode_named_values(Topic.PLANT_CAPACITY_LOSS, message) == values
 
 
 def test_record_of_a_decision_round_trip() -> None:

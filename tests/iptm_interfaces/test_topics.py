@@ -12,8 +12,8 @@ from iptm_interfaces.topics import (
     Topic,
     TopicSpec,
     describe_qos,
-    find_topic,
     frame_in,
+    topic_of,
     topic_table_markdown,
 )
 from iptm_interfaces.visual_topics import VISUAL_TOPICS
@@ -72,21 +72,10 @@ def test_profiles() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "namespace", "expected"),
-    [
-        ("/plant/odometry", "/", Topic.PLANT_ODOMETRY),
-        ("/car_1/plant/odometry", "/car_1", Topic.PLANT_ODOMETRY),
-        ("/car_1/plant/odometry", "car_1/", Topic.PLANT_ODOMETRY),
-        ("/clock", "/", Topic.CLOCK),
-        ("/car_1/clock", "/car_1", Topic.CLOCK),
-        ("/clock", "/car_1", None),
-        ("/plant/odometry", "/car_1", None),
-        ("/rosout", "/", None),
-    ],
+    ("vehicle", "name"), [("/", "/clock"), ("/car_1", "/car_1/clock"), ("car_1/", "/car_1/clock")]
 )
-def test_find_topic(name: str, namespace: str, expected: Topic | None) -> None:
-    found = find_topic(name, namespace)
-    assert (found.topic if found else None) is expected
+def test_topic_of_a_vehicle(vehicle: str, name: str) -> None:
+    assert topic_of(vehicle, Topic.CLOCK) == name
 
 
 @pytest.mark.parametrize(

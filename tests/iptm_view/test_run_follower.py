@@ -14,7 +14,7 @@ import pytest
 from iptm_core.errors import BagError
 from iptm_core.metrics import gap_margins_m
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.topics import TOPICS, Topic, find_topic
+from iptm_interfaces.topics import TOPICS, Topic, topic_of
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.trajectory_reader import read_decisions
 from iptm_view.bag_source import AT_ONCE, BagSource
@@ -24,6 +24,7 @@ from iptm_view.run_facts import RunFacts, facts_of_nodes
 from iptm_view.run_follower import RunFollower
 
 CELSIUS = 273.15
+SPECS = {topic_of("/", topic): spec for topic, spec in TOPICS.items()}
 
 
 def documents(feed: PageFeed) -> dict[str, Any]:
@@ -99,7 +100,7 @@ def test_order_and_duplicates_within_a_tick_do_not_matter(bag: Path, page: dict[
     feed = PageFeed()
     follower = RunFollower(feed, RunFacts("test"))
     with BagReader(bag) as reader:
-        messages = [(find_topic(raw.topic), raw) for raw in reader.raw_messages()]
+        messages = [(SPECS.get(raw.topic), raw) for raw in reader.raw_messages()]
     by_tick: dict[int, list[Any]] = {}
     for spec, raw in messages:
         by_tick.setdefault(raw.log_time_ns, []).append((spec, raw))
@@ -120,7 +121,7 @@ def test_a_fast_run_costs_no_more_than_it_shows(bag: Path) -> None:
     follower = RunFollower(feed, RunFacts("test"))
     with BagReader(bag) as reader:
         for raw in reader.raw_messages():
-            spec = find_topic(raw.topic)
+            spec = SPECS.get(raw.topic)
             if spec is not None and raw.log_time_ns <= 40 * 10**9:
                 follower.take(spec.topic, raw.data)
     assert follower.show(2) == 2
@@ -132,7 +133,7 @@ def test_the_same_trip_again_begins_a_new_page(bag: Path) -> None:
     feed = PageFeed()
     follower = RunFollower(feed, RunFacts("test"))
     with BagReader(bag) as reader:
-        messages = [(find_topic(raw.topic), raw.data) for raw in reader.raw_messages()]
+        messages = [(SPECS.get(raw.topic), raw.data) for raw in reader.raw_messages()]
     for _ in range(2):
         for spec, data in messages:
             follower.take(spec.topic, data)
@@ -144,7 +145,7 @@ def test_broken_messages_are_named_and_leave_a_hole(bag: Path) -> None:
     feed = PageFeed()
     follower = RunFollower(feed, RunFacts("test"))
     with BagReader(bag) as reader:
-        messages = [(find_topic(raw.topic), raw) for raw in reader.raw_messages()]
+        messages = [(SPECS.get(raw.topic), raw) for raw in reader.raw_messages()]
     for spec, raw in messages:
         data = bytearray(raw.data)
         if spec.topic is Topic.PLANT_CELL_1_TEMPERATURE:

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 import iptm_view
-from iptm_interfaces.topics import TOPICS, find_topic
+from iptm_interfaces.topics import TOPICS, TopicSpec, topic_of
 from iptm_interfaces.visual_topics import VISUAL_TOPICS
 from iptm_view.viewer_layouts import LAYOUTS, foxglove_layout, plotjuggler_layout, rviz_config
 
@@ -21,9 +21,13 @@ FOLDER = Path(iptm_view.__file__).parent / "layouts"
 NUMBERS = {"float", "double"}
 
 
+def spec_of(name: str, namespace: str) -> TopicSpec | None:
+    return next((spec for spec in TOPICS.values() if topic_of(namespace, spec.topic) == name), None)
+
+
 def assert_is_number(topic: str, field: str, index: int | None, namespace: str = "/") -> None:
     """Check a field path against the message class of the topic itself, not against the maker's table."""
-    spec = find_topic(topic, namespace)
+    spec = spec_of(topic, namespace)
     assert spec is not None, f"no topic {topic}"
     message: Any = spec.message_type()
     *parents, last = field.split(".")
@@ -59,7 +63,7 @@ def test_foxglove(namespace: str) -> None:
             assert match is not None, path["value"]
             topic, field, index = match.groups()
             assert_is_number(topic, field, None if index is None else int(index), namespace)
-            spec = find_topic(topic, namespace)
+            spec = spec_of(topic, namespace)
             if index is not None and spec is not None:
                 assert path["label"] == list(spec.fields)[int(index)]
             named.add(topic)
@@ -71,7 +75,7 @@ def test_foxglove(namespace: str) -> None:
     prefix = namespace.rstrip("/")
     assert set(scene["topics"]) == {f"{prefix}/{spec.name}" for spec in VISUAL_TOPICS.values()}
     unnamed = {spec.topic for spec in TOPICS.values()} - {
-        find_topic(topic, namespace).topic for topic in named
+        spec_of(topic, namespace).topic for topic in named
     }
     assert {topic.name for topic in unnamed} == {"CLOCK", "SLOPE", "DATAGRAMS"}
 

@@ -32,7 +32,7 @@ from iptm_interfaces.codecs import (
     ns_from_time,
 )
 from iptm_interfaces.command_line import node_main
-from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.services import Service, state_path
 from iptm_interfaces.stamp_gate import Verdict
@@ -42,7 +42,6 @@ from iptm_interfaces.topics import STATE_TOPICS, TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
 
 CHECKS_PER_TIMEOUT = 5.0
-REPORT_PERIOD_S = 1.0
 PLANT_TIMEOUT_S = 5.0
 """Wall time without any part of a state after which the plant is told to have stopped."""
 DEAF_AFTER_TIMEOUTS = 2.0

@@ -10,7 +10,6 @@ from __future__ import annotations
 import sys
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TextIO
 
 PROGRAMS = "iptm.programs"
 """Group of entry points in each ``setup.py``: name of an executable and its function."""
@@ -20,15 +19,14 @@ EXIT_SIGNAL = 128
 """Added to the number of the signal that ended a program."""
 
 
-def tell(program: str, what: object, stderr: TextIO | None = None) -> None:
-    """Say something in one line on stderr, None being that of the process."""
-    line = " ".join(str(what).split())
-    print(f"{program}: {line}", file=sys.stderr if stderr is None else stderr, flush=True)
+def tell(program: str, what: object) -> None:
+    """Say something in one line on stderr."""
+    print(f"{program}: {' '.join(str(what).split())}", file=sys.stderr, flush=True)
 
 
-def refused(program: str, reason: object, stderr: TextIO | None = None) -> int:
+def refused(program: str, reason: object) -> int:
     """Say what a user did wrong, as `tell` does; returns the exit code of the program."""
-    tell(program, reason, stderr)
+    tell(program, reason)
     return EXIT_USER_ERROR
 
 

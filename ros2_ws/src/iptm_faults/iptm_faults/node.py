@@ -35,13 +35,12 @@ from iptm_interfaces.codecs import (
     stamp_ns_of,
 )
 from iptm_interfaces.command_line import node_main
-from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import ROAD_FRAME, STATE_TOPICS, TOPICS, Topic
 
 MATCHING_PERIOD_S = 0.02
-REPORT_PERIOD_S = 1.0
 STRANGERS = 20
 """Messages of a stranger in a tick."""
 

@@ -25,6 +25,8 @@ CHANGED_SETTINGS = "changed_settings"
 """Key: settings that were changed last while the node runs, with their former values."""
 SETTINGS_SINCE = "settings_since_s"
 """Key: trip time of the first tick with them, or `start`."""
+REPORT_PERIOD_S = 1.0
+"""Interval at which nodes report, and the least between two messages of the same level and reason."""
 
 
 class Level(Enum):
@@ -85,36 +87,33 @@ class DiagnosticsReporter:
     """Decides when a status is worth a message.
 
     Call `report` every tick: a change of level or reason goes out at once, mere changes of numbers
-    at most once per `period_s` of steady time.
+    at most once per `REPORT_PERIOD_S` of steady time.
     """
 
     def __init__(
         self,
         publish: Callable[[DiagnosticArray], None],
         name: str,
-        period_s: float = 1.0,
-        steady_time_s: Callable[[], float] = time.monotonic,
-        on_change: Callable[[Level, str], None] | None = None,
-        health: NodeHealth | None = None,
+        on_change: Callable[[Level, str], None],
+        health: NodeHealth,
         hardware_id: str = HARDWARE_ID,
+        steady_time_s: Callable[[], float] = time.monotonic,
     ) -> None:
         """Set up a reporter.
 
         Args:
             publish: takes the finished message.
             name: name of the status.
-            period_s: smallest interval between two messages of the same level and reason.
-            steady_time_s: clock in seconds, replaceable in tests.
             on_change: told about every new level or reason, for the log.
             health: what the node survived; errors go before every reason, warnings before what is well.
             hardware_id: the vehicle.
+            steady_time_s: clock in seconds, replaceable in tests.
         """
         self._publish = publish
         self._name = name
-        self._period_s = period_s
         self._steady_time_s = steady_time_s
         self._on_change = on_change
-        self._health = health or NodeHealth()
+        self._health = health
         self._hardware_id = hardware_id
         self._last: tuple[Level, str] | None = None
         self._last_time_s = -math.inf
@@ -136,7 +135,7 @@ class DiagnosticsReporter:
 
         name = f"{node.get_fully_qualified_name()}: {component}"
         vehicle = node.get_namespace().strip("/") or HARDWARE_ID
-        return cls(publisher.publish, name, on_change=log, health=node.health, hardware_id=vehicle)
+        return cls(publisher.publish, name, log, node.health, vehicle)
 
     def report(
         self, stamp_ns: int, level: Level, reason: str, values: Mapping[str, object]
@@ -155,14 +154,14 @@ class DiagnosticsReporter:
         elif self._health.warning and level is Level.OK:
             level, reason = Level.WARN, self._health.warning
         changed = (level, reason) != self._last
-        if not changed and now_s - self._last_time_s < self._period_s:
+        if not changed and now_s - self._last_time_s < REPORT_PERIOD_S:
             return False
         values = {**values, **self._health.values}
         status = build_status(self._name, level, reason, values, self._hardware_id)
         message = DiagnosticArray(status=[status])
         message.header.stamp = time_from_ns(stamp_ns)
         self._publish(message)
-        if changed and self._on_change is not None:
+        if changed:
             self._on_change(level, reason)
         self._last = (level, reason)
         self._last_time_s = now_s

@@ -135,16 +135,15 @@ class AwakeClock:
     PERIOD_S = 0.1
     LONGEST_STEP_S = 0.5
 
-    def __init__(self, steady_time_s: Callable[[], float] = time.monotonic) -> None:
-        self._steady_time_s = steady_time_s
+    def __init__(self) -> None:
         self._base_s = 0.0
-        self._ticked_s = steady_time_s()
+        self._ticked_s = time.monotonic()
 
     def tick(self) -> None:
         """Note that the process runs; call it every `PERIOD_S`."""
         self._base_s = self.now_s()
-        self._ticked_s = self._steady_time_s()
+        self._ticked_s = time.monotonic()
 
     def now_s(self) -> float:
         """Return the time in s."""
-        return self._base_s + min(self._steady_time_s() - self._ticked_s, self.LONGEST_STEP_S)
+        return self._base_s + min(time.monotonic() - self._ticked_s, self.LONGEST_STEP_S)

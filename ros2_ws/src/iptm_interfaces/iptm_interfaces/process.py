@@ -18,7 +18,6 @@ import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import TextIO
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
@@ -75,7 +74,6 @@ class StopRequest:
 def run_node(
     factory: Callable[[], SuiteNode],
     arguments: Sequence[str] | None = None,
-    stderr: TextIO | None = None,
 ) -> int:
     """Run one node until it is told to stop, and return the exit code of the process.
 
@@ -84,7 +82,6 @@ def run_node(
     Args:
         factory: builds the node; an `IptmError` from here is a mistake of the user.
         arguments: command line with the program name; None takes that of the process.
-        stderr: where the one line on a mistake goes; None takes that of the process.
 
     Returns:
         0, 1 or 2, see the module.
@@ -102,15 +99,15 @@ def run_node(
         node.reject_unknown_parameters()
     except _USER_ERRORS as error:
         rclpy.try_shutdown()
-        return refused(program, error, stderr)
+        return refused(program, error)
     except Exception:  # noqa: BLE001  the last line of defence of the process
         get_logger(program).fatal("unexpected error at start:\n" + traceback.format_exc())
         rclpy.try_shutdown()
         return EXIT_DEFECT
-    return _spin(node, stop, program, stderr)
+    return _spin(node, stop, program)
 
 
-def _spin(node: SuiteNode, stop: StopRequest, program: str, stderr: TextIO | None) -> int:
+def _spin(node: SuiteNode, stop: StopRequest, program: str) -> int:
     executor = EventsExecutor()
     executor.add_node(node)
     code = EXIT_OK
@@ -125,7 +122,7 @@ def _spin(node: SuiteNode, stop: StopRequest, program: str, stderr: TextIO | Non
         code = node.exit_code
     except Exception as error:  # noqa: BLE001  the last line of defence of the process
         # The executor has logged the traceback already.
-        tell(program, f"stopped by an unexpected {type(error).__name__}: {error}", stderr)
+        tell(program, f"stopped by an unexpected {type(error).__name__}: {error}")
         code = EXIT_DEFECT
     finally:
         executor.remove_node(node)

@@ -292,16 +292,6 @@ def frame_in(prefix: str, frame: str) -> str:
     return f"{prefix}/{frame}"
 
 
-def find_topic(name: str, namespace: str = "/") -> TopicSpec | None:
-    """Return the specification of a resolved topic name, or None for a foreign topic.
-
-    Args:
-        name: absolute name as seen in the graph or in a bag, e.g. `/car_1/plant/odometry`.
-        namespace: namespace of the suite, e.g. `/car_1`.
-    """
-    return next((spec for spec in _SPECS if topic_of(namespace, spec.topic) == name), None)
-
-
 def describe_qos(profile: QoSProfile) -> str:
     """Return a profile in words, for tables and error texts, e.g. `reliable, keep last 10`."""
     reliability = profile.reliability.name.lower().replace("_", " ")

@@ -11,13 +11,11 @@ import sys
 from iptm_core.errors import ServiceError
 from iptm_core.saved_state import write_state
 from iptm_interfaces.command_line import node_main
-from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.services import Service, state_path
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_plant_sim.node_trip import TripNode
 from iptm_plant_sim.trip import CommandHold, TripPhase
-
-REPORT_PERIOD_S = 1.0
 
 
 class PlantNode(TripNode):

@@ -104,8 +104,6 @@ class Plant:
         self,
         position_m: float = 0.0,
         speed_m_s: float = 0.0,
-        time_s: float = 0.0,
-        cell_1_temperature_k: float | None = None,
         cell_n_temperature_k: float | None = None,
     ) -> VehicleState:
         """State at the start of a trip: no acceleration, compressor off, parameters' pack.
@@ -113,9 +111,8 @@ class Plant:
         Args:
             position_m: position along the road.
             speed_m_s: speed.
-            time_s: time of the trip.
-            cell_1_temperature_k: temperature of cell 1; by default the parameters' initial temperature.
-            cell_n_temperature_k: temperature of cell N_c; likewise. The cells between lie evenly.
+            cell_n_temperature_k: temperature of cell N_c; by default the parameters' initial temperature,
+                which is that of cell 1. The cells between lie evenly.
 
         Raises:
             StateError: a value is not finite or outside its physical range.
@@ -123,14 +120,12 @@ class Plant:
         initial_k = self.parameters.environment.initial_cell_temperature_k
         loss = self.parameters.aging.initial_capacity_loss
         state = VehicleState(
-            time_s=float(time_s),
+            time_s=0.0,
             position_m=float(position_m),
             speed_m_s=float(speed_m_s),
             acceleration_m_s2=0.0,
             compressor_power_w=self.parameters.limits.min_compressor_power_w,
-            cell_1_temperature_k=float(
-                initial_k if cell_1_temperature_k is None else cell_1_temperature_k
-            ),
+            cell_1_temperature_k=float(initial_k),
             cell_n_temperature_k=float(
                 initial_k if cell_n_temperature_k is None else cell_n_temperature_k
             ),

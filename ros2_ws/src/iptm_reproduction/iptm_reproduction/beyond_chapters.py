@@ -23,8 +23,8 @@ from iptm_reproduction.runs import (
     REFERENCE,
     STUDIES,
     channel_run,
-    cold_day_run,
     cost_to_go_run,
+    warm_run,
 )
 from iptm_reproduction.tables import channel_tables, cost_to_go_tables
 from iptm_reproduction.tables.analysis_tables import (
@@ -96,7 +96,7 @@ BEYOND_THE_PAPER = (
                 "cold-days",
                 "The default controller on cold days",
                 cost_to_go_tables.cold_days_table,
-                (cold_day_run("wltc_class3b", "flat"),),
+                (warm_run("wltc_class3b", "flat"),),
             ),
         ),
     ),

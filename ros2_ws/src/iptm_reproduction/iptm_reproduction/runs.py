@@ -108,18 +108,14 @@ def channel_run(controller: str, plant: str = "full_channel") -> str:
     return f"full_channel/{plant}/{controller}"
 
 
-def cost_to_go_run(
-    controller: str = "multi_horizon_cost_to_go",
-    trip: str = "comprehensive",
-    preview: str = "perfect",
-) -> str:
+def cost_to_go_run(controller: str, trip: str = "comprehensive") -> str:
     """Return the run of a controller in the study of the cost to go, or of its whole-trip optimum."""
-    return f"cost_to_go/{trip}/{controller}/{preview}"
+    return f"cost_to_go/{trip}/{controller}/perfect"
 
 
-def cold_day_run(trip: str, slope: str, day: str = "without_limits") -> str:
-    """Return the run of the default controller on a cold day, or warm without temperature limits."""
-    return f"cold_days/{trip}/{slope}/{day}"
+def warm_run(trip: str, slope: str) -> str:
+    """Return the warm run, without temperature limits, that the cold days of a trip are compared with."""
+    return f"cold_days/{trip}/{slope}/without_limits"
 
 
 COST_TO_GO_OPTIMUM = cost_to_go_run("whole_trip")

@@ -87,7 +87,6 @@ def drive_in_traffic(drive: TrafficDrive, parameters: ModelParameters) -> Traffi
     Raises:
         IptmError: SUMO is not installed or fails, or the strategy is not known.
     """
-    began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="iptm_traffic_") as name:
         folder = Path(name)
         corridor = Corridor.long_enough_for(drive.duration_s)
@@ -99,7 +98,7 @@ def drive_in_traffic(drive: TrafficDrive, parameters: ModelParameters) -> Traffi
             rehearsal = _rehearse(drive, network, demand)
         demand = _demand(drive, corridor, parameters, folder, with_stand_in=False)
         with closing(TrafficSimulation(network, demand, drive.step_s)) as simulation:
-            return _closed_loop(drive, parameters, simulation, rehearsal, began)
+            return _closed_loop(drive, parameters, simulation, rehearsal)
 
 
 def _demand(
@@ -160,7 +159,6 @@ def _closed_loop(
     parameters: ModelParameters,
     simulation: TrafficSimulation,
     rehearsal: dict[str, Rehearsed] | None,
-    began: float,
 ) -> TrafficResult:
     network = simulation.network
     road_line, slope = network.road.road_line(), network.road.slope()
@@ -239,7 +237,6 @@ def _closed_loop(
         dict(sorted(watched.predictors.items())),
         radio.sent,
         int(np.count_nonzero(np.asarray(records.rung) != Rung.OPTIMAL)),
-        started - began,
         ended - started,
         processor_s,
     )

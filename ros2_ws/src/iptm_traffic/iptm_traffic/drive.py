@@ -87,7 +87,6 @@ class TrafficResult:
         predictors: ticks by who foretold the leader.
         messages: messages received.
         fallback_ticks: ticks on which the controller had no solution to follow.
-        set_up_s: wall time of network, SUMO's start and rehearsal.
         wall_time_s: wall time of the drive.
         processor_s: processor time of the drive, SUMO's included.
     """
@@ -105,7 +104,6 @@ class TrafficResult:
     predictors: dict[str, int]
     messages: int
     fallback_ticks: int
-    set_up_s: float
     wall_time_s: float
     processor_s: float
 

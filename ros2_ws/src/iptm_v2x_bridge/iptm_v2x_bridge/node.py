@@ -15,7 +15,7 @@ from iptm_interfaces.codecs import (
     ns_from_time,
 )
 from iptm_interfaces.command_line import node_main
-from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.stamp_gate import StampGate, Verdict
 from iptm_interfaces.suite_node import SuiteNode
@@ -27,7 +27,6 @@ from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 
 CLOCK_TIMEOUT_S = 5.0
-REPORT_PERIOD_S = 1.0
 MATCHING_PERIOD_S = 0.02
 
 

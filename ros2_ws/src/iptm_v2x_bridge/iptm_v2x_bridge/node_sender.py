@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from iptm_core.errors import ParameterError
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.command_line import node_main
-from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
@@ -25,7 +25,6 @@ from iptm_v2x_bridge.sending.sender import CamSender
 
 WALL_PERIOD_S = 0.01
 REPEAT_PERIOD_S = 0.2
-REPORT_PERIOD_S = 1.0
 
 
 class SenderNode(SuiteNode):

@@ -25,7 +25,7 @@ from iptm_interfaces.codecs import (
     decode_temperature,
 )
 from iptm_interfaces.command_line import node_main
-from iptm_interfaces.diagnostics import DiagnosticsReporter, Level
+from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.qos import LATCHED_QOS
 from iptm_interfaces.suite_node import SuiteNode
@@ -46,7 +46,6 @@ from iptm_view.vehicle_description import vehicle_urdf
 from iptm_view.visualizer_parameters import VisualizerParameters
 
 _LOOK_PERIOD_S = 0.2
-_REPORT_PERIOD_S = 1.0
 _DEPTH = 10
 _STAMPS_KEPT = 16
 _FLAT = SlopePreview(np.zeros(1), np.zeros(1))
@@ -80,7 +79,7 @@ class VisualizerNode(SuiteNode):
         self._reporter = DiagnosticsReporter.of_node(self, "scene")
         self.every(_LOOK_PERIOD_S, self._look)
         self.every(1.0 / self._options.rate_hz, self._show)
-        self.every(_REPORT_PERIOD_S, self._report)
+        self.every(REPORT_PERIOD_S, self._report)
         self._look()
         self._report()
 

@@ -148,10 +148,6 @@ class ProblemGrid:
         vector[self._sample_slots] = samples
         return vector
 
-    def split_parameters(self, vector: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Cut a parameter vector into its three tables, the inverse of ``parameters``."""
-        return (vector[: layout.GLOBALS], vector[self._step_slots], vector[self._sample_slots])
-
     def split(self, variables: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Cut the variables into states, shape (N + 1, 6), and inputs, shape (N, 6); both are copies."""
         table = variables[: -layout.STATES].reshape(self.steps, layout.BLOCK)

@@ -14,7 +14,6 @@ from iptm_interfaces.codecs.command import (
     encode_decision_record,
 )
 from iptm_interfaces.codecs.datagram import decode_raw_datagram, encode_raw_datagram
-from iptm_interfaces.codecs.named_values import decode_named_values, encode_named_values
 from iptm_interfaces.codecs.plan import PlanTrajectory, decode_plan, encode_plan, encode_plan_bytes
 from iptm_interfaces.codecs.preview import (
     decode_leader_preview,
@@ -55,7 +54,6 @@ __all__ = [
     "decode_leader",
     "decode_leader_preview",
     "decode_leader_preview_bytes",
-    "decode_named_values",
     "decode_observation",
     "decode_plan",
     "decode_powers",
@@ -72,7 +70,6 @@ __all__ = [
     "encode_leader",
     "encode_leader_preview",
     "encode_leader_preview_bytes",
-    "encode_named_values",
     "encode_plan",
     "encode_plan_bytes",
     "encode_powers",

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import ParamSpec
 
@@ -35,24 +35,6 @@ def _layout(topic: Topic) -> FixedLayout:
 
 
 _LAYOUTS = {topic: _layout(topic) for topic in _NAMES}
-
-
-def encode_named_values(topic: Topic, stamp_ns: int, values: Sequence[float]) -> JointState:
-    """Return the message of a named-values topic.
-
-    Args:
-        topic: a topic of type `sensor_msgs/JointState`; it fixes the names and their order.
-        stamp_ns: stamp in integer nanoseconds.
-        values: one number per name, in the order of the topic table.
-
-    Raises:
-        MessageError: the number of values differs from the number of names.
-    """
-    names = _NAMES[topic]
-    if len(values) != len(names):
-        reject(topic, f"{len(values)} values given; allowed: {len(names)} ({', '.join(names)})")
-    message: JointState = _LAYOUTS[topic].message(stamp_ns, values)
-    return message
 
 
 def named_values(topic: Topic) -> Callable[[Callable[P, Numbers]], Encoder[P]]:

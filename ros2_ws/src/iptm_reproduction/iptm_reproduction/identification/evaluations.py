@@ -49,28 +49,21 @@ class Evaluation:
         return canonical_json(vars(self))
 
 
-def inputs_of(candidate: Candidate, strategy: str, duration_s: float | None = None) -> RunInputs:
-    """Return the run of a strategy on the trip of a candidate.
-
-    Args:
-        candidate: the numbers.
-        strategy: name of a strategy of the paper.
-        duration_s: length of the trip, None for all of it.
-    """
+def inputs_of(candidate: Candidate, strategy: str) -> RunInputs:
+    """Return the run of a strategy of the paper on the trip of a candidate."""
     composition, parameters = candidate.composition(_NAME), candidate.parameters()
     spec = RunSpec(
         cycle=_NAME,
-        duration_s=duration_s,
         strategy=candidate.strategy(strategy_by_name(strategy)),
         horizon=HORIZON,
     )
-    route = _route(composition, parameters.gap.initial_gap_m, duration_s)
+    route = _route(composition, parameters.gap.initial_gap_m)
     return RunInputs(spec, parameters, route, code_fingerprint(), f"{_NAME}/{strategy}")
 
 
 @lru_cache(maxsize=32)
-def _route(composition: RouteComposition, initial_gap_m: float, duration_s: float | None) -> Route:
-    return build_route(composition, initial_gap_m=initial_gap_m, duration_s=duration_s)
+def _route(composition: RouteComposition, initial_gap_m: float) -> Route:
+    return build_route(composition, initial_gap_m=initial_gap_m)
 
 
 def evaluate(inputs: RunInputs, values: Mapping[str, float]) -> Evaluation:

@@ -105,7 +105,6 @@ class Search:
         client: Client,
         observer: Observer,
         *,
-        duration_s: float | None = None,
         perform: Perform = evaluate,
     ) -> None:
         """Prepare a search.
@@ -115,14 +114,12 @@ class Search:
             table: where runs are looked up and kept.
             client: cluster that performs them.
             observer: told about every run and candidate.
-            duration_s: length of the trip, None for all of it.
             perform: performs a run on a worker.
         """
         self._unknowns = unknowns
         self._table = table
         self._client = client
         self._observer = observer
-        self._duration_s = duration_s
         self._perform = perform
 
     def run(self, stages: Sequence[Stage] = STAGES) -> list[Scored]:
@@ -167,7 +164,7 @@ class Search:
         for place, candidate in enumerate(wanted):
             for name in stage.strategies:
                 try:
-                    inputs = inputs_of(candidate, name, self._duration_s)
+                    inputs = inputs_of(candidate, name)
                 except IptmError:
                     continue  # numbers that contradict each other make no trip
                 known = self._table.find(inputs.key)

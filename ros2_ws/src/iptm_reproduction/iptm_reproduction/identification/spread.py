@@ -114,13 +114,13 @@ def shipped_values() -> dict[str, float]:
 
 
 @cache
-def determined_numbers(path: Path | None = None) -> Spread:
-    """Read the evaluations beside this module, or others.
+def determined_numbers() -> Spread:
+    """Read the evaluations beside this module.
 
     Raises:
         StoreError: the file is missing or not as it should be.
     """
-    path = path or Path(__file__).parent / EVALUATIONS_NAME
+    path = Path(__file__).parent / EVALUATIONS_NAME
     unknowns = read_unknowns(shipped_unknowns())
     try:
         with path.open(encoding="utf-8", newline="") as file:

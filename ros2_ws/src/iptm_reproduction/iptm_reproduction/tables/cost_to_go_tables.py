@@ -8,9 +8,9 @@ from iptm_reproduction.document import Cell, Row, Table
 from iptm_reproduction.runs import (
     COST_TO_GO_OPTIMUM,
     Results,
-    cold_day_run,
     controller_name,
     cost_to_go_run,
+    warm_run,
     words,
 )
 from iptm_reproduction.tables import SAVING, change_cells, figure_cells, share_cell
@@ -86,7 +86,7 @@ def cold_days_table(results: Results) -> Table:
     rows: list[Row] = []
     for run in results.study("cold_days"):
         _, trip, slope, day = run.address.split("/")
-        warm = cold_day_run(trip, slope)
+        warm = warm_run(trip, slope)
         below_j = cold_compressor_energies_j(run.trajectory, run.parameters).sum()
         rows.append(
             (
