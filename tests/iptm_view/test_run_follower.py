@@ -35,9 +35,9 @@ def documents(feed: PageFeed) -> dict[str, Any]:
     return {**found, "rows": dict(zip(PAGE_COLUMNS, table.T, strict=True))}
 
 
-def shown(bag: Path) -> dict[str, Any]:
+def shown(bag: Path, rate: float = AT_ONCE) -> dict[str, Any]:
     feed = PageFeed()
-    with BagSource(bag, AT_ONCE) as source:
+    with BagSource(bag, rate) as source:
         source.play(feed, source.facts, None, threading.Event().wait)
     return documents(feed)
 
@@ -70,6 +70,13 @@ def test_every_value_on_the_page_is_that_of_the_bag(
     assert set(expected) == set(PAGE_COLUMNS)
     for name, values in expected.items():
         np.testing.assert_allclose(rows[name], values, rtol=1e-13, atol=1e-12, err_msg=name)
+
+
+def test_a_bag_played_faster_than_anyone_can_follow_is_shown_whole(
+    page: dict[str, Any], bag: Path
+) -> None:
+    late = shown(bag, rate=1e9)
+    np.testing.assert_array_equal(late["rows"]["time_s"], page["rows"]["time_s"])
 
 
 def test_limits_plan_road_and_trip_are_those_of_the_run(

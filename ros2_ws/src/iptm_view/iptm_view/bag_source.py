@@ -20,6 +20,8 @@ from iptm_view.run_follower import PAGE_TOPICS, RunFollower
 AT_ONCE = 0.0
 """Rate that stands for "everything at once"."""
 _LOOK_S = 0.05
+_MOST_UNSHOWN = 50
+"""Messages after which to show what there is; the follower keeps more ticks than that."""
 
 
 class BagSource(AbstractContextManager["BagSource"]):
@@ -99,19 +101,24 @@ class BagSource(AbstractContextManager["BagSource"]):
             topic = self._topics.get(message.topic)
             if topic is not None:
                 follower.take(topic, message.data)
-            if self._rate == AT_ONCE:
-                follower.show()
         follower.show(incomplete=True)
         feed.put("end", {"ended": not self._is_cut, "paused": self._is_cut})
 
     def _in_time(self, rest: Callable[[float], bool]) -> Iterator[RawMessage]:
-        """Yield the messages when they are due, until `rest` says to stop."""
-        begin_s = time.monotonic()
+        """Yield the messages when they are due, until `rest` says to stop.
+
+        Without anything to wait for it rests for no time now and then, so that what was taken is shown.
+        """
+        begin_s, unshown = time.monotonic(), 0
         for message in self._playback.messages():
             due_s = 0.0 if self._rate == AT_ONCE else self._playback.due_s(message.log_time_ns)
             while (early_s := begin_s + due_s - time.monotonic()) > 0.0:
+                unshown = 0
                 if rest(min(early_s, _LOOK_S)):
                     return
+            unshown += 1
+            if unshown % _MOST_UNSHOWN == 0 and rest(0.0):
+                return
             yield message
 
     def _find_topics(self, namespace: str | None) -> dict[str, Topic]:

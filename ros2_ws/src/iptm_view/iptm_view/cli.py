@@ -14,8 +14,6 @@ from pathlib import Path
 
 import rclpy
 from rclpy.exceptions import NameValidationException
-from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError, ViewError
@@ -27,6 +25,7 @@ from iptm_recording.run_information import load_run_information
 from iptm_view.bag_source import BagSource
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.graph_source import NAME, GraphSource
+from iptm_view.graph_subscriptions import listening_node
 from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import DEFAULT_PORT, PageServer
 from iptm_view.reference_curve import ReferenceCurve
@@ -37,9 +36,10 @@ PROGRAM = "view"
 DEFAULT_RATE = 10.0
 """A bag is played so many times as fast as it was recorded: ten seconds of trip in one."""
 _POLL_S = 0.1
-_REST_S = 0.1
-_SPIN_S = 0.001
-_QUIET_SPINS = 2
+_FRAME_S = 0.1
+"""Time between two looks at the graph: the page is not fed more often, however fast the run is."""
+_NICENESS = 10
+"""A run goes before whoever looks at it, where both want the processor."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -107,6 +107,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if parsed.screenshot is not None:
             _take_picture(parsed)
         else:
+            if parsed.bag is None:
+                os.nice(_NICENESS)
             with _Servers(parsed) as servers:
                 if parsed.bag is None:
                     _show_graph(parsed, command, servers, stop)
@@ -123,7 +125,7 @@ class _Servers(AbstractContextManager["_Servers"]):
     def __init__(self, parsed: argparse.Namespace) -> None:
         self.feed = PageFeed()
         self.foxglove = _start_foxglove(parsed)
-        self.reference = ReferenceCurve(parsed.against, gives_way=parsed.bag is None)
+        self.reference = ReferenceCurve(parsed.against)
         self._page = PageServer(self.feed, parsed.port)
         self._facts = RunFacts("")
         print(f"{PROGRAM}: {self._page.url}", flush=True)
@@ -191,37 +193,26 @@ def _show_graph(
 ) -> None:
     file = parsed.run_information
     information = None if file is None else load_run_information(file)
-    with _node(parsed.namespace, command) as (node, executor):
+    with _ros(command):
+        try:
+            node = listening_node(NAME, parsed.namespace)
+        except NameValidationException as error:
+            reason = " ".join(str(error).split())
+            raise ViewError(f"namespace is {parsed.namespace!r}: {reason}") from None
         source = GraphSource(node, servers.feed, servers.foxglove, servers.complete, information)
         while not stop.is_set:
-            # Woken by every single message, the view would take time from the run.
-            time.sleep(_REST_S)
-            quiet, before = 0, source.heard
-            while quiet < _QUIET_SPINS:
-                executor.spin_once(timeout_sec=_SPIN_S)
-                quiet, before = (quiet + 1 if source.heard == before else 0), source.heard
+            time.sleep(_FRAME_S)
             source.look()
             servers.deliver()
+        source.close()
 
 
 @contextmanager
-def _node(namespace: str, command: list[str]) -> Iterator[tuple[Node, EventsExecutor]]:
+def _ros(command: list[str]) -> Iterator[None]:
     os.environ.update(middleware_settings())
     rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        try:
-            node = Node(NAME, namespace=namespace, enable_rosout=False)
-        except NameValidationException as error:
-            reason = " ".join(str(error).split())
-            raise ViewError(f"namespace is {namespace!r}: {reason}") from None
-        executor = EventsExecutor()
-        executor.add_node(node)
-        try:
-            yield node, executor
-        finally:
-            executor.remove_node(node)
-            node.destroy_node()
-            executor.shutdown()
+        yield
     finally:
         rclpy.try_shutdown()
 

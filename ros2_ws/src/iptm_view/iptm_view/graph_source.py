@@ -1,6 +1,7 @@
 """Listens to a run on the ROS graph without taking part in it.
 
-Messages stay bytes and are taken in bunches, so that a run in lock-step keeps its pace.
+The page is fed some times a second of wall time, however fast the run is: messages stay bytes, and of a run
+that flies by only the newest ones are taken at all.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from iptm_view.run_follower import PAGE_TOPICS, RunFollower
 NAME = "view"
 
 _SPECS = {**TOPICS, **VISUAL_TOPICS}
-_DEPTH = 1000  # several seconds of the fastest run
+_DEPTH = 16  # more than a slow run publishes between two looks
 _LOOK_S = 0.1
 _LOOK_WHILE_RUNNING_S = 0.5
 _IDLE_S = 3.0
@@ -33,11 +34,7 @@ _TICKS_AT_ONCE = 3.0
 
 
 class GraphSource:
-    """The graph as the source of a view.
-
-    Attributes:
-        heard: messages heard so far.
-    """
+    """The graph as the source of a view."""
 
     def __init__(
         self,
@@ -50,18 +47,16 @@ class GraphSource:
         """Set up; topics are joined by `look`.
 
         Args:
-            node: takes part in the graph, in the namespace of the vehicle.
+            node: takes part in the graph, in the namespace of the vehicle; see `listening_node`.
             feed: of the page.
             foxglove: server to pass messages on to.
             on_facts: told what is known of a run; returns what the page is told.
             information: of the run; None to ask its nodes.
         """
-        self.heard = 0
-        self._node = node
         self._feed = feed
         self._foxglove = foxglove
         self._on_facts = on_facts
-        self._graph = GraphSubscriptions(node, self._take, _DEPTH, _SPECS)
+        self._graph = GraphSubscriptions(node, _DEPTH, _SPECS)
         self._source = f"ROS graph, namespace {node.get_namespace()}"
         self._questions = NodeQuestions(node) if information is None else None
         facts = RunFacts(self._source)
@@ -74,7 +69,9 @@ class GraphSource:
         self._last_heard_s = time.monotonic()
 
     def look(self) -> None:
-        """Show what has been heard, and now and then look for what there is to hear."""
+        """Show what has been published, and now and then look for what there is to hear."""
+        for topic, data in self._graph.take():
+            self._take(topic, data)
         now_s = time.monotonic()
         is_idle = now_s - self._last_heard_s > _IDLE_S
         refilled = self._allowance + _TICKS_PER_S * (now_s - self._shown_s)
@@ -94,8 +91,8 @@ class GraphSource:
     def _join_and_leave(self) -> None:
         wanted = self._foxglove.wanted if self._foxglove is not None else ()
         names = self._graph.names
-        needed = {topic for topic, name in names.items() if topic in PAGE_TOPICS or name in wanted}
-        published = self._graph.look(needed)
+        whole = {topic for topic, name in names.items() if name in wanted}
+        published = self._graph.look(whole.union(PAGE_TOPICS), whole)
         if self._is_running and not self._graph.is_running:
             self._end()
         if self._foxglove is not None:
@@ -104,7 +101,6 @@ class GraphSource:
         self._follower.expect(published)
 
     def _take(self, topic: Topic, data: bytes) -> None:
-        self.heard += 1
         if topic in OF_A_TRIP:
             self._last_heard_s = time.monotonic()
         if self._graph.is_running and not self._is_running:
@@ -114,6 +110,11 @@ class GraphSource:
         self._follower.take(topic, data)
         if self._foxglove is not None:
             self._foxglove.take(self._graph.names[topic], data, is_latched=_SPECS[topic].latched)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        if self._questions is not None:
+            self._questions.close()
 
     def _end(self) -> None:
         """The plant has left the graph: the trip is over, and the next one has other parameters."""

@@ -1,16 +1,20 @@
-"""Listens to the suite's topics without being taken for one of its nodes.
+"""Listens to the suite's topics without being taken for one of its nodes, and at a cost of its own choosing.
 
 Plant and bridge count who listens to their main topics and start when everybody is there. A viewer joins
 those only while a trip is running, and leaves what nobody publishes any more.
+
+Messages are taken when the viewer asks for them. Of a topic of which it needs the newest ones only, the
+middleware keeps those and drops what a fast run publishes in between; nobody acknowledges them to the nodes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from functools import partial
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from rosbags.interfaces import QosReliability
 
 from iptm_interfaces.topics import TOPICS, Topic, TopicSpec
 from iptm_recording.rclpy_types import from_profile, to_profile
@@ -22,6 +26,28 @@ COUNTED_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK, Topic.LEADER, Topic.LEADER_
 OF_A_TRIP = frozenset(TOPICS) - {Topic.DIAGNOSTICS, Topic.SLOPE}
 """Topics of which a message says that a trip is under way."""
 
+WHOLE_DEPTH = 1000
+"""Messages to queue of a topic that is wanted whole: several seconds of the fastest run."""
+
+
+@dataclass(frozen=True)
+class _Joined:
+    subscription: Subscription
+    is_whole: bool
+
+
+def listening_node(name: str, namespace: str) -> Node:
+    """Return a node for `GraphSubscriptions`: no executor serves it.
+
+    Args:
+        name: of the node.
+        namespace: of the vehicle.
+
+    Raises:
+        rclpy.exceptions.NameValidationException: a name is malformed.
+    """
+    return Node(name, namespace=namespace, enable_rosout=False, start_parameter_services=False)
+
 
 class GraphSubscriptions:
     """Raw subscriptions of a viewer.
@@ -31,68 +57,88 @@ class GraphSubscriptions:
         is_running: whether a trip is under way: something of one has been heard, and the plant is there.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        take: Callable[[Topic, bytes], None],
-        depth: int,
-        specs: Mapping[Topic, TopicSpec] = TOPICS,
-    ) -> None:
+    def __init__(self, node: Node, depth: int, specs: Mapping[Topic, TopicSpec] = TOPICS) -> None:
         """Set up; topics are joined by `look`.
 
         Args:
-            node: listens, in the namespace of the vehicle.
-            take: given every message as its CDR bytes.
-            depth: messages to queue per topic.
+            node: listens, in the namespace of the vehicle; see `listening_node`.
+            depth: newest messages to keep per topic.
             specs: topics that may be listened to.
         """
         self.names = {topic: node.resolve_topic_name(spec.name) for topic, spec in specs.items()}
         self.is_running = False
         self._node = node
-        self._take_message = take
         self._depth = depth
         self._specs = specs
-        self._subscribed: dict[Topic, Subscription] = {}
+        self._joined: dict[Topic, _Joined] = {}
 
     @property
     def joined(self) -> Collection[Topic]:
         """Topics that are listened to."""
-        return self._subscribed.keys()
+        return self._joined.keys()
 
-    def look(self, needed: Collection[Topic]) -> frozenset[Topic]:
+    def look(self, needed: Collection[Topic], whole: Collection[Topic] = ()) -> frozenset[Topic]:
         """Join and leave as the graph says; return the topics that are published.
 
         Args:
             needed: topics that are of use at present.
+            whole: those of them of which no message may be missed. Latched ones and diagnostics always
+                are among these.
         """
         published = frozenset(
             topic for topic, name in self.names.items() if self._node.count_publishers(name)
         )
         if Topic.PLANT_ODOMETRY not in published:
             self.is_running = False
-        for topic in self._specs:
+        for topic, spec in self._specs.items():
             is_open = self.is_running or topic not in COUNTED_TOPICS
             if topic in published and topic in needed and is_open:
-                self._join(topic)
-            elif topic in self._subscribed:
-                self._node.destroy_subscription(self._subscribed.pop(topic))
+                is_whole = spec.latched or topic is Topic.DIAGNOSTICS or topic in whole
+                self._join(topic, is_whole=is_whole)
+            else:
+                self._leave(topic)
         return published
 
-    def _join(self, topic: Topic) -> None:
-        if topic in self._subscribed:
+    def take(self) -> list[tuple[Topic, bytes]]:
+        """Return what has arrived since, in the order in which it was published, as CDR bytes."""
+        taken: list[tuple[int, Topic, bytes]] = []
+        for topic, joined in self._joined.items():
+            subscription = joined.subscription
+            with subscription.handle:
+                while True:
+                    found = subscription.handle.take_message(
+                        subscription.msg_type, subscription.raw
+                    )
+                    if found is None:
+                        break
+                    data, about = found
+                    taken.append((about["source_timestamp"], topic, data))
+        if any(topic in OF_A_TRIP for _, topic, _ in taken):
+            self.is_running = True
+        taken.sort(key=lambda entry: entry[0])
+        return [(topic, data) for _, topic, data in taken]
+
+    def _join(self, topic: Topic, *, is_whole: bool) -> None:
+        joined = self._joined.get(topic)
+        if joined is not None and joined.is_whole == is_whole:
             return
+        self._leave(topic)
         name = self.names[topic]
         infos = self._node.get_publishers_info_by_topic(name)
         offered = [from_profile(info.qos_profile) for info in infos]
-        self._subscribed[topic] = self._node.create_subscription(
-            self._specs[topic].message_type,
-            name,
-            partial(self._take, topic),
-            to_profile(request_for(offered, self._depth)),
-            raw=True,
+        request = request_for(offered, WHOLE_DEPTH if is_whole else self._depth)
+        if not is_whole:
+            request = request._replace(reliability=QosReliability.BEST_EFFORT)
+        subscription = self._node.create_subscription(
+            self._specs[topic].message_type, name, _never_called, to_profile(request), raw=True
         )
+        self._joined[topic] = _Joined(subscription, is_whole)
 
-    def _take(self, topic: Topic, data: bytes) -> None:
-        if topic in OF_A_TRIP:
-            self.is_running = True
-        self._take_message(topic, data)
+    def _leave(self, topic: Topic) -> None:
+        joined = self._joined.pop(topic, None)
+        if joined is not None:
+            self._node.destroy_subscription(joined.subscription)
+
+
+def _never_called(data: bytes) -> None:
+    """Stand for the callback of a subscription that no executor serves."""

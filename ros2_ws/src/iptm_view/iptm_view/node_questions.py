@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
@@ -18,11 +19,19 @@ class NodeQuestions:
         """Set up; nothing is asked yet.
 
         Args:
-            node: asks the nodes of its own namespace.
+            node: in the namespace of the nodes to ask; another one beside it asks them.
         """
         prefix = node.get_namespace().rstrip("/")
+        self._node = Node(
+            f"{node.get_name()}_questions",
+            namespace=node.get_namespace(),
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor = EventsExecutor()
+        self._executor.add_node(self._node)
         self._clients = {
-            name: AsyncParameterClient(node, f"{prefix}/{name}")
+            name: AsyncParameterClient(self._node, f"{prefix}/{name}")
             for name in (PLANT, BRIDGE, CONTROLLER)
         }
         self._futures: dict[str, Any] = {}
@@ -30,6 +39,7 @@ class NodeQuestions:
 
     def ask(self) -> bool:
         """Ask whoever is there and has not answered yet; return whether an answer has come."""
+        self._executor.spin_once(timeout_sec=0.0)
         is_new = False
         for name, client in self._clients.items():
             if name in self.answers:
@@ -45,6 +55,12 @@ class NodeQuestions:
                     self.answers[name] = _known(asked_names(name), response.values)
                     is_new = True
         return is_new
+
+    def close(self) -> None:
+        """Ask nobody any more."""
+        self._executor.remove_node(self._node)
+        self._executor.shutdown()
+        self._node.destroy_node()
 
     def forget(self) -> None:
         """Forget all answers, as other nodes may come."""

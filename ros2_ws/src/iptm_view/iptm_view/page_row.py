@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any
 
@@ -104,7 +104,7 @@ class PageRow:
 
     def values(self) -> list[float]:
         """Return the numbers in the order of `PAGE_COLUMNS`."""
-        return list(asdict(self).values())
+        return list(vars(self).values())
 
 
 PAGE_COLUMNS = tuple(entry.name for entry in fields(PageRow))
@@ -147,7 +147,7 @@ def page_row(
             found["min_gap_m"] = minimum_gap_m(
                 found["speed_m_s"], found["leader_speed_m_s"], parameters.gap, parameters.limits
             )
-    row = {name: float(value) for name, value in found.items() if name in PAGE_COLUMNS}
+    row = {name: float(found[name]) for name in PAGE_COLUMNS if name in found}
     return PageRow(s_from_ns(stamp_ns), **row), faults
 
 

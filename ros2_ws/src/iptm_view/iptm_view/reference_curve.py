@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import select
 import subprocess
 import sys
@@ -15,21 +14,18 @@ from iptm_view.run_facts import RunFacts
 MODULE = "iptm_bringup.reference_drive"
 """Known by name only, as the nodes are: it drives a scenario and writes the curve as JSON."""
 NO_REFERENCE = "none"
-_NICENESS = 10
 
 
 class ReferenceCurve:
     """Has the reference driven and gives it to a feed when it is there."""
 
-    def __init__(self, strategy: str, *, gives_way: bool = False) -> None:
+    def __init__(self, strategy: str) -> None:
         """Set up; nothing is driven yet.
 
         Args:
             strategy: of the reference car, "none" for no such car.
-            gives_way: a run takes place that goes first.
         """
         self._strategy = strategy
-        self._gives_way = gives_way
         self._scenario = ""
         self._process: subprocess.Popen[str] | None = None
 
@@ -61,8 +57,6 @@ class ReferenceCurve:
             stderr=subprocess.PIPE,
             text=True,
         )
-        if self._gives_way:
-            os.setpriority(os.PRIO_PROCESS, self._process.pid, _NICENESS)
         if self._process.stdin is not None:
             with suppress(BrokenPipeError):
                 self._process.stdin.write(scenario)

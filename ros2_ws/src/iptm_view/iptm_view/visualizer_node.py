@@ -32,7 +32,7 @@ from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_interfaces.visual_topics import DESCRIPTION_TOPIC, PUBLISHER, VISUAL_TOPICS
 from iptm_recording.timeline import read_stamp_ns
-from iptm_view.graph_subscriptions import GraphSubscriptions
+from iptm_view.graph_subscriptions import GraphSubscriptions, listening_node
 from iptm_view.scene import (
     HOST_LENGTH_M,
     LEADER_LENGTH_M,
@@ -75,7 +75,9 @@ class VisualizerNode(SuiteNode):
         urdf = vehicle_urdf(self._model, self.frame_prefix)
         self._description_publisher.publish(String(data=urdf))
         self._transforms = TransformPublisher(self, self.frame_prefix)
-        self._graph = GraphSubscriptions(self, self._take, _DEPTH)
+        self._graph = GraphSubscriptions(
+            listening_node(f"{self.get_name()}_listener", self.get_namespace()), _DEPTH
+        )
         self._reporter = DiagnosticsReporter.of_node(self, "scene")
         self.every(_LOOK_PERIOD_S, self._look)
         self.every(1.0 / self._options.rate_hz, self._show)
@@ -100,6 +102,8 @@ class VisualizerNode(SuiteNode):
             del self._by_stamp[next(iter(self._by_stamp))]
 
     def _show(self) -> None:
+        for heard in self._graph.take():
+            self._take(*heard)
         for topic, draw in (
             (Topic.SLOPE, self._draw_road),
             (Topic.PLAN, self._draw_plan),
