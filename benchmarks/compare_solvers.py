@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.contenders import CONTENDER_NAMES, PEER, Contender, TimedSolve, build_contender
-from benchmarks.harness import markdown_table, quantiles, run_benchmark
+from benchmarks.harness import formatted_table, quantiles, run_benchmark
 from benchmarks.kkt import KktChecker
 from benchmarks.record_problems import ProblemSet, spread_blocks
 from iptm_controller.horizon import Horizon
@@ -143,7 +143,7 @@ def comparison_table(summaries: Sequence[Mapping[str, Any]]) -> str:
         else {**row, "by_median": "", "by_p99": ""}
         for row in summaries
     ]
-    return markdown_table(
+    return formatted_table(
         rows,
         {
             "solver": "`{name}`",

@@ -27,6 +27,7 @@ from typing import Any
 
 from benchmarks.bag_damage import CORRUPTIONS
 from iptm_core.errors import BagError
+from iptm_core.markdown import markdown_table
 from iptm_recording import bag_info, compare_bags
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import COMPRESSIONS, BagWriter
@@ -279,10 +280,11 @@ READERS: dict[str, Callable[[Path, Original], str]] = {
 def table(campaign: Campaign) -> str:
     """Return the outcomes as a Markdown table."""
     outcomes = sorted({name for counts in campaign.outcomes.values() for name in counts})
-    lines = [f"| reader | {' | '.join(outcomes)} |", "|---|" + "---:|" * len(outcomes)]
-    for reader, counts in campaign.outcomes.items():
-        lines.append(f"| {reader} | {' | '.join(str(counts[name]) for name in outcomes)} |")
-    return "\n".join(lines)
+    rows = (
+        (reader, *(counts[name] for name in outcomes))
+        for reader, counts in campaign.outcomes.items()
+    )
+    return markdown_table(("reader", *(f"{name}:" for name in outcomes)), rows)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

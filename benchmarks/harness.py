@@ -28,6 +28,7 @@ from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import DecisionSeries, SolveStatus
 from iptm_core.errors import IptmError
+from iptm_core.markdown import markdown_table
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_core.routes.route import Route
@@ -113,20 +114,15 @@ def write_numbers(path: Path, numbers: Any) -> None:
     path.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
 
 
-def markdown_table(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> str:
+def formatted_table(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> str:
     """Return a table in Markdown.
 
     Args:
         rows: values by name.
-        columns: format of the cells by heading, such as ``{solve_ms[median]:.2f}``; a colon at the end
-            of the heading aligns to the right.
+        columns: format of the cells by heading (see `markdown_table`), such as ``{solve_ms[median]:.2f}``.
     """
-    lines = [
-        f"| {' | '.join(heading.removesuffix(':') for heading in columns)} |",
-        f"|{'|'.join('---:' if heading.endswith(':') else '---' for heading in columns)}|",
-    ]
-    cells = " | ".join(columns.values())
-    return "\n".join([*lines, *(f"| {cells.format_map(row)} |" for row in rows)])
+    cells = columns.values()
+    return markdown_table(columns, ([cell.format_map(row) for cell in cells] for row in rows))
 
 
 def run_benchmark(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.compare_solvers import comparison_table
-from benchmarks.harness import markdown_table
+from benchmarks.harness import formatted_table
 from benchmarks.plots import plot_comparison, plot_scaling
 from benchmarks.targets import Target, targets
 
@@ -44,7 +44,7 @@ def write_page(numbers: Path, page: Path) -> list[Target]:
     reached = targets(found)
     judged = {"target": "{text}", "measured": "{measured}", "met": "{verdict}"}
     rows = [{**vars(target), "verdict": target.verdict} for target in reached]
-    parts = ["# Solver benchmarks", NOTICE, markdown_table(rows, judged), INTRODUCTION]
+    parts = ["# Solver benchmarks", NOTICE, formatted_table(rows, judged), INTRODUCTION]
     sections: dict[str, Callable[[Any], list[str]]] = {
         "machine": _machine,
         "comparisons": lambda numbers: _comparisons(numbers, pictures),
@@ -95,7 +95,7 @@ def _scaling(scaling: dict[str, Any], pictures: Path) -> list[str]:
     plot_scaling(scaling, pictures / "nodes.png")
     return [
         "## Cost over the number of nodes",
-        markdown_table(scaling["rows"], columns),
+        formatted_table(scaling["rows"], columns),
         "\n".join(said),
         f"![cost over nodes]({pictures.name}/nodes.png)",
     ]
@@ -134,7 +134,7 @@ def _loops(loops: Sequence[dict[str, Any]]) -> list[str]:
     note = "Solves include the second start that tries the compressor."
     return [
         "## Headless closed loop",
-        markdown_table(rows, columns),
+        formatted_table(rows, columns),
         note,
         *(["\n".join(explained)] if explained else []),
     ]
@@ -160,7 +160,7 @@ def _equivalence(runs: Sequence[dict[str, Any]]) -> list[str]:
                 f"difference of speed {run['largest_speed_difference_m_s']:.1e} m/s; not converged: "
                 f"{run['unconverged']['default']} and {run['unconverged']['reference']}."
             ),
-            markdown_table(rows, columns),
+            formatted_table(rows, columns),
         ]
     return parts
 
@@ -186,7 +186,7 @@ def _ros(runs: Sequence[dict[str, Any]]) -> list[str]:
         "good": "{good}",
     }
     title = "## Closed loop over ROS 2 (lock-step, separate processes)"
-    return [title, markdown_table(rows, columns)]
+    return [title, formatted_table(rows, columns)]
 
 
 def _start_up(starts: dict[str, Any]) -> list[str]:
@@ -199,7 +199,7 @@ def _start_up(starts: dict[str, Any]) -> list[str]:
         "peak memory MiB:": "{peak_memory_mib:.0f}",
     }
     rows = [{"cache": name, **start} for name, start in starts.items() if start]
-    return ["## Start of the controller process (wall clock)", markdown_table(rows, columns)]
+    return ["## Start of the controller process (wall clock)", formatted_table(rows, columns)]
 
 
 def _deadline(deadline: dict[str, Any]) -> list[str]:
@@ -215,7 +215,7 @@ def _deadline(deadline: dict[str, Any]) -> list[str]:
         "solves by status": "{outcomes}",
         "fallback ticks:": "{fallback_ticks}",
     }
-    parts = ["## Real time with other load (wall clock)", markdown_table(rows, columns)]
+    parts = ["## Real time with other load (wall clock)", formatted_table(rows, columns)]
     ros = deadline.get("ros")
     if ros:
         parts.append(

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import markdown_table, run_benchmark
+from benchmarks.harness import formatted_table, run_benchmark
 from benchmarks.v2x_page import put
 from iptm_core.parameters import load_parameters
 from iptm_traffic.closed_loop import drive_in_traffic
@@ -127,7 +127,7 @@ def as_table(numbers: dict[str, Any]) -> str:
         f"Trips of {numbers['duration_s']:g} s, seed {numbers['seed']}; {os.cpu_count()} processors, "
         f"with other work on them (mean load {numbers['load']:.0f})."
     )
-    return f"{told}\n\n{markdown_table(numbers['rows'], COLUMNS)}"
+    return f"{told}\n\n{formatted_table(numbers['rows'], COLUMNS)}"
 
 
 if __name__ == "__main__":

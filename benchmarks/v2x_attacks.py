@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import markdown_table, run_benchmark
+from benchmarks.harness import formatted_table, run_benchmark
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.strategy import STRATEGIES
@@ -275,7 +275,7 @@ COLUMNS = {
 
 def as_table(numbers: dict[str, Any]) -> str:
     """Return the numbers as a table in Markdown."""
-    return markdown_table(numbers["rows"], COLUMNS)
+    return formatted_table(numbers["rows"], COLUMNS)
 
 
 if __name__ == "__main__":

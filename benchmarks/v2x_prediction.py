@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import markdown_table, run_benchmark
+from benchmarks.harness import formatted_table, run_benchmark
 from iptm_core.routes import build_route
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
@@ -166,7 +166,7 @@ COLUMNS = {
 
 def as_table(numbers: dict[str, Any]) -> str:
     """Return the numbers as a table in Markdown."""
-    return f"Cycles: {', '.join(numbers['cycles'])}\n\n" + markdown_table(numbers["rows"], COLUMNS)
+    return f"Cycles: {', '.join(numbers['cycles'])}\n\n" + formatted_table(numbers["rows"], COLUMNS)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import markdown_table, run_benchmark
+from benchmarks.harness import formatted_table, run_benchmark
 from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.settings import ControllerSettings
@@ -174,7 +174,7 @@ COLUMNS = {
 
 def as_table(numbers: dict[str, Any]) -> str:
     """Return the numbers as a table in Markdown."""
-    return markdown_table(numbers["rows"], COLUMNS)
+    return formatted_table(numbers["rows"], COLUMNS)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
@@ -18,18 +19,21 @@ from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
 from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
+from iptm_core.markdown import markdown_table
 from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import KINDS
-from iptm_interfaces.services import service_table_markdown
+from iptm_interfaces.services import SERVICES
 from iptm_interfaces.topics import (
     HOST_FRAME,
     LEADER_FRAME,
     MAP_FRAME,
     PACK_FRAME,
     ROAD_FRAME,
-    topic_table_markdown,
+    TOPICS,
+    TopicSpec,
+    describe_qos,
 )
 from iptm_interfaces.visual_topics import PUBLISHER, VISUAL_TOPICS
 from iptm_plant_sim.node_parameters import PlantNodeParameters
@@ -50,14 +54,40 @@ def topics_page() -> str:
         f"# Topics\n\n{NOTICE}Names are relative, so that a namespace moves the whole suite with its "
         "clock; only `/diagnostics` is global. Frames have it as prefix, `car_1/odom`, or `frame_prefix`. "
         "All types are standard ones.\n\n"
-        + topic_table_markdown()
+        + _topic_tables(TOPICS.values())
         + "\n## For 3-D viewers\n\nPublished by "
         "`scripts/visualize` only ([how to](../how-to/README.md#-see-the-plan-in-rviz-or-foxglove)); it "
         "publishes `robot_description` (`std_msgs/String`, latched), too, and where `tf2_msgs` is installed "
         f"`/tf` with {_chain(MAP_FRAME, ROAD_FRAME, HOST_FRAME)} and {_chain(ROAD_FRAME, LEADER_FRAME)}, "
         f"`/tf_static` with {_chain(HOST_FRAME, PACK_FRAME)}.\n\n"
-        + topic_table_markdown(VISUAL_TOPICS.values())
+        + _topic_tables(VISUAL_TOPICS.values())
     )
+
+
+def _topic_tables(specs: Iterable[TopicSpec]) -> str:
+    """One row per topic, and one table of the named fields of all, if there are any."""
+    specs = list(specs)
+    heads = ("topic", "type", "QoS", "unit", "frame", "meaning and sign", "rate", "publisher")
+    rows = (
+        (
+            f"`{s.name}`",
+            f"`{s.type_name.replace('/msg/', '/')}`",
+            describe_qos(s.offered_qos),
+            s.unit,
+            s.frame,
+            s.meaning,
+            s.rate,
+            s.publisher,
+        )
+        for s in specs
+    )
+    fields = [(f"`{s.name}`", f"`{name}`", unit) for s in specs for name, unit in s.fields.items()]
+    tables = [_table(heads, rows), _table(("topic", "field", "unit"), fields) if fields else ""]
+    return "\n".join(filter(None, tables))
+
+
+def _table(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    return markdown_table(heads, rows) + "\n"
 
 
 def services_page() -> str:
@@ -66,7 +96,18 @@ def services_page() -> str:
         f"# Services\n\n{NOTICE}Names are relative, so that a namespace moves them with the vehicle. The "
         "answer says in a sentence what was done, or why it was not. How to use them: "
         "[pause, step and reset](../how-to/README.md#pause-step-and-repeat-a-trip).\n\n"
-        + service_table_markdown()
+        + _table(
+            ("service", "type", "server", "what it does"),
+            (
+                (
+                    f"`{s.service.value}`",
+                    f"`std_srvs/{s.service_type.__name__}`",
+                    s.server,
+                    s.meaning,
+                )
+                for s in SERVICES.values()
+            ),
+        )
     )
 
 
@@ -79,15 +120,18 @@ def parameters_page() -> str:
     parts = [f"# Model parameters\n\n{NOTICE}"]
     for name in available_parameter_sets():
         parts.append(f"## `{name}`\n\n")
-        parts.append(
-            "| key | symbol | value | unit | range | source |\n|---|---|---|---|---|---|\n"
-        )
-        parts += [
-            f"| `{row.key}` | {row.symbol} | {row.value:.10g} | {row.unit} "
-            f"| {row.minimum:g} to {row.maximum:g} | {row.source}{f': {row.note}' if row.note else ''} |\n"
+        rows = (
+            (
+                f"`{row.key}`",
+                row.symbol,
+                f"{row.value:.10g}",
+                row.unit,
+                f"{row.minimum:g} to {row.maximum:g}",
+                f"{row.source}: {row.note}" if row.note else row.source,
+            )
             for row in describe_parameters(load_parameters(name))
-        ]
-        parts.append("\n")
+        )
+        parts += [_table(("key", "symbol", "value", "unit", "range", "source"), rows), "\n"]
     return "".join(parts)
 
 
@@ -119,16 +163,18 @@ def nodes_page() -> str:
     others = {"v2x_sender": (SenderNodeParameters, ""), PUBLISHER: (VisualizerParameters, "")}
     for node, (parameters, _) in (NODES | others).items():
         note = CHANGEABLE_NOTE if node == CONTROLLER else ""
-        parts.append(
-            f"## `{node}`\n\n{note}"
-            "| parameter | default | unit | allowed | meaning |\n|---|---|---|---|---|\n"
-        )
-        parts += [
-            f"| `{spec.name}` | `{plain(spec.default)}` | {spec.unit or '-'} | {spec.allowed} "
-            f"| {spec.description} |\n"
+        rows = (
+            (
+                f"`{spec.name}`",
+                f"`{plain(spec.default)}`",
+                spec.unit or "-",
+                spec.allowed,
+                spec.description,
+            )
             for spec in parameter_specs(parameters)
-        ]
-        parts.append("\n")
+        )
+        table = _table(("parameter", "default", "unit", "allowed", "meaning"), rows)
+        parts.append(f"## `{node}`\n\n{note}{table}\n")
     return "".join(parts)
 
 
@@ -149,35 +195,46 @@ def node_file(node: str) -> str:
 
 def strategies_page() -> str:
     """The strategies and the solver outcomes."""
-    rows = [
-        f"| `{s.name}` | {s.speed_weight:g} | {s.temperature_weight:g} | {s.energy_weight_1_j:g} "
-        f"| {s.aging_weight:g} | {'yes' if s.cost_to_go else 'no'} |\n"
+    heads = (
+        "strategy",
+        "Q of J1, 1/(m/s)^2",
+        "R of J2, 1/K^2",
+        "lambda_P of J3, 1/J",
+        "lambda_Q of J4",
+        "cost to go",
+    )
+    rows = (
+        (
+            f"`{s.name}`",
+            f"{s.speed_weight:g}",
+            f"{s.temperature_weight:g}",
+            f"{s.energy_weight_1_j:g}",
+            f"{s.aging_weight:g}",
+            "yes" if s.cost_to_go else "no",
+        )
         for s in STRATEGIES.values()
-    ]
-    outcomes = [
-        f"| {status.value} | {status.name} | {text} |\n" for status, text in STATUS_TEXT.items()
-    ]
+    )
+    outcomes = ((status.value, status.name, text) for status, text in STATUS_TEXT.items())
     return (
         f"# Strategies and outcomes\n\n{NOTICE}Weights of the cost terms; zero leaves a term out. The "
         f"default is `{DEFAULT_STRATEGY}`. Its [cost to go]({COST_TO_GO}) "
         "prices the cell temperatures at the end of the horizon and has no weight.\n\n"
-        "| strategy | Q of J1, 1/(m/s)^2 | R of J2, 1/K^2 | lambda_P of J3, 1/J "
-        "| lambda_Q of J4 | cost to go |\n"
-        "|---|---|---|---|---|---|\n" + "".join(rows) + "\n## Outcomes of a solve\n\n"
-        "| code | status | meaning |\n|---|---|---|\n" + "".join(outcomes)
+        + _table(heads, rows)
+        + "\n## Outcomes of a solve\n\n"
+        + _table(("code", "status", "meaning"), outcomes)
     )
 
 
 def figures_page() -> str:
     """Every figure of a run that tables, pictures, files and the report show."""
-    rows = [
-        f"| `{key}` | {figure.label} | {figure.symbol or '-'} | {figure.unit or '1'} |\n"
+    rows = (
+        (f"`{key}`", figure.label, figure.symbol or "-", figure.unit or "1")
         for key, figure in FIGURES.items()
-    ]
+    )
     return (
         f"# Figures of a run\n\n{NOTICE}The same figures stand on the terminal, in `results.json`, in "
         "`scripts/bag_info`, in the CSV files of the studies and in the report.\n\n"
-        "| key | figure | symbol | unit |\n|---|---|---|---|\n" + "".join(rows)
+        + _table(("key", "figure", "symbol", "unit"), rows)
     )
 
 
@@ -185,11 +242,16 @@ def faults_page() -> str:
     """Every kind of fault, and the keys of one."""
     allowed = {"kind": "one of those below", "size": "see the kind"}
     defaults = {"size": "that of the kind", "target": "see the kind"}
-    keys = [
-        f"| `{spec.name}` | {defaults.get(spec.name) or f'`{plain(spec.default)}`'} | {spec.unit or '-'} "
-        f"| {allowed.get(spec.name, spec.allowed).replace('one of , ', 'one of ')} | {spec.description} |\n"
+    keys = (
+        (
+            f"`{spec.name}`",
+            defaults.get(spec.name) or f"`{plain(spec.default)}`",
+            spec.unit or "-",
+            allowed.get(spec.name, spec.allowed).replace("one of , ", "one of "),
+            spec.description,
+        )
         for spec in parameter_specs(Fault)
-    ]
+    )
     kinds = []
     for kind, spec in KINDS.items():
         size = bounds = "-"
@@ -197,18 +259,14 @@ def faults_page() -> str:
             size = f"{spec.size:g} {spec.unit}"
             bounds = f"{spec.smallest:g} to {spec.largest:g}"
         where = "yes" if spec.headless else "no"
-        kinds.append(
-            f"| `{kind}` | {spec.place.value} | {spec.meaning} | {size} | {bounds} | {where} |\n"
-        )
+        kinds.append((f"`{kind}`", spec.place.value, spec.meaning, size, bounds, where))
     return (
         f"# Faults\n\n{NOTICE}Keys of one fault in the list `faults` of a scenario; how to use it: "
         "[faults on purpose](../how-to/README.md#let-something-go-wrong-on-purpose).\n\n"
-        "| key | default | unit | allowed | meaning |\n|---|---|---|---|---|\n"
-        + "".join(keys)
+        + _table(("key", "default", "unit", "allowed", "meaning"), keys)
         + "\n## Kinds\n\nIn `traffic` the leader that counts behaves otherwise; all others change only what "
         "the nodes are told, or the nodes themselves.\n\n"
-        "| kind | where | what it does | size | allowed | without ROS |\n|---|---|---|---|---|---|\n"
-        + "".join(kinds)
+        + _table(("kind", "where", "what it does", "size", "allowed", "without ROS"), kinds)
     )
 
 

@@ -14,7 +14,6 @@ from iptm_interfaces.topics import (
     describe_qos,
     frame_in,
     topic_of,
-    topic_table_markdown,
 )
 from iptm_interfaces.visual_topics import VISUAL_TOPICS
 
@@ -92,14 +91,3 @@ def test_topic_of_a_vehicle(vehicle: str, name: str) -> None:
 )
 def test_frames_carry_the_vehicle(namespace: str, frame: str, expected: str) -> None:
     assert frame_in(namespace, frame) == expected
-
-
-def test_markdown_table_has_one_row_per_topic_and_per_field() -> None:
-    specs = TOPICS.values()
-    table = topic_table_markdown()
-    rows = [line for line in table.splitlines() if line.startswith("| `")]
-    assert len(rows) == len(specs) + sum(len(spec.fields) for spec in specs)
-    for spec in specs:
-        assert f"| `{spec.name}` |" in table
-    columns = {row.count("|") for row in rows[: len(specs)]}
-    assert columns == {9}

@@ -16,6 +16,7 @@ from iptm_bringup.comparison import NO_COMPARISON, Comparison
 from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.string_picture import save_string_picture
 from iptm_core.decision_record import DecisionSeries, Rung
+from iptm_core.markdown import markdown_table
 from iptm_core.metrics import compute_metrics
 from iptm_core.metrics.figures import NO_VALUE
 from iptm_core.trajectory import Trajectory
@@ -248,5 +249,5 @@ def write_page(page: Path, run: StringRun) -> None:
 
 
 def _markdown(columns: Sequence[str], rows: Rows) -> str:
-    head = [f"| {' | '.join(columns)} |", f"|---|{'---:|' * (len(columns) - 1)}"]
-    return "\n".join([*head, *(f"| {' | '.join(row)} |" for row in rows)])
+    first, *others = columns
+    return markdown_table((first, *(f"{column}:" for column in others)), rows)

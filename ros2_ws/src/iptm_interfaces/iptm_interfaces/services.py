@@ -106,14 +106,3 @@ def state_path(node: Node, folder: str, stamp_ns: int) -> Path:
     """Return the file for the state of a node at a trip time: `<folder>/car_1_plant_120s.json`."""
     name = node.get_fully_qualified_name().strip("/").replace("/", "_")
     return Path(folder).resolve() / f"{name}_{stamp_ns / NS_PER_S:.9g}s.json"
-
-
-def service_table_markdown() -> str:
-    """Return one row per service."""
-    lines = ["| service | type | server | what it does |", "|---|---|---|---|"]
-    lines += [
-        f"| `{spec.service.value}` | `std_srvs/{spec.service_type.__name__}` | {spec.server} "
-        f"| {spec.meaning} |"
-        for spec in _SPECS
-    ]
-    return "\n".join(lines) + "\n"

@@ -8,7 +8,7 @@ used: a stamped vector of named float64 numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
@@ -298,26 +298,3 @@ def describe_qos(profile: QoSProfile) -> str:
     durability = profile.durability.name.lower().replace("_", "-")
     text = f"{reliability}, keep last {profile.depth}"
     return text if durability == "volatile" else f"{text}, {durability}"
-
-
-def topic_table_markdown(specs: Iterable[TopicSpec] = _SPECS) -> str:
-    """Return the table of the reference: one row per topic, one table of named fields below it, if any.
-
-    Args:
-        specs: rows of the table.
-    """
-    specs = tuple(specs)
-    lines = [
-        "| topic | type | QoS | unit | frame | meaning and sign | rate | publisher |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| `{s.name}` | `{s.type_name.replace('/msg/', '/')}` | {describe_qos(s.offered_qos)} | {s.unit} "
-        f"| {s.frame} | {s.meaning} | {s.rate} | {s.publisher} |"
-        for s in specs
-    ]
-    named = [(s.name, name, unit) for s in specs for name, unit in s.fields.items()]
-    if named:
-        lines += ["", "| topic | field | unit |", "|---|---|---|"]
-    lines += [f"| `{topic}` | `{name}` | {unit} |" for topic, name, unit in named]
-    return "\n".join(lines) + "\n"

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from iptm_bringup.fault_table.catalogue import FIRST_S, REAL_TIME_RATE, Entry, Said, Way
 from iptm_bringup.fault_table.judge import GRACE_TICKS, LATER_TICKS, STEADY_TICKS, TrialOutcome
 from iptm_bringup.fault_table.over_ros import INPUT_TIMEOUT_S
+from iptm_core.markdown import markdown_table
 from iptm_faults.kinds import KINDS
 
 NOTICE = "<!-- Made by scripts/faults; do not edit. -->"
@@ -46,7 +47,7 @@ def faults_page(command: str, verdicts: Sequence[TrialOutcome]) -> str:
         ),
         _legend(),
         "## What happened",
-        _table(
+        markdown_table(
             (
                 "fault",
                 "asked to be said",
@@ -58,14 +59,14 @@ def faults_page(command: str, verdicts: Sequence[TrialOutcome]) -> str:
             [_row(entry, of_it) for entry, of_it in _by_entry(verdicts)],
         ),
         "## What did not hold",
-        _table(
+        markdown_table(
             ("fault", "how", "cycle", "what"),
             [(one.entry.name, _WAYS[one.way], one.cycle, "; ".join(one.problems)) for one in red],
         )
         if red
         else "Nothing.",
         "## What was said",
-        _table(
+        markdown_table(
             ("fault", "reasons on the diagnostics, worse than OK, and in how many trips"),
             [(entry.name, _reasons(of_it)) for entry, of_it in _by_entry(verdicts)],
         ),
@@ -133,9 +134,3 @@ def _reasons(verdicts: Sequence[TrialOutcome]) -> str:
     said = (reason for verdict in verdicts for reason in verdict.said)
     counts = Counter(_FOLDER_OF_A_BAG.sub("", reason) for reason in said)
     return "<br>".join(f"{reason} ({count})" for reason, count in counts.most_common()) or "nothing"
-
-
-def _table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
-    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
-    return "\n".join(lines)

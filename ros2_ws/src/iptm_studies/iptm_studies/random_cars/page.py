@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from iptm_core.declaration import parameter_specs
+from iptm_core.markdown import markdown_table
 from iptm_core.parameters import field_specs
 from iptm_core.settings import PreviewSettings
 from iptm_faults.kinds import KINDS
@@ -109,7 +110,7 @@ def _verdict_table(runs: Sequence[JudgedRun]) -> str:
             (verdict.title, verdict.rule, allowed, len(amounts), f"{beyond} {mark}".strip(), worst)
         )
     heads = ("verdict", "measured by", "allowed in a run", "runs", "runs beyond", "most")
-    return _table(heads, rows)
+    return markdown_table(heads, rows)
 
 
 def _fallback_part(runs: Sequence[JudgedRun]) -> str:
@@ -123,7 +124,9 @@ def _fallback_part(runs: Sequence[JudgedRun]) -> str:
         return f"## Fallbacks by cause\n\n{share}."
     share += f", {1e3 * causes.total() / ticks:.2f} in 1000."
     rows = [(fallback_text(cause), count) for cause, count in causes.most_common()]
-    return f"## Fallbacks by cause\n\n{share}\n\n" + _table(("command, solve", "ticks"), rows)
+    return f"## Fallbacks by cause\n\n{share}\n\n" + markdown_table(
+        ("command, solve", "ticks"), rows
+    )
 
 
 def _breach_table(runs: Sequence[JudgedRun]) -> str:
@@ -140,7 +143,7 @@ def _breach_table(runs: Sequence[JudgedRun]) -> str:
             what = "as above"
     if not rows:
         return "None."
-    return _table(("run", "verdict", "amount", "cause", "specification"), rows)
+    return markdown_table(("run", "verdict", "amount", "cause", "specification"), rows)
 
 
 def _draw_table() -> str:
@@ -161,7 +164,7 @@ def _draw_table() -> str:
     ]
     share = f"{100.0 * FAULT_SHARE:g} % of the runs, unless told otherwise"
     rows.append((f"1 to {MOST_FAULTS} faults", ", ".join(kinds), share))
-    return _table(("setting or parameter", "drawn from", "in"), rows)
+    return markdown_table(("setting or parameter", "drawn from", "in"), rows)
 
 
 def _draw_text(draw: Draw, unit: str) -> str:
@@ -170,9 +173,3 @@ def _draw_text(draw: Draw, unit: str) -> str:
     first, *others = (f"{value}" for value in draw.values)
     share = f"{first} ({100.0 * draw.first:.0f} %)"
     return ", ".join((share, *others)) if others else first
-
-
-def _table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
-    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
-    return "\n".join(lines)
