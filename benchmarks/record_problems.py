@@ -25,9 +25,9 @@ from iptm_core.parameters import load_parameters
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import FloatArray
 from iptm_studies.closed_loop import run_closed_loop
+from iptm_studies.run_spec import PREVIEW_RESERVE_S
 
 FORMAT = 1
-PREVIEW_RESERVE_S = 30.0
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.state import FloatArray
+from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_v2x_bridge.bridge import BridgeAnswer
@@ -32,7 +33,6 @@ from iptm_v2x_bridge.sending.sender import CamSender, car_on_road
 from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings
 from iptm_v2x_bridge.simulated_radio import SimulatedRadio
 
-NS = 10**9
 ROAD = RoadLine.test_road()
 PARAMETERS = load_parameters().values
 BEGIN_S, END_S, TRIP_S = 25, 33, 45
@@ -70,7 +70,7 @@ class AttackedRadio(SimulatedRadio):
 
     def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
         """Return the answer to one tick."""
-        second = time_ns // NS
+        second = time_ns // NS_PER_S
         answer = super().answer(time_ns, host_position_m)
         if self._attack is not None and BEGIN_S <= second < END_S:
             for forged in self._attack(second, host_position_m):
@@ -89,7 +89,7 @@ class SilencedRadio(SimulatedRadio):
 
     def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
         """Return the answer to one tick."""
-        silent = time_ns >= BEGIN_S * NS
+        silent = time_ns >= BEGIN_S * NS_PER_S
         answer = (self.bridge if silent else super()).answer(time_ns, host_position_m)
         self.leaders.append(self.bridge.leader_id)
         return answer
@@ -135,7 +135,7 @@ def replayed_a_wrap_later(route: Route) -> Attack:
     recorded = CamSender(route.leader, ROAD, SENDER)
 
     def attack(second: int, _: float) -> list[bytes]:
-        old = recorded.message_at((second - 15) * NS)
+        old = recorded.message_at((second - 15) * NS_PER_S)
         return [encode_cam(replace(old, delta_time_ms=(1000 * second + 50) % 65_536))]
 
     return attack
@@ -176,7 +176,7 @@ def clock_set_back(route: Route) -> Attack:
     recorded = CamSender(route.leader, ROAD, SENDER)
 
     def attack(second: int, _: float) -> list[bytes]:
-        now = recorded.message_at(second * NS)
+        now = recorded.message_at(second * NS_PER_S)
         return [
             encode_cam(replace(now, delta_time_ms=(1000 * second - back_ms) % 65_536))
             for back_ms in (100, 2500, 30_000)

@@ -31,13 +31,14 @@ from iptm_interfaces.codecs import (
 )
 from iptm_interfaces.diagnostics import Level, find_status
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
+from iptm_interfaces.topics import PEER_TOPICS, TICK_TOPICS, TOPICS, Topic
 
 NAME = "run_monitor"
-GATE = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
-"""Topics by which the plant counts who is there; they are subscribed last."""
-
-BEFORE_GATE = (*(topic for topic in TICK_TOPICS if topic not in GATE), Topic.SOLVE, Topic.COMMAND)
+EARLY_TOPICS = (
+    *(topic for topic in TICK_TOPICS if topic not in PEER_TOPICS),
+    Topic.SOLVE,
+    Topic.COMMAND,
+)
 
 _DEPTH = 10_000  # the runner may be busy for a moment, the nodes do not wait for it
 _SETTLE_S = 0.1  # time for the publishers to learn of the subscriptions made last
@@ -104,7 +105,9 @@ class RunMonitor(SuiteNode):
 
     def __init__(self, namespace: str, context: Context) -> None:
         super().__init__(NAME, namespace=namespace, context=context)
-        self.recorded: dict[Topic, list[bytes]] = {topic: [] for topic in (*BEFORE_GATE, *GATE)}
+        self.recorded: dict[Topic, list[bytes]] = {
+            topic: [] for topic in (*EARLY_TOPICS, *PEER_TOPICS)
+        }
         self.first_clock_s: float | None = None
         self.last_clock_s: float | None = None
         self.last_sign_s = time.monotonic()
@@ -122,7 +125,9 @@ class RunMonitor(SuiteNode):
     @property
     def awaited_nodes(self) -> tuple[str, ...]:
         """Nodes that do not publish all of their topics yet."""
-        silent = (topic for topic in (*BEFORE_GATE, *GATE) if not self._publisher_count(topic))
+        silent = (
+            topic for topic in (*EARLY_TOPICS, *PEER_TOPICS) if not self._publisher_count(topic)
+        )
         return tuple(dict.fromkeys(TOPICS[topic].publisher for topic in silent))
 
     @property
@@ -203,18 +208,18 @@ class RunMonitor(SuiteNode):
 
     def _look(self) -> None:
         """Subscribe to what has a publisher; to the gate when all else is in place."""
-        for topic in BEFORE_GATE:
+        for topic in EARLY_TOPICS:
             is_due = topic not in self._subscribed and TOPICS[topic].publisher in self._started
             if is_due and self._publisher_count(topic):
                 self._subscribe(topic)
-        if len(self._subscribed) < len(BEFORE_GATE):
+        if len(self._subscribed) < len(EARLY_TOPICS):
             return
         now_s = time.monotonic()
         if self._complete_since_s is None:
             self._complete_since_s = now_s
         if now_s - self._complete_since_s >= _SETTLE_S and not self.crowded_topics:
             self._timer.cancel()
-            for topic in GATE:
+            for topic in PEER_TOPICS:
                 self._subscribe(topic)
 
     def _subscribe(self, topic: Topic) -> None:

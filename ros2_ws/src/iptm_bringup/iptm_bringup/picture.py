@@ -17,7 +17,7 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from iptm_bringup.evaluation import RunResults
 from iptm_core.metrics import gap_margins_m
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.state import FloatArray
 
 # Colours of Okabe and Ito, which colour-blind readers can tell apart.
@@ -30,7 +30,6 @@ BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
     "#56B4E9",
 )
 GREY = "#8a8a8a"
-_KM_H = 3.6
 _WIDTH_INCHES = 12.0
 _INCHES_PER_HEIGHT = 1.72
 _HEADING_INCHES = 1.2
@@ -137,8 +136,8 @@ def _titled(axes: Axes, title: str, unit: str, *more: Axes) -> None:
 
 def _speed(axes: Axes, results: RunResults) -> None:
     run = results.trajectory
-    axes.plot(run.time_s, _KM_H * run.leader_speed_m_s, color=GREY, label="leader")
-    axes.plot(run.time_s, _KM_H * run.speed_m_s, color=BLUE, label="host")
+    axes.plot(run.time_s, KM_H_PER_M_S * run.leader_speed_m_s, color=GREY, label="leader")
+    axes.plot(run.time_s, KM_H_PER_M_S * run.speed_m_s, color=BLUE, label="host")
     axes.set_ylim(bottom=0.0)
     _titled(axes, "Speed", "km/h")
 

@@ -14,9 +14,9 @@ from rich.text import Text
 
 from iptm_bringup.monitor import Snapshot
 from iptm_core.decision_record import Rung
+from iptm_core.parameters.units import KM_H_PER_M_S
 
 LINE_PERIOD_S = 5.0
-_KM_H = 3.6
 _BAR_WIDTH = 60
 
 
@@ -71,7 +71,7 @@ class BarProgress:
         details.add_row(
             f"[bold]{_speed_up(snapshot, wall_s):.0f}[/] x real time",
             f"remaining [bold]{_remaining(snapshot, wall_s, self._duration_s)}[/]",
-            f"speed [bold]{_KM_H * snapshot.speed_m_s:.1f}[/] km/h",
+            f"speed [bold]{KM_H_PER_M_S * snapshot.speed_m_s:.1f}[/] km/h",
             f"gap [bold]{snapshot.gap_m:.1f}[/] m",
         )
         details.add_row(
@@ -117,7 +117,7 @@ class LineProgress:
             f" ({_share(snapshot, self._duration_s):.0%}),"
             f" {_speed_up(snapshot, wall_s):.0f} x real time,"
             f" remaining {_remaining(snapshot, wall_s, self._duration_s)},"
-            f" speed {_KM_H * snapshot.speed_m_s:.1f} km/h, gap {snapshot.gap_m:.1f} m,"
+            f" speed {KM_H_PER_M_S * snapshot.speed_m_s:.1f} km/h, gap {snapshot.gap_m:.1f} m,"
             f" cells {snapshot.cell_1_temperature_c:.1f}/{snapshot.cell_n_temperature_c:.1f} °C,"
             f" solve {_milliseconds(snapshot)}, {snapshot.iterations} iterations{fallback}"
         )

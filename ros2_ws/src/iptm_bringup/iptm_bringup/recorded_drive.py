@@ -18,6 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from iptm_core.errors import IptmError, RouteError
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.program import refused
 from iptm_core.routes import build_route
 from iptm_core.routes.can_log import CAN_COLUMNS, can_log_csv
@@ -110,7 +111,7 @@ def cycle_csv(trajectory: Trajectory, who: str) -> str:
 def description(trip: UserTrip) -> str:
     """Return what was read, in lines."""
     cycle, drive = trip.cycle, trip.drive
-    length_km, fastest_km_h = 1e-3 * cycle.distance_m, 3.6 * cycle.max_speed_m_s
+    length_km, fastest_km_h = 1e-3 * cycle.distance_m, KM_H_PER_M_S * cycle.max_speed_m_s
     lines = [
         f"{cycle.name}: {cycle.duration_s:g} s, {length_km:.2f} km, up to {fastest_km_h:.0f} km/h"
     ]
@@ -141,10 +142,12 @@ def draw(trip: UserTrip, path: Path) -> None:
         raw = raw if raw is not None else track.steps_m() / np.diff(track.times_s)
         # A launch ramp in front of the trip moves it.
         shift_s = trip.cycle.duration_s - np.floor(track.times_s[-1])
-        speed.plot(moments + max(shift_s, 0.0), 3.6 * raw, color="0.75", lw=0.8, label="recorded")
+        speed.plot(
+            moments + max(shift_s, 0.0), KM_H_PER_M_S * raw, color="0.75", lw=0.8, label="recorded"
+        )
         if track.heights_m is not None:
             height.plot(drive.point_positions_m, track.heights_m, color="0.75", lw=0.8)
-    speed.plot(trip.cycle.times_s, 3.6 * trip.cycle.speeds_m_s, color="C0", label="driven")
+    speed.plot(trip.cycle.times_s, KM_H_PER_M_S * trip.cycle.speeds_m_s, color="C0", label="driven")
     speed.set(xlabel="time [s]", ylabel="speed [km/h]")
     speed.legend(loc="upper right", frameon=False)
     if trip.slope is not None:

@@ -33,7 +33,12 @@ from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.topics import OBSERVATION_TOPICS, STATE_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.changed_settings import refuse_changed_settings
-from iptm_recording.compare_bags import TopicComparison, compare_bags, comparison_table
+from iptm_recording.compare_bags import (
+    PIPE_WIDTH,
+    TopicComparison,
+    compare_bags,
+    print_comparison,
+)
 from iptm_recording.field_differences import NumberTolerance
 from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.timeline import read_stamp_ns
@@ -51,7 +56,6 @@ FINE_TOLERANCES: Mapping[Topic, tuple[tuple[str, ...], NumberTolerance]] = {
 """Of fields whose numbers are small: an absolute tolerance would hide every difference."""
 IGNORED_FIELDS = ("solve_time_s", "iterations", "objective", "header.frame_id", "child_frame_id")
 """They tell of the machine, amplify the last digits, or name frames, which had other names in older bags."""
-_WIDTH = 140
 
 OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
     CONTROLLER: (
@@ -302,7 +306,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parsed = build_parser().parse_args(arguments)
     given = [parsed.absolute, parsed.relative]
     tolerance = None if given == [None, None] else NumberTolerance(*(each or 0.0 for each in given))
-    console = Console(width=None if sys.stdout.isatty() else _WIDTH)
+    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
     try:
         with console.status(f"feeding {parsed.check} ...") as status:
             comparison = check_node(
@@ -315,11 +319,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
     except IptmError as error:
         return refused(PROGRAM, error)
-    console.print(comparison_table(comparison))
-    for topic in comparison:
-        if topic.first_fields:
-            console.print(topic.divergence_text(), highlight=False, markup=False)
-    agrees = all(topic.agrees for topic in comparison)
+    agrees = print_comparison(comparison, console)
     verdict = "answers as recorded" if agrees else "does not answer as recorded"
     stated = _tolerances_text() if tolerance is None else _tolerance_text(tolerance)
     console.print(f"{parsed.check} {verdict}; tolerance {stated}", highlight=False)

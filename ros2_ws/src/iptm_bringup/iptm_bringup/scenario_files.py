@@ -21,17 +21,16 @@ from typing import Any
 from iptm_bringup.scenario import NODES, Scenario
 from iptm_core.declaration import ParameterSpec, Scalar, checked_value, parameter_specs, plain
 from iptm_core.errors import ParameterError, ScenarioError
-from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
+from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, parse_yaml, read_yaml
 from iptm_core.routes.user_csv import USER_SUFFIXES
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 from iptm_faults.fault import faults_from, plain_faults
 
 DEFAULT_SCENARIO = "wltc"
-_SUFFIXES = (".yaml", ".yml")
 _OVERRIDES = "parameter_overrides"
 _NODE_PARAMETERS = "node_parameters"
 _FAULTS = "faults"
-_FILE_OF = {"cycle": USER_SUFFIXES, "parameter_set": _SUFFIXES}
+_FILE_OF = {"cycle": USER_SUFFIXES, "parameter_set": YAML_SUFFIXES}
 """Fields that may name a file, and by which suffixes that is seen."""
 
 
@@ -157,7 +156,7 @@ def _find(name_or_path: str | Path) -> Path:
         return scenario_folder() / f"{text}.yaml"
     path = Path(text)
     try:
-        if path.suffix in _SUFFIXES or path.is_file():
+        if path.suffix in YAML_SUFFIXES or path.is_file():
             return path
     except OSError as error:  # the name is too long
         raise ScenarioError(f"scenario {shown(text)}: {error.strerror}") from None

@@ -13,11 +13,11 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from iptm_bringup.picture import GREY, STYLE
 from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.trajectory import Trajectory
 
 _SIZE_INCHES = (12.0, 8.0)
 _DOTS_PER_INCH = 100
-_KM_H = 3.6
 
 
 def save_string_picture(
@@ -36,12 +36,14 @@ def save_string_picture(
         FigureCanvasAgg(figure)
         speed, gap, margin = figure.subplots(3, 1, sharex=True)
         first = trajectories[0]
-        speed.plot(first.time_s, _KM_H * first.leader_speed_m_s, color=GREY, label="driving cycle")
+        speed.plot(
+            first.time_s, KM_H_PER_M_S * first.leader_speed_m_s, color=GREY, label="driving cycle"
+        )
         colours = colormaps["viridis"]
         for place, run in enumerate(trajectories):
             colour = colours(place / len(trajectories))
             name = f"car_{place + 1}"
-            speed.plot(run.time_s, _KM_H * run.speed_m_s, color=colour, label=name)
+            speed.plot(run.time_s, KM_H_PER_M_S * run.speed_m_s, color=colour, label=name)
             gap.plot(run.time_s, run.gap_m, color=colour)
             margin.plot(run.time_s, gap_margins_m(run, parameters), color=colour)
         margin.axhline(0.0, color=GREY, linestyle="--")

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from iptm_core.state import LeaderPreview, LeaderState
+from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 
@@ -20,8 +21,6 @@ DRIVE_OFF_M_S2 = 2.0
 
 REMEMBERED_S = 300.0
 """How old a prediction may be that still knows of a hard stop; motions of before are forgotten."""
-
-_NS_PER_S = 1e9
 
 
 class Shift:
@@ -165,4 +164,4 @@ class Traffic:
 
 
 def _ns(time_s: float) -> int:
-    return round(time_s * _NS_PER_S) if np.isfinite(time_s) else -1
+    return round(time_s * NS_PER_S) if np.isfinite(time_s) else -1

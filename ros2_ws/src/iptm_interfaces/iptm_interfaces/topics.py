@@ -267,6 +267,10 @@ OBSERVATION_TOPICS = (
 TICK_TOPICS = (*OBSERVATION_TOPICS, Topic.LEADER)
 """Topics that make up one row of a trajectory."""
 
+PEER_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
+"""Topics by whose subscribers the plant counts its peers. Who only listens subscribes to them last, in this
+order: the first clock is the one message of a run that can be done without."""
+
 
 def topic_of(vehicle: str, topic: Topic) -> str:
     """Return the absolute name of a topic of a vehicle: `/car_1/clock`.

@@ -21,12 +21,9 @@ from iptm_interfaces.codecs import (
     time_from_s,
 )
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import OBSERVATION_TOPICS, STATE_TOPICS, Topic
+from iptm_interfaces.topics import OBSERVATION_TOPICS, PEER_TOPICS, STATE_TOPICS, Topic
 from iptm_plant_sim.integrator import cell_voltage_v
 from iptm_plant_sim.plant import PlantStep
-
-_COUNTED = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
-"""Topics by whose subscribers the plant counts its peers."""
 
 
 class PlantPublishers:
@@ -61,7 +58,7 @@ class PlantPublishers:
             return ()
         # A command depends on the whole state: without a listener the start would be one into silence.
         needed = dict.fromkeys(STATE_TOPICS, 1)
-        needed |= {topic: expected_peers + others[topic] for topic in _COUNTED}
+        needed |= {topic: expected_peers + others[topic] for topic in PEER_TOPICS}
         return tuple(
             self._publishers[topic].topic_name
             for topic, count in needed.items()

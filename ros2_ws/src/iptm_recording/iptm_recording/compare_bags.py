@@ -32,7 +32,7 @@ from iptm_recording.timeline import StampKind, read_stamp_ns, stamp_kind
 DEFAULT_EXCLUDED_TOPICS = ("/diagnostics", "/rosout", "/parameter_events")
 DEFAULT_IGNORED_FIELDS = ("solve_time_s",)
 _EXACT = NumberTolerance()
-_PIPE_WIDTH = 140
+PIPE_WIDTH = 140
 _FIELDS_SHOWN = 8
 
 _Key = tuple[int | None, int]
@@ -234,6 +234,15 @@ def comparison_table(comparison: Sequence[TopicComparison]) -> Table:
     return table
 
 
+def print_comparison(comparison: Sequence[TopicComparison], console: Console) -> bool:
+    """Print the outcome and where topics differ first; returns whether all of them agree."""
+    console.print(comparison_table(comparison))
+    for topic in comparison:
+        if topic.first_fields:
+            console.print(topic.divergence_text(), highlight=False, markup=False)
+    return all(topic.agrees for topic in comparison)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Compare two bags.
 
@@ -251,12 +260,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
     except IptmError as error:
         return refused("compare_bags", error)
-    console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH)
-    console.print(comparison_table(comparison))
-    for topic in comparison:
-        if topic.first_fields:
-            console.print(topic.divergence_text(), highlight=False, markup=False)
-    agree = all(topic.agrees for topic in comparison)
+    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
+    agree = print_comparison(comparison, console)
     console.print("the bags agree" if agree else "the bags differ")
     return 0 if agree else 1
 

@@ -12,6 +12,7 @@ from mcap.well_known import MessageEncoding, Profile
 from mcap.writer import CompressionType, Writer
 
 from iptm_core.errors import BagError
+from iptm_core.trip_time import NS_PER_S
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_recording.metadata import NO_START_NS, FileRecord
 from iptm_recording.recorded_topics import TopicRecord, dump_profiles
@@ -29,7 +30,6 @@ _INDEX_BYTES_PER_CHUNK = 500
 _INDEX_BYTES_PER_TOPIC = 70
 _MESSAGE_HEAD_BYTES = 31
 _SEQUENCE_MASK = 0xFFFFFFFF
-_NS_PER_S = 10**9
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class McapFile:
             or (limits.max_bag_size > 0 and self._file.tell() >= limits.max_bag_size)
             or (
                 limits.max_bag_duration > 0
-                and log_time_ns - self._start_ns >= limits.max_bag_duration * _NS_PER_S
+                and log_time_ns - self._start_ns >= limits.max_bag_duration * NS_PER_S
             )
         )
 

@@ -13,14 +13,12 @@ from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosHistory
 
 from iptm_core.errors import BagError
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_interfaces.topics import PEER_TOPICS, TOPICS, Topic
 from iptm_recording.qos_overrides import QosOverrides
 from iptm_recording.rclpy_types import from_profile, message_class, to_profile
 from iptm_recording.recorded_topics import TopicSelection, request_for
 from iptm_recording.session import RecordingSession
 
-# In this order: the first clock is the one message of a run that can be done without.
-_GATE = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
 # Published before a trip starts, or whether one runs or not.
 _NOT_OF_A_TRIP = (Topic.SLOPE, Topic.DIAGNOSTICS)
 _NODE_TOPICS = ("/rosout", "/parameter_events")
@@ -141,7 +139,7 @@ class TopicSubscriber:
             name: TOPICS[topic].type_name for topic, name in names.items() if selection.takes(name)
         }
         self._outside_trip = {*(names[topic] for topic in _NOT_OF_A_TRIP), *_NODE_TOPICS}
-        self._gate_names = [names[topic] for topic in _GATE]
+        self._gate_names = [names[topic] for topic in PEER_TOPICS]
         self._gate = Gate(
             gate_topics=self._gate_names,
             awaited=[

@@ -71,11 +71,14 @@ LONG_STEPS_S = (2, 5, 8, 10, 15)
 SHORT_STEP_COUNTS = (3, 5)
 LONG_STEP_COUNTS = (5, 10, 12, 15, 20)
 
+DEFAULT_CONTROLLER = "multi_horizon_cost_to_go"
+"""The project's default, the proposal with the cost to go, as it stands in addresses."""
+
 _MOST_NAMES = 6
 _MULTI_HORIZON_NAMES = {
     "multi_horizon": "Aging, MH 3+5",
     "whole_trip": "whole-trip optimum",
-    "multi_horizon_cost_to_go": "Aging and cost to go, MH 3+5",
+    DEFAULT_CONTROLLER: "Aging and cost to go, MH 3+5",
     "long_horizon_cost_to_go": "Aging and cost to go, MH 3+12 and 8 × 15 s",
     "thermal_phase_cost_to_go": "Aging and cost to go, MH 3+5 and 10 × 30 s thermal",
 }

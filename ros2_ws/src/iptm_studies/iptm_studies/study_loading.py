@@ -19,7 +19,7 @@ from typing import Any
 
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.errors import IptmError, ScenarioError
-from iptm_core.parameters.strict_yaml import read_yaml
+from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, read_yaml
 from iptm_core.routes.user_csv import USER_SUFFIXES
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 from iptm_studies.run_spec import (
@@ -42,7 +42,6 @@ PAPER_ORDER = (
 )
 _Point = tuple[Mapping[str, Label], Mapping[str, Any]]
 """Labels and settings of one value of an axis."""
-_SUFFIXES = (".yaml", ".yml")
 _STUDY_KEYS = ("title", "about", "defaults", "cases")
 _CASE_KEYS = ("name", "labels", "run", "for_each")
 _POINT_KEYS = ("labels", "run")
@@ -52,7 +51,7 @@ _NAME = re.compile(r"[\w.+-]+")
 
 def available_studies() -> tuple[str, ...]:
     """Names of the shipped studies, in the order of the paper."""
-    names = {path.stem for path in _folder().iterdir() if path.suffix in _SUFFIXES}
+    names = {path.stem for path in _folder().iterdir() if path.suffix in YAML_SUFFIXES}
     place = {name: number for number, name in enumerate(PAPER_ORDER)}
     return tuple(sorted(names, key=lambda name: (place.get(name, len(place)), name)))
 
@@ -174,7 +173,7 @@ def _find(name_or_path: str | Path) -> Path:
     if str(name_or_path) in names:
         return _folder() / f"{name_or_path}.yaml"
     path = Path(name_or_path)
-    if path.suffix in _SUFFIXES:
+    if path.suffix in YAML_SUFFIXES:
         return path
     raise ScenarioError(
         f"no study {str(name_or_path)!r}; {suggestion(name_or_path, names)}, or the path of a .yaml file"
@@ -184,7 +183,7 @@ def _find(name_or_path: str | Path) -> Path:
 SETTINGS = tuple(entry.name for entry in fields(RunSpec))
 """Keys of ``run`` and ``defaults``."""
 
-_FILES = {"cycle": USER_SUFFIXES, "parameter_set": (".yaml",)}
+_FILES = {"cycle": USER_SUFFIXES, "parameter_set": YAML_SUFFIXES}
 _BASE = "base"
 _BEST_OF = "best_of"
 _WEIGHTS = tuple(entry.name for entry in fields(Strategy) if entry.name != "name")

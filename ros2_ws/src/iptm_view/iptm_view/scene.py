@@ -12,6 +12,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from iptm_core.parameters import ModelParameters
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.routes.road_course import RoadCourse, RoadPoses
 from iptm_core.settings import VEHICLE_LENGTH_M
@@ -101,7 +102,7 @@ def scene_message(scene: Scene, course: RoadCourse, parameters: ModelParameters)
     """
     host, leader = scene.host, scene.leader
     size_m = body_size_m(parameters)
-    words = [f"{3.6 * host.speed_m_s:.0f} km/h"]
+    words = [f"{KM_H_PER_M_S * host.speed_m_s:.0f} km/h"]
     markers = {"host": _car(course, host.position_m, HOST_LENGTH_M, size_m, _HOST_COLOR)}
     if leader is not None:
         words.append(f"gap {leader.position_m - host.position_m:.0f} m")

@@ -20,11 +20,11 @@ from iptm_core.parameters.flat import (
 )
 from iptm_core.parameters.layers import Layer, read_layer
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.strict_yaml import YAML_SUFFIXES
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 from iptm_core.user_input import number
 
 DEFAULT_SET = "paper_calibrated"
-_SUFFIXES = (".yaml", ".yml")
 _MAX_LAYERS = 8
 
 
@@ -56,7 +56,7 @@ class ParameterRow(FieldSpec):
 
 def available_parameter_sets() -> tuple[str, ...]:
     """Names of the shipped sets, the default first."""
-    names = [path.stem for path in _sets_folder().iterdir() if path.suffix in _SUFFIXES]
+    names = [path.stem for path in _sets_folder().iterdir() if path.suffix in YAML_SUFFIXES]
     return tuple(sorted(names, key=lambda name: (name != DEFAULT_SET, name)))
 
 
@@ -169,7 +169,7 @@ def _find(name_or_path: str | Path, base_of: Path | None = None) -> Path:
     if str(name_or_path) in names:
         return _sets_folder() / f"{name_or_path}.yaml"
     path = Path(name_or_path) if base_of is None else base_of.parent / name_or_path
-    if path.suffix in _SUFFIXES or _exists(path):
+    if path.suffix in YAML_SUFFIXES or _exists(path):
         return path
     raise ParameterError(
         f"{asked} is {shown(str(name_or_path))}, no shipped set and no file; "

@@ -19,6 +19,7 @@ import yaml
 from iptm_core.errors import IptmError, ParameterError
 from iptm_core.user_input import read_bounded
 
+YAML_SUFFIXES = (".yaml", ".yml")
 MAX_BYTES = 500_000
 _MAX_DEPTH = 50
 _MAX_VALUES = 200_000

@@ -1,13 +1,14 @@
-"""The few unit conversions that parameter files may ask for, and nothing more."""
+"""The few unit conversions that parameter files, tables and pictures ask for, and nothing more."""
 
 from __future__ import annotations
 
 CELSIUS_ZERO_K = 273.15
+KM_H_PER_M_S = 3.6
 
 #: (unit written, unit of the model) -> (factor, offset added after dividing); value / factor + offset
 _CONVERSIONS: dict[tuple[str, str], tuple[float, float]] = {
     ("degC", "K"): (1.0, CELSIUS_ZERO_K),
-    ("km/h", "m/s"): (3.6, 0.0),
+    ("km/h", "m/s"): (KM_H_PER_M_S, 0.0),
 }
 
 

@@ -19,10 +19,8 @@ from iptm_core.parameters.model import (
     EnvironmentParameters,
     LimitParameters,
 )
+from iptm_core.parameters.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.physics.ops import Scalar, exp, maximum
-
-CELSIUS_ZERO_K = 273.15
-KM_H_PER_M_S = 3.6
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.parameters.model import CoolingParameters, ModelParameters
+from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.physics.chiller import (
-    CELSIUS_ZERO_K,
     ChillerLine,
     chiller_line,
     largest_useful_power_w,

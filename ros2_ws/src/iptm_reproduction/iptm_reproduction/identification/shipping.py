@@ -13,9 +13,8 @@ from iptm_core.routes.composition import compositions_folder
 from iptm_reproduction.identification.evaluations import EvaluationTable
 from iptm_reproduction.identification.objective import deviations, misfit
 from iptm_reproduction.identification.unknowns import COMPOSITION, PARAMETERS, Candidate, Unknowns
+from iptm_studies.run_spec import REPRODUCED_CYCLE, REPRODUCED_SET
 
-COMPOSITION_NAME = "comprehensive_identified"
-SET_NAME = "paper_identified"
 EVALUATIONS_NAME = "evaluations.csv"
 MISFIT, STRATEGY_COUNT, DEVIATION = "misfit", "strategies", "deviation"
 _HEADER = "# Written by `scripts/identify ship`: fitted to the paper's strategy table alone; do not edit.\n"
@@ -24,7 +23,7 @@ _WIDTH = 110
 
 def composition_text(candidate: Candidate) -> str:
     """Return the file of the identified composition."""
-    composition = candidate.composition(COMPOSITION_NAME)
+    composition = candidate.composition(REPRODUCED_CYCLE)
     reasons = _reasons(candidate.unknowns)
     lines = [
         "description: the composition identified from the paper's strategy table",
@@ -94,8 +93,8 @@ def ship(candidate: Candidate, table: EvaluationTable) -> tuple[Path, ...]:
         The files.
     """
     files = {
-        compositions_folder() / f"{COMPOSITION_NAME}.yaml": composition_text(candidate),
-        sets_folder() / f"{SET_NAME}.yaml": set_text(candidate),
+        compositions_folder() / f"{REPRODUCED_CYCLE}.yaml": composition_text(candidate),
+        sets_folder() / f"{REPRODUCED_SET}.yaml": set_text(candidate),
         Path(__file__).parent / EVALUATIONS_NAME: evaluations_text(table, candidate.unknowns),
     }
     for path, text in files.items():

@@ -22,11 +22,9 @@ from iptm_core.parameters import load_parameters, to_flat_dict
 from iptm_core.routes.composition import load_composition
 from iptm_core.state import FloatArray
 from iptm_reproduction.identification.shipping import (
-    COMPOSITION_NAME,
     DEVIATION,
     EVALUATIONS_NAME,
     MISFIT,
-    SET_NAME,
 )
 from iptm_reproduction.identification.unknowns import (
     COMPOSITION,
@@ -34,6 +32,7 @@ from iptm_reproduction.identification.unknowns import (
     read_unknowns,
     shipped_unknowns,
 )
+from iptm_studies.run_spec import REPRODUCED_CYCLE, REPRODUCED_SET
 
 GOOD_EXCESS = 0.5
 """Misfit above the best one up to which a candidate is a good fit: a deviation of 0.7 more in every row."""
@@ -104,10 +103,10 @@ class Spread:
 
 def shipped_values() -> dict[str, float]:
     """Return the identified value of every number by key."""
-    composition = load_composition(COMPOSITION_NAME)
+    composition = load_composition(REPRODUCED_CYCLE)
     values = {
         f"parameters.{key}": value
-        for key, value in to_flat_dict(load_parameters(SET_NAME).values).items()
+        for key, value in to_flat_dict(load_parameters(REPRODUCED_SET).values).items()
     }
     numbers = (key for key, value in composition.to_dict().items() if isinstance(value, float))
     return values | {f"{COMPOSITION}.{key}": getattr(composition, key) for key in numbers}

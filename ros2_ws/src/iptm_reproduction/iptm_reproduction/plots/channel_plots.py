@@ -19,9 +19,14 @@ from iptm_reproduction.plots.style import (
     new_figure,
     plot,
 )
-from iptm_reproduction.runs import Results, channel_controllers, channel_run, controller_name
+from iptm_reproduction.runs import (
+    DEFAULT_CONTROLLER,
+    Results,
+    channel_controllers,
+    channel_run,
+    controller_name,
+)
 
-_SHOWN = "multi_horizon_cost_to_go"
 _COLOURS = (STRATEGY_COLOURS["reference"], *SERIES_COLOURS[2:])
 
 
@@ -29,12 +34,12 @@ _COLOURS = (STRATEGY_COLOURS["reference"], *SERIES_COLOURS[2:])
     "Every cell of the channel",
     "Left: temperatures along the channel at some instants, under the aging strategy with cost to go; right: "
     "degradation of every cell over the trip. Dashed: the straight line through cells 1 and N.",
-    needs=(channel_run("reference"), channel_run(_SHOWN)),
+    needs=(channel_run("reference"), channel_run(DEFAULT_CONTROLLER)),
 )
 def full_channel(results: Results) -> Figure:
     """Draw temperatures along the channel at some instants, and the degradation of every cell."""
     figure, (left, right) = new_figure(3.6, 1, 2)
-    record = results[channel_run(_SHOWN)].channel
+    record = results[channel_run(DEFAULT_CONTROLLER)].channel
     if record is not None:
         colours = colormaps["viridis"](np.linspace(0.0, 0.9, len(record.profile_times_s)))
         for time_s, profile_k, colour in zip(

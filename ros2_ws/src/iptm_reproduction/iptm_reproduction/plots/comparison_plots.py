@@ -19,6 +19,7 @@ from iptm_reproduction.plots.style import (
 )
 from iptm_reproduction.printed import HEADLINE_CHANGES, printed_change
 from iptm_reproduction.runs import (
+    DEFAULT_CONTROLLER,
     MULTI_HORIZON,
     OPTIMUM,
     PROPOSED,
@@ -31,9 +32,8 @@ from iptm_reproduction.runs import (
 )
 
 _MULTI = "multi_horizon"
-_COST_TO_GO = "multi_horizon_cost_to_go"
-_COST_TO_GO_RUN = f"imperfect_previews/perfect/{_COST_TO_GO}"
-CONTROLLER_COLOURS = {**STRATEGY_COLOURS, _MULTI: "#0b4d1a", _COST_TO_GO: "#08306b"}
+_DEFAULT_RUN = f"imperfect_previews/perfect/{DEFAULT_CONTROLLER}"
+CONTROLLER_COLOURS = {**STRATEGY_COLOURS, _MULTI: "#0b4d1a", DEFAULT_CONTROLLER: "#08306b"}
 _PRINTED = {"facecolor": "white", "edgecolor": PAPER_COLOUR, "hatch": "////"}
 
 
@@ -103,12 +103,12 @@ def headline(results: Results) -> Figure:
     "Part of the possible saving of degradation: nothing for the reference, everything for the whole trip "
     "solved as one problem.",
     needs=(REFERENCE, OPTIMUM),
-    wanted=(*STRATEGIES, MULTI_HORIZON, _COST_TO_GO_RUN),
+    wanted=(*STRATEGIES, MULTI_HORIZON, _DEFAULT_RUN),
 )
 def saving_shares(results: Results) -> Figure:
     """Draw which part of the possible saving of degradation each controller reaches."""
     runs = dict(zip(STRATEGY_NAMES, STRATEGIES, strict=True))
-    runs |= {_MULTI: MULTI_HORIZON, _COST_TO_GO: _COST_TO_GO_RUN}
+    runs |= {_MULTI: MULTI_HORIZON, DEFAULT_CONTROLLER: _DEFAULT_RUN}
     reference, optimum = (results.value(run, fig.DEGRADATION) for run in (REFERENCE, OPTIMUM))
     figure, (panel,) = new_figure(2.8)
     for place, (controller, run) in enumerate(runs.items()):
@@ -175,7 +175,7 @@ def omitted_parameters(results: Results) -> Figure:
     for panel, shown in zip(
         panels, (fig.DEGRADATION, fig.TOTAL, fig.COOLING, fig.INCONSISTENCY), strict=True
     ):
-        for controller, marker in (("aging", "o"), (_MULTI, "s"), (_COST_TO_GO, "^")):
+        for controller, marker in (("aging", "o"), (_MULTI, "s"), (DEFAULT_CONTROLLER, "^")):
             for place, variation in enumerate(variations):
                 study = f"omitted_parameters/{variation}"
                 change = results.change(f"{study}/{controller}", f"{study}/reference", shown)

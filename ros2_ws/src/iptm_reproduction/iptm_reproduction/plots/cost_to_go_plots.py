@@ -14,9 +14,13 @@ from iptm_reproduction.plots.style import (
     new_figure,
     plot,
 )
-from iptm_reproduction.runs import COST_TO_GO_OPTIMUM, Results, controller_name, cost_to_go_run
-
-_SHOWN = "multi_horizon_cost_to_go"
+from iptm_reproduction.runs import (
+    COST_TO_GO_OPTIMUM,
+    DEFAULT_CONTROLLER,
+    Results,
+    controller_name,
+    cost_to_go_run,
+)
 
 
 @plot(
@@ -24,21 +28,21 @@ _SHOWN = "multi_horizon_cost_to_go"
     "What a kelvin more costs, in the unit of the cost: the price that the controller puts on the end of its "
     "horizon at every tick, and the costates of the temperatures in the whole trip solved as one problem. "
     "These jump where cell 1 leaves its lower temperature limit, until when a kelvin more in it was welcome.",
-    needs=(cost_to_go_run(_SHOWN), COST_TO_GO_OPTIMUM),
+    needs=(cost_to_go_run(DEFAULT_CONTROLLER), COST_TO_GO_OPTIMUM),
 )
 def temperature_price(results: Results) -> Figure:
     """Draw the price of both cell temperatures and the costates of the whole trip, over the trip."""
     figure, panels = new_figure(5.2, 3, 1, sharex=True)
-    decisions = results[cost_to_go_run(_SHOWN)].decisions
+    decisions = results[cost_to_go_run(DEFAULT_CONTROLLER)].decisions
     if decisions is not None:
         prices = (decisions.cell_1_price_1_k, decisions.cell_n_price_1_k)
         for panel, values in zip(panels, (prices[0] + prices[1], *prices), strict=True):
             panel.plot(
                 decisions.time_s,
                 values,
-                color=CONTROLLER_COLOURS[_SHOWN],
+                color=CONTROLLER_COLOURS[DEFAULT_CONTROLLER],
                 linewidth=LINE,
-                label=f"price, {controller_name(_SHOWN)}",
+                label=f"price, {controller_name(DEFAULT_CONTROLLER)}",
             )
     record = results[COST_TO_GO_OPTIMUM].whole_trip
     if record is not None:

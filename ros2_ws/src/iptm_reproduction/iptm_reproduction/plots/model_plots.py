@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from iptm_core.parameters import load_parameters
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.routes.route import Route
 from iptm_core.state import FloatArray
 from iptm_reproduction import aging as model
@@ -13,7 +14,6 @@ from iptm_reproduction.plots.style import labelled, new_figure, plot, tidy
 from iptm_reproduction.runs import REFERENCE, Results
 
 _SLOPE_SHADES = {"large": "#f6d5c5", "small": "#dcebd7"}
-_M_S_IN_KM_H = 3.6
 
 
 @plot(
@@ -65,7 +65,7 @@ def driving_cycle(results: Results) -> Figure:
     step_s = max(1.0, round(route.duration_s / 5000.0))
     times = np.arange(0.0, route.duration_s + 0.5, step_s, dtype=np.float64)
     figure, (top, bottom) = new_figure(3.6, 2, 1, sharex=True, height_ratios=[2, 1])
-    top.plot(times, _M_S_IN_KM_H * route.leader.speeds_at(times), color="#333333", linewidth=0.7)
+    top.plot(times, KM_H_PER_M_S * route.leader.speeds_at(times), color="#333333", linewidth=0.7)
     labelled(top, "", "speed [km/h]")
     bottom.plot(times, _grades_percent(route, times), color="#8c4a2f", linewidth=0.9)
     labelled(bottom, "time [s]", "slope [%]")

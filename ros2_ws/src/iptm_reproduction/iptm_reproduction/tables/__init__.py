@@ -6,9 +6,11 @@ from collections.abc import Iterable
 
 from iptm_core.metrics.figures import Figure
 from iptm_reproduction.document import Cell, Row
-from iptm_reproduction.figures import DASH, DEGRADATION, change_text, share_of_saving
+from iptm_reproduction.figures import DASH, DEGRADATION, TABLE_FIGURES, change_text, share_of_saving
 from iptm_reproduction.runs import OPTIMUM, REFERENCE, Results
 
+CHANGED = (*TABLE_FIGURES, DEGRADATION)
+"""Figures whose changes the tables of the project's own studies show."""
 SAVING = "part of the possible saving of degradation"
 
 

@@ -9,11 +9,10 @@ from iptm_reproduction import figures as fig
 from iptm_reproduction.document import Cell, Row, Table, cells
 from iptm_reproduction.figures import change_text, relative_change
 from iptm_reproduction.runs import Results, channel_controllers, channel_run, controller_name
-from iptm_reproduction.tables import change_cells
+from iptm_reproduction.tables import CHANGED, change_cells
 from iptm_studies.channel_record import CellError, ChannelRecord, HottestCell
 
 _PLANTS = {"two_cell": "two cells", "full_channel": "full channel"}
-_SAVED = (*fig.TABLE_FIGURES, fig.DEGRADATION)
 
 
 def saving_table(results: Results) -> Table:
@@ -29,7 +28,7 @@ def saving_table(results: Results) -> Table:
                 (
                     Cell(name),
                     Cell(controller_name(controller), strong=run == reference),
-                    *change_cells(results, run, reference, _SAVED),
+                    *change_cells(results, run, reference, CHANGED),
                     *_all_cells(results, run, reference),
                 )
             )
@@ -39,7 +38,7 @@ def saving_table(results: Results) -> Table:
         (
             "plant",
             "controller",
-            *(figure.title for figure in _SAVED),
+            *(figure.title for figure in CHANGED),
             "Mean degradation of all cells [10⁻⁵]",
             "Degradation of the worst cell [10⁻⁵]",
         ),

@@ -13,9 +13,8 @@ from iptm_reproduction.runs import (
     warm_run,
     words,
 )
-from iptm_reproduction.tables import SAVING, change_cells, figure_cells, share_cell
+from iptm_reproduction.tables import CHANGED, SAVING, change_cells, figure_cells, share_cell
 
-_CHANGED = (*fig.TABLE_FIGURES, fig.DEGRADATION)
 _MARKS = (fig.SMALLEST_MARGIN, fig.GAP_VIOLATIONS, fig.FALLBACKS)
 _MAIN_TRIP = "comprehensive"
 
@@ -35,7 +34,7 @@ def saving_table(results: Results) -> Table:
         (
             "controller",
             "preview",
-            *(figure.title for figure in _CHANGED),
+            *(figure.title for figure in CHANGED),
             SAVING,
             *(figure.title for figure in _MARKS),
         ),
@@ -50,7 +49,7 @@ def saving_table(results: Results) -> Table:
 
 def _figures(results: Results, run: str, reference: str) -> Row:
     return (
-        *change_cells(results, run, reference, _CHANGED),
+        *change_cells(results, run, reference, CHANGED),
         share_cell(results, run, reference, COST_TO_GO_OPTIMUM),
         *figure_cells(results, run, _MARKS),
     )
@@ -68,14 +67,14 @@ def trips_table(results: Results) -> Table:
             (
                 Cell(run.route.name),
                 Cell(controller_name(controller), strong=run.address == reference),
-                *change_cells(results, run.address, reference, _CHANGED),
+                *change_cells(results, run.address, reference, CHANGED),
                 *figure_cells(results, run.address, _MARKS),
             )
         )
     return Table(
         "cost-to-go-trips",
         "The saving with a cost to go on other trips",
-        ("trip", "controller", *(figure.title for figure in (*_CHANGED, *_MARKS))),
+        ("trip", "controller", *(figure.title for figure in (*CHANGED, *_MARKS))),
         tuple(rows),
         note="The reference has figures, the others their change against it on the same trip.",
     )

@@ -8,7 +8,7 @@ from iptm_core.metrics.figures import Figure
 from iptm_reproduction import figures as fig
 from iptm_reproduction.check import graded
 from iptm_reproduction.document import Cell, Table
-from iptm_reproduction.runs import WEIGHTED, Results, controller_name, words
+from iptm_reproduction.runs import DEFAULT_CONTROLLER, WEIGHTED, Results, controller_name, words
 from iptm_reproduction.tables import change_cells, figure_cells
 
 _MARKS = (fig.SMALLEST_MARGIN, fig.GAP_VIOLATIONS, fig.SOFT_VIOLATIONS, fig.FALLBACKS)
@@ -63,7 +63,7 @@ _COMMON = (
     *(
         Conclusion(
             f"Aging and cost to go, MH 3+5 degrades the cells less than {controller_name(other)}",
-            "multi_horizon_cost_to_go",
+            DEFAULT_CONTROLLER,
             other,
             (fig.DEGRADATION,),
         )
