@@ -23,15 +23,15 @@ BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 class Browser:
     """Follows the events of a page in a thread and keeps what they tell."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, path: str = "events") -> None:
         self.documents: dict[str, Any] = {}
         self.rows: list[list[float]] = []
-        threading.Thread(target=self._follow, args=(url,), daemon=True).start()
+        threading.Thread(target=self._follow, args=(url + path,), daemon=True).start()
 
     def _follow(self, url: str) -> None:
         kind = ""
         try:
-            with urllib.request.urlopen(f"{url}events", timeout=120.0) as answer:  # noqa: S310
+            with urllib.request.urlopen(url, timeout=120.0) as answer:  # noqa: S310
                 for line in answer:
                     name, _, text = line.decode().rstrip("\n").partition(": ")
                     if name == "event":
@@ -110,6 +110,31 @@ def test_a_run_with_a_view_is_whole_and_seen(
     assert browser.documents["facts"]["limits"]["max_gap_m"] == 120.0
     assert browser.documents["facts"]["title"].startswith("cycle wltc_class3b, strategy")
     assert browser.documents["road"]["height_m"][0] == 0.0
+
+
+def test_every_vehicle_of_a_string_can_be_watched(
+    launcher: Any, wait_until: Callable[..., None], tmp_path: Path
+) -> None:
+    output = tmp_path / "string"
+    trip = ["--vehicles", "2", "--cycle", "wltc_class3b", "--duration-s", "300", "--no-picture"]
+    runner = launcher.start_module(
+        "iptm_bringup.run_string", *trip, "--view", "--output", str(output)
+    )
+    address = re.compile(r"live view: (http://\S+)")
+    wait_until(lambda: address.search(runner.stdout), what="address of the page")
+    found = address.search(runner.stdout)
+    assert found is not None
+    names = ["car_1", "car_2"]
+    browsers = {name: Browser(found.group(1), f"events?vehicle={name}") for name in names}
+    assert runner.wait(240.0) == 0, runner.stdout + runner.stderr
+    for name, browser in browsers.items():
+        browser.assert_rows_are_those_of(read_trajectory(output / name, name))
+        assert browser.documents["vehicles"] == {"names": names, "shown": name}
+        assert browser.documents["facts"]["source"] == f"ROS graph, namespace /{name}"
+        assert browser.documents["facts"]["limits"]["max_gap_m"] == 120.0
+        told = {status["name"] for status in browser.documents["statuses"]["statuses"]}
+        assert f"/{name}/plant: vehicle" in told
+        assert all(status.startswith(f"/{name}/") for status in told)
 
 
 def test_the_view_is_not_counted_as_a_peer(

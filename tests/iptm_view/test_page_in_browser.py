@@ -12,9 +12,13 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
+from matplotlib.image import imread
 
 from iptm_core.errors import ViewError
 from iptm_core.trajectory import Trajectory
+from iptm_view.page_feed import PageFeed
+from iptm_view.page_server import PageServer
+from iptm_view.run_facts import RunFacts
 from iptm_view.screenshot import BROWSERS, Picture, opened_page, served_bag, take_screenshot
 
 HAS_BROWSER = any(map(shutil.which, BROWSERS))
@@ -45,7 +49,12 @@ def url(bag: Path) -> Iterator[str]:
 
 
 @pytest.fixture(
-    params=[(1280, 800, False), (390, 844, True)], ids=["desktop, light", "phone, dark"]
+    params=[
+        (width, height, is_dark)
+        for width, height in ((1280, 800), (390, 844))
+        for is_dark in (False, True)
+    ],
+    ids=["desktop, light", "desktop, dark", "phone, light", "phone, dark"],
 )
 def visit(url: str, request: pytest.FixtureRequest) -> Iterator[Visit]:
     width, height, is_dark = request.param
@@ -127,12 +136,31 @@ def luminance(color: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def test_a_picture_of_the_middle_of_a_trip(bag: Path, tmp_path: Path) -> None:
+def test_of_several_vehicles_one_is_chosen_on_the_page() -> None:
+    feeds = {"car_1": PageFeed(), "car_2": PageFeed()}
+    for number, feed in enumerate(feeds.values(), start=1):
+        feed.put("facts", RunFacts(f"vehicle {number}").document())
+    server = PageServer(feeds, 0)
+    with opened_page(server.url, Picture()) as page:
+        page.wait_for_selector("#vehicle", state="visible")
+        assert page.input_value("#vehicle") == "car_1"
+        page.select_option("#vehicle", "car_2")
+        page.wait_for_selector("#source:text-is('vehicle 2')")
+        assert page.input_value("#vehicle") == "car_2"
+    server.close()
+
+
+@pytest.mark.parametrize("is_dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("size", [(640, 480), (1280, 800)], ids=["small", "large"])
+def test_a_picture_of_the_middle_of_a_trip(
+    bag: Path, tmp_path: Path, size: tuple[int, int], is_dark: bool
+) -> None:
     file = tmp_path / "view.png"
-    take_screenshot(bag, file, Picture(640, 480, at_s=30.0), "none")
-    data = file.read_bytes()
-    assert data.startswith(b"\x89PNG")
-    assert int.from_bytes(data[16:20], "big") == 640
+    take_screenshot(bag, file, Picture(*size, is_dark=is_dark, at_s=30.0), "none")
+    pixels = imread(file)[..., :3]
+    assert pixels.shape[:2] == size[::-1]
+    # The margin of the page, which nothing is drawn on.
+    assert (pixels[:5, :5].mean() < 0.5) == is_dark
 
 
 @pytest.mark.parametrize("size", ["1280", "1x1", "axb", "99999x800"])

@@ -7,6 +7,7 @@ import json
 import socket
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from urllib.parse import urlsplit
 
 import pytest
@@ -25,7 +26,7 @@ def feed() -> PageFeed:
 
 @pytest.fixture
 def server(feed: PageFeed) -> Iterator[PageServer]:
-    server = PageServer(feed, 0)
+    server = PageServer({"": feed}, 0)
     yield server
     server.close()
 
@@ -68,10 +69,11 @@ def test_a_name_that_was_pointed_at_this_machine_gets_nothing(server: PageServer
     assert server.url.startswith("http://127.0.0.1:")
 
 
-def test_events_arrive_as_they_happen(server: PageServer, feed: PageFeed) -> None:
-    feed.put("facts", {"title": "Fahrt, 35 °C"})
+@contextmanager
+def listening(server: PageServer, path: str) -> Iterator[Callable[[str], object]]:
+    """Follow the events of a path; yield what waits for the next one of a kind."""
     connection = http.client.HTTPConnection(urlsplit(server.url).netloc, timeout=TIMEOUT_S)
-    connection.request("GET", "/events")
+    connection.request("GET", path)
     answer = connection.getresponse()
     assert answer.headers["Content-Type"].startswith("text/event-stream")
 
@@ -80,12 +82,32 @@ def test_events_arrive_as_they_happen(server: PageServer, feed: PageFeed) -> Non
             pass
         return json.loads(answer.readline().decode().removeprefix("data: "))
 
-    assert next_event("facts") == {"title": "Fahrt, 35 °C"}
-    feed.add_row([1.0, 0.1 + 0.2])
-    assert next_event("rows") == [[1.0, 0.1 + 0.2]]
-    assert server.browsers == 1
+    yield next_event
     answer.close()
     connection.close()
+
+
+def test_events_arrive_as_they_happen(server: PageServer, feed: PageFeed) -> None:
+    feed.put("facts", {"title": "Fahrt, 35 °C"})
+    with listening(server, "/events") as next_event:
+        assert next_event("facts") == {"title": "Fahrt, 35 °C"}
+        feed.add_row([1.0, 0.1 + 0.2])
+        assert next_event("rows") == [[1.0, 0.1 + 0.2]]
+        assert server.browsers == 1
+
+
+def test_of_several_vehicles_the_one_that_is_named_is_told_of() -> None:
+    feeds = {"car_1": PageFeed(), "car_2": PageFeed()}
+    server = PageServer(feeds, 0)
+    for number, feed in enumerate(feeds.values(), start=1):
+        feed.add_row([float(number)])
+    names = list(feeds)
+    for path, shown in (("/events", "car_1"), ("/events?vehicle=car_2", "car_2")):
+        with listening(server, path) as next_event:
+            assert next_event("vehicles") == {"names": names, "shown": shown}
+            assert next_event("rows") == [[1.0 + names.index(shown)]]
+    assert get(server, "/events?vehicle=car_3")[0] == 404
+    server.close()
 
 
 def test_a_browser_that_stops_reading_holds_up_nobody(server: PageServer, feed: PageFeed) -> None:
@@ -106,6 +128,6 @@ def test_a_browser_that_stops_reading_holds_up_nobody(server: PageServer, feed: 
 def test_a_named_port_that_is_taken_is_refused(server: PageServer, feed: PageFeed) -> None:
     port = int(urlsplit(server.url).port or 0)
     with pytest.raises(ViewError, match=f"port of the page is {port} .*allowed"):
-        PageServer(feed, port)
+        PageServer({"": feed}, port)
     with pytest.raises(ViewError, match="99999"):
-        PageServer(feed, 99999)
+        PageServer({"": feed}, 99999)

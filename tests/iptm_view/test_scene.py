@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 from types import ModuleType, SimpleNamespace
@@ -18,7 +19,9 @@ from iptm_core.parameters import load_parameters
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.routes.road_course import RoadCourse
 from iptm_core.routes.road_line import RoadLine
+from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import LeaderState, SlopePreview
+from iptm_core.vehicle_string import vehicles_in_string
 from iptm_view.scene import (
     HOST_LENGTH_M,
     LEADER_LENGTH_M,
@@ -79,6 +82,22 @@ def test_the_scene_by_hand() -> None:
     assert markers["s_max"].pose.position.x == pytest.approx(160.0 - PARAMETERS.gap.max_gap_m)
     assert markers["state"].text == "72 km/h, gap 60 m, 36.5 °C"
     assert host.scale.y * host.scale.z == pytest.approx(PARAMETERS.body.frontal_area_m2)
+
+
+@pytest.mark.parametrize("course", [STRAIGHT, BENT], ids=["straight", "bent"])
+def test_vehicles_of_a_string_start_one_behind_the_other(course: RoadCourse) -> None:
+    """All in the one frame `map`; the road before its beginning goes on straight."""
+    places = []
+    for vehicle in vehicles_in_string(3, 15.0, VEHICLE_LENGTH_M):
+        scene = Scene(0, LeaderState(0.0, vehicle.start_position_m, 0.0), None)
+        host = scene_message(scene, course, PARAMETERS).markers[0]
+        assert (host.ns, host.header.frame_id) == ("host", "map")
+        places.append([host.pose.position.x, host.pose.position.y])
+    ahead = course.points_m([10.0])[0, :2] / 10.0
+    for front, behind in itertools.pairwise(np.array(places)):
+        np.testing.assert_allclose(
+            front - behind, (15.0 + VEHICLE_LENGTH_M) * ahead, rtol=1e-4, atol=1e-6
+        )
 
 
 def test_markers_of_a_leader_that_is_gone_are_deleted() -> None:

@@ -6,21 +6,23 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 
 from iptm_bringup.comparison import NO_COMPARISON, controller_for, plant_for, preview_for
-from iptm_bringup.environment import domain_of_run
+from iptm_bringup.environment import domain_of_run, environment_of_run
 from iptm_bringup.run_closed_loop import build_parser as build_run_parser
 from iptm_bringup.run_closed_loop import prepared_from
-from iptm_bringup.run_folder import default_output
+from iptm_bringup.run_folder import LOGS, default_output
 from iptm_bringup.runner import EXIT_RUN_FAILED
 from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.string_page import StringRun, print_string, write_page
 from iptm_bringup.string_run import VehicleResult, drive_string
 from iptm_bringup.tables import TABLES_WIDTH
+from iptm_bringup.viewer import live_view
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
@@ -95,6 +97,11 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help=f"write the page here, its picture beside it (default: {PAGE} in the output folder)",
     )
+    parser.add_argument(
+        "--view",
+        action="store_true",
+        help="show the vehicles in the browser while they drive, one at a time",
+    )
     return parser
 
 
@@ -128,26 +135,56 @@ def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
         output.mkdir(parents=True)
     except OSError as error:
         raise ScenarioError(f"cannot create {output}: {error.strerror}") from None
-    with domain_of_run(prepared.scenario.domain) as domain:
+    (output / LOGS).mkdir()
+    with ExitStack() as stack:
+        domain = stack.enter_context(domain_of_run(prepared.scenario.domain))
         said = f"{len(vehicles)} vehicles; to watch: export ROS_DOMAIN_ID={domain.number}"
         console.print(said, highlight=False)
+        stay_open = None
+        if parsed.view:
+            stay_open = stack.enter_context(
+                live_view(
+                    output / LOGS,
+                    environment_of_run(domain.number, output / LOGS / "ros"),
+                    prepared,
+                    [vehicle.namespace for vehicle in vehicles],
+                    NO_COMPARISON,
+                    console,
+                    Console(stderr=True),
+                )
+            )
         results = drive_string(vehicles, rest, length_m, output, domain, stop, console)
-    if stop.number is not None:
-        return EXIT_SIGNAL + int(stop.number)
+        if stop.number is not None:
+            return EXIT_SIGNAL + int(stop.number)
+        code = _report(parsed, prepared, results, output, console)
+        if stay_open is not None:
+            stay_open(stop)
+        return code
+
+
+def _report(
+    parsed: argparse.Namespace,
+    prepared: PreparedScenario,
+    results: Sequence[VehicleResult],
+    output: Path,
+    console: Console,
+) -> int:
+    """Tell what the vehicles did; return the exit code."""
+    length_m: float = parsed.vehicle_length_m
     complaints = [result for result in results if result.complaint]
     for result in complaints:
         tell(PROGRAM, f"{result.vehicle.name}: {result.complaint}")
     if not all(result.results for result in results):
         codes = {result.end.code for result in complaints}
-        print(f"logs: {output / 'logs'}", file=sys.stderr)
+        print(f"logs: {output / LOGS}", file=sys.stderr)
         return EXIT_USER_ERROR if EXIT_USER_ERROR in codes else EXIT_RUN_FAILED
     run = _evaluated(prepared, results)
     with console.status("driving the strings to compare with ..."):
         if parsed.against != NO_COMPARISON:
-            others = _headless(prepared, len(vehicles), length_m, parsed.against, SINGLE_HORIZON)
+            others = _headless(prepared, len(results), length_m, parsed.against, SINGLE_HORIZON)
             run = replace(run, against=parsed.against, others=others)
         late = {
-            late_s: _headless(_later(prepared, late_s), len(vehicles), length_m)
+            late_s: _headless(_later(prepared, late_s), len(results), length_m)
             for late_s in parsed.late
         }
         run = replace(run, late=late)
@@ -171,7 +208,7 @@ def _prepared(parsed: argparse.Namespace, rest: list[str]) -> PreparedScenario:
             f"--vehicle-length-m is {parsed.vehicle_length_m:g}; allowed: {shortest_m:g} to {longest_m:g} m"
         )
     options = build_run_parser().parse_args(rest)
-    unfit = [name for name in ("view", "list", "no_record") if getattr(options, name)]
+    unfit = [name for name in ("list", "no_record") if getattr(options, name)]
     if unfit:
         told = unfit[0].replace("_", "-")
         raise ScenarioError(f"--{told} is given for a string; allowed: with one vehicle")

@@ -115,9 +115,11 @@ def _run_in(
         stay_open = None
         if options.view:
             environment = environment_of_run(domain.number, folder.logs / "ros")
-            stay_open = stack.enter_context(
-                live_view(folder, environment, prepared, options.against, console, errors)
+            namespaces = [prepared.scenario.namespace]
+            view = live_view(
+                folder.logs, environment, prepared, namespaces, options.against, console, errors
             )
+            stay_open = stack.enter_context(view)
         progress = make_progress(console, prepared.route.duration_s)
         driven = drive_processes(folder, prepared, options, domain, progress, stop)
         result = driven.result

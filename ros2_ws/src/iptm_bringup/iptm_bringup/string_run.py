@@ -103,13 +103,12 @@ def drive_string(
         vehicles: the first one first.
         arguments: of `run_closed_loop`, the same for all.
         length_m: of every vehicle.
-        output: folder that exists; that of each vehicle becomes a bag in it.
+        output: folder that exists, with one for logs in it; that of each vehicle becomes a bag in it.
         domain: ROS domain of the string.
         stop: tells that the user wants to stop.
         console: told how far it is.
     """
     logs = output / LOGS
-    logs.mkdir()
     environment = environment_of_run(domain.number, logs / "ros")
     supervisor = Supervisor(environment, lambda name: logs / f"{name}.log", STOP_PATIENCE_S)
     try:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import yaml
 from rich.console import Console
 
 from iptm_bringup.composition import Listeners, node_parameters, run_information
-from iptm_bringup.run_folder import RunFolder
 from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.supervisor import Supervisor
 from iptm_interfaces.process import StopRequest
@@ -27,9 +27,10 @@ _ADDRESS = re.compile(r"http://\S+")
 
 @contextmanager
 def live_view(
-    folder: RunFolder,
+    logs: Path,
     environment: Mapping[str, str],
     prepared: PreparedScenario,
+    namespaces: Sequence[str],
     against: str,
     console: Console,
     errors: Console,
@@ -37,9 +38,10 @@ def live_view(
     """Show a run in the browser until the context ends.
 
     Args:
-        folder: takes the log.
+        logs: folder for its log, and for what it is told about the run.
         environment: of the processes of the run.
         prepared: what is driven.
+        namespaces: of the vehicles, "" for none.
         against: strategy of the reference car, "none" for no such car.
         console: told the address.
         errors: told if there is no view; the run goes on without.
@@ -47,11 +49,12 @@ def live_view(
     Yields:
         What to call at the end of the run: it keeps the view open while someone may look, until Ctrl-C.
     """
-    supervisor = Supervisor(environment, folder.log_path)
+    supervisor = Supervisor(environment, lambda name: logs / f"{name}.log")
     known = run_information(prepared, node_parameters(prepared, Listeners()))
-    file = folder.write_log("view_information.yaml", yaml.safe_dump(known, sort_keys=False))
+    file = logs / "view_information.yaml"
+    file.write_text(yaml.safe_dump(known, sort_keys=False), encoding="utf-8")
     command = [sys.executable, "-m", MODULE, "--against", against, "--run-information", str(file)]
-    supervisor.start(VIEW, [*command, "--namespace", prepared.scenario.namespace])
+    supervisor.start(VIEW, [*command, *(f"--namespace={name}" for name in namespaces)])
     try:
         address = _address(supervisor)
         if address:

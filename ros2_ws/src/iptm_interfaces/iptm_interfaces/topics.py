@@ -26,7 +26,7 @@ from trajectory_msgs.msg import JointTrajectory
 from iptm_interfaces.qos import KEPT_STREAM_QOS, LATCHED_QOS, RAW_QOS, STREAM_QOS
 
 MAP_FRAME = "map"
-"""The world, one for all vehicles: x east, y north, z up, origin where the host starts (REP 105)."""
+"""The world, one for all vehicles: x east, y north, z up, origin where the first one starts (REP 105)."""
 ROAD_FRAME = "odom"
 """The road pulled straight: origin at the host's start, x in metres travelled."""
 HOST_FRAME = "base_link"

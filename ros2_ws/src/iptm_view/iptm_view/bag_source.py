@@ -51,6 +51,7 @@ class BagSource(AbstractContextManager["BagSource"]):
             bag, rate=1.0 if rate == AT_ONCE else rate, start_s=start_s, duration_s=duration_s
         )
         self._is_cut = duration_s is not None
+        self._namespace = f"/{(namespace or '').strip('/')}"
         self._rate = rate
         self._reader = BagReader(bag)
         try:
@@ -82,7 +83,7 @@ class BagSource(AbstractContextManager["BagSource"]):
             foxglove: server to pass all messages on to.
             wait: sleeps for so many seconds; returns True to stop.
         """
-        follower = RunFollower(feed, facts)
+        follower = RunFollower(feed, facts, self._namespace)
         follower.expect(self._topics.values())
         latched = {record.name for record in self._playback.topics if record.is_latched}
         if foxglove is not None:
@@ -132,7 +133,7 @@ class BagSource(AbstractContextManager["BagSource"]):
             spec = TOPICS[topic]
             name = spec.name
             if namespace and not name.startswith("/"):
-                name = f"/{namespace.strip('/')}/{name}"
+                name = f"{self._namespace}/{name}"
             try:
                 found[self._reader.resolve(name, spec.type_name).name] = topic
             except BagError:

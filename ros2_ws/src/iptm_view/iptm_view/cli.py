@@ -14,6 +14,7 @@ from pathlib import Path
 
 import rclpy
 from rclpy.exceptions import NameValidationException
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError, ViewError
@@ -28,7 +29,7 @@ from iptm_view.graph_source import NAME, GraphSource
 from iptm_view.graph_subscriptions import listening_node
 from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import DEFAULT_PORT, PageServer
-from iptm_view.reference_curve import ReferenceCurve
+from iptm_view.reference_curve import NO_REFERENCE, ReferenceCurve
 from iptm_view.run_facts import RunFacts
 from iptm_view.screenshot import Picture, take_screenshot
 
@@ -52,7 +53,13 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "bag", type=Path, nargs="?", help="bag folder or file (default: what is on the graph)"
     )
-    parser.add_argument("--namespace", default="", help="of the vehicle, e.g. car_1")
+    parser.add_argument(
+        "--namespace",
+        action="append",
+        default=[],
+        help="of the vehicle, e.g. car_1; on the graph several times for several vehicles, of which the"
+        " page shows one at a time",
+    )
     parser.add_argument(
         "--rate",
         type=float,
@@ -72,8 +79,8 @@ def build_parser() -> argparse.ArgumentParser:
         "--against",
         default="reference",
         metavar="STRATEGY",
-        help="strategy of the car to compare battery life with, none for no such car"
-        " (default: %(default)s)",
+        help="strategy of the car to compare battery life with, none for no such car; beside one"
+        " vehicle only (default: %(default)s)",
     )
     parser.add_argument(
         "--port", type=int, help=f"of the page (default: {DEFAULT_PORT}, or a free one)"
@@ -107,9 +114,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if parsed.screenshot is not None:
             _take_picture(parsed)
         else:
-            if parsed.bag is None:
-                os.nice(_NICENESS)
-            with _Servers(parsed) as servers:
+            with _Servers(parsed, _vehicles(parsed)) as servers:
                 if parsed.bag is None:
                     _show_graph(parsed, command, servers, stop)
                 else:
@@ -119,14 +124,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return EXIT_OK
 
 
+def _vehicles(parsed: argparse.Namespace) -> list[str]:
+    """Return the namespaces to show, without slashes around them; "" for none.
+
+    Raises:
+        ViewError: several of a bag.
+    """
+    vehicles = list(dict.fromkeys(name.strip("/") for name in parsed.namespace)) or [""]
+    if parsed.bag is not None and len(vehicles) > 1:
+        raise ViewError(f"--namespace is {', '.join(vehicles)}; allowed: one with a bag")
+    return vehicles
+
+
 class _Servers(AbstractContextManager["_Servers"]):
     """Page, Foxglove server and reference car of one view."""
 
-    def __init__(self, parsed: argparse.Namespace) -> None:
-        self.feed = PageFeed()
+    def __init__(self, parsed: argparse.Namespace, vehicles: Sequence[str]) -> None:
+        self.feeds = {vehicle: PageFeed() for vehicle in vehicles}
+        self.feed = self.feeds[vehicles[0]]
         self.foxglove = _start_foxglove(parsed)
-        self.reference = ReferenceCurve(parsed.against)
-        self._page = PageServer(self.feed, parsed.port)
+        # The trip that a reference would drive is that behind the driving cycle.
+        self.reference = ReferenceCurve(parsed.against if len(vehicles) == 1 else NO_REFERENCE)
+        self._page = PageServer(self.feeds, parsed.port)
         self._facts = RunFacts("")
         print(f"{PROGRAM}: {self._page.url}", flush=True)
         if self.foxglove is not None:
@@ -179,9 +198,8 @@ def _show_bag(parsed: argparse.Namespace, servers: _Servers, stop: StopRequest) 
         time.sleep(seconds)
         return stop.is_set
 
-    with BagSource(
-        parsed.bag, parsed.rate, parsed.start, namespace=parsed.namespace or None
-    ) as source:
+    (namespace,) = servers.feeds
+    with BagSource(parsed.bag, parsed.rate, parsed.start, namespace=namespace or None) as source:
         source.play(servers.feed, servers.complete(source.facts), servers.foxglove, wait)
     while not wait(_POLL_S):
         if servers.foxglove is not None:
@@ -191,20 +209,36 @@ def _show_bag(parsed: argparse.Namespace, servers: _Servers, stop: StopRequest) 
 def _show_graph(
     parsed: argparse.Namespace, command: list[str], servers: _Servers, stop: StopRequest
 ) -> None:
+    os.nice(_NICENESS)
     file = parsed.run_information
     information = None if file is None else load_run_information(file)
     with _ros(command):
-        try:
-            node = listening_node(NAME, parsed.namespace)
-        except NameValidationException as error:
-            reason = " ".join(str(error).split())
-            raise ViewError(f"namespace is {parsed.namespace!r}: {reason}") from None
-        source = GraphSource(node, servers.feed, servers.foxglove, servers.complete, information)
+        sources = [
+            GraphSource(
+                _node_in(namespace),
+                feed,
+                servers.foxglove,
+                servers.complete,
+                information,
+                passes_global=feed is servers.feed,
+            )
+            for namespace, feed in servers.feeds.items()
+        ]
         while not stop.is_set:
             time.sleep(_FRAME_S)
-            source.look()
+            for source in sources:
+                source.look()
             servers.deliver()
-        source.close()
+        for source in sources:
+            source.close()
+
+
+def _node_in(namespace: str) -> Node:
+    try:
+        return listening_node(NAME, namespace)
+    except NameValidationException as error:
+        reason = " ".join(str(error).split())
+        raise ViewError(f"namespace is {namespace!r}: {reason}") from None
 
 
 @contextmanager

@@ -43,6 +43,8 @@ class GraphSource:
         foxglove: FoxgloveServer | None,
         on_facts: Callable[[RunFacts], RunFacts],
         information: RunInformation | None = None,
+        *,
+        passes_global: bool = True,
     ) -> None:
         """Set up; topics are joined by `look`.
 
@@ -52,6 +54,7 @@ class GraphSource:
             foxglove: server to pass messages on to.
             on_facts: told what is known of a run; returns what the page is told.
             information: of the run; None to ask its nodes.
+            passes_global: whether Foxglove is given the topics that all vehicles share, too.
         """
         self._feed = feed
         self._foxglove = foxglove
@@ -62,7 +65,12 @@ class GraphSource:
         facts = RunFacts(self._source)
         if information is not None:
             facts = facts_of_information(self._source, information)
-        self._follower = RunFollower(feed, on_facts(facts))
+        self._follower = RunFollower(feed, on_facts(facts), node.get_namespace())
+        self._passed_on = {
+            topic: name
+            for topic, name in self._graph.names.items()
+            if passes_global or not _SPECS[topic].name.startswith("/")
+        }
         self._is_running = False
         self._looked_s = self._shown_s = time.monotonic() - _LOOK_S
         self._allowance = _TICKS_AT_ONCE
@@ -90,14 +98,13 @@ class GraphSource:
 
     def _join_and_leave(self) -> None:
         wanted = self._foxglove.wanted if self._foxglove is not None else ()
-        names = self._graph.names
-        whole = {topic for topic, name in names.items() if name in wanted}
+        whole = {topic for topic, name in self._passed_on.items() if name in wanted}
         published = self._graph.look(whole.union(PAGE_TOPICS), whole)
         if self._is_running and not self._graph.is_running:
             self._end()
         if self._foxglove is not None:
-            for topic in published:
-                self._foxglove.offer(names[topic], _SPECS[topic].type_name)
+            for topic in published & self._passed_on.keys():
+                self._foxglove.offer(self._passed_on[topic], _SPECS[topic].type_name)
         self._follower.expect(published)
 
     def _take(self, topic: Topic, data: bytes) -> None:
@@ -108,8 +115,8 @@ class GraphSource:
             self._looked_s = -_LOOK_S  # the gate is open: join at once
             self._feed.put("end", {"ended": False})
         self._follower.take(topic, data)
-        if self._foxglove is not None:
-            self._foxglove.take(self._graph.names[topic], data, is_latched=_SPECS[topic].latched)
+        if self._foxglove is not None and topic in self._passed_on:
+            self._foxglove.take(self._passed_on[topic], data, is_latched=_SPECS[topic].latched)
 
     def close(self) -> None:
         """Leave the graph."""

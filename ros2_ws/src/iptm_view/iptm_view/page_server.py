@@ -1,17 +1,22 @@
-"""Serves the page: its static files, and what happens as server-sent events; this machine only."""
+"""Serves the page: its static files, and what happens as server-sent events; this machine only.
+
+Of several vehicles a browser follows one: `/?vehicle=car_2`.
+"""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 from iptm_core.errors import ViewError
-from iptm_view.page_feed import Cursor, PageEvent, PageFeed
+from iptm_view.page_feed import Cursor, PageEvent, PageFeed, json_text
 
 HOST = "127.0.0.1"
 DEFAULT_PORT = 8780
@@ -34,19 +39,19 @@ _POLICY = "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancest
 
 
 class PageServer:
-    """The web server of one feed, in threads of its own."""
+    """The web server of the page, in threads of its own."""
 
-    def __init__(self, feed: PageFeed, port: int | None = None) -> None:
+    def __init__(self, feeds: Mapping[str, PageFeed], port: int | None = None) -> None:
         """Start serving.
 
         Args:
-            feed: what to tell.
+            feeds: what to tell of each vehicle, at least one; who names none is told of the first.
             port: port on this machine; None for the usual one, or a free one where it is taken.
 
         Raises:
             ViewError: the named port is taken or may not be used.
         """
-        self._server = _bind(feed, port)
+        self._server = _bind(feeds, port)
         self._thread = threading.Thread(
             target=self._server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True
         )
@@ -75,8 +80,8 @@ class _Server(ThreadingHTTPServer):
     # Python would wait for the threads of browsers that hang.
     block_on_close = False
 
-    def __init__(self, feed: PageFeed, port: int) -> None:
-        self.feed = feed
+    def __init__(self, feeds: Mapping[str, PageFeed], port: int) -> None:
+        self.feeds = feeds
         self.closing = threading.Event()
         self.browsers = 0
         self.lock = threading.Lock()
@@ -86,13 +91,13 @@ class _Server(ThreadingHTTPServer):
         """Say nothing about connections that a browser broke off."""
 
 
-def _bind(feed: PageFeed, port: int | None) -> _Server:
+def _bind(feeds: Mapping[str, PageFeed], port: int | None) -> _Server:
     if port is None:
         with suppress(OSError):
-            return _Server(feed, DEFAULT_PORT)
-        return _Server(feed, 0)
+            return _Server(feeds, DEFAULT_PORT)
+        return _Server(feeds, 0)
     try:
-        return _Server(feed, port)
+        return _Server(feeds, port)
     except (OSError, OverflowError) as error:
         raise ViewError(
             f"port of the page is {port} ({error}); allowed: a free port from 1024 to 65535"
@@ -113,9 +118,14 @@ class _Handler(BaseHTTPRequestHandler):
         if host not in {HOST, "localhost"}:
             self._refuse(HTTPStatus.FORBIDDEN)
             return
-        path = self.path.split("?", maxsplit=1)[0]
+        asked = urlsplit(self.path)
+        path = asked.path
         if path == "/events":
-            self._tell_events()
+            names = parse_qs(asked.query).get("vehicle") or [next(iter(self.server.feeds))]
+            if names[0] in self.server.feeds:
+                self._tell_events(names[0])
+            else:
+                self._refuse(HTTPStatus.NOT_FOUND)
             return
         file = PAGE / ("index.html" if path == "/" else path[1:])
         if file.parent != PAGE or file.suffix not in _KINDS or not file.is_file():
@@ -143,7 +153,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("X-Content-Type-Options", "nosniff")
         self.end_headers()
 
-    def _tell_events(self) -> None:
+    def _tell_events(self, vehicle: str) -> None:
         with self.server.lock:
             if self.server.browsers >= MAX_BROWSERS:
                 is_full = True
@@ -155,18 +165,21 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             self._head(HTTPStatus.OK, "text/event-stream; charset=utf-8", None)
-            self._follow()
+            self._follow(vehicle)
         except OSError:
             pass  # the browser has gone, or takes nothing any more
         finally:
             with self.server.lock:
                 self.server.browsers -= 1
 
-    def _follow(self) -> None:
-        cursor = Cursor()
+    def _follow(self, vehicle: str) -> None:
+        feeds, cursor = self.server.feeds, Cursor()
+        if len(feeds) > 1:
+            choice = json_text({"names": list(feeds), "shown": vehicle})
+            self.wfile.write(_as_text(PageEvent("vehicles", choice)).encode())
         said_s = time.monotonic()
         while not self.server.closing.is_set():
-            cursor, events = self.server.feed.changes(cursor, timeout_s=1.0)
+            cursor, events = feeds[vehicle].changes(cursor, timeout_s=1.0)
             now_s = time.monotonic()
             if events:
                 self.wfile.write("".join(map(_as_text, events)).encode())

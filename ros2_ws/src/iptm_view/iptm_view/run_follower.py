@@ -40,13 +40,15 @@ class RunFollower:
         facts: what is known of the run; set it as soon as it is.
     """
 
-    def __init__(self, feed: PageFeed, facts: RunFacts) -> None:
+    def __init__(self, feed: PageFeed, facts: RunFacts, namespace: str = "/") -> None:
         """Begin with an empty page.
 
         Args:
             feed: what browsers are told from.
             facts: what is known of the run.
+            namespace: of the nodes whose diagnostics count; those in namespaces within it do, too.
         """
+        self._prefix = f"{namespace.rstrip('/')}/"
         self._feed = feed
         self._pending: dict[int, dict[Topic, bytes]] = {}
         self._expected = frozenset(_ALWAYS)
@@ -144,6 +146,8 @@ class RunFollower:
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
+            if not status.name.startswith(self._prefix):
+                continue
             self._statuses[status.name] = {
                 "name": status.name,
                 "level": _LEVELS.get(status.level, "UNKNOWN"),

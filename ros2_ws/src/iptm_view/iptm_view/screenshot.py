@@ -135,7 +135,7 @@ def served_bag(bag: Path, strategy: str, until_s: float | None = None) -> Iterat
     fault = reference.wait(feed, _REFERENCE_TIMEOUT_S)
     if fault:
         feed.put("facts", facts.with_note(fault).document())
-    server = PageServer(feed, 0)
+    server = PageServer({"": feed}, 0)
     try:
         yield server
     finally:

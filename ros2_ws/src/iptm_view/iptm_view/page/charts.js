@@ -184,7 +184,7 @@ function drawLimits(context, limits, { low, high, toY, box }, colors) {
     const isHigh = isInside ? toY(value) < box.top + 14 : !isBelow;
     context.textBaseline = isHigh ? "top" : "bottom";
     const y = isInside ? toY(value) + (isHigh ? 2 : -2) : isBelow ? box.bottom : box.top;
-    context.fillText(isInside ? label : `${label} ${isBelow ? "↓" : "↑"}`, box.left + 4, y);
+    fillReadable(context, isInside ? label : `${label} ${isBelow ? "↓" : "↑"}`, box.left + 4, y, colors);
   }
 }
 
@@ -201,5 +201,14 @@ function drawMark(context, { label, color, side }, x, y, colors) {
   context.textAlign = side === "left" ? "right" : "left";
   context.textBaseline = "bottom";
   context.fillStyle = colors.ink;
-  context.fillText(label, x + (side === "left" ? -5 : 5), y - 6);
+  fillReadable(context, label, x + (side === "left" ? -5 : 5), y - 6, colors);
+}
+
+/** Text with an edge in the colour of the card, so that no curve runs through it. */
+function fillReadable(context, text, x, y, colors) {
+  context.strokeStyle = colors.card;
+  context.lineWidth = 4;
+  context.lineJoin = "round";
+  context.strokeText(text, x, y);
+  context.fillText(text, x, y);
 }

@@ -212,6 +212,12 @@ function sayState() {
 }
 
 const HANDLERS = {
+  vehicles: ({ names, shown: vehicle }) => {
+    element("vehicle").replaceChildren();
+    for (const name of names) build("option", element("vehicle"), { value: name }, name);
+    element("vehicle").value = vehicle;
+    element("vehicle-choice").hidden = false;
+  },
   trip: () => run.clear(),
   facts: (facts) => {
     run.facts = facts;
@@ -230,7 +236,7 @@ const HANDLERS = {
   end: (end) => { run.end = end; },
 };
 
-const events = new EventSource("events");
+const events = new EventSource(`events${window.location.search}`);
 for (const [kind, handle] of Object.entries(HANDLERS)) {
   events.addEventListener(kind, (event) => {
     handle(JSON.parse(event.data));
@@ -242,6 +248,9 @@ events.addEventListener("open", sayState);
 events.addEventListener("error", () => say("not connected, trying again", "warn"));
 
 element("window").addEventListener("change", redraw);
+element("vehicle").addEventListener("change", (event) => {
+  window.location.search = new URLSearchParams({ vehicle: event.target.value });
+});
 window.addEventListener("resize", redraw);
 window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   colors = themeColors();
