@@ -27,6 +27,7 @@ def drive_of(processes: tuple[str, ...], plant_code: int) -> Drive:
         newest_stamp_ns=lambda _: None,
         snapshot=lambda: None,
         expect=lambda _: None,
+        is_doubled=lambda _: False,
     )
     supervisor: Any = SimpleNamespace(
         names=processes,

@@ -104,6 +104,15 @@ def test_a_double_comes_and_goes(supervisor: Supervisor) -> None:
     assert acting.is_excused(copy)
 
 
+def test_a_double_lives_on_until_it_has_taken_part(supervisor: Supervisor) -> None:
+    acting = faults_of(supervisor, Fault(FaultKind.PROCESS_DOUBLED, 1.0, size=0.0))
+    for _ in range(3):
+        acting.act(NS, is_doubled=lambda _: False)
+    (record,) = acting.records
+    assert record.ended_ns is None
+    wait_until(lambda: acting.act(2 * NS, is_doubled="controller".__eq__) or record.ended_ns)
+
+
 def test_a_full_disk_lets_no_file_grow(tmp_path: Path) -> None:
     code = (
         "import sys, time\n"

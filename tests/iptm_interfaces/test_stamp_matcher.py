@@ -151,14 +151,29 @@ def test_what_no_message_can_carry_back_is_counted_and_forgotten(stamp_ns: int) 
 
 
 def test_a_new_trip_begins_at_zero_at_once() -> None:
-    matcher = StampMatcher(SLOTS)
+    matcher = StampMatcher(SLOTS, leading=("state",))
     put_all(matcher, 10)
     matcher.put("leader", 12, "of the old trip")
     found = put_all(matcher, 0)
     assert found is not None
     assert found.verdict is Verdict.NEW_TRIP
-    assert not matcher._pending
+    assert matcher.missing() is None
     assert matcher.last_ns == 0
+
+
+def test_a_tick_in_the_making_survives_the_beginning_of_a_second_plant() -> None:
+    """Its state is said once: a plant that waits in vain is silent, and the second one takes its place."""
+    matcher = StampMatcher(SLOTS, leading=("state",))
+    for tick in (1, 2, 3):
+        put_all(matcher, tick * S)
+    put_all(matcher, 4 * S, "state")
+    begun = put_all(matcher, 0)
+    assert begun is not None
+    assert begun.verdict is Verdict.NEW_TRIP
+    found = put_all(matcher, 4 * S, "leader", "preview")
+    assert found is not None
+    assert found.verdict is Verdict.RESUMED
+    assert matcher.missing() is None
 
 
 def test_unknown_slot_is_refused() -> None:

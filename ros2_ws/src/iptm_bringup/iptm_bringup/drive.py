@@ -208,7 +208,9 @@ class Drive(AbstractContextManager["Drive"]):
         next_show_s = time.monotonic()
         while True:
             self._hear()
-            self.process_faults.act(self.monitor.time_ns, self.monitor.clocks)
+            self.process_faults.act(
+                self.monitor.time_ns, self.monitor.clocks, self.monitor.is_doubled
+            )
             now_s = time.monotonic()
             if self.stop.number is not None:
                 return DriveResult(DriveOutcome.INTERRUPTED, f"stopped by {self.stop.number.name}")

@@ -139,6 +139,11 @@ class RunMonitor(SuiteNode):
             if self._publisher_count(topic) > int(TOPICS[topic].publisher in self._started)
         )
 
+    def is_doubled(self, node: str) -> bool:
+        """Return whether more than one node of a name publishes what only one of them should."""
+        own = (topic for topic in _ONLY_ONE_PUBLISHES if TOPICS[topic].publisher == node)
+        return any(self._publisher_count(topic) > 1 for topic in own)
+
     def expect(self, nodes: Iterable[str]) -> None:
         """Listen to nodes from now on, as they have been started; to nobody else before."""
         self._started.update(nodes)

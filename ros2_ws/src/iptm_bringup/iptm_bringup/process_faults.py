@@ -1,6 +1,7 @@
 """Faults of processes: killed, started again, frozen, doubled, without room on the disk; by trip time.
 
-Trip time may stand still while a process is away, so what follows is timed by the wall clock.
+Trip time may stand still while a process is away, so what follows is timed by the wall clock. That of a
+double runs from when it takes part: how long a process takes to start is the machine's affair.
 """
 
 from __future__ import annotations
@@ -63,6 +64,7 @@ class ProcessFaults:
             fault for fault in at_places(faults, FaultPlace.PROCESS) if fault.happens()
         ]
         self._later: list[tuple[float, ProcessFaultRecord, Callable[[], None]]] = []
+        self._starting: list[tuple[ProcessFaultRecord, Callable[[], None]]] = []
         self._commands: dict[str, list[str]] = {}
         self._now_called: dict[str, str] = {}
         self._excused: set[str] = set()
@@ -87,14 +89,24 @@ class ProcessFaults:
         """Return whether a process may have ended, as a fault hit it."""
         return name in self._excused
 
-    def act(self, time_ns: int | None, clocks: int = 0) -> None:
+    def act(
+        self,
+        time_ns: int | None,
+        clocks: int = 0,
+        is_doubled: Callable[[str], bool] = lambda _: True,
+    ) -> None:
         """Do what is due.
 
         Args:
             time_ns: newest trip time, None before the first tick.
             clocks: clocks heard so far.
+            is_doubled: whether two nodes of a name take part in the graph.
         """
         now_s = self._steady_time_s()
+        for record, undo in list(self._starting):
+            if is_doubled(record.fault.target):
+                self._starting.remove((record, undo))
+                self._later.append((now_s + record.fault.magnitude, record, undo))
         due = [entry for entry in self._later if entry[0] <= now_s]
         self._later = [entry for entry in self._later if entry[0] > now_s]
         for _, record, undo in due:
@@ -108,7 +120,11 @@ class ProcessFaults:
             record = ProcessFaultRecord(fault, time_ns, began_clocks=clocks)
             self.records.append(record)
             undo_later = self._begin(fault)
-            if undo_later is not None:
+            if undo_later is None:
+                continue
+            if fault.kind is FaultKind.PROCESS_DOUBLED:
+                self._starting.append((record, undo_later))
+            else:
                 self._later.append((now_s + fault.magnitude, record, undo_later))
 
     def _begin(self, fault: Fault) -> Callable[[], None] | None:

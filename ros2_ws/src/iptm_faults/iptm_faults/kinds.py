@@ -178,8 +178,8 @@ KINDS: Mapping[FaultKind, KindSpec] = MappingProxyType({
         FaultPlace.PROCESS, f"the target is stopped for the size, {_WALL}", 3.0, "s", 0.0, 600.0,
         headless=False),
     FaultKind.PROCESS_DOUBLED: KindSpec(
-        FaultPlace.PROCESS, f"a second one of the target runs beside it for the size, {_WALL}", 8.0, "s",
-        0.0, 600.0, headless=False),
+        FaultPlace.PROCESS, f"a second one of the target takes part beside it for the size, {_WALL}", 3.0,
+        "s", 0.0, 600.0, headless=False),
     FaultKind.DISK_FULL: KindSpec(
         FaultPlace.PROCESS, "no file of the target may grow any more (RLIMIT_FSIZE)", headless=False),
 })

@@ -102,6 +102,13 @@ class StampGate:
             stamp_ns == now_ns or _within_reach(stamp_ns, self._step_ns, now_ns)
         )
 
+    def may_resume(self, stamp_ns: int) -> bool:
+        """Return whether a stamp may be a tick of the trip before, which a 0 has interrupted a moment ago."""
+        if self._before is None:
+            return False
+        last_ns, step_ns = self._before
+        return stamp_ns == last_ns or _within_reach(last_ns, step_ns, stamp_ns)
+
     def judge(self, stamp_ns: int) -> Verdict:
         """Judge a stamp and, unless it is a stray one, follow it."""
         if not is_stamp(stamp_ns):
@@ -115,7 +122,7 @@ class StampGate:
             return self._begin(stamp_ns, now_s, Verdict.NEXT)
         follows = _within_reach(last_ns, self._step_ns, stamp_ns)
         # A trip of nothing but its beginning is the less credible one.
-        if self._continues_before(stamp_ns) and not (follows and self._ticks):
+        if self.may_resume(stamp_ns) and not (follows and self._ticks):
             return self._begin(stamp_ns, now_s, Verdict.RESUMED)
         if follows:
             return self._go_on(last_ns, stamp_ns, now_s)
@@ -149,12 +156,6 @@ class StampGate:
         if self._ticks >= _SETTLED_TICKS and now_s - self._begun_s >= LEAST_QUIET_S:
             self._before = None
         return Verdict.NEXT
-
-    def _continues_before(self, stamp_ns: int) -> bool:
-        if self._before is None:
-            return False
-        last_ns, step_ns = self._before
-        return stamp_ns == last_ns or _within_reach(last_ns, step_ns, stamp_ns)
 
     def _judge_rival(self, stamp_ns: int, now_s: float) -> Verdict:
         """Believe another time when it has come twice and the trip is silent."""

@@ -62,7 +62,7 @@ class StampMatcher(Generic[K]):
     Stamps are compared as integer nanoseconds, never approximately. Only the leading slots, those of the
     state of the plant, tell where the trip stands: whatever arrives in the others with stray stamps is
     collected beside the present tick and given up first. Sets leave in the order of the trip: once a set is
-    complete, older ones are dropped.
+    complete, older ones are dropped, but for those of a trip that a beginning has interrupted a moment ago.
     """
 
     def __init__(
@@ -168,7 +168,11 @@ class StampMatcher(Generic[K]):
         if verdict is Verdict.STRAY:
             return None
         later = verdict is Verdict.NEXT
-        for other in [stamp for stamp in self._pending if not later or stamp < stamp_ns]:
+        over = [stamp for stamp in self._pending if not later or stamp < stamp_ns]
+        for other in over:
+            # A beginning may be a stray stamp, then the trip before goes on with what has come of its tick.
+            if self._gate.may_resume(other):
+                continue
             del self._pending[other]
             self._counts["abandoned"] += 1
         self._again.clear()
