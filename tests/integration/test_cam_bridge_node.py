@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from tests.integration.cam_host import BRIDGE, SENDER, Host, free_port
 
+from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_interfaces.diagnostics import status_values
 from iptm_v2x_bridge.cam_bridge import CamBridge
@@ -144,3 +145,29 @@ def test_two_thousand_datagrams_a_second_do_not_drown_the_leader(launcher: Any, 
         ),
         what="nothing lost on the way",
     )
+
+
+def test_a_host_alone_on_the_road_is_held_by_its_rules(launcher: Any, host: Host) -> None:
+    """No car is heard; what leads is the limit of 36 km/h, then the line at 60 m, which stays closed."""
+    port = free_port()
+    bridge = launcher.start_node(
+        BRIDGE,
+        parameters={
+            "leader_source": "cam",
+            "cam_port": port,
+            "cam_lock_step": False,
+            "expected_peers": 1,
+            "host_keeps_rules": True,
+            "speed_limits_km_h": "0:36",
+            "signals": "60.0:1000.0:900.0:50.0",
+        },
+    )
+    host.wait_for(1)
+    first = host.tick(0.0, 0.0)
+    assert first.times_s[-1] == 60.0
+    assert first.speeds_m_s.max() <= 10.0 + 1e-9
+    # The host halts 2 m before the line, so far behind what it is told to follow as it stands behind a car.
+    standstill_m = load_parameters().values.gap.standstill_gap_m
+    assert first.positions_m[-1] == pytest.approx(58.0 + standstill_m)
+    assert first.speeds_m_s[-1] == 0.0
+    assert bridge.stop(signal.SIGINT) == 0

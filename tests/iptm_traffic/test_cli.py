@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 
 import pytest
 
-from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
-from iptm_core.state import VehicleState
-from iptm_plant_sim.plant import Plant
 from iptm_traffic import cli
 from iptm_traffic.events import LineWatch
+from iptm_traffic.simulation import HostInstant
 from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan
 
 
@@ -45,19 +42,13 @@ def test_wrong_options_are_refused_in_one_line(
     assert "allowed" in said
 
 
-def at(time_s: float, position_m: float, speed_m_s: float) -> VehicleState:
-    plant = Plant(load_parameters().values, lambda positions: 0.0 * positions)
-    start = plant.initial_state(position_m, speed_m_s)
-    return replace(start, time_s=time_s)
-
-
 def test_lines_are_counted_with_the_instant_they_were_passed_at() -> None:
     # Green from 0 s to 10.5 s; at 10 m/s the line at 105 m is reached at 10.5 s.
     for line_m, is_open in ((104.0, True), (106.0, False)):
         watch = LineWatch(SignalPlan((Signal(line_m, 60.0, 0.0, 10.5),)))
-        watch.watch(at(9.0, 90.0, 10.0), at(10.0, 100.0, 10.0))
+        watch.watch(HostInstant(9.0, 90.0, 10.0), HostInstant(10.0, 100.0, 10.0))
         assert watch.passed == []
-        watch.watch(at(10.0, 100.0, 10.0), at(11.0, 110.0, 10.0))
+        watch.watch(HostInstant(10.0, 100.0, 10.0), HostInstant(11.0, 110.0, 10.0))
         assert watch.passed == [(pytest.approx(line_m / 10.0), is_open)]
-        watch.watch(at(11.0, 110.0, 10.0), at(12.0, 120.0, 10.0))
+        watch.watch(HostInstant(11.0, 110.0, 10.0), HostInstant(12.0, 120.0, 10.0))
         assert len(watch.passed) == 1

@@ -30,7 +30,7 @@ from iptm_traffic.demand import (
 )
 from iptm_traffic.drive import TrafficDrive, TrafficKnowledge
 from iptm_traffic.network import CYCLE_S, Network, build_network
-from iptm_traffic.simulation import TrafficSimulation
+from iptm_traffic.simulation import HostInstant, TrafficSimulation
 from iptm_traffic.sumo_process import SumoProcess
 
 PARAMETERS = load_parameters().values
@@ -70,7 +70,8 @@ def driven_at_random(network: Network, folder: Path, seconds: int, step_s: float
             before = state.speed_m_s
             state = plant.advance(state, Command(float(wish), 0.0)).state
             halts += before > 0.5 and state.speed_m_s == 0.0
-            simulation.move_host(state, 1.0)
+            here = HostInstant(state.time_s, state.position_m, state.speed_m_s)
+            simulation.move_host(here, 1.0)
             around = simulation.neighbours()
             digest.update(repr((simulation.sumo_position_m(), simulation.leader())).encode())
             digest.update(around.positions_m.tobytes())

@@ -2,11 +2,17 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
+import numpy as np
+import pytest
+
 from iptm_core.declaration import parameter_specs
+from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
 from iptm_core.settings import PreviewSettings
 from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
+from iptm_v2x_bridge.stations.station import Observation
 
 
 def test_default_gap_is_that_of_the_model() -> None:
@@ -29,6 +35,40 @@ def test_the_node_drives_the_bridge_by_its_own_parameters() -> None:
         first, second = one.answer(tick * 10**9), two.answer(tick * 10**9)
         assert first.preview.speeds_m_s.tolist() == second.preview.speeds_m_s.tolist()
     assert one.lost == two.lost > 0
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"signals": "1100:80:12"}, "signals"),
+        ({"signals": "1100:80:12:90"}, "open_for_s"),
+        ({"signals": "1100:80:12:40, 900:80:12:40"}, "increasing"),
+        ({"speed_limits_km_h": "fast"}, "speed_limits_km_h"),
+    ],
+)
+def test_rules_that_cannot_be_read_are_refused(given: dict[str, str], word: str) -> None:
+    parameters = BridgeNodeParameters(**given)  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match=word):
+        parameters.build_predictors(parameters.build_source().route)
+
+
+def test_a_host_that_keeps_the_rules_needs_to_know_them() -> None:
+    with pytest.raises(ParameterError, match="speed_limits_km_h"):
+        BridgeNodeParameters(host_keeps_rules=True)
+
+
+def test_what_is_given_of_the_road_bounds_the_prediction() -> None:
+    """A leader at 15 m/s, 100 m before a line that opens in 30 s."""
+    stands = Knowledge((Observation(0.0, 100.0, 15.0, 0.0),))
+    times = np.arange(0.0, 40.0)
+    given = {"signals": "204.5:80:30:40"}
+    for keeps, farthest_m in ((True, 200.5), (False, np.inf)):
+        parameters = BridgeNodeParameters(leader_keeps_rules=keeps, **given)  # type: ignore[arg-type]
+        predictors = parameters.build_predictors(parameters.build_source().route)
+        found = [predictor.predict(stands, times) for predictor in predictors]
+        best = next(prediction for prediction in found if prediction is not None)
+        assert 150.0 < best.positions_m[29] < farthest_m
+        assert (best.predictor is PredictorName.SIGNALS) is keeps
 
 
 def test_every_number_has_a_range_and_every_name_its_unit() -> None:

@@ -62,6 +62,19 @@ def test_a_closed_line_is_a_leader_that_comes_to_stand_behind_it() -> None:
     assert 10.0 < answer.preview.speeds_m_s[24] < 13.0
 
 
+def test_the_same_tick_again_has_the_same_answer() -> None:
+    """A plant that is paused repeats its state; the leader that is not there must not drive on meanwhile."""
+    keeping = rules(Heard(None), OPEN, 10.0)
+    keeping.answer(0, 0.0)
+    first, again, later = (keeping.answer(tick * NS_PER_S, 10.0) for tick in (1, 1, 2))
+    assert again is first
+    assert later.leader is not None
+    fresh = rules(Heard(None), OPEN, 10.0)
+    for tick, place_m in ((0, 0.0), (1, 10.0)):
+        fresh.answer(tick * NS_PER_S, place_m)
+    assert fresh.answer(2 * NS_PER_S, 10.0).leader == later.leader
+
+
 def test_an_open_line_holds_nobody_and_the_speed_limit_stays() -> None:
     answer = rules(Heard(None), OPEN, 10.0).answer(0, 0.0)
     assert answer.predictor == "rules"

@@ -36,6 +36,7 @@ ALLOWED = {
     "iptm_reproduction": {"iptm_core", "iptm_controller", "iptm_studies"},
     "iptm_traffic": {
         "iptm_core",
+        "iptm_interfaces",
         "iptm_plant_sim",
         "iptm_v2x_bridge",
         "iptm_controller",

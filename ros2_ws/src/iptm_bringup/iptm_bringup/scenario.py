@@ -50,7 +50,7 @@ CONTROLLER = "controller"
 
 SETTINGS_OF_NODES: Mapping[str, tuple[type[Settings], ...]] = {
     PLANT: (TripSettings, ModelSettings, PaceSettings, ClockSettings, FrameSettings),
-    BRIDGE: (RoadSettings, PreviewSettings, ClockSettings, FrameSettings),
+    BRIDGE: (RoadSettings, ModelSettings, PreviewSettings, ClockSettings, FrameSettings),
     CONTROLLER: (ControllerSettings, ModelSettings, FrameSettings),
 }
 """Which settings of a scenario each node of the loop takes, as parameters of the same names."""

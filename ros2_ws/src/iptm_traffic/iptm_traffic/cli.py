@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,16 +23,30 @@ from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number
 from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
+from iptm_traffic.drive import TrafficDrive, TrafficFacts, TrafficKnowledge, TrafficResult
 
 PROGRAM = "traffic"
+OVER_ROS = "iptm_traffic.node_drive"
+"""A program of its own, so that all the rest does without ROS."""
 EXIT_NOT_GOOD = 1
 NO_COMPARISON = "none"
+TABLES_WIDTH = 110
 LARGEST_DEVIATION_M = 1e-3
 _EPILOG = """\
 exit code: 0; 1 when a closed line was passed, another car was touched, or plant and SUMO do not agree about
 the host to a millimetre; 2 for a mistake in the options, or without SUMO.
 """
+
+
+TRAFFIC_ROWS: Mapping[str, str] = {
+    "Smallest gap less s_min, cars that move in left out (m)": "{0.smallest_margin_m:.2f}",
+    "Stop lines passed": "{0.lines_passed}",
+    "Stop lines passed while closed": "{0.lines_passed_closed}",
+    "Cars ahead, one after the other": "{0.leader_count}",
+    "Messages sent around the host": "{0.messages}",
+    "Largest deviation of plant and SUMO (m)": "{0.largest_deviation_m:.1e}",
+}
+"""Rows of every table, with the format of their values."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -79,6 +94,13 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--parameter-set", default=DEFAULT_SET, help="of the model")
     parser.add_argument("--output", type=Path, metavar="FILE.csv", help="write the trajectory")
+    parser.add_argument(
+        "--bag",
+        type=Path,
+        metavar="DIR",
+        help="drive over ROS 2 instead: plant, bridge, controller and recorder as processes of their own, "
+        "the messages over UDP; the folder becomes the bag (nothing is compared, no trajectory is written)",
+    )
     traffic = parser.add_argument_group("traffic")
     for spec in parameter_specs(DemandSettings):
         traffic.add_argument(
@@ -122,21 +144,15 @@ def results_table(result: TrafficResult, other: TrafficResult | None) -> Table:
         table.add_row(figure.title, *(figure.precise_text(value.get(key)) for value in values))
     table.add_section()
     rows = {
-        "Smallest gap less s_min, cars that move in left out [m]": "{0.smallest_margin_m:.2f}",
-        "Stop lines passed": "{0.lines_passed}",
-        "Stop lines passed while closed": "{0.lines_passed_closed}",
-        "Largest excess over the speed limit [m/s]": "{0.largest_excess_m_s:.2f}",
-        "Cars ahead, one after the other": "{1}",
-        "Messages received": "{0.messages}",
+        "Largest excess over the speed limit (m/s)": "{0.largest_excess_m_s:.2f}",
         "Ticks without a solution to follow": "{0.fallback_ticks}",
-        "Largest deviation of plant and SUMO [m]": "{0.largest_deviation_m:.1e}",
+        **TRAFFIC_ROWS,
         "Times real time": "{0.times_real_time:.0f}",
         "Times real time, by processor time": "{0.times_processor_time:.0f}",
-        "Digest": "{2}",
+        "Digest": "{0.digest:.12}",
     }
     for label, text in rows.items():
-        cells = (text.format(run, len(run.leaders), run.digest[:12]) for run in runs)
-        table.add_row(label, *cells)
+        table.add_row(label, *(text.format(run) for run in runs))
     return table
 
 
@@ -151,16 +167,24 @@ def headline(result: TrafficResult, other: TrafficResult) -> str:
     )
 
 
-def verdict(result: TrafficResult) -> list[str]:
+def verdict(result: TrafficFacts) -> list[str]:
     """Return what did not hold, nothing if all is well."""
     wrong = []
     if result.lines_passed_closed:
         wrong.append(f"{result.lines_passed_closed} stop lines were passed while closed")
-    if result.metrics.gap.smallest_m <= 0.0:
-        wrong.append(f"the smallest gap is {result.metrics.gap.smallest_m:.2f} m")
+    if result.smallest_gap_m <= 0.0:
+        wrong.append(f"the smallest gap is {result.smallest_gap_m:.2f} m")
     if result.largest_deviation_m > LARGEST_DEVIATION_M:
         wrong.append(f"plant and SUMO are {result.largest_deviation_m:.4f} m apart")
     return wrong
+
+
+def judged(result: TrafficFacts, console: Console) -> int:
+    """Say what did not hold and return the exit code."""
+    wrong = verdict(result)
+    for line in wrong:
+        console.print(f"PROBLEM  {line}", style="bold red")
+    return EXIT_NOT_GOOD if wrong else EXIT_OK
 
 
 def write_trajectory(result: TrafficResult, file: Path) -> None:
@@ -193,7 +217,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code of the process, see the epilog of ``--help``.
     """
     parsed = build_parser().parse_args(arguments)
-    console = Console(width=None if sys.stdout.isatty() else 110)
+    if parsed.bag is not None:
+        given = sys.argv[1:] if arguments is None else arguments
+        os.execv(sys.executable, [sys.executable, "-m", OVER_ROS, *given])  # noqa: S606
+    console = Console(width=None if sys.stdout.isatty() else TABLES_WIDTH)
     try:
         drive = drive_from(parsed)
         parameters = load_parameters(parsed.parameter_set).values
@@ -208,10 +235,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if other is not None:
         console.print(headline(result, other), style="bold green")
     console.print(results_table(result, other))
-    wrong = verdict(result)
-    for line in wrong:
-        console.print(f"PROBLEM  {line}", style="bold red")
-    return EXIT_NOT_GOOD if wrong else EXIT_OK
+    return judged(result, console)
 
 
 if __name__ == "__main__":

@@ -25,17 +25,12 @@ from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant, PlantStep
 from iptm_studies.closed_loop import run_closed_loop
-from iptm_traffic.corridor import Corridor
-from iptm_traffic.demand import (
-    BEFORE_TRIP_S,
-    signal_offsets_s,
-    write_demand,
-)
 from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
-from iptm_traffic.events import Director, LineWatch
-from iptm_traffic.network import CYCLE_S, Network, build_network
-from iptm_traffic.radio import Rehearsal, Rehearsed, TrafficRadio
-from iptm_traffic.simulation import LOOKED_AHEAD_M, TrafficSimulation
+from iptm_traffic.events import Director, LeaderWatch, LineWatch
+from iptm_traffic.network import Network
+from iptm_traffic.preparation import prepare_traffic
+from iptm_traffic.radio import Rehearsed, TrafficRadio
+from iptm_traffic.simulation import LOOKED_AHEAD_M, HostInstant, TrafficSimulation
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.history import History
@@ -46,8 +41,6 @@ from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 
 DRIVER_FORESIGHT_S = 15.0
 """How far ahead the host looks at lines where their plan is not sent to it."""
-SETTLING_S = 10
-"""A gap that another car has made by moving in is not counted for so long."""
 
 
 class PlantInTraffic(Plant):
@@ -63,9 +56,26 @@ class PlantInTraffic(Plant):
     def advance(self, state: VehicleState, command: Command, duration_s: float = 1.0) -> PlantStep:
         """Carry out a command, and let the traffic go on for as long; see `Plant.advance`."""
         step = super().advance(state, command, duration_s)
-        self._lines.watch(state, step.state)
-        self._simulation.move_host(step.state, duration_s)
+        before, after = _instant(state), _instant(step.state)
+        self._lines.watch(before, after)
+        self._simulation.move_host(after, duration_s)
         return step
+
+
+def _instant(state: VehicleState) -> HostInstant:
+    return HostInstant(state.time_s, state.position_m, state.speed_m_s)
+
+
+class _HeardTraffic:
+    """A bridge that hears, before each tick, what has been sent by then."""
+
+    def __init__(self, radio: TrafficRadio, bridge: CamBridge) -> None:
+        self._radio, self._bridge = radio, bridge
+
+    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+        for sent_ns, datagram in self._radio.take():
+            self._bridge.receive(datagram, sent_ns)
+        return self._bridge.answer(time_ns, host_position_m)
 
 
 class _Watched:
@@ -88,45 +98,9 @@ def drive_in_traffic(drive: TrafficDrive, parameters: ModelParameters) -> Traffi
         IptmError: SUMO is not installed or fails, or the strategy is not known.
     """
     with tempfile.TemporaryDirectory(prefix="iptm_traffic_") as name:
-        folder = Path(name)
-        corridor = Corridor.long_enough_for(drive.duration_s)
-        offsets = signal_offsets_s(corridor, drive.scenario, drive.demand, CYCLE_S)
-        network = build_network(corridor, folder, offsets, BEFORE_TRIP_S)
-        rehearsal = None
-        if drive.knowledge is TrafficKnowledge.PATH:
-            demand = _demand(drive, corridor, parameters, folder, with_stand_in=True)
-            rehearsal = _rehearse(drive, network, demand)
-        demand = _demand(drive, corridor, parameters, folder, with_stand_in=False)
-        with closing(TrafficSimulation(network, demand, drive.step_s)) as simulation:
-            return _closed_loop(drive, parameters, simulation, rehearsal)
-
-
-def _demand(
-    drive: TrafficDrive,
-    corridor: Corridor,
-    parameters: ModelParameters,
-    folder: Path,
-    *,
-    with_stand_in: bool,
-) -> Path:
-    return write_demand(
-        corridor,
-        drive.scenario,
-        drive.demand,
-        drive.duration_s,
-        parameters.gap.initial_gap_m,
-        drive.step_s,
-        folder,
-        with_stand_in=with_stand_in,
-    )
-
-
-def _rehearse(drive: TrafficDrive, network: Network, demand: Path) -> dict[str, Rehearsed]:
-    rehearsal = Rehearsal()
-    longest_s = drive.duration_s + 60.0
-    with closing(TrafficSimulation(network, demand, drive.step_s, with_host=False)) as simulation:
-        rehearsal.watch(simulation, longest_s)
-    return rehearsal.drives(network.road)
+        made = prepare_traffic(drive, parameters, Path(name))
+        with closing(TrafficSimulation(made.network, made.demand, drive.step_s)) as simulation:
+            return _closed_loop(drive, parameters, simulation, made.rehearsal)
 
 
 def _limits_m_s(network: Network, trajectory: Trajectory) -> FloatArray:
@@ -163,17 +137,11 @@ def _closed_loop(
     network = simulation.network
     road_line, slope = network.road.road_line(), network.road.slope()
     preview = PreviewSettings()
-    radio = TrafficRadio(
-        simulation,
-        CamBridge(road_line, preview, predictors=_predictors(drive.knowledge, network)),
-        road_line,
-        rehearsal,
-    )
-    simulation.after_step = radio.note
-    radio.note()
+    radio = TrafficRadio(simulation, road_line, rehearsal)
+    bridge = CamBridge(road_line, preview, predictors=_predictors(drive.knowledge, network))
     knows_plan = drive.knowledge is TrafficKnowledge.SIGNALS
     rules = RulesOfTheRoad(
-        radio,
+        _HeardTraffic(radio, bridge),
         lambda: simulation.host_speed_m_s,
         network.limits,
         network.plan,
@@ -185,20 +153,13 @@ def _closed_loop(
     lines = LineWatch(network.plan)
     plant = PlantInTraffic(parameters, simulation, lines)
     director = Director(drive.scenario, simulation)
-    leaders: list[str] = []
-    real: list[bool] = []
-    changes: list[int] = []
+    ahead = LeaderWatch(simulation)
 
     def truth(measured: Measurements) -> tuple[LeaderState, Measurements]:
         assert measured.state is not None  # noqa: S101  the plant is measured without faults
-        found = simulation.leader()
+        found = ahead.watch()
         state = measured.state
-        name = None if found is None else found[0]
-        if name is not None and (not leaders or leaders[-1] != name):
-            changes.append(len(real))
-            leaders.append(name)
-        real.append(found is not None)
-        director.direct(name)
+        director.direct(None if found is None else found[0])
         if found is None:
             far_m = state.position_m + LOOKED_AHEAD_M
             return LeaderState(state.time_s, far_m, state.speed_m_s), measured
@@ -219,24 +180,25 @@ def _closed_loop(
     ended = time.perf_counter()
     processor_s = time.process_time() + simulation.processor_s - used
     margins = gap_margins_m(run.trajectory, parameters)
-    counted = np.array(real)
-    for tick in changes:
-        counted[tick : tick + SETTLING_S] = False
     records = run.decisions
+    metrics = compute_metrics(run.trajectory, parameters, records)
     return TrafficResult(
-        drive,
-        run.trajectory,
-        records,
-        compute_metrics(run.trajectory, parameters, records),
-        float(np.min(margins[counted], initial=np.inf)),
-        len(lines.passed),
-        sum(not is_open for _, is_open in lines.passed),
-        float(np.max(run.trajectory.speed_m_s - _limits_m_s(network, run.trajectory), initial=0.0)),
-        simulation.largest_deviation_m,
-        tuple(leaders),
-        dict(sorted(watched.predictors.items())),
-        radio.sent,
-        int(np.count_nonzero(np.asarray(records.rung) != Rung.OPTIMAL)),
-        ended - started,
-        processor_s,
+        smallest_gap_m=metrics.gap.smallest_m,
+        smallest_margin_m=float(np.min(margins[ahead.counted], initial=np.inf)),
+        lines_passed=len(lines.passed),
+        lines_passed_closed=lines.passed_closed,
+        largest_deviation_m=simulation.largest_deviation_m,
+        leaders=tuple(ahead.names),
+        messages=radio.sent,
+        drive=drive,
+        trajectory=run.trajectory,
+        decisions=records,
+        metrics=metrics,
+        largest_excess_m_s=float(
+            np.max(run.trajectory.speed_m_s - _limits_m_s(network, run.trajectory), initial=0.0)
+        ),
+        predictors=dict(sorted(watched.predictors.items())),
+        fallback_ticks=int(np.count_nonzero(np.asarray(records.rung) != Rung.OPTIMAL)),
+        wall_time_s=ended - started,
+        processor_s=processor_s,
     )

@@ -70,7 +70,35 @@ class TrafficDrive:
 
 
 @dataclass(frozen=True, eq=False)
-class TrafficResult:
+class TrafficFacts:
+    """What the traffic knows of a drive in it, wherever plant and controller run.
+
+    Attributes:
+        smallest_gap_m: to whoever was ahead.
+        smallest_margin_m: smallest gap less s_min behind a real car that did not just move in.
+        lines_passed: stop lines passed by the host.
+        lines_passed_closed: how many of them were not green.
+        largest_deviation_m: how far apart SUMO and plant ever had the host.
+        leaders: names of the cars ahead, in order.
+        messages: messages sent around the host.
+    """
+
+    smallest_gap_m: float
+    smallest_margin_m: float
+    lines_passed: int
+    lines_passed_closed: int
+    largest_deviation_m: float
+    leaders: tuple[str, ...]
+    messages: int
+
+    @property
+    def leader_count(self) -> int:
+        """How many cars were ahead, one after the other."""
+        return len(self.leaders)
+
+
+@dataclass(frozen=True, eq=False)
+class TrafficResult(TrafficFacts):
     """A finished drive.
 
     Attributes:
@@ -78,14 +106,8 @@ class TrafficResult:
         trajectory: what happened; without a car ahead, the leader is as far as it is looked for.
         decisions: how the decisions came about.
         metrics: figures of the run.
-        smallest_margin_m: smallest gap less s_min behind a real car that did not just move in.
-        lines_passed: stop lines passed by the host.
-        lines_passed_closed: how many of them were not green.
         largest_excess_m_s: by how much the host was ever faster than the limit.
-        largest_deviation_m: how far apart SUMO and plant ever had the host.
-        leaders: names of the cars ahead, in order.
         predictors: ticks by who foretold the leader.
-        messages: messages received.
         fallback_ticks: ticks on which the controller had no solution to follow.
         wall_time_s: wall time of the drive.
         processor_s: processor time of the drive, SUMO's included.
@@ -95,14 +117,8 @@ class TrafficResult:
     trajectory: Trajectory
     decisions: DecisionSeries
     metrics: RunMetrics
-    smallest_margin_m: float
-    lines_passed: int
-    lines_passed_closed: int
     largest_excess_m_s: float
-    largest_deviation_m: float
-    leaders: tuple[str, ...]
     predictors: dict[str, int]
-    messages: int
     fallback_ticks: int
     wall_time_s: float
     processor_s: float

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from iptm_core.state import VehicleState
 from iptm_traffic.corridor import HOST_LANE
 from iptm_traffic.demand import LEADER, TrafficScenario
-from iptm_traffic.simulation import TrafficSimulation
+from iptm_traffic.simulation import HostInstant, TrafficSimulation
 from iptm_v2x_bridge.prediction.signals import SignalPlan
 
 EVENT_PERIOD_S = 60.0
 """Cars cut in, or leaders turn off, no more often."""
 CUT_IN_ROOM_M = (8.0, 60.0)
 """Where, seen from the host's front, a car of the other lane has its rear end when it cuts in."""
+SETTLING_TICKS = 10
+"""A gap that another car has made by moving in is not counted for so long."""
 _LEFT_LANE = 1
 
 
@@ -28,8 +30,13 @@ class LineWatch:
         self._plan = plan
         self.passed: list[tuple[float, bool]] = []
 
-    def watch(self, before: VehicleState, after: VehicleState) -> None:
-        """Look at one interval of the plant."""
+    @property
+    def passed_closed(self) -> int:
+        """How many lines were not open when the host passed them."""
+        return sum(not is_open for _, is_open in self.passed)
+
+    def watch(self, before: HostInstant, after: HostInstant) -> None:
+        """Look at one interval of the host."""
         signal = self._plan.next_after(before.position_m)
         if signal is None or after.position_m <= signal.stop_line_m:
             return
@@ -41,6 +48,35 @@ class LineWatch:
         elapsed_s = 2.0 * way_m / max(before.speed_m_s + root, 0.1 * mean, 1e-9)
         time_s = min(before.time_s + elapsed_s, after.time_s)
         self.passed.append((time_s, signal.is_open(time_s)))
+
+
+class LeaderWatch:
+    """Notes, tick by tick, who is really ahead of the host.
+
+    Attributes:
+        names: names of the cars ahead, one after the other.
+    """
+
+    def __init__(self, simulation: TrafficSimulation) -> None:
+        self._simulation = simulation
+        self.names: list[str] = []
+        self._is_counted: list[bool] = []
+        self._settled_at = 0
+
+    def watch(self) -> tuple[str, float, float] | None:
+        """Look at one tick; return name, gap and speed of the car ahead, None if there is none."""
+        found = self._simulation.leader()
+        tick = len(self._is_counted)
+        if found is not None and (not self.names or self.names[-1] != found[0]):
+            self.names.append(found[0])
+            self._settled_at = tick + SETTLING_TICKS
+        self._is_counted.append(found is not None and tick >= self._settled_at)
+        return found
+
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """At which ticks the gap is that to a car that did not just move in, shape (ticks,)."""
+        return np.array(self._is_counted, dtype=np.bool_)
 
 
 class Director:

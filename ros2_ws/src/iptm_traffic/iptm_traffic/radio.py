@@ -16,8 +16,6 @@ from iptm_core.state import FloatArray
 from iptm_core.trip_time import NS_PER_S
 from iptm_traffic.network import HostRoad, step_deg
 from iptm_traffic.simulation import Neighbours, TrafficSimulation
-from iptm_v2x_bridge.bridge import BridgeAnswer
-from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import PASSENGER_CAR, CamMessage, PredictedPath
 from iptm_v2x_bridge.messages.cam_codec import encode_cam
 from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
@@ -76,45 +74,50 @@ class Rehearsal:
 
 
 class TrafficRadio:
-    """A bridge that hears, before each tick, what the vehicles around the host have sent by then."""
+    """What the vehicles around the host send.
+
+    Attributes:
+        sent: how many messages there were so far.
+    """
 
     def __init__(
         self,
         simulation: TrafficSimulation,
-        bridge: CamBridge,
         road_line: RoadLine,
         rehearsal: dict[str, Rehearsed] | None = None,
     ) -> None:
-        """Set up the radio.
+        """Set up the radio; it listens to all steps of the simulation from the present on.
 
         Args:
             simulation: the traffic.
-            bridge: what hears the messages.
             road_line: the host's road on Earth.
             rehearsal: what the vehicles are going to do; None for vehicles that do not tell.
         """
-        self._simulation, self.bridge, self._road_line = simulation, bridge, road_line
+        self._simulation, self._road_line = simulation, road_line
         self._rehearsal = rehearsal
         self._ahead_s = path_times_s(SenderSettings.path_points, SenderSettings.path_length_s)
         self._path_told: dict[str, float] = {}
         self._pending: list[tuple[int, Neighbours, float]] = []
         self.sent = 0
+        simulation.after_step = self._note
+        self._note()
 
-    def note(self) -> None:
-        """Let all vehicles around the host send; called after every step of the simulation."""
+    def _note(self) -> None:
         around = self._simulation.neighbours()
         self._pending.append(
             (round(around.time_s * NS_PER_S), around, self._simulation.host_position_m)
         )
 
-    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
-        """Return the answer to one tick; see `CamBridge.answer`."""
-        for sent_ns, around, host_m in self._pending:
-            for message in self.messages(around, host_m):
-                self.bridge.receive(self.datagram(message, sent_ns // 10**6), sent_ns)
-                self.sent += 1
+    def take(self) -> list[tuple[int, bytes]]:
+        """Return the datagrams since the last call, with the trip times at which they were sent, in ns."""
+        taken = [
+            (sent_ns, self.datagram(message, sent_ns // 10**6))
+            for sent_ns, around, host_m in self._pending
+            for message in self.messages(around, host_m)
+        ]
         self._pending.clear()
-        return self.bridge.answer(time_ns, host_position_m)
+        self.sent += len(taken)
+        return taken
 
     def messages(self, around: Neighbours, host_position_m: float) -> list[CamMessage]:
         """Return what the vehicles say at one instant."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from iptm_core.errors import ScenarioError
-from iptm_core.state import FloatArray, VehicleState
+from iptm_core.state import FloatArray
 from iptm_traffic.corridor import HOST_LANE
 from iptm_traffic.demand import BEFORE_TRIP_S, HOST, HOST_KIND, MAIN_NAMES
 from iptm_traffic.network import HOST_START_M, Network
@@ -21,6 +21,15 @@ _CHANGE_LANES_NEVER = 0
 _OBEY_NOTHING = 0
 _VEHICLES = 0xA4  # TraCI's domain of vehicles
 _SPEED, _POSITION, _ANGLE, _LENGTH, _LANE_INDEX, _ACCELERATION = 0x40, 0x42, 0x43, 0x44, 0x52, 0x72
+
+
+@dataclass(frozen=True)
+class HostInstant:
+    """The host at one instant: trip time, front along the road, speed."""
+
+    time_s: float
+    position_m: float
+    speed_m_s: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,19 +178,19 @@ class TrafficSimulation:
         found = self._vehicle.getAllSubscriptionResults()
         return [(name, values[_POSITION]) for name, values in found.items()]
 
-    def move_host(self, state: VehicleState, duration_s: float) -> None:
+    def move_host(self, host: HostInstant, duration_s: float) -> None:
         """Let an interval pass in which the host moves as its plant has moved.
 
         SUMO's ballistic step covers the mean of the speeds at its two ends. The speed at its beginning is set
         to what leads exactly to the plant's position, so nothing adds up, wherever the host halts between.
 
         Args:
-            state: host at the end of the interval.
+            host: at the end of the interval.
             duration_s: length of the interval, a whole number of SUMO's steps.
         """
         count = round(duration_s / self._step_s)
         start_m, speed = self._host_position_m, self._host_speed_m_s
-        moved_m, end_speed = state.position_m - start_m, state.speed_m_s
+        moved_m, end_speed = host.position_m - start_m, host.speed_m_s
         for number in range(1, count + 1):
             at_s = number * self._step_s
             target_m, target_speed = (
@@ -195,8 +204,8 @@ class TrafficSimulation:
             self._vehicle.setSpeed(HOST, target_speed)
             self._host_position_m, self._host_speed_m_s = start_m + target_m, target_speed
             self.step()
-        self._host_position_m, self._host_speed_m_s = state.position_m, end_speed
-        deviation_m = abs(self.sumo_position_m() - state.position_m)
+        self._host_position_m, self._host_speed_m_s = host.position_m, end_speed
+        deviation_m = abs(self.sumo_position_m() - host.position_m)
         self.largest_deviation_m = max(self.largest_deviation_m, deviation_m)
 
     @property

@@ -12,17 +12,18 @@ from iptm_core.state import SlopePreview
 from iptm_interfaces.codecs import encode_raw_datagram, ns_from_time
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
-from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam_codec import specification
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.node_datagrams import open_source
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
 from iptm_v2x_bridge.source import CycleSource
 
 READ_PERIOD_S = 0.005
-_KEPT_HOST_POSITIONS = 16
+_KEPT_HOST_STATES = 16
 _NS_PER_MS = 1_000_000
 
 
@@ -42,10 +43,14 @@ class CamAnswers:
     ) -> None:
         """Open the source of the datagrams and listen for the host; see `node_answers`."""
         self._source, self._options, self._retry = source, options, retry
+        self._model = options.model().values
         self._bridge: CamBridge | None = None
-        self._before: tuple[CamBridge | None, int, int, int | None] = (None, 0, 0, None)
+        self._rules: TickBridge | None = None
+        self._before: tuple[CamBridge | None, TickBridge | None, int, int, int | None]
+        self._before = (None, None, 0, 0, None)
         self._datagrams = open_source(options, node.resolve_topic_name(Topic.DATAGRAMS.value))
-        self._host_m: dict[int, float] = {}
+        self._host: dict[int, tuple[float, float]] = {}
+        self._host_speed_m_s = 0.0
         self._start_ms = self._last_ns = 0
         self._read_ns: int | None = None
         self._received = 0
@@ -59,20 +64,21 @@ class CamAnswers:
 
     def begin_trip(self) -> None:
         """Begin anew; see `NodeAnswers`."""
-        self._before = (self._bridge, self._start_ms, self._last_ns, self._read_ns)
-        self._bridge = None
+        self._before = (self._bridge, self._rules, self._start_ms, self._last_ns, self._read_ns)
+        self._bridge = self._rules = None
 
     def resume_trip(self) -> None:
         """Go on with the trip before the last beginning."""
-        self._bridge, self._start_ms, self._last_ns, self._read_ns = self._before
+        self._bridge, self._rules, self._start_ms, self._last_ns, self._read_ns = self._before
 
     def _on_host(self, message: Odometry) -> None:
         position_m = float(message.pose.pose.position.x)
-        if not math.isfinite(position_m):
+        speed_m_s = float(message.twist.twist.linear.x)
+        if not (math.isfinite(position_m) and math.isfinite(speed_m_s)):
             return  # the tick stays unanswered; the report says what it waits for
-        self._host_m[ns_from_time(message.header.stamp)] = position_m
-        while len(self._host_m) > _KEPT_HOST_POSITIONS:
-            del self._host_m[next(iter(self._host_m))]
+        self._host[ns_from_time(message.header.stamp)] = (position_m, speed_m_s)
+        while len(self._host) > _KEPT_HOST_STATES:
+            del self._host[next(iter(self._host))]
         self._retry()
 
     def _on_read_timer(self) -> None:
@@ -85,8 +91,8 @@ class CamAnswers:
         """Return the answer to a tick, None while something is missing."""
         bridge = self._bridge or self._start(time_ns)
         self._read(bridge, time_ns)
-        host_m = self._host_m.get(time_ns)
-        if host_m is None:
+        host = self._host.get(time_ns)
+        if host is None:
             self._missing = "waiting for the position of the host"
             return None
         self._missing = self._datagrams.missing(time_ns)
@@ -94,20 +100,34 @@ class CamAnswers:
             return None
         self._last_ns = time_ns
         self._publish(EndOfTick(time_ns, self._received).encode(), time_ns)
-        return bridge.answer(time_ns, host_m)
+        host_m, self._host_speed_m_s = host
+        return (self._rules or bridge).answer(time_ns, host_m)
 
     def _start(self, time_ns: int) -> CamBridge:
         """Begin with the first tick: it tells what time of the messages is trip time 0."""
         self._start_ms, self._last_ns = self._datagrams.begin_trip(time_ns), time_ns
         self._received, self._read_ns = 0, None
-        self._bridge = CamBridge(
+        options = self._options
+        bridge = self._bridge = CamBridge(
             self._source.route.road_line,
-            self._options,
-            predictors=self._options.build_predictors(self._source.route),
-            known_bound_m=self._options.known_bound_m,
+            options,
+            predictors=options.build_predictors(self._source.route),
+            known_bound_m=options.known_bound_m,
             start_timestamp_ms=self._start_ms,
         )
-        return self._bridge
+        limits = options.build_limits()
+        if options.host_keeps_rules and limits is not None:
+            self._rules = RulesOfTheRoad(
+                bridge,
+                lambda: self._host_speed_m_s,
+                limits,
+                options.build_plan(),
+                self._model,
+                options,
+                foresight_s=options.line_foresight_s,
+                start_timestamp_ms=self._start_ms,
+            )
+        return bridge
 
     def _read(self, bridge: CamBridge, time_ns: int) -> None:
         after_ns, self._read_ns = self._read_ns, time_ns

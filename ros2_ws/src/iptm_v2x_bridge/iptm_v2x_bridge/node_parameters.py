@@ -14,6 +14,7 @@ from iptm_core.settings import (
     VEHICLE_LENGTH_M,
     VEHICLE_LENGTHS_M,
     FrameSettings,
+    ModelSettings,
     PreviewSettings,
     RoadSettings,
     StringSettings,
@@ -25,12 +26,15 @@ from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
 from iptm_v2x_bridge.prediction.predictor import Predictor
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.signals import BoundedBySignals, Signal, SignalPlan
 from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits, SpeedLimits
 from iptm_v2x_bridge.sending.settings import SenderSettings
 from iptm_v2x_bridge.source import CycleSource
 
 DEFAULT_CAM_PORT = 8947
 LOCALHOST = "127.0.0.1"
+UNLIMITED_M_S = 70.0
+"""Speed limit of a road whose signals are given without limits."""
 
 
 class LeaderSource(str, Enum):
@@ -99,6 +103,50 @@ class CamSettings(Settings):
     speed_limits_km_h: str = parameter(
         "", "cam: speed limits of the road, <from metre>:<km/h> parts, e.g. '0:50, 1200:70'"
     )
+    signals: str = parameter(
+        "",
+        "cam: signals of the road with plans that repeat themselves, <metre of the stop line>:<cycle in s>:"
+        "<s of TimestampIts at which it turns green>:<s for which it is green> parts",
+    )
+    leader_keeps_rules: bool = parameter(
+        default=True, description="cam: what is foretold keeps the speed limits and signals given"
+    )
+    host_keeps_rules: bool = parameter(
+        default=False,
+        description="cam: where the speed limits and signals given are stricter than the leader, or none is "
+        "there, the host is given a leader that stands for them",
+    )
+    line_foresight_s: float = parameter(
+        60.0,
+        "cam: with host_keeps_rules, stop lines that the host reaches later are not looked at",
+        "s",
+        1.0,
+        3600.0,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.host_keeps_rules and not self.speed_limits_km_h.strip():
+            raise ParameterError(
+                "speed_limits_km_h is empty with host_keeps_rules; allowed: the limits to be kept"
+            )
+
+    def build_limits(self) -> SpeedLimits | None:
+        """Return the speed limits, None without any.
+
+        Raises:
+            ParameterError: the text is not usable.
+        """
+        text = self.speed_limits_km_h
+        return read_limits(text) if text.strip() else None
+
+    def build_plan(self) -> SignalPlan:
+        """Return the signals.
+
+        Raises:
+            ParameterError: the text is not usable.
+        """
+        return read_signals(self.signals)
 
     def build_predictors(self, route: Route) -> tuple[Predictor, ...]:
         """Return the predictors, the best informed first.
@@ -115,8 +163,12 @@ class CamSettings(Settings):
             gap_m = route.leader.start_position_m
             drives = [build_route(name, initial_gap_m=gap_m).leader for name in names]
             found.append(LearntProfile([(drive.positions_m, drive.speeds_m_s) for drive in drives]))
-        if self.speed_limits_km_h.strip():
-            found.append(BoundedBySpeedLimits(History(), read_limits(self.speed_limits_km_h)))
+        limits, plan = self.build_limits(), self.build_plan()
+        if self.leader_keeps_rules and plan.signals:
+            known = limits or SpeedLimits(np.zeros(1), np.full(1, UNLIMITED_M_S))
+            found.append(BoundedBySignals(History(), known, plan))
+        elif self.leader_keeps_rules and limits is not None:
+            found.append(BoundedBySpeedLimits(History(), limits))
         return (*found, History())
 
 
@@ -136,8 +188,26 @@ def read_limits(text: str) -> SpeedLimits:
         ) from reason
 
 
+def read_signals(text: str) -> SignalPlan:
+    """Return the signals that a text such as `1100:80:12.5:42` states, none for an empty one.
+
+    Raises:
+        ParameterError: it is no such text.
+    """
+    entries = [entry.split(":") for entry in text.split(",") if entry.strip()]
+    try:
+        return SignalPlan(tuple(Signal(*map(float, parts)) for parts in entries))
+    except (ValueError, TypeError, RouteError) as reason:
+        raise ParameterError(
+            f"signals is {text!r}: {reason}; allowed: <metre of the stop line>:<cycle in s>:<turns green at "
+            "s>:<green for s> parts joined by commas, metres increasing"
+        ) from reason
+
+
 @dataclass(frozen=True)
-class BridgeNodeParameters(CamSettings, FrameSettings, TickSettings, PreviewSettings, RoadSettings):
+class BridgeNodeParameters(
+    CamSettings, FrameSettings, TickSettings, PreviewSettings, ModelSettings, RoadSettings
+):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
     vehicle_ahead: str = declared(StringSettings, "vehicle_ahead")

@@ -84,9 +84,15 @@ class RulesOfTheRoad:
         self._start_s = start_timestamp_ms / 1000.0
         self._pace: tuple[float, float, float] | None = None
         self._holding: Signal | None = None
+        self._last: BridgeAnswer | None = None
 
     def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
-        """Return the answer to one tick; see `TickBridge.answer`."""
+        """Return the answer to one tick; the same one again has the same answer. See `TickBridge.answer`."""
+        if self._last is None or time_ns != self._last.time_ns:
+            self._last = self._answer(time_ns, host_position_m)
+        return self._last
+
+    def _answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
         answer = self._inner.answer(time_ns, host_position_m)
         speed = self._host_speed_m_s()
         times = preview_times_s(self._settings, time_ns)

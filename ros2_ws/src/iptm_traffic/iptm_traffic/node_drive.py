@@ -1,0 +1,218 @@
+"""The drive of ``traffic --bag``: SUMO beside plant, bridge, controller and recorder over ROS 2."""
+
+from __future__ import annotations
+
+import math
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+
+import rclpy
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+from rich.console import Console
+from rich.table import Table
+
+from iptm_core.errors import IptmError
+from iptm_core.parameters import load_parameters
+from iptm_core.program import EXIT_OK, refused
+from iptm_core.routes.route import build_route
+from iptm_core.settings import PreviewSettings
+from iptm_interfaces.discovery import middleware_settings, reserve_domain
+from iptm_interfaces.process import StopRequest
+from iptm_traffic import cli
+from iptm_traffic.closed_loop import DRIVER_FORESIGHT_S
+from iptm_traffic.drive import TrafficDrive, TrafficFacts, TrafficKnowledge
+from iptm_traffic.network import Network
+from iptm_traffic.node_traffic import LISTENERS, TrafficNode
+from iptm_traffic.preparation import prepare_traffic, write_road
+from iptm_traffic.radio import TrafficRadio
+from iptm_traffic.simulation import TrafficSimulation
+
+RUN = "iptm_bringup.run_closed_loop"
+_PEERS_OF_THE_PLANT = 3
+"""Controller or bridge, recorder, runner."""
+_SPIN_TIMEOUT_S = 0.1
+_PATIENCE_S = 60.0
+
+
+def road_file(bag: Path) -> Path:
+    """Return where the road of a bag is kept: whoever replays it needs it again."""
+    return bag.absolute().with_name(f"{bag.name}_road.csv")
+
+
+def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[str, object]:
+    """Return what the bridge has to know beside the messages: its port, and the rules of the road."""
+    limits, knows_plan = network.limits, drive.knowledge is TrafficKnowledge.SIGNALS
+    return {
+        "leader_source": "cam",
+        "cam_port": port,
+        "publish_datagrams": True,
+        "host_keeps_rules": True,
+        "leader_keeps_rules": knows_plan,
+        "line_foresight_s": PreviewSettings.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,
+        "speed_limits_km_h": ", ".join(
+            f"{start_m:.9g}:{3.6 * limit:.9g}"
+            for start_m, limit in zip(limits.starts_m, limits.limits_m_s, strict=True)
+        ),
+        "signals": ", ".join(
+            f"{line.stop_line_m:.17g}:{line.cycle_s:g}:{line.opens_at_s:g}:{line.open_for_s:g}"
+            for line in network.plan.signals
+        ),
+    }
+
+
+def run_command(
+    drive: TrafficDrive,
+    parameter_set: str,
+    road: Path,
+    bag: Path,
+    domain: int,
+    bridge: Mapping[str, object],
+) -> list[str]:
+    """Return the command of the run beside the traffic."""
+    peers = _PEERS_OF_THE_PLANT + LISTENERS
+    told = {f"v2x_bridge.{name}": value for name, value in bridge.items()}
+    # SUMO may take its time; nobody shall take that for a fault.
+    told |= {
+        "plant.expected_peers": peers,
+        "plant.command_timeout_wall_s": 10.0 * _PATIENCE_S,
+        "controller.input_timeout_s": _PATIENCE_S,
+    }
+    return [
+        *(sys.executable, "-m", RUN, "--cycle", str(road), "--domain", str(domain)),
+        *("--duration-s", f"{drive.duration_s:g}", "--parameter-set", parameter_set),
+        *("--strategy", drive.strategy, "--output", str(bag)),
+        *(part for name, value in told.items() for part in ("--set", f"{name}={_plain(value)}")),
+    ]
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"'{value}'" if isinstance(value, str) else str(value)
+
+
+@contextmanager
+def _joined(domain: int) -> Iterator[Context]:
+    context = Context()
+    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
+
+
+def _free_port() -> int:
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as taken:
+        taken.bind(("127.0.0.1", 0))
+        return int(taken.getsockname()[1])
+
+
+def drive_over_ros(
+    drive: TrafficDrive, parameter_set: str, bag: Path, console: Console, stop: StopRequest
+) -> int:
+    """Drive, record and report.
+
+    Args:
+        drive: what is to be driven.
+        parameter_set: of the model.
+        bag: folder to create; the road is written beside it.
+        console: for the report.
+        stop: the user wants to stop.
+
+    Returns:
+        The exit code of the run, or `cli.EXIT_NOT_GOOD` where it is 0 and something did not hold.
+
+    Raises:
+        IptmError: SUMO is not installed or fails, or the strategy is not known.
+    """
+    parameters = load_parameters(parameter_set).values
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="iptm_traffic_")))
+        made = prepare_traffic(drive, parameters, folder)
+        road = road_file(bag)
+        write_road(made.network.road, road)
+        line = build_route(road, initial_gap_m=parameters.gap.initial_gap_m).road_line
+        simulation = stack.enter_context(
+            closing(TrafficSimulation(made.network, made.demand, drive.step_s))
+        )
+        radio = TrafficRadio(simulation, line, made.rehearsal)
+        domain, port = stack.enter_context(reserve_domain()), _free_port()
+        context = stack.enter_context(_joined(domain))
+        node = TrafficNode(context, drive, parameters, simulation, radio, port)
+        told = bridge_parameters(drive, made.network, port)
+        code = _run_beside(node, run_command(drive, parameter_set, road, bag, domain, told), stop)
+        if code != EXIT_OK:
+            return code
+        facts = _facts(node, simulation, radio)
+        console.print(_table(drive, facts))
+        return cli.judged(facts, console)
+
+
+def _run_beside(node: TrafficNode, command: list[str], stop: StopRequest) -> int:
+    """Run a command while a node takes part; signals reach it as well, or are passed on."""
+    executor = EventsExecutor(context=node.context)
+    executor.add_node(node)
+    process = subprocess.Popen(command)  # noqa: S603
+    told = False
+    try:
+        while process.poll() is None:
+            executor.spin_once(timeout_sec=_SPIN_TIMEOUT_S)
+            if stop.number is not None and not told:
+                process.send_signal(stop.number)
+                told = True
+        return process.returncode
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+        executor.remove_node(node)
+        node.destroy_node()
+        executor.shutdown()
+
+
+def _facts(node: TrafficNode, simulation: TrafficSimulation, radio: TrafficRadio) -> TrafficFacts:
+    return TrafficFacts(
+        smallest_gap_m=min(node.gaps_m, default=math.inf),
+        smallest_margin_m=node.smallest_margin_m,
+        lines_passed=len(node.lines.passed),
+        lines_passed_closed=node.lines.passed_closed,
+        largest_deviation_m=simulation.largest_deviation_m,
+        leaders=tuple(node.ahead.names),
+        messages=radio.sent,
+    )
+
+
+def _table(drive: TrafficDrive, facts: TrafficFacts) -> Table:
+    table = Table("in the traffic", title=f"{drive.scenario}, {drive.knowledge} known")
+    table.title_justify = "left"
+    table.add_column("", justify="right")
+    table.add_row("Smallest gap (m)", f"{facts.smallest_gap_m:.2f}")
+    for label, text in cli.TRAFFIC_ROWS.items():
+        table.add_row(label, text.format(facts))
+    return table
+
+
+def main() -> int:
+    """Drive; see `iptm_traffic.cli`."""
+    parsed = cli.build_parser().parse_args()
+    stop = StopRequest()
+    stop.install()
+    os.environ.update(middleware_settings())
+    console = Console(width=None if sys.stdout.isatty() else cli.TABLES_WIDTH)
+    try:
+        drive = cli.drive_from(parsed)
+        return drive_over_ros(drive, parsed.parameter_set, parsed.bag, console, stop)
+    except IptmError as error:
+        return refused(cli.PROGRAM, error)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,154 @@
+"""The traffic as a node: moves the host in SUMO as its plant says, and sends what the cars around it say."""
+
+from __future__ import annotations
+
+import math
+import socket
+
+import numpy as np
+from nav_msgs.msg import Odometry
+from rclpy.context import Context
+from rosgraph_msgs.msg import Clock
+
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces.codecs import ns_from_time
+from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
+from iptm_traffic.drive import TrafficDrive
+from iptm_traffic.events import Director, LeaderWatch, LineWatch
+from iptm_traffic.radio import TrafficRadio
+from iptm_traffic.simulation import HostInstant, TrafficSimulation
+from iptm_v2x_bridge.messages.cam_codec import specification
+from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+
+NAME = "traffic"
+LISTENERS = 2
+"""Subscriptions to odometry and clock that the plant finds more than without traffic, beside the bridge's."""
+REPEAT_PERIOD_S = 0.2
+_LOCALHOST = "127.0.0.1"
+
+
+class TrafficNode(SuiteNode):
+    """Lets SUMO pass the interval before every state of the plant, and sends the messages of that interval.
+
+    They go through one socket with the end of the tick behind them, which is repeated until the next tick, so
+    the bridge hears the same in every run. A node drives one trip, from trip time 0.
+
+    Attributes:
+        ahead: who was really ahead.
+        lines: stop lines that the host has passed.
+        gaps_m: true gaps of the ticks, infinite where no one was ahead.
+        margins_m: true gaps less s_min of the ticks, infinite where no one was ahead.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        drive: TrafficDrive,
+        parameters: ModelParameters,
+        simulation: TrafficSimulation,
+        radio: TrafficRadio,
+        to_port: int,
+    ) -> None:
+        """Join the graph.
+
+        Args:
+            context: of rclpy.
+            drive: what is to be driven.
+            parameters: of the host.
+            simulation: at trip time 0, with the host in it.
+            radio: that of the simulation.
+            to_port: UDP port of the bridge on this computer.
+        """
+        super().__init__(NAME, context=context)
+        self._parameters, self._simulation, self._radio = parameters, simulation, radio
+        self._director = Director(drive.scenario, simulation)
+        self.ahead, self.lines = LeaderWatch(simulation), LineWatch(simulation.network.plan)
+        self.gaps_m: list[float] = []
+        self.margins_m: list[float] = []
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._target = (_LOCALHOST, to_port)
+        self._host: HostInstant | None = None
+        self._ended: EndOfTick | None = None
+        specification()  # compiled now, not at the first tick, which others wait for
+        self._reporter = DiagnosticsReporter.of_node(self, NAME)
+        self.every(REPEAT_PERIOD_S, self._repeat_end)
+        self.every(REPORT_PERIOD_S, self._report)
+        self.listen(Topic.PLANT_ODOMETRY, self._on_host)
+        # Only to be counted: the plant waits for as many peers on the clock as on the odometry, and the
+        # bridge listens to both.
+        for _ in range(LISTENERS):
+            self.listen(Topic.CLOCK, self._on_clock)
+        self._report()
+
+    def _on_clock(self, message: Clock) -> None:
+        pass
+
+    def _on_host(self, message: Odometry) -> None:
+        time_ns = ns_from_time(message.header.stamp)
+        position_m = float(message.pose.pose.position.x)
+        speed_m_s = float(message.twist.twist.linear.x)
+        host = HostInstant(time_ns / NS_PER_S, position_m, speed_m_s)
+        before = self._host or HostInstant(0.0, 0.0, 0.0)
+        if not (math.isfinite(position_m) and math.isfinite(speed_m_s)):
+            return  # the bridge gets no end of the tick, and says so
+        if host.time_s < before.time_s or (self._host is not None and host.time_s == before.time_s):
+            return  # a state that was repeated, or a new trip, which needs a new simulation
+        if host.time_s > before.time_s:
+            self.lines.watch(before, host)
+            self._simulation.move_host(host, host.time_s - before.time_s)
+        self._host = host
+        for _, datagram in self._radio.take():
+            self._send(datagram)
+        self._ended = EndOfTick(time_ns, self._radio.sent)
+        self._repeat_end()
+        self._look_ahead(host)
+
+    def _look_ahead(self, host: HostInstant) -> None:
+        found = self.ahead.watch()
+        self._director.direct(None if found is None else found[0])
+        gap_m, smallest_m = math.inf, 0.0
+        if found is not None:
+            gap, limits = self._parameters.gap, self._parameters.limits
+            gap_m = found[1]
+            smallest_m = float(minimum_gap_m(host.speed_m_s, found[2], gap, limits))
+        self.gaps_m.append(gap_m)
+        self.margins_m.append(gap_m - smallest_m)
+
+    @property
+    def smallest_margin_m(self) -> float:
+        """Smallest gap less s_min behind a car that did not just move in; infinite without any."""
+        return float(np.min(np.array(self.margins_m)[self.ahead.counted], initial=math.inf))
+
+    def _repeat_end(self) -> None:
+        if self._ended is not None:
+            self._send(self._ended.encode())
+
+    def _send(self, datagram: bytes) -> None:
+        try:
+            self._socket.sendto(datagram, self._target)
+        except OSError as reason:
+            self.refuse(f"a datagram cannot be sent: {reason}")
+
+    def _report(self) -> None:
+        host = self._host
+        values: dict[str, object] = {
+            "to": f"{self._target[0]}:{self._target[1]}",
+            "sent": self._radio.sent,
+            "leader": self.ahead.names[-1] if self.ahead.names else "none",
+            "largest_deviation_m": self._simulation.largest_deviation_m,
+        }
+        level, reason = Level.OK, "the traffic follows the plant"
+        if host is None:
+            level, reason = Level.WARN, "waiting for the plant"
+        self._reporter.report(
+            0 if host is None else round(host.time_s * NS_PER_S), level, reason, values
+        )
+
+    def destroy_node(self) -> None:
+        """Give the socket back, too."""
+        self._socket.close()
+        super().destroy_node()
