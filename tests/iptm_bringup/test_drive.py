@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from iptm_bringup.drive import Drive, DriveOutcome
+from iptm_bringup.drive import Drive, DriveOutcome, unclean_ends
 from iptm_bringup.process_faults import ProcessFaults
 from iptm_bringup.supervisor import ProcessEnd
 
@@ -52,3 +52,11 @@ def test_without_a_witness_or_after_a_failure_it_did_not_finish(
     processes: tuple[str, ...], code: int
 ) -> None:
     assert drive_of(processes, code).run().outcome is DriveOutcome.FAILED
+
+
+def test_a_recorder_that_a_fault_killed_is_told() -> None:
+    endings = (ProcessEnd("recorder", -9, ()), ProcessEnd("controller", -9, ()))
+    supervisor: Any = SimpleNamespace(endings=lambda: endings)
+    excused: Any = SimpleNamespace(is_excused=lambda _: True)
+    (told,) = unclean_ends(supervisor, excused)
+    assert told == "the bag is incomplete: recorder was killed by signal 9 (SIGKILL), by a fault"

@@ -288,9 +288,16 @@ class Drive(AbstractContextManager["Drive"]):
 
 
 def unclean_ends(supervisor: Supervisor, process_faults: ProcessFaults) -> list[str]:
-    """Return a sentence for every process that did not end well although trip and faults let it."""
-    return [
-        f"{ending.name} {ending.how} when it was told to stop"
-        for ending in supervisor.endings()
-        if ending.code != 0 and not process_faults.is_excused(ending.name)
-    ]
+    """Return a sentence for every process that did not end well although trip and faults let it.
+
+    A recorder that a fault has killed is no reason to end the run, but its bag lacks the rest of the trip.
+    """
+    sentences = []
+    for ending in supervisor.endings():
+        if ending.code == 0:
+            continue
+        if not process_faults.is_excused(ending.name):
+            sentences.append(f"{ending.name} {ending.how} when it was told to stop")
+        elif ending.name == RECORDER:
+            sentences.append(f"the bag is incomplete: {ending.name} {ending.how}, by a fault")
+    return sentences

@@ -264,6 +264,7 @@ def _report(
     errors: Console,
 ) -> int:
     """Evaluate a finished trip, write its files and print its tables."""
+    unclean = unclean_ends(driven.supervisor, driven.process_faults)
     try:
         results = evaluate(
             prepared,
@@ -271,7 +272,7 @@ def _report(
             folder.output if options.record else None,
             collect_run_information(),
             driven.result.wall_time_s,
-            unclean_ends(driven.supervisor, driven.process_faults),
+            unclean,
             tuple(driven.monitor.warnings),
         )
         if options.against != NO_COMPARISON:
@@ -279,7 +280,8 @@ def _report(
                 comparison = drive_comparison(prepared, options.against)
             results = replace(results, comparison=comparison)
     except IptmError as error:
-        errors.print(f"run_closed_loop: {error}", markup=False, highlight=False, soft_wrap=True)
+        text = "; ".join((str(error), *unclean))
+        errors.print(f"run_closed_loop: {text}", markup=False, highlight=False, soft_wrap=True)
         return EXIT_RUN_FAILED
     folder.results.write_text(results_json(results), encoding="utf-8")
     if options.picture:
