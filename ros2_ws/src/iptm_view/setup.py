@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numpy>=1.24", "PyYAML>=6.0"],
+    install_requires=["setuptools", "numpy>=1.24", "PyYAML>=6.0", "rosbags>=0.11"],
     # Both are loaded only where they are used; the page works without.
     extras_require={
         "test": ["pytest"],
