@@ -17,7 +17,7 @@ from iptm_reproduction.runs import Results
 
 WIDTH_INCH = 7.6
 DPI = 105
-MOST_BYTES = 150_000
+MOST_BYTES = 200_000
 
 STRATEGY_COLOURS = {
     "reference": "#555555",

@@ -90,7 +90,6 @@ def cold_days_table(results: Results) -> Table:
         rows.append(
             (
                 Cell(run.route.name),
-                Cell(words(slope)),
                 Cell(words(day), strong=run.address == warm),
                 *change_cells(results, run.address, warm, (fig.MOTOR_TRACTION,)),
                 Cell(f"{1e-3 * below_j:.1f}"),
@@ -102,7 +101,6 @@ def cold_days_table(results: Results) -> Table:
         "The default controller on cold days",
         (
             "trip",
-            "slope",
             "air and cells first",
             fig.MOTOR_TRACTION.title,
             "Compressor while both cells are below T_b,min [kJ]",
