@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.harness import formatted_table, run_benchmark
+from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.state import FloatArray
+from iptm_traffic.drive import TrafficDrive, TrafficKnowledge
+from iptm_traffic.preparation import prepare_traffic
 from iptm_v2x_bridge.messages.cam_codec import decode_datagram
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.knowledge import knowledge_of
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
 from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.signals import BoundedBySignals
 from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits, SpeedLimits
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.sending.sender import CamSender
@@ -32,6 +37,9 @@ HISTORY_MS = 1000
 EARLIER_DRIVES = 5
 LIMITS_KM_H = (30.0, 50.0, 70.0, 100.0, 130.0)
 LIMIT_LENGTH_M = 500.0
+SHORTEST_STAY_S = 180.0
+"""Stay of a car on the corridor that is worth looking at."""
+IN_TRAFFIC_EVERY_S = 10.0
 
 
 def knowledge_at(sender: CamSender, road: RoadLine, time_ms: int) -> Knowledge:
@@ -83,33 +91,71 @@ def limits_of(motion: LeaderMotion) -> SpeedLimits:
     return SpeedLimits(starts, choices[above])
 
 
-def errors(cycle: str, every_s: float) -> dict[PredictorName, list[dict[str, FloatArray]]]:
-    """Return speed and position errors (predicted less true) of each predictor at `LEADS_S`."""
+Case = tuple[PredictorName, LeaderMotion, Predictor]
+"""Who foretells, and what the leader is going to do."""
+
+
+def on_cycle(cycle: str) -> list[Case]:
+    """Return the predictors that need no traffic, each with the drive of a leader."""
     source = np.random.default_rng(1)
     planned = build_route(cycle, initial_gap_m=15.0).leader
     earlier = [other_drive(planned, source) for _ in range(EARLIER_DRIVES)]
     driven = other_drive(planned, source)
-    road = RoadLine.test_road()
-    predictors: Mapping[PredictorName, tuple[LeaderMotion, Predictor]] = {
-        PredictorName.RECEIVED_PATH: (planned, ReceivedPath()),
-        PredictorName.LEARNT_PROFILE: (
-            driven,
-            LearntProfile([(drive.positions_m, drive.speeds_m_s) for drive in earlier]),
-        ),
-        PredictorName.SPEED_LIMITS: (planned, BoundedBySpeedLimits(History(), limits_of(planned))),
-        PredictorName.HISTORY: (planned, History()),
-    }
-    found: dict[PredictorName, list[dict[str, FloatArray]]] = {name: [] for name in predictors}
+    learnt = LearntProfile([(drive.positions_m, drive.speeds_m_s) for drive in earlier])
+    limited = BoundedBySpeedLimits(History(), limits_of(planned))
+    return [
+        (PredictorName.RECEIVED_PATH, planned, ReceivedPath()),
+        (PredictorName.LEARNT_PROFILE, driven, learnt),
+        (PredictorName.SPEED_LIMITS, planned, limited),
+        (PredictorName.HISTORY, planned, History()),
+    ]
+
+
+def in_traffic(duration_s: float) -> tuple[list[Case], RoadLine]:
+    """Return signals and history on cars that stay long on a simulated corridor, and the road of that.
+
+    Raises:
+        IptmError: SUMO is not installed or fails.
+    """
+    drive = TrafficDrive(knowledge=TrafficKnowledge.PATH, duration_s=duration_s)
+    with tempfile.TemporaryDirectory() as folder:
+        made = prepare_traffic(drive, load_parameters().values, Path(folder))
+    network, road = made.network, made.network.road.road_line()
+    bounded = BoundedBySignals(History(), network.limits, network.plan)
+    cases: list[Case] = []
+    for seen in (made.rehearsal or {}).values():
+        if seen.times_s[-1] - seen.times_s[0] >= SHORTEST_STAY_S:
+            speeds = np.maximum(np.gradient(seen.positions_m, seen.times_s), 0.0)
+            speeds[-1] = 0.0  # as a motion ends; nothing is asked about the last minute
+            motion = LeaderMotion(seen.times_s, speeds, float(seen.positions_m[0]))
+            cases.append((PredictorName.SIGNALS, motion, bounded))
+            cases.append((PredictorName.HISTORY, motion, History()))
+    return cases, road
+
+
+def errors(
+    cases: list[Case], road: RoadLine, every_s: float, until_before_end_s: float = 1.0
+) -> dict[PredictorName, list[dict[str, FloatArray]]]:
+    """Return speed and position errors (predicted less true) of each predictor at `LEADS_S`.
+
+    Args:
+        cases: who foretells whom.
+        road: the road that the messages are projected onto.
+        every_s: time between two predictions.
+        until_before_end_s: the last prediction is made so long before the end of a drive.
+    """
+    found: dict[PredictorName, list[dict[str, FloatArray]]] = {}
     leads = np.array(LEADS_S)
-    for name, (motion, predictor) in predictors.items():
+    for name, motion, predictor in cases:
         sender = CamSender(motion, road, SenderSettings())
-        for time_s in np.arange(0.5, motion.times_s[-1] - 1.0, every_s):  # between the samples
+        first_s = motion.times_s[0] + 1.5  # a second of messages, and between the samples
+        for time_s in np.arange(first_s, motion.times_s[-1] - until_before_end_s, every_s):
             known = knowledge_at(sender, road, round(1000.0 * time_s))
             times = time_s + leads
             told = predictor.predict(known, times)
             if told is None or told.times_s.size < times.size:
                 continue
-            found[name].append(
+            found.setdefault(name, []).append(
                 {
                     "speed": told.speeds_m_s - motion.speeds_at(times),
                     "position": told.positions_m - motion.positions_at(times),
@@ -119,17 +165,34 @@ def errors(cycle: str, every_s: float) -> dict[PredictorName, list[dict[str, Flo
     return found
 
 
-def measure(every_s: float = 3.0, cycle: tuple[str, ...] = NOT_FITTED_ON) -> dict[str, Any]:
+def measure(
+    every_s: float = 3.0, cycle: tuple[str, ...] = NOT_FITTED_ON, traffic_s: float = 600.0
+) -> dict[str, Any]:
     """Measure all predictors.
 
     Args:
         every_s: time between two predictions, s.
         cycle: driving cycle, may be repeated.
+        traffic_s: length of the simulated traffic in which signals are looked at, s; 0 leaves it out.
     """
+    road = RoadLine.test_road()
+    everything = [errors(on_cycle(name), road, every_s) for name in cycle]
+    numbers = {"cycles": list(cycle), "rows": _rows(everything)}
+    if traffic_s > 0.0:
+        cases, corridor = in_traffic(traffic_s)
+        numbers["traffic_rows"] = _rows([errors(cases, corridor, IN_TRAFFIC_EVERY_S, LEADS_S[-1])])
+        numbers["cars"] = len(cases) // 2
+    return numbers
+
+
+def _rows(
+    everything: list[dict[PredictorName, list[dict[str, FloatArray]]]],
+) -> list[dict[str, Any]]:
     rows = []
-    everything = [errors(name, every_s) for name in cycle]
     for name in PredictorName:
-        cases = [case for found in everything for case in found[name]]
+        cases = [case for found in everything for case in found.get(name, ())]
+        if not cases:
+            continue
         speed, position, bound = (
             np.array([case[what] for case in cases]) for what in ("speed", "position", "bound")
         )
@@ -149,7 +212,7 @@ def measure(every_s: float = 3.0, cycle: tuple[str, ...] = NOT_FITTED_ON) -> dic
                     "predictions": len(cases),
                 }
             )
-    return {"cycles": list(cycle), "rows": rows}
+    return rows
 
 
 COLUMNS = {
@@ -166,7 +229,11 @@ COLUMNS = {
 
 def as_table(numbers: dict[str, Any]) -> str:
     """Return the numbers as a table in Markdown."""
-    return f"Cycles: {', '.join(numbers['cycles'])}\n\n" + formatted_table(numbers["rows"], COLUMNS)
+    text = f"Cycles: {', '.join(numbers['cycles'])}\n\n" + formatted_table(numbers["rows"], COLUMNS)
+    if "cars" in numbers:
+        text += f"\n\nIn simulated traffic with signals, {numbers['cars']} cars:\n\n"
+        text += formatted_table(numbers["traffic_rows"], COLUMNS)
+    return text
 
 
 if __name__ == "__main__":
