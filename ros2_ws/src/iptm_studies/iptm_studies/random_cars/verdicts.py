@@ -86,7 +86,8 @@ REQUIREMENTS: Mapping[str, Requirement] = {
     ),
     "cold_compressor": Requirement(
         "Compressor in the cold",
-        "energy of the compressor in intervals that begin with both cells below T_b,min",
+        "energy of the compressor in intervals that begin with both cells below T_b,min, "
+        f"later than {RECOVERY_TICKS} ticks after each fault: some say that the cells are hot",
         "kJ",
         COLD_COMPRESSOR_KJ,
     ),
@@ -197,7 +198,8 @@ def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgemen
         if check.violations
     )
 
-    energy_j = cold_compressor_energies_j(trip, parameters)
+    unexplained = ~_explained_by_faults(trip, trip.time_s, spec.faults)
+    energy_j = cold_compressor_energies_j(trip, parameters) * unexplained
     amounts["cold_compressor"] = 1e-3 * float(energy_j.sum())
     if amounts["cold_compressor"] > COLD_COMPRESSOR_KJ:
         running = energy_j > 1.0
@@ -266,16 +268,24 @@ def _rungs_after_faults(run: Run, faults: Iterable[Fault]) -> dict[Rung, Counter
     if run.decisions is None:
         return found
     decisions = run.decisions
-    explained = np.zeros(len(decisions), dtype=bool)
-    for fault in faults:
-        until_s = fault.end_s + RECOVERY_TICKS * float(run.trajectory.intervals_s[0])
-        explained |= (fault.start_s <= decisions.time_s) & (decisions.time_s <= until_s)
+    explained = _explained_by_faults(run.trajectory, decisions.time_s, faults)
     ticks = zip(decisions.rung.tolist(), decisions.status.tolist(), explained.tolist(), strict=True)
     for number, status, is_explained in ticks:
         rung = Rung(number)
         if rung is not Rung.OPTIMAL and (rung is Rung.EMERGENCY_BRAKING or not is_explained):
             found.setdefault(rung, Counter())[rung, SolveStatus(status)] += 1
     return found
+
+
+def _explained_by_faults(
+    trip: Trajectory, times_s: FloatArray, faults: Iterable[Fault]
+) -> BoolArray:
+    """Return which instants lie in a fault, or so soon after it that the car may still recover."""
+    explained: BoolArray = np.zeros(times_s.size, dtype=bool)
+    for fault in faults:
+        until_s = fault.end_s + RECOVERY_TICKS * float(trip.intervals_s[0])
+        explained |= (fault.start_s <= times_s) & (times_s <= until_s)
+    return explained
 
 
 def _unforeseen(run: Run, margins_m: FloatArray) -> BoolArray:
