@@ -11,55 +11,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from tests.iptm_core.made_runs import PARAMETERS, make_run
 
 from iptm_core.errors import StateError
 from iptm_core.metrics import (
     FIGURES,
     TRIP_FIGURES,
-    ConstraintCheck,
     RunMetrics,
-    check_constraints,
-    cold_compressor_energies_j,
     compute_metrics,
     figure_values,
 )
-from iptm_core.parameters import load_parameters
-from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-
-PARAMETERS = load_parameters(
-    overrides={
-        "gap.standstill_gap_m": 5.0,
-        "gap.time_headway_s": 1.5,
-        "gap.max_gap_m": 120.0,
-        "limits.min_acceleration_m_s2": -2.0,
-        "limits.max_acceleration_m_s2": 2.0,
-        "limits.max_jerk_m_s3": 0.5,
-        "limits.max_compressor_power_w": 4500.0,
-        "limits.max_compressor_rate_w_s": 200.0,
-        "limits.max_speed_m_s": 37.5,
-        "limits.min_temperature_k": 298.15,
-        "limits.max_temperature_k": 313.15,
-    }
-).values
-
-
-def make_run(rows: int = 4, /, **columns: object) -> Trajectory:
-    """A calm run at standstill behind a standing leader, with the given columns replaced."""
-    calm = dict.fromkeys(TRAJECTORY_COLUMNS, np.zeros(rows))
-    calm["time_s"] = np.arange(float(rows))
-    calm["leader_position_m"] = np.full(rows, 15.0)
-    for name in TRAJECTORY_COLUMNS:
-        if name.endswith("temperature_k"):
-            calm[name] = np.full(rows, 303.15)
-    return Trajectory.from_arrays({**calm, **columns})  # type: ignore[dict-item]
+from iptm_core.trajectory import Trajectory
 
 
 def _metrics(run: Trajectory) -> RunMetrics:
     return compute_metrics(run, PARAMETERS)
-
-
-def _check(run: Trajectory, key: str) -> ConstraintCheck:
-    return next(check for check in check_constraints(run, PARAMETERS) if check.key == key)
 
 
 def test_energies_sum_interval_means_and_ignore_row_0() -> None:
@@ -143,100 +109,6 @@ def test_temperatures_are_averaged_over_time() -> None:
     assert (heat.spread_k.minimum, heat.spread_k.maximum) == (1.0, 3.0)
     assert heat.spread_k.mean == pytest.approx((2.0 * 1 + 2.0 * 3) / 4)
     assert heat.coolant_outlet_k.mean == pytest.approx(303.15)
-
-
-def test_the_compressor_in_the_cold_is_counted_from_what_both_cells_were_before() -> None:
-    run = make_run(
-        time_s=np.array([0.0, 1.0, 3.0, 4.0]),
-        compressor_power_w=np.array([900.0, 100.0, 200.0, 400.0]),
-        cell_1_temperature_k=np.array([290.0, 290.0, 290.0, 290.0]),
-        cell_n_temperature_k=np.array([290.0, 298.0, 299.0, 299.0]),
-    )
-    assert cold_compressor_energies_j(run, PARAMETERS).tolist() == [0.0, 100.0, 400.0, 0.0]
-
-
-def test_calm_run_keeps_every_limit() -> None:
-    for check in check_constraints(make_run(), PARAMETERS):
-        assert (check.violations, check.worst_excess, check.worst_time_s) == (0, 0.0, None), check
-
-
-def test_hard_limits_come_first_and_keys_are_unique() -> None:
-    checks = check_constraints(make_run(), PARAMETERS)
-    assert [check.key for check in checks] == [
-        "acceleration",
-        "acceleration_step",
-        "compressor_power",
-        "compressor_power_step",
-        "collision",
-        "speed",
-        "smallest_gap",
-        "largest_gap",
-        "cell_1_temperature",
-        "cell_n_temperature",
-        "coolant_outlet_temperature",
-    ]
-    assert [check.hard for check in checks] == [True] * 5 + [False] * 6
-
-
-# key, columns that break it in rows 2 and 3 (worst in row 3), worst excess
-BROKEN: list[tuple[str, dict[str, list[float]], float]] = [
-    ("acceleration", {"acceleration_m_s2": [0, 0, 2.1, 2.5]}, 0.5),
-    ("acceleration", {"acceleration_m_s2": [0, 0, -2.1, -2.5]}, 0.5),
-    ("acceleration_step", {"acceleration_m_s2": [0, 0.5, -0.1, 0.8]}, 0.4),
-    ("acceleration_step", {"time_s": [0, 2, 3, 3.5], "acceleration_m_s2": [0, 1, 1.6, 2]}, 0.15),
-    ("compressor_power", {"compressor_power_w": [0, 0, 4501, 4600]}, 100.0),
-    ("compressor_power", {"compressor_power_w": [0, 0, -1, -2]}, 2.0),
-    ("compressor_power_step", {"compressor_power_w": [0, 200, -10, 300]}, 110.0),
-    ("collision", {"leader_position_m": [15, 0, -0.5, -1]}, 1.0),
-    ("speed", {"speed_m_s": [0, 37.5, 38, 38.5]}, 1.0),
-    ("speed", {"speed_m_s": [0, 0, -0.5, -1]}, 1.0),
-    ("smallest_gap", {"leader_position_m": [15, 5, 4, 3]}, 2.0),
-    ("largest_gap", {"leader_position_m": [15, 120, 121, 125]}, 5.0),
-    ("cell_1_temperature", {"cell_1_temperature_k": [300, 313.15, 313.65, 315.15]}, 2.0),
-    ("cell_n_temperature", {"cell_n_temperature_k": [300, 298.15, 297.65, 297.15]}, 1.0),
-    ("coolant_outlet_temperature", {"coolant_outlet_temperature_k": [300, 300, 314, 318.15]}, 5.0),
-]
-
-
-@pytest.mark.parametrize(("key", "columns", "worst"), BROKEN)
-def test_broken_limits_are_counted_with_the_worst_excess(
-    key: str, columns: dict[str, list[float]], worst: float
-) -> None:
-    check = _check(make_run(**columns), key)
-    assert check.violations == 2
-    assert check.worst_excess == pytest.approx(worst)
-    assert check.worst_time_s == make_run(**columns).time_s[3]
-
-
-# key, column, values exactly at the limit, direction that breaks it in the last row
-AT_LIMIT: list[tuple[str, str, list[float], float]] = [
-    ("acceleration", "acceleration_m_s2", [2, 2, 2, 2], 1),
-    ("acceleration_step", "acceleration_m_s2", [0, 0, 0, -0.5], -1),
-    ("compressor_power", "compressor_power_w", [0, 0, 0, 0], -1),
-    ("compressor_power_step", "compressor_power_w", [0, 0, 0, 200], 1),
-    ("speed", "speed_m_s", [0, 0, 0, 37.5], 1),
-    ("smallest_gap", "leader_position_m", [5, 5, 5, 5], -1),
-    ("largest_gap", "leader_position_m", [120, 120, 120, 120], 1),
-    ("cell_1_temperature", "cell_1_temperature_k", [300, 300, 300, 313.15], 1),
-    ("cell_n_temperature", "cell_n_temperature_k", [300, 300, 300, 298.15], -1),
-    ("coolant_outlet_temperature", "coolant_outlet_temperature_k", [300, 300, 300, 313.15], 1),
-]
-
-
-@pytest.mark.parametrize(("key", "column", "values", "direction"), AT_LIMIT)
-def test_excess_within_the_tolerance_is_shown_but_not_counted(
-    key: str, column: str, values: list[float], direction: float
-) -> None:
-    tolerance = _check(make_run(), key).tolerance
-    for factor, violations in [(0.0, 0), (0.9, 0), (1.1, 1)]:
-        last = values[-1] + direction * factor * tolerance
-        check = _check(make_run(**{column: [*values[:-1], last]}), key)
-        assert check.violations == violations
-        assert check.worst_excess == pytest.approx(factor * tolerance, abs=1e-6 * tolerance)
-
-
-def test_touching_is_no_collision() -> None:
-    assert _check(make_run(leader_position_m=[1, 1, 1, 0]), "collision").violations == 0
 
 
 def test_run_metrics_gather_everything() -> None:
@@ -336,24 +208,3 @@ def test_limits_come_from_the_parameters() -> None:
     tight = replace(PARAMETERS, gap=replace(PARAMETERS.gap, max_gap_m=80.0))
     assert compute_metrics(run, PARAMETERS).soft_violations == 0
     assert compute_metrics(run, tight).soft_violations == 4
-
-
-def test_a_halt_breaks_no_limit_of_jerk() -> None:
-    """At standstill the deceleration is gone at once; a moving vehicle cannot do that."""
-    braking = [0.0, -0.4, -0.8, 0.0]
-    halt = make_run(speed_m_s=[1.2, 1.0, 0.4, 0.0], acceleration_m_s2=braking)
-    assert _check(halt, "acceleration_step").violations == 0
-    rolling = make_run(speed_m_s=[1.2, 1.0, 0.4, 0.4], acceleration_m_s2=braking)
-    assert _check(rolling, "acceleration_step").violations == 1
-
-
-def test_the_top_speed_breaks_no_limit_of_jerk() -> None:
-    """Where the drive holds the top speed the acceleration is gone at once; below it cannot be."""
-    top = PARAMETERS.limits.max_speed_m_s
-    speeding = [0.8, 0.8, 0.8, 0.0]
-    held = make_run(speed_m_s=[top - 2.0, top - 1.2, top - 0.4, top], acceleration_m_s2=speeding)
-    assert _check(held, "acceleration_step").violations == 0
-    below = make_run(
-        speed_m_s=[top - 3.0, top - 2.2, top - 1.4, top - 1], acceleration_m_s2=speeding
-    )
-    assert _check(below, "acceleration_step").violations == 1

@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from iptm_core.errors import ScenarioError
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.state import FloatArray
 
 BLOCK_M = 1100.0
@@ -54,7 +55,7 @@ class Corridor:
     @classmethod
     def long_enough_for(cls, duration_s: float) -> Corridor:
         """Return a corridor that lasts a trip of some duration at the lowest of its speed limits."""
-        needed = math.ceil(duration_s * min(LIMITS_KM_H) / 3.6 / BLOCK_M) + 1
+        needed = math.ceil(duration_s * min(LIMITS_KM_H) / KM_H_PER_M_S / BLOCK_M) + 1
         return cls(max(MIN_BLOCKS, needed))
 
     @property
@@ -74,7 +75,7 @@ class Corridor:
 
     def limit_m_s(self, block: int) -> float:
         """Return the speed limit of a block."""
-        return LIMITS_KM_H[block % len(LIMITS_KM_H)] / 3.6
+        return LIMITS_KM_H[block % len(LIMITS_KM_H)] / KM_H_PER_M_S
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Write nodes and edges as plain XML and return the two files."""
@@ -92,7 +93,13 @@ class Corridor:
                         ("in", (f"{side}_{number}", name)),
                         ("out", (name, f"{side}_{number}")),
                     ):
-                        _edge(edges, f"{side}_{way}_{number}", ends, 1, CROSS_LIMIT_KM_H / 3.6)
+                        _edge(
+                            edges,
+                            f"{side}_{way}_{number}",
+                            ends,
+                            1,
+                            CROSS_LIMIT_KM_H / KM_H_PER_M_S,
+                        )
         for block in range(self.blocks):
             inside = np.arange(_POINT_SPACING_M, BLOCK_M, _POINT_SPACING_M) + block * BLOCK_M
             ends = (junctions[block], junctions[block + 1])

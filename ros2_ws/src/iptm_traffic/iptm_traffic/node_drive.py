@@ -21,6 +21,7 @@ from rich.table import Table
 
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.routes.route import build_route
 from iptm_core.settings import PreviewSettings
@@ -58,7 +59,7 @@ def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[
         "leader_keeps_rules": knows_plan,
         "line_foresight_s": PreviewSettings.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,
         "speed_limits_km_h": ", ".join(
-            f"{start_m:.9g}:{3.6 * limit:.9g}"
+            f"{start_m:.9g}:{KM_H_PER_M_S * limit:.9g}"
             for start_m, limit in zip(limits.starts_m, limits.limits_m_s, strict=True)
         ),
         "signals": ", ".join(
