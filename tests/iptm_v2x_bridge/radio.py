@@ -11,7 +11,6 @@ from iptm_v2x_bridge.messages.cam_codec import encode_cam
 from iptm_v2x_bridge.sending.sender import car_on_road
 
 ROAD = RoadLine.test_road()
-NS_PER_MS = 1_000_000
 
 
 def station(

@@ -2,3 +2,5 @@
 
 NS_PER_S = 1_000_000_000
 """Nanoseconds in a second."""
+NS_PER_MS = 1_000_000
+"""Nanoseconds in a millisecond."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import socket
 
 import numpy as np
 from nav_msgs.msg import Odometry
@@ -22,12 +21,15 @@ from iptm_traffic.events import Director, LeaderWatch, LineWatch
 from iptm_traffic.radio import TrafficRadio
 from iptm_traffic.simulation import HostInstant, TrafficSimulation
 from iptm_v2x_bridge.messages.cam_codec import specification
-from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+from iptm_v2x_bridge.sending.datagram_sender import (
+    NOT_ALL_SENT,
+    REPEAT_PERIOD_S,
+    DatagramSender,
+)
 
 NAME = "traffic"
 LISTENERS = 2
 """Subscriptions to odometry and clock that the plant finds more than without traffic, beside the bridge's."""
-REPEAT_PERIOD_S = 0.2
 _LOCALHOST = "127.0.0.1"
 
 
@@ -69,13 +71,11 @@ class TrafficNode(SuiteNode):
         self.ahead, self.lines = LeaderWatch(simulation), LineWatch(simulation.network.plan)
         self.gaps_m: list[float] = []
         self.margins_m: list[float] = []
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._target = (_LOCALHOST, to_port)
+        self._datagrams = DatagramSender(_LOCALHOST, to_port)
         self._host: HostInstant | None = None
-        self._ended: EndOfTick | None = None
         specification()  # compiled now, not at the first tick, which others wait for
         self._reporter = DiagnosticsReporter.of_node(self, NAME)
-        self.every(REPEAT_PERIOD_S, self._repeat_end)
+        self.every(REPEAT_PERIOD_S, self._datagrams.repeat_end)
         self.every(REPORT_PERIOD_S, self._report)
         self.listen(Topic.PLANT_ODOMETRY, self._on_host)
         # Only to be counted: the plant waits for as many peers on the clock as on the odometry, and the
@@ -102,9 +102,8 @@ class TrafficNode(SuiteNode):
             self._simulation.move_host(host, host.time_s - before.time_s)
         self._host = host
         for _, datagram in self._radio.take():
-            self._send(datagram)
-        self._ended = EndOfTick(time_ns, self._radio.sent)
-        self._repeat_end()
+            self._datagrams.send(datagram)
+        self._datagrams.end_tick(time_ns)
         self._look_ahead(host)
 
     def _look_ahead(self, host: HostInstant) -> None:
@@ -123,32 +122,23 @@ class TrafficNode(SuiteNode):
         """Smallest gap less s_min behind a car that did not just move in; infinite without any."""
         return float(np.min(np.array(self.margins_m)[self.ahead.counted], initial=math.inf))
 
-    def _repeat_end(self) -> None:
-        if self._ended is not None:
-            self._send(self._ended.encode())
-
-    def _send(self, datagram: bytes) -> None:
-        try:
-            self._socket.sendto(datagram, self._target)
-        except OSError as reason:
-            self.refuse(f"a datagram cannot be sent: {reason}")
-
     def _report(self) -> None:
         host = self._host
         values: dict[str, object] = {
-            "to": f"{self._target[0]}:{self._target[1]}",
-            "sent": self._radio.sent,
+            **self._datagrams.report(),
             "leader": self.ahead.names[-1] if self.ahead.names else "none",
             "largest_deviation_m": self._simulation.largest_deviation_m,
         }
         level, reason = Level.OK, "the traffic follows the plant"
         if host is None:
             level, reason = Level.WARN, "waiting for the plant"
+        elif self._datagrams.failed:
+            level, reason = Level.WARN, NOT_ALL_SENT
         self._reporter.report(
             0 if host is None else round(host.time_s * NS_PER_S), level, reason, values
         )
 
     def destroy_node(self) -> None:
         """Give the socket back, too."""
-        self._socket.close()
+        self._datagrams.close()
         super().destroy_node()

@@ -13,7 +13,7 @@ import numpy as np
 
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.state import FloatArray
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.trip_time import NS_PER_MS, NS_PER_S
 from iptm_traffic.network import HostRoad, step_deg
 from iptm_traffic.simulation import Neighbours, TrafficSimulation
 from iptm_v2x_bridge.messages.cam import PASSENGER_CAR, CamMessage, PredictedPath
@@ -111,7 +111,7 @@ class TrafficRadio:
     def take(self) -> list[tuple[int, bytes]]:
         """Return the datagrams since the last call, with the trip times at which they were sent, in ns."""
         taken = [
-            (sent_ns, self.datagram(message, sent_ns // 10**6))
+            (sent_ns, self.datagram(message, sent_ns // NS_PER_MS))
             for sent_ns, around, host_m in self._pending
             for message in self.messages(around, host_m)
         ]

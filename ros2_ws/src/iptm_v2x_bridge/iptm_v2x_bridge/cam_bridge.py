@@ -15,7 +15,7 @@ import numpy as np
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.trip_time import NS_PER_MS, NS_PER_S
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.messages.cam_codec import decode_datagram
 from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
@@ -38,7 +38,6 @@ HOLD_BEFORE_OTHER_MS = 10_000
 """... and only for so long where another one is heard farther ahead."""
 SAME_CAR_MS = 1000
 """A station first heard no earlier than this before the leader fell silent may be its new identity."""
-_NS_PER_MS = 1_000_000
 
 
 class CamBridge:
@@ -108,7 +107,7 @@ class CamBridge:
         self._unread.add(Rejection.OVERFLOW, datagrams)
 
     def _timestamp_ms(self, time_ns: int) -> int:
-        return self._start_ms + time_ns // _NS_PER_MS
+        return self._start_ms + time_ns // NS_PER_MS
 
     def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
         """Return the answer to one tick.
@@ -155,7 +154,7 @@ class CamBridge:
         known = knowledge_of(leader, self._road)
         now_s = time_ns / NS_PER_S
         # A sender's clock that is a little ahead must not put the generation into the future.
-        generated_ns = min((leader.generated_ms - self._start_ms) * _NS_PER_MS, time_ns)
+        generated_ns = min((leader.generated_ms - self._start_ms) * NS_PER_MS, time_ns)
         # Once a second since then, so that the farthest place reached meanwhile is not forgotten.
         since = np.arange(generated_ns, max(time_ns, generated_ns + 1), NS_PER_S) / NS_PER_S
         nodes = np.union1d(since, preview_times_s(self._settings, time_ns))

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from nav_msgs.msg import Odometry
 
 from iptm_core.state import SlopePreview
+from iptm_core.trip_time import NS_PER_MS
 from iptm_interfaces.codecs import encode_raw_datagram, ns_from_time
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
@@ -24,7 +25,6 @@ from iptm_v2x_bridge.source import CycleSource
 
 READ_PERIOD_S = 0.005
 _KEPT_HOST_STATES = 16
-_NS_PER_MS = 1_000_000
 
 
 class CamAnswers:
@@ -84,7 +84,7 @@ class CamAnswers:
     def _on_read_timer(self) -> None:
         if self._bridge is not None and self._by_wall_clock:
             passed_ms = its_timestamp_ms(time.time_ns()) - self._start_ms
-            self._read(self._bridge, max(passed_ms * _NS_PER_MS, self._last_ns))
+            self._read(self._bridge, max(passed_ms * NS_PER_MS, self._last_ns))
         self._retry()
 
     def answer(self, time_ns: int) -> BridgeAnswer | None:
@@ -142,7 +142,7 @@ class CamAnswers:
 
     def _publish(self, datagram: bytes, received_ns: int) -> None:
         if self._publisher is not None:
-            its_ns = self._start_ms * _NS_PER_MS + received_ns
+            its_ns = self._start_ms * NS_PER_MS + received_ns
             self._publisher.publish(encode_raw_datagram(datagram, its_ns))
 
     def missing(self) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from iptm_core.errors import BagError
+from iptm_core.trip_time import NS_PER_MS
 from iptm_interfaces.codecs import decode_raw_datagram
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_v2x_bridge.captures import CAPTURE_SUFFIXES, read_capture
@@ -22,8 +23,6 @@ from iptm_v2x_bridge.radio_recording import (
     recording_with_marks,
 )
 from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
-
-_NS_PER_MS = 1_000_000
 
 
 class DatagramSource(Protocol):
@@ -98,7 +97,7 @@ class _SocketSource:
     def begin_trip(self, time_ns: int) -> int:
         if self._given_start_ms >= 0:
             return self._given_start_ms
-        return its_timestamp_ms(time.time_ns()) - time_ns // _NS_PER_MS
+        return its_timestamp_ms(time.time_ns()) - time_ns // NS_PER_MS
 
     def take(self, after_ns: int | None, until_ns: int) -> list[Reception]:  # noqa: ARG002
         if not self._lock_step:

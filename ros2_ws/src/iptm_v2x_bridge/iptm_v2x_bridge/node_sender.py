@@ -9,6 +9,7 @@ import time
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.errors import ParameterError
+from iptm_core.trip_time import NS_PER_MS
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
@@ -19,12 +20,15 @@ from iptm_v2x_bridge.messages.cam_codec import specification
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.node_host_ticks import HostTicks
 from iptm_v2x_bridge.node_parameters import SenderNodeParameters, SentDrive
-from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+from iptm_v2x_bridge.sending.datagram_sender import (
+    NOT_ALL_SENT,
+    REPEAT_PERIOD_S,
+    DatagramSender,
+)
 from iptm_v2x_bridge.sending.plan_sender import HostTick, PlanSender
 from iptm_v2x_bridge.sending.sender import CamSender
 
 WALL_PERIOD_S = 0.01
-REPEAT_PERIOD_S = 0.2
 
 
 class SenderNode(SuiteNode):
@@ -41,19 +45,15 @@ class SenderNode(SuiteNode):
         self.reject_unknown_parameters()
         options = self._options
         self._route = options.route(options.initial_gap_m)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._target = self._resolved(options)
+        self._datagrams = DatagramSender(self._resolved(options), options.to_port)
         self._sender: CamSender | None = None
-        self._sent = 0
-        self._failed = 0
         self._last_ns: int | None = None
-        self._ended: EndOfTick | None = None
         specification()  # compiled now, not at the first tick, which others wait for
         self._start_ns = time.monotonic_ns()
         self._reporter = DiagnosticsReporter.of_node(self, "messages")
         self.every(REPORT_PERIOD_S, self._report)
         if options.follow_clock:
-            self.every(REPEAT_PERIOD_S, self._repeat_end)
+            self.every(REPEAT_PERIOD_S, self._datagrams.repeat_end)
         self._plan_sender: PlanSender | None = None
         if options.sent_drive is SentDrive.HOST:
             self._host = HostTicks(self, self._on_host)
@@ -64,9 +64,9 @@ class SenderNode(SuiteNode):
         self._report()
 
     @staticmethod
-    def _resolved(options: SenderNodeParameters) -> tuple[str, int]:
+    def _resolved(options: SenderNodeParameters) -> str:
         try:
-            return socket.gethostbyname(options.to_address), options.to_port
+            return socket.gethostbyname(options.to_address)
         except (OSError, UnicodeError) as reason:
             raise ParameterError(
                 f"to_address is {options.to_address!r} ({reason}); allowed: an address or name of a computer"
@@ -77,37 +77,35 @@ class SenderNode(SuiteNode):
         if time_ns < 0 or not self._options.is_tick(time_ns):
             return
         self._send_until(time_ns)
-        self._ended = EndOfTick(time_ns, self._sent)
-        self._repeat_end()
+        self._datagrams.end_tick(time_ns)
 
     def _on_host(self, tick: HostTick) -> None:
         if self._last_ns is not None and tick.time_ns <= self._last_ns:
             if tick.time_ns == self._last_ns:
                 return  # a state that was repeated, and answered again
-            self._sent, self._plan_sender = 0, None  # a new trip
+            self._plan_sender = None  # a new trip
+            self._datagrams.begin_trip()
         options = self._options
         sender = self._plan_sender = self._plan_sender or PlanSender(
             self._route.road_line, options, options.initial_gap_m, self._start_ms(tick.time_ns)
         )
         for datagram in sender.arrivals(tick):
-            self._send(datagram)
-            self._sent += 1
+            self._datagrams.send(datagram)
         self._last_ns = tick.time_ns
         if options.follow_clock:
-            self._ended = EndOfTick(tick.time_ns, self._sent)
-            self._repeat_end()
+            self._datagrams.end_tick(tick.time_ns)
 
     def _on_wall_clock(self) -> None:
         self._send_until(time.monotonic_ns() - self._start_ns)
 
     def _send_until(self, time_ns: int) -> None:
         if self._last_ns is not None and time_ns < self._last_ns:
-            self._last_ns, self._sent, self._sender = None, 0, None  # a new trip
+            self._last_ns, self._sender = None, None  # a new trip
+            self._datagrams.begin_trip()
         sender = self._sender or self._start(time_ns)
         after_ns = -(10**12) if self._last_ns is None else self._last_ns
         for _, datagram in sender.arrivals(after_ns, time_ns):
-            self._send(datagram)
-            self._sent += 1
+            self._datagrams.send(datagram)
         self._last_ns = time_ns
 
     def _start(self, time_ns: int) -> CamSender:
@@ -120,39 +118,26 @@ class SenderNode(SuiteNode):
         """Return the TimestampIts of trip time 0, the present being a trip time."""
         start_ms = self._options.trip_start_timestamp_ms
         if start_ms < 0:
-            start_ms = its_timestamp_ms(time.time_ns()) - time_ns // 1_000_000
+            start_ms = its_timestamp_ms(time.time_ns()) - time_ns // NS_PER_MS
         return start_ms
-
-    def _repeat_end(self) -> None:
-        if self._ended is not None:
-            self._send(self._ended.encode())
-
-    def _send(self, datagram: bytes) -> None:
-        try:
-            self._socket.sendto(datagram, self._target)
-        except OSError:
-            # A full buffer or a network that is down loses datagrams, as a radio does.
-            self._failed += 1
 
     def _report(self) -> None:
         values: dict[str, object] = {
             "sent_drive": self._options.sent_drive.value,
             "cycle": self._options.cycle,
-            "to": f"{self._target[0]}:{self._target[1]}",
-            "sent": self._sent,
-            "not_sent": self._failed,
+            **self._datagrams.report(),
         }
         level, reason = Level.OK, "messages are sent"
         if self._last_ns is None:
             drives = self._options.sent_drive is SentDrive.HOST
             reason = "waiting for a decision" if drives else "waiting for the clock"
-        elif self._failed:
-            level, reason = Level.WARN, "some messages could not be sent"
+        elif self._datagrams.failed:
+            level, reason = Level.WARN, NOT_ALL_SENT
         self._reporter.report(self._last_ns or 0, level, reason, values)
 
     def destroy_node(self) -> None:
         """Give the socket back, too."""
-        self._socket.close()
+        self._datagrams.close()
         super().destroy_node()
 
 

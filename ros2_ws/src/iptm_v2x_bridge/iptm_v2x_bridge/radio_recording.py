@@ -11,11 +11,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from iptm_core.errors import ParameterError
+from iptm_core.trip_time import NS_PER_MS
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
-
-_NS_PER_MS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -124,9 +123,9 @@ def recording_with_marks(
             )
         last_ns = mark.time_ns
         if start_ms is None:
-            start_ms = (its_ns - mark.time_ns) // _NS_PER_MS
+            start_ms = (its_ns - mark.time_ns) // NS_PER_MS
         for heard_ns, data in waiting:
-            own_ns = heard_ns - start_ms * _NS_PER_MS
+            own_ns = heard_ns - start_ms * NS_PER_MS
             at_ns = own_ns if start_timestamp_ms is None else mark.time_ns
             receptions.append(Reception(mark.time_ns, at_ns, data))
         waiting.clear()
@@ -149,6 +148,6 @@ def recording_by_time(
         start_timestamp_ms: TimestampIts at trip time 0; 0 or less begins the trip with the first datagram.
     """
     by_time = sorted(received, key=lambda entry: entry[0])
-    start_ms = start_timestamp_ms if start_timestamp_ms > 0 else by_time[0][0] // _NS_PER_MS
-    trip = [(its_ns - start_ms * _NS_PER_MS, datagram) for its_ns, datagram in by_time]
+    start_ms = start_timestamp_ms if start_timestamp_ms > 0 else by_time[0][0] // NS_PER_MS
+    trip = [(its_ns - start_ms * NS_PER_MS, datagram) for its_ns, datagram in by_time]
     return RadioRecording(start_ms, tuple(Reception(at_ns, at_ns, data) for at_ns, data in trip))

@@ -10,7 +10,7 @@ import numpy as np
 
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.road_line import RoadLine, step_m
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.trip_time import NS_PER_MS, NS_PER_S
 from iptm_v2x_bridge.messages.cam import (
     ASSUMED_LENGTH_M,
     PASSENGER_CAR,
@@ -29,7 +29,6 @@ POSITION_BOUND_M = 0.02
 
 _ACCELERATION_WINDOW_S = 0.2
 _MAX_ACCELERATION_M_S2 = 16.0
-_NS_PER_MS = 1_000_000
 
 
 def car_on_road(
@@ -100,7 +99,7 @@ class CamSender:
         """
         self._motion, self._road, self._settings = motion, road, settings
         self._start_ms = start_timestamp_ms
-        self._period_ns = max(round(NS_PER_S / settings.rate_hz / _NS_PER_MS), 1) * _NS_PER_MS
+        self._period_ns = max(round(NS_PER_S / settings.rate_hz / NS_PER_MS), 1) * NS_PER_MS
         self._first = -round(BEFORE_START_S * NS_PER_S) // self._period_ns
 
     def message_at(self, time_ns: int) -> CamMessage:
@@ -111,7 +110,7 @@ class CamSender:
         return car_on_road(
             self._road,
             settings.station_id,
-            self._start_ms + time_ns // _NS_PER_MS,
+            self._start_ms + time_ns // NS_PER_MS,
             float(self._motion.positions_at(time_s)),
             speed,
             acceleration_m_s2=(speed - speed_before) / _ACCELERATION_WINDOW_S,
@@ -140,7 +139,7 @@ class CamSender:
         if self._settings.framing is Framing.BARE:
             return payload
         position = SenderPosition(
-            timestamp_ms=self._start_ms + time_ns // _NS_PER_MS,
+            timestamp_ms=self._start_ms + time_ns // NS_PER_MS,
             latitude=round(message.latitude_deg * 1e7),
             longitude=round(message.longitude_deg * 1e7),
             speed_cm_s=round(message.speed_m_s * 100.0),
