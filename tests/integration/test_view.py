@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import threading
@@ -86,6 +87,10 @@ def test_a_replay_drives_the_view_as_the_bag_does(
     assert browser.rows[-1][0] == 120.0
     # No node is there to be asked.
     assert browser.documents["facts"]["limits"] is None
+    # It runs in a session of its own, so where sessions share the processor that of the session counts.
+    session = Path(f"/proc/{process.popen.pid}/autogroup")
+    assert os.getpriority(os.PRIO_PROCESS, process.popen.pid) > 0
+    assert not session.exists() or int(session.read_text().split()[-1]) > 0
     assert process.stop(signal.SIGINT) == 0
 
 

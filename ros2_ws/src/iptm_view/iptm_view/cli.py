@@ -8,7 +8,7 @@ import sys
 import time
 import webbrowser
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -209,7 +209,7 @@ def _show_bag(parsed: argparse.Namespace, servers: _Servers, stop: StopRequest) 
 def _show_graph(
     parsed: argparse.Namespace, command: list[str], servers: _Servers, stop: StopRequest
 ) -> None:
-    os.nice(_NICENESS)
+    _let_runs_go_first()
     file = parsed.run_information
     information = None if file is None else load_run_information(file)
     with _ros(command):
@@ -231,6 +231,13 @@ def _show_graph(
             servers.deliver()
         for source in sources:
             source.close()
+
+
+def _let_runs_go_first() -> None:
+    os.nice(_NICENESS)
+    # Where Linux groups processes by session (autogroup), a niceness counts inside a session only.
+    with suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(_NICENESS), encoding="ascii")
 
 
 def _node_in(namespace: str) -> Node:
