@@ -14,6 +14,7 @@ from typing import Any
 from benchmarks.harness import formatted_table, run_benchmark
 from benchmarks.v2x_page import put
 from iptm_core.parameters import load_parameters
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
 from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
@@ -54,7 +55,7 @@ def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
         "smallest_margin_m": result.smallest_margin_m,
         "lines_passed": result.lines_passed,
         "lines_passed_closed": result.lines_passed_closed,
-        "excess_km_h": 3.6 * result.largest_excess_m_s,
+        "excess_km_h": KM_H_PER_M_S * result.largest_excess_m_s,
         "leaders": len(result.leaders),
         "messages": result.messages,
         "fallback_ticks": result.fallback_ticks,

@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.harness import formatted_table, run_benchmark
 from iptm_core.parameters import load_parameters
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.routes import build_route
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
@@ -86,7 +87,7 @@ def limits_of(motion: LeaderMotion) -> SpeedLimits:
     fastest = np.array(
         [motion.speeds_m_s[cells == cell].max(initial=0.0) for cell in range(starts.size)]
     )
-    choices = np.array(LIMITS_KM_H) / 3.6
+    choices = np.array(LIMITS_KM_H) / KM_H_PER_M_S
     above = np.minimum(np.searchsorted(choices, fastest - 0.5), choices.size - 1)
     return SpeedLimits(starts, choices[above])
 

@@ -24,7 +24,7 @@ from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import KINDS
-from iptm_interfaces.services import SERVICES
+from iptm_interfaces.services import MEANINGS
 from iptm_interfaces.topics import (
     HOST_FRAME,
     LEADER_FRAME,
@@ -91,22 +91,14 @@ def _table(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
 
 
 def services_page() -> str:
-    """Every service with its type and what it does."""
+    """Every service and what it does."""
     return (
-        f"# Services\n\n{NOTICE}Names are relative, so that a namespace moves them with the vehicle. The "
-        "answer says in a sentence what was done, or why it was not. How to use them: "
-        "[pause, step and reset](../how-to/README.md#pause-step-and-repeat-a-trip).\n\n"
+        f"# Services\n\n{NOTICE}All are `std_srvs/srv/Trigger`. Names are relative, so that a namespace "
+        "moves them with the vehicle. The answer says in a sentence what was done, or why it was not. "
+        "How to use them: [pause, step and reset](../how-to/README.md#pause-step-and-repeat-a-trip).\n\n"
         + _table(
-            ("service", "type", "server", "what it does"),
-            (
-                (
-                    f"`{s.service.value}`",
-                    f"`std_srvs/{s.service_type.__name__}`",
-                    s.server,
-                    s.meaning,
-                )
-                for s in SERVICES.values()
-            ),
+            ("service", "what it does"),
+            ((f"`{service.value}`", meaning) for service, meaning in MEANINGS.items()),
         )
     )
 

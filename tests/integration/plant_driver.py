@@ -7,11 +7,12 @@ from collections.abc import Callable
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
 
 from iptm_core.state import Command, VehicleState
 from iptm_interfaces.codecs import decode_vehicle_state, encode_command, ns_from_time
 from iptm_interfaces.diagnostics import status_values
-from iptm_interfaces.services import SERVICES, Service
+from iptm_interfaces.services import Service
 from iptm_interfaces.topics import STATE_TOPICS, Topic
 
 MODULE = "iptm_plant_sim.node"
@@ -101,10 +102,9 @@ def start(launcher: Any, *arguments: str, **parameters: object) -> Any:
 
 def call(peer: Any, service: Service) -> Any:
     """Call a service of the suite and return its answer."""
-    kind = SERVICES[service].service_type
-    client = peer.node.create_client(kind, service.value)
+    client = peer.node.create_client(Trigger, service.value)
     peer.wait_until(client.service_is_ready, what=f"{service.value} offered")
-    future = client.call_async(kind.Request())
+    future = client.call_async(Trigger.Request())
     peer.wait_until(future.done, what=f"an answer of {service.value}")
     peer.node.destroy_client(client)
     return future.result()

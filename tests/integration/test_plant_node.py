@@ -11,11 +11,11 @@ import pytest
 from tests.integration.plant_driver import OTHER_TOPICS, Driver, S, lively, start
 
 from iptm_core.parameters import load_parameters
+from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.routes import build_route
 from iptm_core.settings import ThermalModel
 from iptm_core.state import Command, FullChannelState, VehicleState
 from iptm_interfaces.codecs import (
-    decode_battery,
     decode_powers,
     decode_temperature,
     decode_vehicle_state,
@@ -89,17 +89,18 @@ def check_plots(driver: Driver, stamp_ns: int, step: PlantStep) -> None:
     outlet = driver.messages[Topic.PLANT_COOLANT_OUTLET_TEMPERATURE][stamp_ns]
     outlet_k = decode_temperature(Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, outlet)
     assert outlet_k == pytest.approx(step.coolant_outlet_temperature_k, abs=1e-12)
-    battery = decode_battery(driver.messages[Topic.PLANT_BATTERY][stamp_ns])
-    assert battery.pack_current_a == pytest.approx(step.pack_current_a, rel=1e-6)
-    assert battery.pack_voltage_v == pytest.approx(step.pack_voltage_v, rel=1e-6)
-    assert battery.cell_voltages_v[0] == pytest.approx(step.cell_1_voltage_v, rel=1e-6)
-    assert battery.cell_voltages_v[-1] == pytest.approx(step.cell_n_voltage_v, rel=1e-6)
+    battery = driver.messages[Topic.PLANT_BATTERY][stamp_ns]
+    assert battery.current == pytest.approx(-step.pack_current_a, rel=1e-6)
+    assert battery.voltage == pytest.approx(step.pack_voltage_v, rel=1e-6)
+    assert battery.cell_voltage[0] == pytest.approx(step.cell_1_voltage_v, rel=1e-6)
+    assert battery.cell_voltage[-1] == pytest.approx(step.cell_n_voltage_v, rel=1e-6)
     state = step.state
     cells_k = [state.cell_1_temperature_k, state.cell_n_temperature_k]
     if isinstance(state, FullChannelState):
         cells_k = state.cells.temperatures_k.tolist()
-    assert battery.cell_temperatures_k == pytest.approx(cells_k, abs=1e-5)
-    assert len(battery.cell_voltages_v) == len(cells_k)
+    cells_c = [cell_k - CELSIUS_ZERO_K for cell_k in cells_k]
+    assert list(battery.cell_temperature) == pytest.approx(cells_c, abs=1e-5)
+    assert len(battery.cell_voltage) == len(cells_k)
 
 
 def test_waits_for_the_peers_and_says_for_whom(launcher: Any, peer: Any) -> None:

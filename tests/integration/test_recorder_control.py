@@ -11,11 +11,12 @@ from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 
 from iptm_interfaces.codecs import time_from_ns
 from iptm_interfaces.diagnostics import status_values
 from iptm_interfaces.qos import LATCHED_QOS
-from iptm_interfaces.services import SERVICES, Service
+from iptm_interfaces.services import Service
 from iptm_recording.bag_reader import BagReader
 
 S = 10**9
@@ -55,9 +56,9 @@ class Trip:
             )
 
     def call(self, service: Service) -> Any:
-        client = self._peer.node.create_client(SERVICES[service].service_type, service.value)
+        client = self._peer.node.create_client(Trigger, service.value)
         self._peer.wait_until(client.service_is_ready, 60.0, service.value)
-        future = client.call_async(SERVICES[service].service_type.Request())
+        future = client.call_async(Trigger.Request())
         self._peer.wait_until(future.done, 60.0, f"answer of {service.value}")
         return future.result()
 

@@ -22,10 +22,11 @@ from iptm_bringup.composition import (
     recorder_command,
     run_information,
 )
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT, PreparedScenario, Scenario, prepare
+from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.declaration import checked_value, parameter_specs, plain
 from iptm_interfaces.discovery import reserve_domain
+from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_recording.recorder_cli import build_parser
 from iptm_recording.run_information import load_run_information, stored_model_parameters

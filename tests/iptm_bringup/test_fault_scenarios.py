@@ -14,11 +14,12 @@ from iptm_bringup.composition import (
     node_parameters,
     with_faults,
 )
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT, prepare
+from iptm_bringup.scenario import prepare
 from iptm_bringup.scenario_files import load_scenario, scenario_text
 from iptm_core.errors import ScenarioError
 from iptm_faults.fault import Fault, faults_from
 from iptm_faults.kinds import FaultKind
+from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
 
 OF_TOPICS = Fault(FaultKind.LEADER_HARD_STOP, 120.0)
 OF_SOLVER = Fault(FaultKind.SOLVER_TIMEOUT, 60.0)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from iptm_bringup.scenario import PLANT, PreparedScenario
+from iptm_bringup.scenario import PreparedScenario
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.strategy import strategy_by_name
@@ -14,6 +14,7 @@ from iptm_core.declaration import Settings, parameter_specs
 from iptm_core.metrics import RunMetrics, compute_metrics, figure_values
 from iptm_core.metrics.figures import NO_VALUE
 from iptm_core.settings import IntegrationSettings, PreviewSettings, SamplingSettings
+from iptm_interfaces.topics import PLANT
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT, PreparedScenario, names_for
+from iptm_bringup.scenario import NODES, PreparedScenario, names_for
 from iptm_bringup.scenario_files import scenario_text
 from iptm_core.declaration import Scalar, plain
 from iptm_core.parameters import to_flat_dict
 from iptm_faults.fault import Fault, at_places, plain_faults
 from iptm_faults.kinds import FaultPlace
 from iptm_faults.wiring import route_name, told_name
-from iptm_interfaces.topics import STATE_TOPICS, Topic
+from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT, STATE_TOPICS, Topic
 from iptm_recording.run_information import MODEL_KEY
 
 RECORDER = "recorder"

@@ -14,11 +14,10 @@ from iptm_bringup.composition import RECORDER
 from iptm_bringup.monitor import RunMonitor
 from iptm_bringup.process_faults import ProcessFaults
 from iptm_bringup.progress import Progress
-from iptm_bringup.scenario import PLANT
 from iptm_bringup.supervisor import ProcessEnd, Supervisor
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_interfaces.process import StopRequest
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import PLANT, Topic
 
 START_TIMEOUT_S = 660.0
 """Enough for the two compilations of a first start, which are given up after 300 s each."""

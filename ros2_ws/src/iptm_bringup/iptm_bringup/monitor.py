@@ -18,7 +18,6 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from iptm_bringup.composition import INJECTOR, RECORDER
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_core.decision_record import Rung
 from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
@@ -31,7 +30,15 @@ from iptm_interfaces.codecs import (
 )
 from iptm_interfaces.diagnostics import Level, find_status
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import PEER_TOPICS, TICK_TOPICS, TOPICS, Topic
+from iptm_interfaces.topics import (
+    BRIDGE,
+    CONTROLLER,
+    PEER_TOPICS,
+    PLANT,
+    TICK_TOPICS,
+    TOPICS,
+    Topic,
+)
 
 NAME = "run_monitor"
 EARLY_TOPICS = (

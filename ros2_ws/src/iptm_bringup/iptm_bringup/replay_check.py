@@ -22,7 +22,7 @@ from rich.console import Console
 from iptm_bringup.composition import LEADER_FROM_MESSAGES, node_command, parameter_file_text
 from iptm_bringup.environment import environment_of_run, process_environment
 from iptm_bringup.replay_feed import Step, answer_steps, copy_without_repeats
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT
+from iptm_bringup.scenario import NODES
 from iptm_bringup.supervisor import Supervisor
 from iptm_core.errors import BagError, IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml
@@ -30,7 +30,15 @@ from iptm_core.program import EXIT_OK, refused
 from iptm_core.settings import LoopMode
 from iptm_interfaces.assembly import split_trips
 from iptm_interfaces.discovery import reserve_domain
-from iptm_interfaces.topics import OBSERVATION_TOPICS, STATE_TOPICS, TOPICS, Topic
+from iptm_interfaces.topics import (
+    BRIDGE,
+    CONTROLLER,
+    OBSERVATION_TOPICS,
+    PLANT,
+    STATE_TOPICS,
+    TOPICS,
+    Topic,
+)
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.changed_settings import refuse_changed_settings
 from iptm_recording.compare_bags import (

@@ -38,7 +38,7 @@ from iptm_bringup.monitor import RunMonitor
 from iptm_bringup.process_faults import ProcessFaults
 from iptm_bringup.progress import Progress, make_progress
 from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.scenario import CONTROLLER, PreparedScenario
+from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.supervisor import Supervisor
 from iptm_bringup.tables import print_results
 from iptm_bringup.viewer import live_view
@@ -46,7 +46,7 @@ from iptm_core.declaration import Scalar
 from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR
 from iptm_interfaces.process import StopRequest
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import CONTROLLER, Topic
 from iptm_recording.run_information import collect_run_information
 
 EXIT_RUN_FAILED = 1

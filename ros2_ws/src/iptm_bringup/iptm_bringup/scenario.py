@@ -38,15 +38,12 @@ from iptm_core.settings import (
     TripSettings,
 )
 from iptm_faults.fault import Fault
+from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
 
 T = TypeVar("T")
 
 AUTOMATIC_DOMAIN = -1
 MAX_DOMAIN = 232
-
-PLANT = "plant"
-BRIDGE = "v2x_bridge"
-CONTROLLER = "controller"
 
 SETTINGS_OF_NODES: Mapping[str, tuple[type[Settings], ...]] = {
     PLANT: (TripSettings, ModelSettings, PaceSettings, ClockSettings, FrameSettings),

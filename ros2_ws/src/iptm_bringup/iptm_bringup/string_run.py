@@ -15,11 +15,11 @@ from rich.console import Console
 
 from iptm_bringup.environment import RunDomain, environment_of_run
 from iptm_bringup.run_folder import LOGS, RESULTS
-from iptm_bringup.scenario import BRIDGE, PLANT
 from iptm_bringup.supervisor import ProcessEnd, Supervisor
 from iptm_core.errors import ScenarioError
 from iptm_core.vehicle_string import VehicleInString
 from iptm_interfaces.process import StopRequest
+from iptm_interfaces.topics import BRIDGE, PLANT
 
 LEADER_IS_A_VEHICLE = "vehicle"
 """Value of the bridge's parameter `leader_source` with which it follows another vehicle of the graph."""

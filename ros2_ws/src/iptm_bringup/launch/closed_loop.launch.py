@@ -31,12 +31,13 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from iptm_bringup.composition import parameter_file_text
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, NODES, PLANT, Scenario, names_for
+from iptm_bringup.scenario import NODES, Scenario, names_for
 from iptm_bringup.scenario_files import load_scenario, shipped_scenarios
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.settings import VEHICLE_LENGTH_M, StringSettings
+from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
 from launch import LaunchDescription
 
 CONFIG = Path(get_package_share_directory("iptm_bringup")) / "config" / "nodes"

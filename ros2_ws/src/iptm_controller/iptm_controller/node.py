@@ -38,7 +38,7 @@ from iptm_interfaces.services import Service, state_path
 from iptm_interfaces.stamp_gate import Verdict
 from iptm_interfaces.stamp_matcher import MatchedSet, StampMatcher
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import STATE_TOPICS, TOPICS, Topic
+from iptm_interfaces.topics import CONTROLLER, STATE_TOPICS, TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
 
 CHECKS_PER_TIMEOUT = 5.0
@@ -338,7 +338,7 @@ class ControllerNode(SuiteNode):
 
 def main() -> None:
     """Run the node."""
-    sys.exit(node_main("controller", ControllerNode, ControllerNodeParameters))
+    sys.exit(node_main(CONTROLLER, ControllerNode, ControllerNodeParameters))
 
 
 if __name__ == "__main__":

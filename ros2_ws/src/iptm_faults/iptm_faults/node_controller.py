@@ -10,6 +10,7 @@ from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_faults.node_parameters import FaultSettings
 from iptm_faults.solver import FaultyController
 from iptm_interfaces.command_line import node_main
+from iptm_interfaces.topics import CONTROLLER
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class FaultyControllerNode(ControllerNode):
 
 def main() -> None:
     """Run the node."""
-    sys.exit(node_main("controller", FaultyControllerNode, FaultyControllerNodeParameters))
+    sys.exit(node_main(CONTROLLER, FaultyControllerNode, FaultyControllerNodeParameters))
 
 
 if __name__ == "__main__":

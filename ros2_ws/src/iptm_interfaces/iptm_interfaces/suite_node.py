@@ -21,7 +21,7 @@ from iptm_core.errors import IptmError, ParameterError
 from iptm_core.strict_mapping import suggestion
 from iptm_interfaces.framed_publisher import FramedPublisher
 from iptm_interfaces.node_health import AwakeClock, NodeHealth, largest_message_bytes
-from iptm_interfaces.services import SERVICES, Service
+from iptm_interfaces.services import Service
 from iptm_interfaces.topics import TOPICS, Topic, frame_in, topic_of
 
 _LOG_THROTTLE_S = 5.0
@@ -130,7 +130,7 @@ class SuiteNode(Node):
             except IptmError as error:
                 response.message = " ".join(str(error).split())
 
-        return self.create_service(SERVICES[service].service_type, service.value, answer)
+        return self.create_service(Trigger, service.value, answer)
 
     def _let_in(
         self, topic: Topic, kind: type[Any] | None, callback: Callable[[Any], None], data: bytes

@@ -25,6 +25,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from iptm_interfaces.qos import KEPT_STREAM_QOS, LATCHED_QOS, RAW_QOS, STREAM_QOS
 
+PLANT = "plant"
+BRIDGE = "v2x_bridge"
+CONTROLLER = "controller"
+
 MAP_FRAME = "map"
 """The world, one for all vehicles: x east, y north, z up, origin where the first one starts (REP 105)."""
 ROAD_FRAME = "odom"
@@ -123,44 +127,44 @@ class TopicSpec:
 # fmt: off
 _SPECS = (
     TopicSpec(
-        Topic.CLOCK, Clock, "plant", "-", "s",
+        Topic.CLOCK, Clock, PLANT, "-", "s",
         "trip time of the state just published; last message of the plant in a tick",
     ),
     TopicSpec(
-        Topic.PLANT_ODOMETRY, Odometry, "plant", f"{ROAD_FRAME} -> {HOST_FRAME}", "m, m/s",
+        Topic.PLANT_ODOMETRY, Odometry, PLANT, f"{ROAD_FRAME} -> {HOST_FRAME}", "m, m/s",
         "host: pose.position.x = distance along the road, twist.linear.x = speed (never negative); "
         "exact values of a simulation, so all covariances are 0",
     ),
     TopicSpec(
-        Topic.PLANT_ACCELERATION, AccelStamped, "plant", HOST_FRAME, "m/s^2",
+        Topic.PLANT_ACCELERATION, AccelStamped, PLANT, HOST_FRAME, "m/s^2",
         "accel.linear.x = acceleration actuated over the interval that ended at the stamp, "
         "positive forward",
     ),
     TopicSpec(
-        Topic.PLANT_BATTERY, BatteryState, "plant", PACK_FRAME, "V, A, degC",
+        Topic.PLANT_BATTERY, BatteryState, PLANT, PACK_FRAME, "V, A, degC",
         "pack voltage and current (negative when discharging, as ROS defines it); "
         "cell_voltage, cell_temperature: cell 1 and cell N of a coolant channel; all its cells where "
         "the plant has them (thermal_model full_channel); charge and percentage are NaN, which ROS "
         "means by not measured: the model has no state of charge",
     ),
     TopicSpec(
-        Topic.PLANT_CELL_1_TEMPERATURE, Temperature, "plant", PACK_FRAME, "degC",
+        Topic.PLANT_CELL_1_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
         "first cell of a coolant channel (the coolest)",
     ),
     TopicSpec(
-        Topic.PLANT_CELL_N_TEMPERATURE, Temperature, "plant", PACK_FRAME, "degC",
+        Topic.PLANT_CELL_N_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
         "last cell of a coolant channel (the warmest)",
     ),
     TopicSpec(
-        Topic.PLANT_COOLANT_INLET_TEMPERATURE, Temperature, "plant", PACK_FRAME, "degC",
+        Topic.PLANT_COOLANT_INLET_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
         "coolant entering the pack",
     ),
     TopicSpec(
-        Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, Temperature, "plant", PACK_FRAME, "degC",
+        Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
         "coolant leaving the pack",
     ),
     TopicSpec(
-        Topic.PLANT_POWERS, JointState, "plant", PACK_FRAME, "see fields",
+        Topic.PLANT_POWERS, JointState, PLANT, PACK_FRAME, "see fields",
         "means over the interval that ended at the stamp; traction and battery power positive "
         "when drawn from the pack, chiller heat positive when cooling",
         {
@@ -169,50 +173,50 @@ _SPECS = (
         },
     ),
     TopicSpec(
-        Topic.PLANT_CAPACITY_LOSS, JointState, "plant", PACK_FRAME, "see fields",
+        Topic.PLANT_CAPACITY_LOSS, JointState, PLANT, PACK_FRAME, "see fields",
         "capacity loss as a fraction of nominal capacity, growing with age",
         {"cell_1_capacity_loss": "1", "cell_n_capacity_loss": "1"},
     ),
     TopicSpec(
-        Topic.LEADER, Odometry, "v2x_bridge", f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",
+        Topic.LEADER, Odometry, BRIDGE, f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",
         "preceding vehicle now (range sensor): pose.position.x = rear bumper along the road, "
         "twist.linear.x = speed; covariances are not estimated (0)",
     ),
     TopicSpec(
-        Topic.LEADER_PREVIEW, JointTrajectory, "v2x_bridge", ROAD_FRAME, "m, m/s",
+        Topic.LEADER_PREVIEW, JointTrajectory, BRIDGE, ROAD_FRAME, "m, m/s",
         "predicted motion of the preceding vehicle: positions [m], velocities [m/s] at "
         "header.stamp + time_from_start; the first point lies at the instant of generation "
         "(time_from_start <= 0); no points: nothing received yet",
         {"leader": "m, m/s"},
     ),
     TopicSpec(
-        Topic.SLOPE, Float64MultiArray, "v2x_bridge", "-", "m, rad",
+        Topic.SLOPE, Float64MultiArray, BRIDGE, "-", "m, rad",
         "road slope over position, 2 x N: row 0 positions (increasing), row 1 slopes "
         "(positive uphill)",
         {"position_m": "m", "slope_rad": "rad"}, latched=True, rate="once at start",
     ),
     TopicSpec(
-        Topic.DATAGRAMS, UInt8MultiArray, "v2x_bridge", "-", "-",
+        Topic.DATAGRAMS, UInt8MultiArray, BRIDGE, "-", "-",
         "data = a datagram as it came from the radio; layout.dim[0].label = when it was received, ns of "
         "TimestampIts; behind the datagrams of a tick the mark of its end",
         rate="with publish_datagrams", on_request=True,
     ),
     TopicSpec(
-        Topic.COMMAND, JointState, "controller", HOST_FRAME, "see fields",
+        Topic.COMMAND, JointState, CONTROLLER, HOST_FRAME, "see fields",
         "the decision for the interval that starts at the stamp of the state it answers; last "
         "message of the controller in a tick",
         {"acceleration_m_s2": "m/s^2", "compressor_power_w": "W"},
     ),
     TopicSpec(
-        Topic.ACCELERATION_COMMAND, Float64, "controller", "-", "m/s^2",
+        Topic.ACCELERATION_COMMAND, Float64, CONTROLLER, "-", "m/s^2",
         "acceleration of the decision, as a plain scalar for plots",
     ),
     TopicSpec(
-        Topic.COMPRESSOR_POWER_COMMAND, Float64, "controller", "-", "W",
+        Topic.COMPRESSOR_POWER_COMMAND, Float64, CONTROLLER, "-", "W",
         "compressor power of the decision, as a plain scalar for plots",
     ),
     TopicSpec(
-        Topic.PLAN, JointTrajectory, "controller", ROAD_FRAME, "see fields",
+        Topic.PLAN, JointTrajectory, CONTROLLER, ROAD_FRAME, "see fields",
         "predicted motion, temperatures and inputs of the host at header.stamp + time_from_start; "
         "the inputs of the last point repeat those of the last interval; no points: the command follows "
         "no plan",
@@ -224,7 +228,7 @@ _SPECS = (
         kept=True,
     ),
     TopicSpec(
-        Topic.SOLVE, JointState, "controller", HOST_FRAME, "see fields",
+        Topic.SOLVE, JointState, CONTROLLER, HOST_FRAME, "see fields",
         "how the decision came about: solver status, time, iterations, slacks (0 when the limits "
         "hold), fallback rung (0 = solver), limiter (0 or 1), age of the preview; price of a kelvin of "
         "both cells at the end of the horizon and what it is made of",

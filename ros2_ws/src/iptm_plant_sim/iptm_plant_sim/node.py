@@ -13,6 +13,7 @@ from iptm_core.saved_state import write_state
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.services import Service, state_path
+from iptm_interfaces.topics import PLANT
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_plant_sim.node_trip import TripNode
 from iptm_plant_sim.trip import CommandHold, TripPhase
@@ -164,7 +165,7 @@ class PlantNode(TripNode):
 
 def main() -> None:
     """Run the node."""
-    sys.exit(node_main("plant", PlantNode, PlantNodeParameters))
+    sys.exit(node_main(PLANT, PlantNode, PlantNodeParameters))
 
 
 if __name__ == "__main__":

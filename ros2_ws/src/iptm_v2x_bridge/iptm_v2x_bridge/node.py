@@ -19,7 +19,7 @@ from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Le
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.stamp_gate import StampGate, Verdict
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
+from iptm_interfaces.topics import BRIDGE, ROAD_FRAME, TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.node_answers import node_answers
@@ -167,7 +167,7 @@ class BridgeNode(SuiteNode):
 
 def main() -> None:
     """Run the node."""
-    sys.exit(node_main("v2x_bridge", BridgeNode, BridgeNodeParameters))
+    sys.exit(node_main(BRIDGE, BridgeNode, BridgeNodeParameters))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import numpy as np
 
 from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import ParameterError, RouteError
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.routes import Route, build_route
 from iptm_core.settings import (
     VEHICLE_LENGTH_M,
@@ -180,7 +181,7 @@ def read_limits(text: str) -> SpeedLimits:
     """
     try:
         pairs = np.array([[float(part) for part in entry.split(":")] for entry in text.split(",")])
-        return SpeedLimits(pairs[:, 0], pairs[:, 1] / 3.6)
+        return SpeedLimits(pairs[:, 0], pairs[:, 1] / KM_H_PER_M_S)
     except (ValueError, IndexError, RouteError) as reason:
         raise ParameterError(
             f"speed_limits_km_h is {text!r}; allowed: <from metre>:<km/h> parts joined by commas, metres "

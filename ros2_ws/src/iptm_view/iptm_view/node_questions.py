@@ -9,7 +9,8 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
-from iptm_view.run_facts import BRIDGE, CONTROLLER, PLANT, asked_names
+from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
+from iptm_view.run_facts import asked_names
 
 
 class NodeQuestions:

@@ -23,12 +23,9 @@ from iptm_core.settings import (
     SamplingSettings,
     TripSettings,
 )
+from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
 from iptm_recording.run_information import RunInformation, stored_model_parameters
 from iptm_view.page_row import PAGE_COLUMNS
-
-PLANT = "plant"
-BRIDGE = "v2x_bridge"
-CONTROLLER = "controller"
 
 NodeParameters = Mapping[str, Mapping[str, Any]]
 """Parameters by node and name."""

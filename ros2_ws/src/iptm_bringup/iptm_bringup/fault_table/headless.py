@@ -8,7 +8,6 @@ import numpy as np
 
 from iptm_bringup.fault_table.catalogue import PlannedTrip
 from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement
-from iptm_bringup.scenario import CONTROLLER
 from iptm_controller.controller import Controller, ControllerOptions, Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_parameters import ControllerNodeParameters
@@ -23,6 +22,7 @@ from iptm_core.trajectory import Trajectory
 from iptm_faults.fault import Fault
 from iptm_faults.injection import FaultInjection
 from iptm_faults.solver import FaultyController
+from iptm_interfaces.topics import CONTROLLER
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_studies.random_cars.bounds import BoolArray

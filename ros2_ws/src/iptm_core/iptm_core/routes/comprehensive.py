@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.routes.composition import (
     SLOPE_KINDS,
     SMOOTH,
@@ -116,8 +117,8 @@ def comprehensive_cycle(composition: RouteComposition | None = None) -> Comprehe
     used_s = sum(int(published[name].duration_s) for name in composition.order if name != SMOOTH)
     smooth = smooth_cycle(
         PASS_DURATION_S - used_s,
-        composition.smooth_low_km_h / 3.6,
-        composition.smooth_high_km_h / 3.6,
+        composition.smooth_low_km_h / KM_H_PER_M_S,
+        composition.smooth_high_km_h / KM_H_PER_M_S,
     )
     parts = [{**published, SMOOTH: smooth}[name] for name in composition.order] * PASSES
     speeds = np.concatenate([parts[0].speeds_m_s[:1], *(part.speeds_m_s[1:] for part in parts)])

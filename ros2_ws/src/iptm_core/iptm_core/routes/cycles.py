@@ -9,11 +9,12 @@ from importlib import resources
 import numpy as np
 
 from iptm_core.errors import RouteError
+from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.routes.csv_table import parse_csv_table
 from iptm_core.routes.piecewise import cumulative_integral, read_only_nodes
 from iptm_core.state import FloatArray
 
-SPEED_COLUMNS_M_S = {"speed_m_s": 1.0, "speed_kmh": 1.0 / 3.6, "speed_mph": 0.44704}
+SPEED_COLUMNS_M_S = {"speed_m_s": 1.0, "speed_kmh": 1.0 / KM_H_PER_M_S, "speed_mph": 0.44704}
 """Permitted speed columns of a CSV file and the m/s in one of their units."""
 
 _SOURCES = {
@@ -28,8 +29,8 @@ _SOURCES = {
 CYCLE_NAMES = tuple(_SOURCES)
 """Names of the published cycles that `load_cycle` knows."""
 
-LOW_SPEED_M_S = 60.0 / 3.6
-HIGH_SPEED_M_S = 120.0 / 3.6
+LOW_SPEED_M_S = 60.0 / KM_H_PER_M_S
+HIGH_SPEED_M_S = 120.0 / KM_H_PER_M_S
 RAMP_TIME_S = 90.0
 """Duration of the ramp from standstill and of the one back to it."""
 
@@ -150,9 +151,6 @@ def smooth_cycle(
     to_end = np.minimum(times, duration_s - times)
     ramp = 0.5 * low_m_s * (1.0 - np.cos(np.pi * to_end / RAMP_TIME_S))
     speeds = np.where(to_end < RAMP_TIME_S, ramp, waves)
-    return DrivingCycle(
-        "smooth",
-        times,
-        speeds,
-        f"made for this project: slow ramps between {3.6 * low_m_s:g} and {3.6 * high_m_s:g} km/h",
-    )
+    low_km_h, high_km_h = KM_H_PER_M_S * low_m_s, KM_H_PER_M_S * high_m_s
+    source = f"made for this project: slow ramps between {low_km_h:g} and {high_km_h:g} km/h"
+    return DrivingCycle("smooth", times, speeds, source)

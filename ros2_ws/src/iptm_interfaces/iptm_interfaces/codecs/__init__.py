@@ -2,7 +2,6 @@
 
 from iptm_interfaces.codecs.battery import (
     BatteryReading,
-    decode_battery,
     decode_powers,
     encode_battery,
     encode_powers,
@@ -48,7 +47,6 @@ from iptm_interfaces.codecs.vehicle import (
 __all__ = [
     "BatteryReading",
     "PlanTrajectory",
-    "decode_battery",
     "decode_command",
     "decode_decision_record",
     "decode_leader",

@@ -9,13 +9,11 @@ from sensor_msgs.msg import BatteryState, JointState
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import IntervalPowers
-from iptm_interfaces.codecs._checks import finite, not_negative, reject
+from iptm_interfaces.codecs._checks import not_negative
 from iptm_interfaces.codecs.fixed_layout import Numbers
 from iptm_interfaces.codecs.named_values import decode_named_values, named_values
-from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_s
+from iptm_interfaces.codecs.time import ns_from_s, time_from_s
 from iptm_interfaces.topics import PACK_FRAME, Topic
-
-_FEWEST_CELLS = 2
 
 
 @dataclass(frozen=True)
@@ -96,31 +94,3 @@ def _supply_status(ros_current_a: float) -> int:
     if ros_current_a > 0.0:
         return int(BatteryState.POWER_SUPPLY_STATUS_CHARGING)
     return int(BatteryState.POWER_SUPPLY_STATUS_NOT_CHARGING)
-
-
-def decode_battery(message: BatteryState) -> BatteryReading:
-    """Return the pack's terminal values, the current positive when discharging.
-
-    Raises:
-        MessageError: voltage, current, a cell voltage or a cell temperature is not finite, or
-            there are less than two cells.
-    """
-    topic = Topic.PLANT_BATTERY
-    for name, cells in (
-        ("cell_voltage", message.cell_voltage),
-        ("cell_temperature", message.cell_temperature),
-    ):
-        if len(cells) < _FEWEST_CELLS:
-            reject(topic, f"{name} has {len(cells)} entries; allowed: 2 or more (cell 1 to cell N)")
-        for value in cells:
-            finite(topic, name, value)
-    return BatteryReading(
-        time_s=s_from_ns(ns_from_time(message.header.stamp)),
-        pack_voltage_v=finite(topic, "voltage", message.voltage),
-        pack_current_a=-finite(topic, "current", message.current),
-        cell_voltages_v=tuple(map(float, message.cell_voltage)),
-        cell_temperatures_k=tuple(float(t) + CELSIUS_ZERO_K for t in message.cell_temperature),
-        charge_ah=message.charge,
-        capacity_ah=message.capacity,
-        design_capacity_ah=message.design_capacity,
-    )
