@@ -147,9 +147,8 @@ class RunMonitor(SuiteNode):
         )
 
     def is_doubled(self, node: str) -> bool:
-        """Return whether more than one node of a name publishes what only one of them should."""
-        own = (topic for topic in _ONLY_ONE_PUBLISHES if TOPICS[topic].publisher == node)
-        return any(self._publisher_count(topic) > 1 for topic in own)
+        """Return whether more than one node of a name takes part, wherever its topics are remapped to."""
+        return self.get_node_names_and_namespaces().count((node, self.get_namespace())) > 1
 
     def expect(self, nodes: Iterable[str]) -> None:
         """Listen to nodes from now on, as they have been started; to nobody else before."""
