@@ -83,6 +83,11 @@ def test_relative_files_start_at_the_folder_of_the_scenario(tmp_path: Path) -> N
     assert prepared.model.name == "car"
 
 
+@pytest.mark.parametrize("cycle", ["traffic.fcd.xml#leader", "runs/us06", "runs/string#car_2"])
+def test_drives_of_one_vehicle_start_there_too(tmp_path: Path, cycle: str) -> None:
+    assert load_scenario(write(tmp_path, f"cycle: {cycle}\n")).cycle == str(tmp_path / cycle)
+
+
 def test_options_come_last(tmp_path: Path) -> None:
     path = write(tmp_path, "duration_s: 60\ncycle: us06\n")
     scenario = load_scenario(path, {"duration_s": "1e2", "cycle": "nycc", "seed": "7"})

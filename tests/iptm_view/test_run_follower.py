@@ -190,3 +190,6 @@ def test_what_the_nodes_do_not_tell_is_left_out_and_said() -> None:
     assert scenario is not None
     assert "nycc" in scenario
     assert "period_s: 0.5" in scenario
+    # A leader known from messages drives something else: no reference car can follow it.
+    nodes = {**(known.nodes or {}), "v2x_bridge": {"leader_source": "cam"}}
+    assert facts_of_nodes("graph", nodes).trip_scenario() is None

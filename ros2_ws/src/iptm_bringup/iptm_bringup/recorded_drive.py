@@ -1,8 +1,8 @@
-"""Recorded drives: shows what is read out of a file, and makes an example with the noise of a phone.
+"""Recorded drives: shows what is read out of one, and makes an example with the noise of a phone.
 
 drive_file show my_drive.gpx --picture my_drive.png
 drive_file can my_drive.blf my_drive.csv --dbc car.dbc --signal speed_kmh=VehicleSpeed
-drive_file bag bags/example_us06_120s my_car.csv
+drive_file show bags/example_us06_120s
 """
 
 from __future__ import annotations
@@ -24,10 +24,8 @@ from iptm_core.routes import build_route
 from iptm_core.routes.can_log import CAN_COLUMNS, can_log_csv
 from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.routes.track import RecordedDrive
-from iptm_core.routes.user_csv import UserTrip, read_user_trip
+from iptm_core.routes.user_csv import USER_FILES, UserTrip, read_user_trip
 from iptm_core.state import FloatArray
-from iptm_core.trajectory import Trajectory
-from iptm_recording.trajectory_reader import read_trajectory
 
 EXAMPLE_CYCLE = "sc03"
 EXAMPLE_PLACE_DEG = (48.40, 9.98)
@@ -40,8 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
     parser = argparse.ArgumentParser(prog="drive_file", description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
-    show = commands.add_parser("show", help="what is read out of a .gpx or .csv file")
-    show.add_argument("file", type=Path)
+    show = commands.add_parser("show", help="what is read out of a drive")
+    show.add_argument("file", type=Path, help=USER_FILES)
     show.add_argument("--picture", type=Path, help="draw it into this .png file")
     can = commands.add_parser(
         "can", help="make a drive of signals in a CAN log (MF4, BLF, ASC), and show it"
@@ -64,20 +62,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     example.add_argument("file", type=Path, help=".gpx file to write")
     example.add_argument("--seed", type=int, default=1, help="of the noise (1)")
-    bag = commands.add_parser(
-        "bag", help="make a driving cycle of what a car did in a recorded bag"
-    )
-    bag.add_argument("bag", type=Path, help="bag folder or file")
-    bag.add_argument("file", type=Path, help=".csv file to write")
-    bag.add_argument("--who", choices=("host", "leader"), default="host", help="whose drive (host)")
     given = parser.parse_args(arguments)
     try:
         if given.command == "example":
             given.file.write_text(example_gpx(given.seed), encoding="utf-8")
-            return 0
-        if given.command == "bag":
-            trajectory = read_trajectory(given.bag)
-            given.file.write_text(cycle_csv(trajectory, given.who), encoding="utf-8")
             return 0
         if given.command == "can":
             text = can_log_csv(given.log, given.dbc, dict(map(_named_signal, given.signal)))
@@ -96,16 +84,6 @@ def _named_signal(text: str) -> tuple[str, str]:
     if not (column and separator and signal):
         raise RouteError(f"--signal is {text!r}; allowed: COLUMN=SIGNAL")
     return column, signal
-
-
-def cycle_csv(trajectory: Trajectory, who: str) -> str:
-    """Return the drive of the host or of its leader as a cycle that others can follow."""
-    speeds = trajectory.speed_m_s if who == "host" else trajectory.leader_speed_m_s
-    rows = (
-        f"{time_s:.9g},{speed:.9g}\n"
-        for time_s, speed in zip(trajectory.time_s.tolist(), speeds.tolist(), strict=True)
-    )
-    return "time_s,speed_m_s\n" + "".join(rows)
 
 
 def description(trip: UserTrip) -> str:

@@ -24,6 +24,7 @@ from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, parse_yaml, read_yaml
 from iptm_core.routes.user_csv import USER_SUFFIXES
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
+from iptm_core.user_input import is_path
 from iptm_faults.fault import faults_from, plain_faults
 
 DEFAULT_SCENARIO = "wltc"
@@ -182,9 +183,8 @@ def _typed(spec: ParameterSpec, text: str) -> Scalar:
 
 def _rooted(key: str, value: Scalar, folder: Path) -> Scalar:
     """Let a relative file name start at the folder of the scenario."""
-    suffixes = _FILE_OF.get(key, ())
-    if isinstance(value, str) and value.lower().endswith(suffixes) and suffixes:
-        return str(folder / value)
+    if key in _FILE_OF and is_path(str(value), _FILE_OF[key]):
+        return str(folder / str(value))
     return value
 
 

@@ -14,6 +14,7 @@ from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.routes import SLOPE_CHOICES, Route, build_route
+from iptm_core.routes.user_csv import USER_FILES
 from iptm_core.trip_time import NS_PER_S
 
 MAX_SEED = 2**63 - 1
@@ -65,7 +66,8 @@ class RoadSettings(Settings):
     """Leader and road."""
 
     cycle: str = parameter(
-        "wltc_class3b", "driving cycle of the leader: a name, or the path of a .csv or .gpx file"
+        "wltc_class3b",
+        f"driving cycle of the leader: a name, or the path of a drive ({USER_FILES})",
     )
     slope: str = parameter("as_designed", "slope of the road", choices=SLOPE_CHOICES)
 

@@ -32,6 +32,17 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
         os.close(descriptor)
 
 
+def is_path(text: str, suffixes: tuple[str, ...]) -> bool:
+    """Return whether a text that may be a name is a path: with a folder in it, or with one of the suffixes.
+
+    Args:
+        text: what the user wrote; behind a ``#``, it tells which part of the file is meant.
+        suffixes: in small letters.
+    """
+    lower = text.lower()
+    return "/" in text or lower.endswith(suffixes) or lower.partition("#")[0].endswith(suffixes)
+
+
 def number(text: str) -> float:
     """Read a plain decimal, as any other tool would: Python alone takes ``1_600`` for a number.
 

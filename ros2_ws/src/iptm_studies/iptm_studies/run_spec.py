@@ -94,7 +94,7 @@ class RunSpec(Settings):
 
     Attributes:
         kind: closed loop or whole trip.
-        cycle: driving cycle, by name or as the path of a .csv or .gpx file.
+        cycle: driving cycle, by name or as the path of a drive.
         slope: slope of the road.
         duration_s: length of the trip, None for the whole cycle.
         parameter_set: shipped set by name, or the path of a .yaml file.

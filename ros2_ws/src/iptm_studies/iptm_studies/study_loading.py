@@ -22,6 +22,7 @@ from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, read_yaml
 from iptm_core.routes.user_csv import USER_SUFFIXES
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
+from iptm_core.user_input import is_path
 from iptm_studies.run_spec import (
     REPRODUCED_CYCLE,
     REPRODUCED_SET,
@@ -220,7 +221,7 @@ def build_spec(settings: Mapping[str, Any], folder: Path) -> RunSpec:
         for key, value in written.content.items()
     }
     for key, suffixes in _FILES.items():
-        if str(arguments.get(key, "")).lower().endswith(suffixes):
+        if is_path(str(arguments.get(key, "")), suffixes):
             arguments[key] = str(folder / arguments[key])
     return RunSpec(**{"cycle": REPRODUCED_CYCLE, "parameter_set": REPRODUCED_SET, **arguments})
 

@@ -95,6 +95,12 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--parameter-set", default=DEFAULT_SET, help="of the model")
     parser.add_argument("--output", type=Path, metavar="FILE.csv", help="write the trajectory")
     parser.add_argument(
+        "--fcd",
+        type=Path,
+        metavar="FILE.xml",
+        help="write what all vehicles do, as SUMO's floating car data; FILE.xml#VEHICLE is a driving cycle",
+    )
+    parser.add_argument(
         "--bag",
         type=Path,
         metavar="DIR",
@@ -224,7 +230,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         drive = drive_from(parsed)
         parameters = load_parameters(parsed.parameter_set).values
-        result = drive_in_traffic(drive, parameters)
+        result = drive_in_traffic(drive, parameters, parsed.fcd)
         other = None
         if parsed.against not in {NO_COMPARISON, drive.strategy}:
             other = drive_in_traffic(replace(drive, strategy=parsed.against), parameters)

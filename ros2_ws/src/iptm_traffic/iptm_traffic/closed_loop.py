@@ -91,15 +91,24 @@ class _Watched:
         return answer
 
 
-def drive_in_traffic(drive: TrafficDrive, parameters: ModelParameters) -> TrafficResult:
+def drive_in_traffic(
+    drive: TrafficDrive, parameters: ModelParameters, fcd: Path | None = None
+) -> TrafficResult:
     """Drive.
+
+    Args:
+        drive: what is to be driven.
+        parameters: of the host.
+        fcd: where SUMO writes what every vehicle does; None for nowhere.
 
     Raises:
         IptmError: SUMO is not installed or fails, or the strategy is not known.
     """
     with tempfile.TemporaryDirectory(prefix="iptm_traffic_") as name:
         made = prepare_traffic(drive, parameters, Path(name))
-        with closing(TrafficSimulation(made.network, made.demand, drive.step_s)) as simulation:
+        with closing(
+            TrafficSimulation(made.network, made.demand, drive.step_s, fcd=fcd)
+        ) as simulation:
             return _closed_loop(drive, parameters, simulation, made.rehearsal)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import socket
@@ -10,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
 import rclpy
@@ -69,35 +71,37 @@ def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[
     }
 
 
-def run_command(
-    drive: TrafficDrive,
-    parameter_set: str,
-    road: Path,
-    bag: Path,
-    domain: int,
-    bridge: Mapping[str, object],
-) -> list[str]:
-    """Return the command of the run beside the traffic."""
-    peers = _PEERS_OF_THE_PLANT + LISTENERS
-    told = {f"v2x_bridge.{name}": value for name, value in bridge.items()}
-    # SUMO may take its time; nobody shall take that for a fault.
-    told |= {
-        "plant.expected_peers": peers,
-        "plant.command_timeout_wall_s": 10.0 * _PATIENCE_S,
-        "controller.input_timeout_s": _PATIENCE_S,
+def write_scenario(
+    drive: TrafficDrive, road: Path, bridge: Mapping[str, object], folder: Path
+) -> Path:
+    """Write the scenario of the run beside the traffic; its file is named after what is driven.
+
+    Args:
+        drive: what is to be driven.
+        road: the host's road, as a drive along it.
+        bridge: parameters of the bridge.
+        folder: for the file.
+    """
+    told = {"know": drive.knowledge, "step_s": drive.step_s, **asdict(drive.demand)}
+    content = {
+        "description": f"SUMO: {', '.join(f'{name} {value}' for name, value in told.items())}",
+        "cycle": str(road),
+        "duration_s": drive.duration_s,
+        "strategy": drive.strategy,
+        "seed": drive.demand.traffic_seed,
+        "node_parameters": {
+            "v2x_bridge": dict(bridge),
+            # SUMO may take its time; nobody shall take that for a fault.
+            "plant": {
+                "expected_peers": _PEERS_OF_THE_PLANT + LISTENERS,
+                "command_timeout_wall_s": 10.0 * _PATIENCE_S,
+            },
+            "controller": {"input_timeout_s": _PATIENCE_S},
+        },
     }
-    return [
-        *(sys.executable, "-m", RUN, "--cycle", str(road), "--domain", str(domain)),
-        *("--duration-s", f"{drive.duration_s:g}", "--parameter-set", parameter_set),
-        *("--strategy", drive.strategy, "--output", str(bag)),
-        *(part for name, value in told.items() for part in ("--set", f"{name}={_plain(value)}")),
-    ]
-
-
-def _plain(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"'{value}'" if isinstance(value, str) else str(value)
+    file = folder / f"traffic_{drive.scenario}.yaml"
+    file.write_text(json.dumps(content), encoding="utf-8")
+    return file
 
 
 @contextmanager
@@ -117,7 +121,12 @@ def _free_port() -> int:
 
 
 def drive_over_ros(
-    drive: TrafficDrive, parameter_set: str, bag: Path, console: Console, stop: StopRequest
+    drive: TrafficDrive,
+    parameter_set: str,
+    bag: Path,
+    fcd: Path | None,
+    console: Console,
+    stop: StopRequest,
 ) -> int:
     """Drive, record and report.
 
@@ -125,6 +134,7 @@ def drive_over_ros(
         drive: what is to be driven.
         parameter_set: of the model.
         bag: folder to create; the road is written beside it.
+        fcd: where SUMO writes what every vehicle does; None for nowhere.
         console: for the report.
         stop: the user wants to stop.
 
@@ -142,14 +152,18 @@ def drive_over_ros(
         write_road(made.network.road, road)
         line = build_route(road, initial_gap_m=parameters.gap.initial_gap_m).road_line
         simulation = stack.enter_context(
-            closing(TrafficSimulation(made.network, made.demand, drive.step_s))
+            closing(TrafficSimulation(made.network, made.demand, drive.step_s, fcd=fcd))
         )
         radio = TrafficRadio(simulation, line, made.rehearsal)
         domain, port = stack.enter_context(reserve_domain()), _free_port()
         context = stack.enter_context(_joined(domain))
         node = TrafficNode(context, drive, parameters, simulation, radio, port)
         told = bridge_parameters(drive, made.network, port)
-        code = _run_beside(node, run_command(drive, parameter_set, road, bag, domain, told), stop)
+        command = [
+            *(sys.executable, "-m", RUN, str(write_scenario(drive, road, told, folder))),
+            *("--domain", str(domain), "--parameter-set", parameter_set, "--output", str(bag)),
+        ]
+        code = _run_beside(node, command, stop)
         if code != EXIT_OK:
             return code
         facts = _facts(node, simulation, radio)
@@ -210,7 +224,7 @@ def main() -> int:
     console = Console(width=None if sys.stdout.isatty() else cli.TABLES_WIDTH)
     try:
         drive = cli.drive_from(parsed)
-        return drive_over_ros(drive, parsed.parameter_set, parsed.bag, console, stop)
+        return drive_over_ros(drive, parsed.parameter_set, parsed.bag, parsed.fcd, console, stop)
     except IptmError as error:
         return refused(cli.PROGRAM, error)
 

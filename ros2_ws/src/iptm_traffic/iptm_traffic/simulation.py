@@ -71,7 +71,13 @@ class TrafficSimulation:
     """
 
     def __init__(
-        self, network: Network, demand: Path, step_s: float, *, with_host: bool = True
+        self,
+        network: Network,
+        demand: Path,
+        step_s: float,
+        *,
+        with_host: bool = True,
+        fcd: Path | None = None,
     ) -> None:
         """Start SUMO and let the traffic drive up to trip time 0.
 
@@ -80,6 +86,7 @@ class TrafficSimulation:
             demand: vehicles, see `iptm_traffic.demand`.
             step_s: SUMO's step.
             with_host: put the host in.
+            fcd: where SUMO writes what every vehicle does, its floating car data; None for nowhere.
 
         Raises:
             ScenarioError: SUMO does not start, or there is no room for the host.
@@ -93,6 +100,7 @@ class TrafficSimulation:
                 *("--step-length", f"{step_s:g}", "--step-method.ballistic", "true"),
                 *("--time-to-teleport", "-1", "--collision.action", "none", "--seed", "1"),
                 *("--lanechange.duration", "2", "--no-step-log", "true", "--no-warnings", "true"),
+                *(() if fcd is None else ("--fcd-output", str(fcd), "--precision", "6")),
             ]
         )
         self.connection = self._process.connection

@@ -99,7 +99,7 @@ class CamSettings(Settings):
     )
     earlier_drives: str = parameter(
         "",
-        "cam: earlier drives of this road to learn from, cycles or .csv and .gpx files, separated by commas",
+        "cam: earlier drives of this road to learn from, as in cycle, separated by commas",
     )
     speed_limits_km_h: str = parameter(
         "", "cam: speed limits of the road, <from metre>:<km/h> parts, e.g. '0:50, 1200:70'"

@@ -43,7 +43,8 @@ class ReferenceCurve:
         scenario = facts.trip_scenario()
         if scenario is None:
             return facts.with_note(
-                "the trip is not known (cycle and duration of the plant): no reference car"
+                "no reference car: cycle and duration of the plant are not known, "
+                "or the leader does not drive the cycle"
             )
         if scenario == self._scenario:
             return facts

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -37,6 +38,8 @@ ASKED: Mapping[str, tuple[type[Settings], ...]] = {
 """Settings of the nodes that the view can make use of."""
 
 ASKED_OF_CONTROLLER = ("strategy", "horizon", "solver")
+LEADER_SOURCE, FROM_CYCLE = "leader_source", "cycle"
+"""Parameter of the bridge, and its value where the leader drives the cycle: else that gives the road only."""
 _OF_THE_PLANT_ALONE = (IntegrationSettings, SamplingSettings)
 
 
@@ -65,7 +68,7 @@ class RunFacts:
         """What is driven and by whom, as far as it is known."""
         nodes = self.nodes or {}
         trip, control = nodes.get(PLANT, {}), nodes.get(CONTROLLER, {})
-        words = [f"cycle {trip['cycle']}"] if "cycle" in trip else []
+        words = [f"cycle {Path(str(trip['cycle'])).name}"] if "cycle" in trip else []
         words += [f"{name} {control[name]}" for name in ASKED_OF_CONTROLLER[:2] if name in control]
         return ", ".join(words) or "a run"
 
@@ -90,7 +93,7 @@ class RunFacts:
         }
 
     def trip_scenario(self) -> str | None:
-        """Return the trip as the YAML text of a scenario, None where it is not known."""
+        """Return the trip as the YAML text of a scenario, None where it or its leader is not known."""
         nodes = self.nodes or {}
         given = {**nodes.get(BRIDGE, {}), **nodes.get(PLANT, {})}
         content: dict[str, Any] = {}
@@ -100,7 +103,8 @@ class RunFacts:
                 into = own if group in _OF_THE_PLANT_ALONE else content
                 if spec.name in given:
                     into[spec.name] = given[spec.name]
-        if "cycle" not in content or "duration_s" not in content:
+        drives_cycle = given.get(LEADER_SOURCE, FROM_CYCLE) == FROM_CYCLE
+        if "cycle" not in content or "duration_s" not in content or not drives_cycle:
             return None
         if own:
             content["node_parameters"] = {PLANT: own}
@@ -176,4 +180,5 @@ def asked_names(node: str) -> list[str]:
     """Return the names of the parameters that the view asks a node for."""
     if node == CONTROLLER:
         return list(ASKED_OF_CONTROLLER)
-    return [spec.name for group in ASKED[node] for spec in parameter_specs(group)]
+    names = [spec.name for group in ASKED[node] for spec in parameter_specs(group)]
+    return [*names, LEADER_SOURCE] if node == BRIDGE else names

@@ -25,11 +25,13 @@ class CsvTable:
         source: file name for messages.
         columns: one array of shape (n,) per column name.
         lines: line number of every row in the file (1 is the first line), shape (n,).
+        counted: what the numbers count, where it is not lines.
     """
 
     source: str
     columns: dict[str, FloatArray]
     lines: tuple[int, ...]
+    counted: str = "line"
 
     def error(self, row: int, column: str, allowed: str) -> RouteError:
         """Build the error for one rejected value.
@@ -44,7 +46,7 @@ class CsvTable:
         """
         value = self.columns[column][row]
         return RouteError(
-            f"{self.source}, line {self.lines[row]}, column {column}: "
+            f"{self.source}, {self.counted} {self.lines[row]}, column {column}: "
             f"value {value:.12g}; allowed: {allowed}"
         )
 
@@ -68,7 +70,7 @@ def read_csv_table(path: Path, known: Sequence[str]) -> CsvTable:
     try:
         raw = read_bounded(path, MAX_BYTES)
     except FileNotFoundError:
-        raise RouteError(f"{path}: no such file; give the path of an existing CSV file") from None
+        raise RouteError(f"{path}: no such file; give the path of an existing one") from None
     except (OSError, ValueError) as reason:  # ValueError: a null character in the path
         raise RouteError(
             f"{path}: cannot be read ({reason}); the path of a readable file is needed"

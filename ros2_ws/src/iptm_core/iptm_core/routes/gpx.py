@@ -9,19 +9,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from iptm_core.errors import RouteError
+from iptm_core.routes.plain_xml import finite_number, read_xml
 from iptm_core.routes.track import Track
-from iptm_core.user_input import read_bounded
 
 MAX_BYTES = 100_000_000
 MAX_POINTS = 1_000_000
-
-
-class _NoDocumentType(ET.TreeBuilder):
-    """A builder that refuses document types, and with them entities that blow up or read other files."""
-
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:  # noqa: ARG002
-        """Refuse; the parser calls this before it reads any entity."""
-        raise RouteError(f"document type {name!r}; allowed: none, no GPX file needs one")
 
 
 def read_gpx(path: Path) -> Track:
@@ -33,16 +25,7 @@ def read_gpx(path: Path) -> Track:
     Raises:
         RouteError: no such file, no XML, a document type, or a point that lacks place or time.
     """
-    try:
-        content = read_bounded(path, MAX_BYTES)
-        parser = ET.XMLParser(target=_NoDocumentType())  # noqa: S314 - entities are refused
-        root = ET.fromstring(content, parser)  # noqa: S314
-    except FileNotFoundError:
-        raise RouteError(f"{path}: no such file; give the path of an existing GPX file") from None
-    except RouteError as reason:
-        raise RouteError(f"{path}: {reason}") from None
-    except (OSError, ValueError, LookupError, ET.ParseError) as reason:
-        raise RouteError(f"{path}: cannot be read ({reason}); a GPX file is needed") from reason
+    root = read_xml(path, MAX_BYTES, "GPX")
     points = [element for element in root.iter() if _name(element) == "trkpt"]
     if not 2 <= len(points) <= MAX_POINTS:
         raise RouteError(f"{path}: {len(points)} track points; allowed: 2 to {MAX_POINTS}")
@@ -78,18 +61,8 @@ def _row(path: Path, number: int, point: ET.Element) -> tuple[float, ...]:
         moment = moment.replace(tzinfo=timezone.utc)
     return (
         moment.timestamp(),
-        _number(where, "lat", point.get("lat")),
-        _number(where, "lon", point.get("lon")),
-        _number(where, "ele", texts["ele"]) if "ele" in texts else float("nan"),
-        _number(where, "speed", texts["speed"]) if "speed" in texts else float("nan"),
+        finite_number(where, "lat", point.get("lat")),
+        finite_number(where, "lon", point.get("lon")),
+        finite_number(where, "ele", texts["ele"]) if "ele" in texts else float("nan"),
+        finite_number(where, "speed", texts["speed"]) if "speed" in texts else float("nan"),
     )
-
-
-def _number(where: str, name: str, text: str | None) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise RouteError(f"{where}: {name} is {text!r}; allowed: a finite number")
-    return value

@@ -15,10 +15,11 @@ from iptm_core.routes.hills import PEAK_GRADES
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.routes.user_csv import USER_SUFFIXES, read_user_trip
+from iptm_core.routes.user_csv import USER_FILES, USER_SUFFIXES, read_user_trip
+from iptm_core.user_input import is_path
 
 ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", *composition_names())
-"""Cycle names that `build_route` knows; the path of a CSV or GPX file is welcome as well."""
+"""Cycle names that `build_route` knows; the path of a drive is welcome as well."""
 
 SLOPE_CHOICES = ("as_designed", "flat", *PEAK_GRADES)
 """Slope choices of `build_route`."""
@@ -59,10 +60,10 @@ def build_route(
     """Build a route from a driving cycle and a choice of slope.
 
     Args:
-        cycle: one of `ROUTE_CYCLES`, the path of a CSV or GPX file (see `iptm_core.routes.user_csv`), or a
+        cycle: one of `ROUTE_CYCLES`, the path of a drive (see `iptm_core.routes.user_csv`), or a
             composition of the comprehensive cycle.
         slope: ``"as_designed"`` takes the road that belongs to the cycle (alternating hills for the
-            comprehensive cycles, the columns of a CSV file, level for the published cycles, which
+            comprehensive cycles, that in the file of a drive, level for the published cycles, which
             are made for a dynamometer); ``"flat"``, ``"small"`` (2 % at the steepest) and
             ``"large"`` (6 %) replace it.
         initial_gap_m: distance from the host to the leader at t = 0.
@@ -73,8 +74,8 @@ def build_route(
         The route.
 
     Raises:
-        RouteError: unknown cycle or slope, a gap or duration that is not positive, or a CSV file
-            that is not as it should be.
+        RouteError: unknown cycle or slope, a gap or duration that is not positive, or a file that is
+            not as it should be.
     """
     if slope not in SLOPE_CHOICES:
         raise RouteError(f"slope is {slope!r}; allowed: {', '.join(SLOPE_CHOICES)}")
@@ -106,7 +107,7 @@ def _designed(
     if isinstance(cycle, RouteComposition):
         whole = comprehensive_cycle(cycle)
         return whole.cycle, whole.segments, whole.slope_profile(), None
-    if isinstance(cycle, Path) or cycle.lower().endswith(USER_SUFFIXES):
+    if isinstance(cycle, Path) or is_path(cycle, USER_SUFFIXES):
         trip = read_user_trip(Path(cycle))
         kind = "flat" if trip.slope is None else "measured"
         segment = _single_segment(trip.cycle, kind)
@@ -118,7 +119,7 @@ def _designed(
     else:
         raise RouteError(
             f"unknown driving cycle {cycle!r}; allowed: {', '.join(ROUTE_CYCLES)}, "
-            "or the path of a .csv or .gpx file"
+            f"or the path of a drive: {USER_FILES}"
         )
     return trace, _single_segment(trace, "flat"), SlopeProfile.flat(), None
 

@@ -1,11 +1,14 @@
-"""A user's own trip as CSV: speed over time, optionally with slope or height.
+"""A user's own trip: a table of speed over time, optionally with slope or height, in a file.
 
-Columns, in any order: ``time_s`` (any zero), exactly one of ``speed_m_s``, ``speed_kmh`` and
+Columns of a CSV file, in any order: ``time_s`` (any zero), exactly one of ``speed_m_s``, ``speed_kmh`` and
 ``speed_mph``, and at most one of ``slope_percent`` (rise over run), ``slope_rad`` and
 ``elevation_m``. Lines that start with ``#`` are comments.
 
 A file with ``latitude_deg`` and ``longitude_deg`` is a recorded drive (see `iptm_core.routes.track`): its
 speed column may be missing, and its heights are smoothed along the road. So is a GPX file.
+
+Other files hold the drives of several vehicles, one of which is named behind a ``#``: SUMO's floating car
+data (see `iptm_core.routes.fcd`), and bags of ROS (see `iptm_core.routes.bag`).
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ import numpy as np
 from iptm_core.errors import RouteError
 from iptm_core.routes.csv_table import CsvTable, read_csv_table
 from iptm_core.routes.cycles import SPEED_COLUMNS_M_S, DrivingCycle
+from iptm_core.routes.fcd import FCD_SUFFIX, read_fcd
 from iptm_core.routes.gpx import read_gpx
 from iptm_core.routes.piecewise import cumulative_integral, integral_at
 from iptm_core.routes.road_line import RoadLine
@@ -28,7 +32,11 @@ from iptm_core.state import FloatArray
 ROAD_COLUMNS = ("slope_percent", "slope_rad", "elevation_m")
 PLACE_COLUMNS = ("latitude_deg", "longitude_deg")
 GPX_SUFFIX = ".gpx"
-USER_SUFFIXES = (".csv", GPX_SUFFIX)
+BAG_SUFFIXES = (".mcap", ".db3", ".bag")
+"""Of single files; the bag of a run is a folder."""
+USER_SUFFIXES = (".csv", GPX_SUFFIX, FCD_SUFFIX, *BAG_SUFFIXES)
+USER_FILES = ".csv, .gpx, FILE.xml#VEHICLE of SUMO, FOLDER/BAG#VEHICLE"
+"""What a cycle may be instead of a name, as it is said to users; the vehicle where there are several."""
 
 MAX_SPEED_M_S = 70.0
 """252 km/h: no road car follows anything faster."""
@@ -60,7 +68,7 @@ class UserTrip:
 
 
 def read_user_trip(path: Path) -> UserTrip:
-    """Read a trip from a CSV or GPX file and resample it to 1 Hz.
+    """Read a trip from a file and resample it to 1 Hz.
 
     Speed is taken as linear between rows. Rows at whole seconds are kept exactly; otherwise the speed
     is read at whole seconds and scaled (by 2 % at most) so that the distance stays that of the file.
@@ -68,7 +76,7 @@ def read_user_trip(path: Path) -> UserTrip:
     starts at standstill.
 
     Args:
-        path: the file.
+        path: the file, or the folder of a bag, and behind a ``#`` the vehicle.
 
     Returns:
         The trip.
@@ -78,7 +86,7 @@ def read_user_trip(path: Path) -> UserTrip:
     """
     if path.suffix.lower() == GPX_SUFFIX:
         return _recorded_trip(path, read_gpx(path))
-    table = read_csv_table(path, ("time_s", *SPEED_COLUMNS_M_S, *ROAD_COLUMNS, *PLACE_COLUMNS))
+    table = _read_table(path)
     if any(column in table.columns for column in PLACE_COLUMNS):
         return _recorded_trip(path, _track(table))
     speed_column = _required_columns(table)
@@ -89,6 +97,19 @@ def read_user_trip(path: Path) -> UserTrip:
     return UserTrip(cycle, _road(table, launch_m + cumulative_integral(times, speeds)))
 
 
+def _read_table(path: Path) -> CsvTable:
+    text, _, vehicle = str(path).partition("#")
+    file = Path(text)
+    if file.suffix.lower() == FCD_SUFFIX:
+        return read_fcd(file, vehicle)
+    if file.suffix.lower() in BAG_SUFFIXES or file.is_dir():
+        # Loaded only now: no other cycle needs it, and every node would wait for it.
+        from iptm_core.routes.bag import read_bag  # noqa: PLC0415
+
+        return read_bag(file, vehicle)
+    return read_csv_table(path, ("time_s", *SPEED_COLUMNS_M_S, *ROAD_COLUMNS, *PLACE_COLUMNS))
+
+
 def _launched(path: Path, times: FloatArray, speeds: FloatArray) -> tuple[DrivingCycle, float]:
     """Return the cycle of a trace, and the way of the launch ramp in front of it."""
     launch_s = float(np.ceil(speeds[0] / LAUNCH_ACCELERATION_M_S2))
@@ -96,8 +117,13 @@ def _launched(path: Path, times: FloatArray, speeds: FloatArray) -> tuple[Drivin
     if launch_s > 0.0:
         times = np.concatenate([[0.0], times + launch_s])
         speeds = np.concatenate([[0.0], speeds])
-    source = f"file {path.name}" + (f", after a launch of {launch_s:g} s" if launch_s else "")
-    return DrivingCycle(path.stem, *_resample(str(path), times, speeds), source), launch_m
+    text, mark, vehicle = str(path).partition("#")
+    file = Path(text)
+    source = f"file {file.name}{mark}{vehicle}"
+    if launch_s:
+        source += f", after a launch of {launch_s:g} s"
+    name = file.stem + mark + vehicle
+    return DrivingCycle(name, *_resample(str(path), times, speeds), source), launch_m
 
 
 def _recorded_trip(path: Path, track: Track) -> UserTrip:

@@ -1,0 +1,137 @@
+"""Drives in bags: what a vehicle did becomes a leader and its road."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from iptm_core.errors import RouteError
+from iptm_core.routes import build_route
+from iptm_core.routes.user_csv import read_user_trip
+from iptm_interfaces.codecs import decode_slope
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.trajectory_reader import read_trajectory
+
+BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TYPES = STORE.types
+Rows = Sequence[tuple[float, float, float]]
+"""Stamp in s, position, speed."""
+RAMP = [(float(k), 0.5 * k * k, float(k)) for k in range(11)]
+
+
+def write_bag(folder: Path, topics: Mapping[str, Rows]) -> Path:
+    """Write the odometry of some topics, as another program would."""
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, rows in topics.items():
+            kind = "nav_msgs/msg/Odometry"
+            connection = writer.add_connection(topic, kind, typestore=STORE)
+            for index, row in enumerate(rows):
+                writer.write(connection, index, STORE.serialize_cdr(odometry(*row), kind))
+    return folder
+
+
+def odometry(stamp_s: float, position_m: float, speed_m_s: float) -> object:
+    def make(kind: str, **fields: object) -> object:
+        return TYPES[kind](**fields)
+
+    def vector(x: float) -> object:
+        return make("geometry_msgs/msg/Vector3", x=x, y=0.0, z=0.0)
+
+    stamp = make("builtin_interfaces/msg/Time", sec=int(stamp_s), nanosec=0)
+    none = np.zeros(36)
+    pose = make(
+        "geometry_msgs/msg/Pose",
+        position=make("geometry_msgs/msg/Point", x=position_m, y=0.0, z=0.0),
+        orientation=make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
+    )
+    twist = make("geometry_msgs/msg/Twist", linear=vector(speed_m_s), angular=vector(0.0))
+    return make(
+        "nav_msgs/msg/Odometry",
+        header=make("std_msgs/msg/Header", stamp=stamp, frame_id="odom"),
+        child_frame_id="base_link",
+        pose=make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=none),
+        twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=none),
+    )
+
+
+def test_the_car_of_a_recorded_run_becomes_the_leader_on_its_road() -> None:
+    driven = read_trajectory(BAG)
+    route = build_route(str(BAG), initial_gap_m=15.0)
+    np.testing.assert_allclose(route.leader.speeds_at(driven.time_s), driven.speed_m_s, atol=1e-9)
+    assert route.leader.positions_at(driven.time_s[-1]) - 15.0 == pytest.approx(
+        driven.position_m[-1], rel=1e-3
+    )
+    with BagReader(BAG) as reader:
+        (message,) = reader.messages([f"/{TOPICS[Topic.SLOPE].name}"])
+    road = decode_slope(message.message)
+    there = np.linspace(0.0, driven.position_m[-1], 200)
+    recorded = np.interp(there, road.positions_m, road.slopes_rad)
+    assert np.ptp(recorded) > 0.005
+    np.testing.assert_allclose(route.slope.slope_at(there), recorded, atol=1e-3)
+
+
+def test_another_odometry_of_a_bag_is_named_behind_it() -> None:
+    driven = read_trajectory(BAG)
+    leader = build_route(f"{BAG}#v2x/leader", initial_gap_m=15.0).leader
+    np.testing.assert_allclose(leader.speeds_at(driven.time_s), driven.leader_speed_m_s, atol=1e-9)
+
+
+def test_the_only_odometry_of_a_bag_needs_no_name(tmp_path: Path) -> None:
+    """Of another program: wall-clock stamps, no road. A single file will do."""
+    late = [(1.79e9 + time_s, place, -speed) for time_s, place, speed in RAMP]
+    bag = write_bag(tmp_path / "other", {"/robot/odom": late})
+    for path in (bag, next(bag.glob("*.mcap"))):
+        trip = read_user_trip(path)
+        np.testing.assert_array_equal(trip.cycle.speeds_m_s, np.arange(11.0))
+        assert trip.slope is None
+
+
+def test_one_of_several_vehicles_is_named_behind_the_bag(tmp_path: Path) -> None:
+    faster = [(time_s, place, 2.0 * speed) for time_s, place, speed in RAMP]
+    bag = write_bag(
+        tmp_path / "string", {"/car_1/plant/odometry": RAMP, "/car_2/plant/odometry": faster}
+    )
+    assert read_user_trip(Path(f"{bag}#car_2")).cycle.max_speed_m_s == 20.0
+    for name in ("", "#car_3"):
+        with pytest.raises(RouteError, match=r"#/car_1/plant/odometry, .*#/car_2/plant/odometry"):
+            build_route(f"{bag}{name}", initial_gap_m=15.0)
+
+
+def test_the_last_of_several_trips_counts_and_repeated_states_count_once(tmp_path: Path) -> None:
+    first = [(float(k), 0.0, 0.0) for k in range(30)]
+    bag = write_bag(tmp_path / "twice", {"/plant/odometry": [*first, *RAMP[:5], *RAMP[4:]]})
+    np.testing.assert_array_equal(read_user_trip(bag).cycle.speeds_m_s, np.arange(11.0))
+
+
+def test_what_is_no_drive_is_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe.mcap")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(next(BAG.glob("*.mcap")).read_bytes()[:20_000])
+    nothing = write_bag(tmp_path / "nothing", {"/plant/odometry": []})
+    broken = write_bag(tmp_path / "broken", {"/plant/odometry": [*RAMP, (11.0, 0.0, np.nan)]})
+    leap = write_bag(tmp_path / "leap", {"/plant/odometry": [*RAMP, (11.0, 0.0, 60.0)]})
+    without = write_bag(tmp_path / "without", {})
+    refusals = {
+        tmp_path / "none.mcap": "no file",
+        tmp_path / "folder": "metadata.yaml",
+        tmp_path / "pipe.mcap": "no file",
+        cut: "cannot be read as a bag",
+        nothing: "0 messages",
+        broken: "message 12: not finite",
+        leap: "message 12, column speed_m_s: value 60",
+        without: "no odometry",
+    }
+    for path, reason in refusals.items():
+        with pytest.raises(RouteError, match=reason) as refusal:
+            build_route(path, initial_gap_m=15.0)
+        assert str(path) in str(refusal.value)
+        assert "\n" not in str(refusal.value)
