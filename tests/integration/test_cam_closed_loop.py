@@ -18,6 +18,7 @@ from iptm_recording.compare_bags import compare_bags
 from iptm_recording.recorded_topics import TopicSelection
 
 TICKS = 15
+DRIVE = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 RUN_TIMEOUT_S = 120.0
 FAULTS = {"loss_probability": 0.2, "link_delay_s": 0.2, "link_jitter_s": 0.1, "sender_seed": 3}
 Finish = Callable[[], Path]
@@ -26,7 +27,7 @@ Drive = Callable[..., Finish]
 
 @pytest.fixture
 def drive(launcher: Any, tmp_path: Path) -> Drive:
-    """Start a drive of the first seconds of us06 by command; with a sender unless packets are given.
+    """Start a drive behind the car of a bag by command; with a sender unless packets are given.
 
     What comes back waits for its end and returns its bag.
     """
@@ -42,12 +43,12 @@ def drive(launcher: Any, tmp_path: Path) -> Drive:
         stack = ExitStack()
         domain = str(stack.enter_context(reserve_domain()))
         runner = launcher.start_module(
-            "iptm_bringup.run_closed_loop", "--cycle", "us06", "--duration-s", str(TICKS),
+            "iptm_bringup.run_closed_loop", "--cycle", DRIVE, "--duration-s", str(TICKS),
             "--no-picture", "--domain", domain, *given, "--output", bag,
         )  # fmt: skip
         sender = None
         if recorded is None:
-            parameters = {"to_port": port, "cycle": "us06", **FAULTS}
+            parameters = {"to_port": port, "cycle": DRIVE, **FAULTS}
             told = [part for item in parameters.items() for part in ("-p", "{}:={}".format(*item))]
             sender = launcher.start_module(
                 SENDER, "--ros-args", *told, name="sender", ROS_DOMAIN_ID=domain

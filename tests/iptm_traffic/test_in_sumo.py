@@ -16,6 +16,7 @@ pytest.importorskip("sumo", reason="requirements/traffic.txt is not installed")
 
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
+from iptm_core.routes import build_route
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
 from iptm_traffic import cli
@@ -23,6 +24,7 @@ from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.corridor import Corridor
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
+    HOST,
     DemandSettings,
     TrafficScenario,
     signal_offsets_s,
@@ -150,6 +152,22 @@ def test_who_leads_changes_when_the_leader_turns_off() -> None:
     assert cli.verdict(result) == []
     assert result.leaders[0] == "leader"
     assert len(result.leaders) > 1
+
+
+def test_what_a_vehicle_did_becomes_a_drive(tmp_path: Path) -> None:
+    """SUMO's own word on the host is that of the plant; writing it changes nothing."""
+    file = tmp_path / "traffic.fcd.xml"
+    drive = TrafficDrive(TrafficScenario.FOLLOWING, TrafficKnowledge.HISTORY, 40.0)
+    result = drive_in_traffic(drive, PARAMETERS, file)
+    assert drive_in_traffic(drive, PARAMETERS).digest == result.digest
+    driven = result.trajectory
+    route = build_route(f"{file}#{HOST}", initial_gap_m=15.0)
+    np.testing.assert_allclose(route.leader.speeds_at(driven.time_s), driven.speed_m_s, atol=1e-3)
+    road = corridor(tmp_path).road.slope()
+    there = np.linspace(50.0, float(driven.position_m[-1]), 20)
+    assert np.ptp(road.slope_at(there)) > 0.04
+    # SUMO's road is a polygon, whose slope is constant between two of its points.
+    np.testing.assert_allclose(route.slope.slope_at(there), road.slope_at(there), atol=8e-3)
 
 
 @pytest.mark.slow
