@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from iptm_core.errors import ScenarioError
-from iptm_core.routes.road_line import east_north_m
+from iptm_core.routes.road_line import east_north_m, step_deg
 from iptm_core.state import FloatArray
 from iptm_traffic.corridor import BLOCK_M, Corridor
 from iptm_traffic.demand import (
@@ -21,7 +21,7 @@ from iptm_traffic.demand import (
     signal_offsets_s,
     write_demand,
 )
-from iptm_traffic.network import HOST_START_M, HostRoad, step_deg
+from iptm_traffic.network import HOST_START_M, HostRoad
 
 
 def vehicles(folder: Path, scenario: TrafficScenario, seed: int = 1) -> dict[str, ET.Element]:

@@ -14,7 +14,6 @@ from tests.iptm_v2x_bridge.random_cams import random_fields
 from iptm_core.errors import MessageError
 from iptm_v2x_bridge.messages.cam import CamMessage, PredictedPath
 from iptm_v2x_bridge.messages.cam_codec import (
-    MAX_DATAGRAM_BYTES,
     decode_cam,
     decode_datagram,
     encode_cam,
@@ -22,6 +21,7 @@ from iptm_v2x_bridge.messages.cam_codec import (
     specification,
 )
 from iptm_v2x_bridge.messages.geonetworking import HEADER_BYTES, SenderPosition, wrap
+from iptm_v2x_bridge.messages.its_pdu import MAX_DATAGRAM_BYTES
 from iptm_v2x_bridge.rejections import Rejection
 
 HERE = SenderPosition(600_000_000_123, 481_234_567, 107_654_321, 2000, 0)

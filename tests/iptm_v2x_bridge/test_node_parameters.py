@@ -49,7 +49,7 @@ def test_the_node_drives_the_bridge_by_its_own_parameters() -> None:
 def test_rules_that_cannot_be_read_are_refused(given: dict[str, str], word: str) -> None:
     parameters = BridgeNodeParameters(**given)  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match=word):
-        parameters.build_predictors(parameters.build_source().route)
+        parameters.build_given_rules()
 
 
 def test_a_host_that_keeps_the_rules_needs_to_know_them() -> None:
@@ -64,7 +64,9 @@ def test_what_is_given_of_the_road_bounds_the_prediction() -> None:
     given = {"signals": "204.5:80:30:40"}
     for keeps, farthest_m in ((True, 200.5), (False, np.inf)):
         parameters = BridgeNodeParameters(leader_keeps_rules=keeps, **given)  # type: ignore[arg-type]
-        predictors = parameters.build_predictors(parameters.build_source().route)
+        predictors = parameters.build_predictors(
+            parameters.build_source().route, parameters.build_given_rules()
+        )
         found = [predictor.predict(stands, times) for predictor in predictors]
         best = next(prediction for prediction in found if prediction is not None)
         assert 150.0 < best.positions_m[29] < farthest_m

@@ -14,15 +14,16 @@ from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.plant import Plant, PlantStep
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_v2x_bridge.bridge import BridgeAnswer
-from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan
+from iptm_v2x_bridge.prediction.road_rules import GivenRules
+from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
 from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
 from iptm_v2x_bridge.rules_of_the_road import STOP_BEFORE_M, RulesOfTheRoad
 
 LIMITS = SpeedLimits(np.array([0.0]), np.array([14.0]))
 PARAMETERS = load_parameters().values
 GAP = PARAMETERS.gap
-CLOSED = Signal(400.0, 1000.0, 900.0, 50.0)
-OPEN = Signal(400.0, 1000.0, -10.0, 900.0)
+CLOSED = CyclicSignal(400.0, 1000.0, 900.0, 50.0)
+OPEN = CyclicSignal(400.0, 1000.0, -10.0, 900.0)
 
 
 class Heard:
@@ -42,9 +43,9 @@ class Heard:
         return BridgeAnswer(time_ns, state, preview, lost=False, predictor="history")
 
 
-def rules(inner: Heard, signal: Signal, speed_m_s: float, **more: float) -> RulesOfTheRoad:
+def rules(inner: Heard, signal: CyclicSignal, speed_m_s: float, **more: float) -> RulesOfTheRoad:
     return RulesOfTheRoad(
-        inner, lambda: speed_m_s, LIMITS, SignalPlan((signal,)), PARAMETERS, **more
+        inner, lambda: speed_m_s, GivenRules(LIMITS, SignalPlan((signal,))), PARAMETERS, **more
     )
 
 
@@ -97,7 +98,7 @@ def test_a_leader_nearer_than_the_rules_is_left_as_it_is() -> None:
 
 def test_a_leader_that_gets_through_does_not_lead_over_a_line_that_closes() -> None:
     # The leader passes 400 m after 38 s, the host would three seconds later; it closes after 40 s.
-    answer = rules(Heard(20.0), Signal(400.0, 1000.0, -10.0, 50.0), 10.0).answer(0, 0.0)
+    answer = rules(Heard(20.0), CyclicSignal(400.0, 1000.0, -10.0, 50.0), 10.0).answer(0, 0.0)
     assert answer.leader is not None
     assert answer.leader.position_m == pytest.approx(20.0)
     assert answer.preview.positions_m[-1] == pytest.approx(403.0)
@@ -132,7 +133,7 @@ def test_the_controller_passes_lines_only_while_they_are_open(
     opens_at_s: float, foresight_s: float
 ) -> None:
     signals = tuple(
-        Signal(line_m, 60.0, opens_at_s + shift_s, 25.0)
+        CyclicSignal(line_m, 60.0, opens_at_s + shift_s, 25.0)
         for line_m, shift_s in ((300.0, 0.0), (700.0, 17.0), (1100.0, 41.0))
     )
     road = build_route("smooth", "flat", initial_gap_m=15.0, duration_s=150.0)
@@ -141,8 +142,7 @@ def test_the_controller_passes_lines_only_while_they_are_open(
     bridge = RulesOfTheRoad(
         Heard(None),
         lambda: plant.speed_m_s,
-        LIMITS,
-        plan,
+        GivenRules(LIMITS, plan),
         PARAMETERS,
         PreviewSettings(),
         foresight_s=foresight_s,

@@ -15,7 +15,7 @@ LOCKS = [
     "view",
     "capture",
     "can",
-    "oracle",
+    "roadside",
     "traffic",
 ]
 FOLDER = Path(__file__).resolve().parents[2] / "requirements"

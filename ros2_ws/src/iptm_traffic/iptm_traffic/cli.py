@@ -72,6 +72,12 @@ def build_parser() -> argparse.ArgumentParser:
         "within signal phases and speed limits (default: %(default)s)",
     )
     parser.add_argument(
+        "--signals-by-radio",
+        action="store_true",
+        help="the host learns signals and speed limits from the messages of roadside stations only, "
+        "and knows none beforehand (needs requirements/roadside.txt)",
+    )
+    parser.add_argument(
         "--duration-s", type=number, default=600.0, help="length of the trip (default: 600)"
     )
     parser.add_argument(
@@ -132,6 +138,7 @@ def drive_from(arguments: argparse.Namespace) -> TrafficDrive:
         arguments.strategy,
         DemandSettings(**given),
         arguments.step_s,
+        arguments.signals_by_radio,
     )
 
 

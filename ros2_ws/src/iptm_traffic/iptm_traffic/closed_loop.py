@@ -30,13 +30,17 @@ from iptm_traffic.events import Director, LeaderWatch, LineWatch
 from iptm_traffic.network import Network
 from iptm_traffic.preparation import prepare_traffic
 from iptm_traffic.radio import Rehearsed, TrafficRadio
+from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS, RoadsideStations
 from iptm_traffic.simulation import LOOKED_AHEAD_M, HostInstant, TrafficSimulation
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.predictor import Predictor
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
-from iptm_v2x_bridge.prediction.signals import BoundedBySignals
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, GivenRules, RoadRules
+from iptm_v2x_bridge.road_knowledge import read_limits
+from iptm_v2x_bridge.roadside.rules import HeardRules
+from iptm_v2x_bridge.roadside.table import RoadsideTable
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 
 DRIVER_FORESIGHT_S = 15.0
@@ -120,11 +124,11 @@ def _limits_m_s(network: Network, trajectory: Trajectory) -> FloatArray:
     return here
 
 
-def _predictors(knowledge: TrafficKnowledge, network: Network) -> tuple[Predictor, ...]:
+def _predictors(knowledge: TrafficKnowledge, rules: RoadRules) -> tuple[Predictor, ...]:
     if knowledge is TrafficKnowledge.PATH:
         return ReceivedPath(), History()
     if knowledge is TrafficKnowledge.SIGNALS:
-        return BoundedBySignals(History(), network.limits, network.plan), History()
+        return BoundedByRules(History(), rules), History()
     return (History(),)
 
 
@@ -146,14 +150,23 @@ def _closed_loop(
     network = simulation.network
     road_line, slope = network.road.road_line(), network.road.slope()
     preview = PreviewSettings()
-    radio = TrafficRadio(simulation, road_line, rehearsal)
-    bridge = CamBridge(road_line, preview, predictors=_predictors(drive.knowledge, network))
+    heard = stations = None
+    if drive.signals_by_radio:
+        stations = RoadsideStations(network, road_line)
+        heard = HeardRules(RoadsideTable(road_line), GivenRules(read_limits(LIMITS_WITHOUT_SIGNS)))
+    radio = TrafficRadio(simulation, road_line, rehearsal, stations)
+    given = GivenRules(network.limits, network.plan)
+    bridge = CamBridge(
+        road_line,
+        preview,
+        predictors=_predictors(drive.knowledge, heard.leader if heard else given),
+        roadside=heard,
+    )
     knows_plan = drive.knowledge is TrafficKnowledge.SIGNALS
     rules = RulesOfTheRoad(
         _HeardTraffic(radio, bridge),
         lambda: simulation.host_speed_m_s,
-        network.limits,
-        network.plan,
+        heard.host if heard else given,
         parameters,
         preview,
         foresight_s=preview.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,

@@ -45,6 +45,7 @@ class TrafficDrive:
         strategy: the controller's; the reference plans on the paper's single horizon.
         demand: how much traffic there is.
         step_s: step of SUMO and period of the messages.
+        signals_by_radio: the host knows signals and speed limits from roadside stations only.
 
     Raises:
         ScenarioError: the trip is not a whole number of seconds, or a second not one of steps.
@@ -56,6 +57,7 @@ class TrafficDrive:
     strategy: str = ControllerSettings.strategy
     demand: DemandSettings = field(default_factory=DemandSettings)
     step_s: float = 0.5
+    signals_by_radio: bool = False
 
     def __post_init__(self) -> None:
         if not 1.0 <= self.duration_s <= LONGEST_S or self.duration_s % 1.0:

@@ -12,15 +12,14 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from iptm_core.errors import ScenarioError
-from iptm_core.routes.road_line import RoadLine, east_north_m
+from iptm_core.routes.road_line import RoadLine, step_deg
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import FloatArray
 from iptm_traffic.corridor import HOST_LANE, Corridor
 from iptm_traffic.sumo_process import sumo_program
-from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan
+from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
 from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
 
 ORIGIN_DEG = (48.0, 10.0)
@@ -28,7 +27,6 @@ CYCLE_S = 80.0
 MAIN_OPEN_S, YELLOW_S, CLEARING_S = 42.0, 4.0, 2.0
 HOST_START_M = 60.0
 """Where on its first lane the host starts."""
-_SMALL_DEG = 1e-3
 _PHASES = ("main", "main yellow", "clearing", "cross", "cross yellow", "clearing")
 
 
@@ -91,26 +89,6 @@ class HostRoad:
         return SlopeProfile.from_elevations(self.positions_m, self.heights_m)
 
 
-def step_deg(
-    latitude_deg: ArrayLike,
-    longitude_deg: ArrayLike,
-    east_m: float | FloatArray,
-    north_m: float | FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the points so far east and north of others: the inverse of `east_north_m`, shapes alike."""
-    start: FloatArray = np.asarray(latitude_deg, dtype=np.float64)
-    meridian: FloatArray = np.asarray(longitude_deg, dtype=np.float64)
-    latitude, longitude = start, meridian
-    for _ in range(3):
-        # The degrees that the formula's own metres at the last guess leave over.
-        east, north = east_north_m(latitude, longitude, (start, meridian))
-        per_east, _ = east_north_m(latitude, meridian + _SMALL_DEG, (start, meridian))
-        _, per_north = east_north_m(latitude + _SMALL_DEG, longitude, (latitude, longitude))
-        latitude = latitude + _SMALL_DEG * (north_m - north) / per_north
-        longitude = longitude + _SMALL_DEG * (east_m - east) / per_east
-    return latitude, longitude
-
-
 @dataclass(frozen=True, eq=False)
 class Network:
     """The corridor, converted.
@@ -119,15 +97,20 @@ class Network:
         corridor: what it was made from.
         file: SUMO's network.
         road: the host's way.
-        plan: signals, in trip time.
+        signals: in driving order, in trip time.
         limits: speed limits along the host's way.
     """
 
     corridor: Corridor
     file: Path
     road: HostRoad
-    plan: SignalPlan
+    signals: tuple[CyclicSignal, ...]
     limits: SpeedLimits
+
+    @property
+    def plan(self) -> SignalPlan:
+        """The signals as rules of the road."""
+        return SignalPlan(self.signals)
 
 
 def build_network(
@@ -157,13 +140,13 @@ def build_network(
     net = ET.parse(file).getroot()  # noqa: S314  written by netconvert just now
     road = _host_road(net, corridor)
     signals = tuple(
-        Signal(line_m, CYCLE_S, opens_s, MAIN_OPEN_S)
+        CyclicSignal(line_m, CYCLE_S, opens_s, MAIN_OPEN_S)
         for line_m, opens_s in zip(road.stop_lines_m, opens_at_s, strict=True)
     )
     _write_programs(net, corridor, folder, [opens_s + before_trip_s for opens_s in opens_at_s])
     starts = np.array([road.lane_starts_m[f"{edge}_{HOST_LANE}"] for edge in corridor.main_edges])
     limits = np.array([corridor.limit_m_s(block) for block in range(corridor.blocks)])
-    return Network(corridor, file, road, SignalPlan(signals), SpeedLimits(starts, limits))
+    return Network(corridor, file, road, signals, SpeedLimits(starts, limits))
 
 
 def _host_road(net: ET.Element, corridor: Corridor) -> HostRoad:

@@ -36,6 +36,7 @@ from iptm_traffic.network import Network
 from iptm_traffic.node_traffic import LISTENERS, TrafficNode
 from iptm_traffic.preparation import prepare_traffic, write_road
 from iptm_traffic.radio import TrafficRadio
+from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS, RoadsideStations
 from iptm_traffic.simulation import TrafficSimulation
 
 RUN = "iptm_bringup.run_closed_loop"
@@ -52,21 +53,29 @@ def road_file(bag: Path) -> Path:
 
 def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[str, object]:
     """Return what the bridge has to know beside the messages: its port, and the rules of the road."""
-    limits, knows_plan = network.limits, drive.knowledge is TrafficKnowledge.SIGNALS
-    return {
+    knows_plan = drive.knowledge is TrafficKnowledge.SIGNALS
+    return _rules(drive, network) | {
         "leader_source": "cam",
         "cam_port": port,
         "publish_datagrams": True,
         "host_keeps_rules": True,
         "leader_keeps_rules": knows_plan,
         "line_foresight_s": PreviewSettings.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,
+    }
+
+
+def _rules(drive: TrafficDrive, network: Network) -> dict[str, object]:
+    if drive.signals_by_radio:
+        return {"roadside_messages": True, "speed_limits_km_h": LIMITS_WITHOUT_SIGNS}
+    limits = network.limits
+    return {
         "speed_limits_km_h": ", ".join(
             f"{start_m:.9g}:{KM_H_PER_M_S * limit:.9g}"
             for start_m, limit in zip(limits.starts_m, limits.limits_m_s, strict=True)
         ),
         "signals": ", ".join(
             f"{line.stop_line_m:.17g}:{line.cycle_s:g}:{line.opens_at_s:g}:{line.open_for_s:g}"
-            for line in network.plan.signals
+            for line in network.signals
         ),
     }
 
@@ -154,7 +163,8 @@ def drive_over_ros(
         simulation = stack.enter_context(
             closing(TrafficSimulation(made.network, made.demand, drive.step_s, fcd=fcd))
         )
-        radio = TrafficRadio(simulation, line, made.rehearsal)
+        stations = RoadsideStations(made.network, line) if drive.signals_by_radio else None
+        radio = TrafficRadio(simulation, line, made.rehearsal, stations)
         domain, port = stack.enter_context(reserve_domain()), _free_port()
         context = stack.enter_context(_joined(domain))
         node = TrafficNode(context, drive, parameters, simulation, radio, port)

@@ -1,5 +1,7 @@
 """SUMO's vehicles as stations: each tells of itself in cooperative awareness messages, as bits.
 
+Where there are roadside stations, their messages come along.
+
 A vehicle that tells its path tells what it did in a rehearsal: the same simulation, with a car of SUMO's own
 in the host's place. As soon as it is somewhere else than it was then, it tells none.
 """
@@ -11,10 +13,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from iptm_core.routes.road_line import RoadLine
+from iptm_core.routes.road_line import RoadLine, step_deg
 from iptm_core.state import FloatArray
 from iptm_core.trip_time import NS_PER_MS, NS_PER_S
-from iptm_traffic.network import HostRoad, step_deg
+from iptm_traffic.network import HostRoad
+from iptm_traffic.roadside import RoadsideStations
 from iptm_traffic.simulation import Neighbours, TrafficSimulation
 from iptm_v2x_bridge.messages.cam import PASSENGER_CAR, CamMessage, PredictedPath
 from iptm_v2x_bridge.messages.cam_codec import encode_cam
@@ -85,6 +88,7 @@ class TrafficRadio:
         simulation: TrafficSimulation,
         road_line: RoadLine,
         rehearsal: dict[str, Rehearsed] | None = None,
+        roadside: RoadsideStations | None = None,
     ) -> None:
         """Set up the radio; it listens to all steps of the simulation from the present on.
 
@@ -92,9 +96,10 @@ class TrafficRadio:
             simulation: the traffic.
             road_line: the host's road on Earth.
             rehearsal: what the vehicles are going to do; None for vehicles that do not tell.
+            roadside: stations beside the road; None for a road without.
         """
         self._simulation, self._road_line = simulation, road_line
-        self._rehearsal = rehearsal
+        self._rehearsal, self._roadside = rehearsal, roadside
         self._ahead_s = path_times_s(SenderSettings.path_points, SenderSettings.path_length_s)
         self._path_told: dict[str, float] = {}
         self._pending: list[tuple[int, Neighbours, float]] = []
@@ -110,11 +115,13 @@ class TrafficRadio:
 
     def take(self) -> list[tuple[int, bytes]]:
         """Return the datagrams since the last call, with the trip times at which they were sent, in ns."""
-        taken = [
-            (sent_ns, self.datagram(message, sent_ns // NS_PER_MS))
-            for sent_ns, around, host_m in self._pending
-            for message in self.messages(around, host_m)
-        ]
+        taken = []
+        for sent_ns, around, host_m in self._pending:
+            sent_ms = sent_ns // NS_PER_MS
+            sent = [self.datagram(message, sent_ms) for message in self.messages(around, host_m)]
+            if self._roadside is not None:
+                sent += self._roadside.datagrams(sent_ms, host_m)
+            taken += [(sent_ns, datagram) for datagram in sent]
         self._pending.clear()
         self.sent += len(taken)
         return taken

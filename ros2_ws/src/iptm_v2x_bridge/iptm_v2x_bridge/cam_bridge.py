@@ -17,13 +17,16 @@ from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 from iptm_core.trip_time import NS_PER_MS, NS_PER_S
 from iptm_v2x_bridge.bridge import BridgeAnswer
-from iptm_v2x_bridge.messages.cam_codec import decode_datagram
+from iptm_v2x_bridge.messages.cam_codec import decode_cam
+from iptm_v2x_bridge.messages.its_pdu import MessageKind, open_datagram
 from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.knowledge import knowledge_of
 from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, Predictor
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
+from iptm_v2x_bridge.roadside.rules import HeardRules
+from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS
 from iptm_v2x_bridge.source import preview_times_s
 from iptm_v2x_bridge.stations.leader import LeaderSelector
 from iptm_v2x_bridge.stations.station import Station
@@ -54,6 +57,7 @@ class CamBridge:
         predictors: Sequence[Predictor] | None = None,
         known_bound_m: float = DEFAULT_KNOWN_BOUND_M,
         start_timestamp_ms: int = 0,
+        roadside: HeardRules | None = None,
     ) -> None:
         """Set up a bridge.
 
@@ -63,8 +67,11 @@ class CamBridge:
             predictors: from the best informed to one that always knows an answer.
             known_bound_m: a prediction ends where the leader may be farther behind it than this.
             start_timestamp_ms: TimestampIts at trip time 0.
+            roadside: takes in what roadside stations send; None refuses it.
         """
         self._road = road
+        self._roadside = roadside
+        self._kinds = (MessageKind.CAM, *(ROADSIDE_KINDS if roadside else ()))
         self._settings = settings or PreviewSettings()
         self._predictors = tuple(predictors or (ReceivedPath(), History()))
         self._known_bound_m = known_bound_m
@@ -73,6 +80,8 @@ class CamBridge:
 
     def _restart(self) -> None:
         self._table = StationTable(self._road)
+        if self._roadside is not None:
+            self._roadside.forget()
         self._selector = LeaderSelector()
         self._unread = RejectionCounts()
         self._datagrams = 0
@@ -93,13 +102,19 @@ class CamBridge:
         """
         self._begin(time_ns)
         self._datagrams += 1
-        read = decode_datagram(datagram)
-        if isinstance(read, Rejection):
-            self._unread.add(read)
-            return read
-        message, packet_timestamp_ms = read
+        opened = open_datagram(datagram, self._kinds)
+        if isinstance(opened, Rejection):
+            self._unread.add(opened)
+            return opened
+        now_ms = self._timestamp_ms(time_ns)
+        if self._roadside is not None and opened.kind is not MessageKind.CAM:
+            return self._roadside.receive(opened, now_ms)
+        message = decode_cam(opened.payload)
+        if isinstance(message, Rejection):
+            self._unread.add(message)
+            return message
         return self._table.receive(
-            message, packet_timestamp_ms, self._timestamp_ms(time_ns), self._host_position_m
+            message, opened.packet_timestamp_ms, now_ms, self._host_position_m
         )
 
     def count_overflow(self, datagrams: int) -> None:
@@ -119,6 +134,8 @@ class CamBridge:
         self._begin(time_ns)
         self._host_position_m = host_position_m
         self._table.forget_silent(self._timestamp_ms(time_ns))
+        if self._roadside is not None:
+            self._roadside.refresh(self._timestamp_ms(time_ns), host_position_m)
         leader = self._leader = self._leading(time_ns, host_position_m)
         self._last = (
             BridgeAnswer(time_ns, None, LeaderPreview.empty(), lost=False)
@@ -222,9 +239,11 @@ class CamBridge:
         if self._last is not None:
             values["predictor"] = self._last.predictor or "none"
             values["leader_bound_m"] = self._last.leader_bound_m
-        for counts in (self._unread, self._table.rejections):
-            values.update({f"rejected_{name}": count for name, count in counts.by_reason().items()})
-        return values
+        counts = self._unread + self._table.rejections
+        if self._roadside is not None:
+            values |= self._roadside.report()
+            counts += self._roadside.table.rejections
+        return values | {f"rejected_{name}": count for name, count in counts.by_reason().items()}
 
 
 def cautious_motion(prediction: Prediction) -> tuple[FloatArray, FloatArray]:

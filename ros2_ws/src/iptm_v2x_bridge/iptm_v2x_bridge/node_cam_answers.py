@@ -44,6 +44,8 @@ class CamAnswers:
         """Open the source of the datagrams and listen for the host; see `node_answers`."""
         self._source, self._options, self._retry = source, options, retry
         self._model = options.model().values
+        self._given = options.build_given_rules()
+        options.build_heard_rules(self._given, source.route.road_line)  # refused now, if at all
         self._bridge: CamBridge | None = None
         self._rules: TickBridge | None = None
         self._before: tuple[CamBridge | None, TickBridge | None, int, int, int | None]
@@ -107,21 +109,21 @@ class CamAnswers:
         """Begin with the first tick: it tells what time of the messages is trip time 0."""
         self._start_ms, self._last_ns = self._datagrams.begin_trip(time_ns), time_ns
         self._received, self._read_ns = 0, None
-        options = self._options
+        options, route = self._options, self._source.route
+        heard = options.build_heard_rules(self._given, route.road_line)
         bridge = self._bridge = CamBridge(
-            self._source.route.road_line,
+            route.road_line,
             options,
-            predictors=options.build_predictors(self._source.route),
+            predictors=options.build_predictors(route, heard.leader if heard else self._given),
             known_bound_m=options.known_bound_m,
             start_timestamp_ms=self._start_ms,
+            roadside=heard,
         )
-        limits = options.build_limits()
-        if options.host_keeps_rules and limits is not None:
+        if options.host_keeps_rules:
             self._rules = RulesOfTheRoad(
                 bridge,
                 lambda: self._host_speed_m_s,
-                limits,
-                options.build_plan(),
+                heard.host if heard else self._given,
                 self._model,
                 options,
                 foresight_s=options.line_foresight_s,

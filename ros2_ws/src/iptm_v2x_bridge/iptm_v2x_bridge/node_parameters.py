@@ -5,12 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-import numpy as np
-
 from iptm_core.declaration import Settings, declared, parameter
-from iptm_core.errors import ParameterError, RouteError
-from iptm_core.parameters.units import KM_H_PER_M_S
-from iptm_core.routes import Route, build_route
 from iptm_core.settings import (
     VEHICLE_LENGTH_M,
     VEHICLE_LENGTHS_M,
@@ -23,19 +18,12 @@ from iptm_core.settings import (
 )
 from iptm_core.trip_time import NS_PER_S
 from iptm_v2x_bridge.cam_bridge import DEFAULT_KNOWN_BOUND_M
-from iptm_v2x_bridge.prediction.history import History
-from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Predictor
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath
-from iptm_v2x_bridge.prediction.signals import BoundedBySignals, Signal, SignalPlan
-from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits, SpeedLimits
+from iptm_v2x_bridge.road_knowledge import RoadKnowledgeSettings
 from iptm_v2x_bridge.sending.settings import SenderSettings
 from iptm_v2x_bridge.source import CycleSource
 
 DEFAULT_CAM_PORT = 8947
 LOCALHOST = "127.0.0.1"
-UNLIMITED_M_S = 70.0
-"""Speed limit of a road whose signals are given without limits."""
 
 
 class LeaderSource(str, Enum):
@@ -97,117 +85,17 @@ class CamSettings(Settings):
         description="cam: publish every datagram on v2x/datagrams, so that a bag holds the radio traffic; "
         "with expected_peers the first answer waits for a listener",
     )
-    earlier_drives: str = parameter(
-        "",
-        "cam: earlier drives of this road to learn from, as in cycle, separated by commas",
-    )
-    speed_limits_km_h: str = parameter(
-        "", "cam: speed limits of the road, <from metre>:<km/h> parts, e.g. '0:50, 1200:70'"
-    )
-    signals: str = parameter(
-        "",
-        "cam: signals of the road with plans that repeat themselves, <metre of the stop line>:<cycle in s>:"
-        "<s of TimestampIts at which it turns green>:<s for which it is green> parts",
-    )
-    leader_keeps_rules: bool = parameter(
-        default=True, description="cam: what is foretold keeps the speed limits and signals given"
-    )
-    host_keeps_rules: bool = parameter(
-        default=False,
-        description="cam: where the speed limits and signals given are stricter than the leader, or none is "
-        "there, the host is given a leader that stands for them",
-    )
-    line_foresight_s: float = parameter(
-        60.0,
-        "cam: with host_keeps_rules, stop lines that the host reaches later are not looked at",
-        "s",
-        1.0,
-        3600.0,
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.host_keeps_rules and not self.speed_limits_km_h.strip():
-            raise ParameterError(
-                "speed_limits_km_h is empty with host_keeps_rules; allowed: the limits to be kept"
-            )
-
-    def build_limits(self) -> SpeedLimits | None:
-        """Return the speed limits, None without any.
-
-        Raises:
-            ParameterError: the text is not usable.
-        """
-        text = self.speed_limits_km_h
-        return read_limits(text) if text.strip() else None
-
-    def build_plan(self) -> SignalPlan:
-        """Return the signals.
-
-        Raises:
-            ParameterError: the text is not usable.
-        """
-        return read_signals(self.signals)
-
-    def build_predictors(self, route: Route) -> tuple[Predictor, ...]:
-        """Return the predictors, the best informed first.
-
-        Args:
-            route: the leader's start on it is that of the earlier drives.
-
-        Raises:
-            IptmError: a file or a limit is not usable.
-        """
-        found: list[Predictor] = [ReceivedPath()]
-        names = [name.strip() for name in self.earlier_drives.split(",") if name.strip()]
-        if names:
-            gap_m = route.leader.start_position_m
-            drives = [build_route(name, initial_gap_m=gap_m).leader for name in names]
-            found.append(LearntProfile([(drive.positions_m, drive.speeds_m_s) for drive in drives]))
-        limits, plan = self.build_limits(), self.build_plan()
-        if self.leader_keeps_rules and plan.signals:
-            known = limits or SpeedLimits(np.zeros(1), np.full(1, UNLIMITED_M_S))
-            found.append(BoundedBySignals(History(), known, plan))
-        elif self.leader_keeps_rules and limits is not None:
-            found.append(BoundedBySpeedLimits(History(), limits))
-        return (*found, History())
-
-
-def read_limits(text: str) -> SpeedLimits:
-    """Return the speed limits that a text such as `0:50, 1200:70` states.
-
-    Raises:
-        ParameterError: it is no such text.
-    """
-    try:
-        pairs = np.array([[float(part) for part in entry.split(":")] for entry in text.split(",")])
-        return SpeedLimits(pairs[:, 0], pairs[:, 1] / KM_H_PER_M_S)
-    except (ValueError, IndexError, RouteError) as reason:
-        raise ParameterError(
-            f"speed_limits_km_h is {text!r}; allowed: <from metre>:<km/h> parts joined by commas, metres "
-            "increasing, limits above 0"
-        ) from reason
-
-
-def read_signals(text: str) -> SignalPlan:
-    """Return the signals that a text such as `1100:80:12.5:42` states, none for an empty one.
-
-    Raises:
-        ParameterError: it is no such text.
-    """
-    entries = [entry.split(":") for entry in text.split(",") if entry.strip()]
-    try:
-        return SignalPlan(tuple(Signal(*map(float, parts)) for parts in entries))
-    except (ValueError, TypeError, RouteError) as reason:
-        raise ParameterError(
-            f"signals is {text!r}: {reason}; allowed: <metre of the stop line>:<cycle in s>:<turns green at "
-            "s>:<green for s> parts joined by commas, metres increasing"
-        ) from reason
 
 
 @dataclass(frozen=True)
 class BridgeNodeParameters(
-    CamSettings, FrameSettings, TickSettings, PreviewSettings, ModelSettings, RoadSettings
+    RoadKnowledgeSettings,
+    CamSettings,
+    FrameSettings,
+    TickSettings,
+    PreviewSettings,
+    ModelSettings,
+    RoadSettings,
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 

@@ -16,7 +16,7 @@ class Rejection(str, Enum):
     PACKET = "packet"
     """Neither a message nor a single-hop broadcast around one, or lengths that do not fit."""
     PORT = "port"
-    """Another service than cooperative awareness."""
+    """Another service than those that are read."""
     HEADER = "header"
     """Another protocol version or message."""
     DECODING = "decoding"
@@ -24,7 +24,7 @@ class Rejection(str, Enum):
     CONSTRAINT = "constraint"
     """A value outside the range of the standard."""
     INCOMPLETE = "incomplete"
-    """Not a vehicle, or position, speed or heading unavailable."""
+    """Not a vehicle, or position, speed or heading unavailable; phases without time, lanes without place."""
     ABSURD = "absurd"
     """A speed or acceleration that no road vehicle has."""
     TIMESTAMPS = "timestamps"
@@ -45,10 +45,35 @@ class Rejection(str, Enum):
     """The station cannot have changed its speed that much."""
     HEADING_JUMP = "heading_jump"
     """The station cannot have turned that far."""
+    PHASE_JUMP = "phase_jump"
+    """A signal opens before the earliest end that it has told for its closed phase."""
+    OTHER_MAP = "other_map"
+    """Other lanes of the same intersection under the same revision."""
     TABLE_FULL = "table_full"
     """Forgotten to make room for another station."""
     OVERFLOW = "overflow"
     """Arrived faster than it could be read."""
+
+    def __str__(self) -> str:
+        """Return the bare word, as it stands in diagnostics."""
+        return str(self.value)
+
+
+class LeftOut(str, Enum):
+    """Parts of a message that are not read while the rest of it counts."""
+
+    COMPUTED_LANE = "computed_lane"
+    """A lane described by another one."""
+    REGIONAL_NODE = "regional_node"
+    """A lane with a node of a regional form."""
+    SIGN = "sign"
+    """A sign that limits no speed, or not in numbers."""
+    CERTAIN_HOURS = "certain_hours"
+    """A speed limit for certain hours only."""
+    CERTAIN_VEHICLES = "certain_vehicles"
+    """A speed limit for certain vehicles or drivers only."""
+    ZONE = "zone"
+    """A zone that is no line, or lacks a vertex."""
 
     def __str__(self) -> str:
         """Return the bare word, as it stands in diagnostics."""
@@ -64,6 +89,12 @@ class RejectionCounts:
     def add(self, reason: Rejection, times: int = 1) -> None:
         """Count a reason."""
         self._counts[reason] += times
+
+    def __add__(self, other: RejectionCounts) -> RejectionCounts:
+        """Return the counts of both."""
+        found = RejectionCounts()
+        found._counts = self._counts + other._counts
+        return found
 
     def __getitem__(self, reason: Rejection) -> int:
         """Return the count of one reason."""

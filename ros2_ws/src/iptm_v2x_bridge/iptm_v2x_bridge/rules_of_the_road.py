@@ -19,8 +19,9 @@ from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
 from iptm_v2x_bridge.prediction.assumed_braking import ASSUMED_BRAKING_M_S2
 from iptm_v2x_bridge.prediction.predictor import PredictorName
-from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan
-from iptm_v2x_bridge.prediction.speed_limits import BRAKING_M_S2, SpeedLimits
+from iptm_v2x_bridge.prediction.road_rules import RoadRules
+from iptm_v2x_bridge.prediction.signals import Signal
+from iptm_v2x_bridge.prediction.speed_limits import BRAKING_M_S2, NO_LIMITS
 from iptm_v2x_bridge.source import preview_times_s
 
 START_M_S2 = 1.0
@@ -55,8 +56,7 @@ class RulesOfTheRoad:
         self,
         inner: TickBridge,
         host_speed_m_s: Callable[[], float],
-        limits: SpeedLimits,
-        plan: SignalPlan,
+        rules: RoadRules,
         parameters: ModelParameters,
         settings: PreviewSettings | None = None,
         *,
@@ -68,22 +68,23 @@ class RulesOfTheRoad:
         Args:
             inner: knows of the leader.
             host_speed_m_s: tells the host's present speed.
-            limits: speed limits of the road.
-            plan: its signals.
+            rules: speed limits of the road and its signals.
             parameters: of the host: its spacing policy, and how hard it can brake.
             settings: length and step of the previews.
             foresight_s: lines that the host would reach later are not looked at.
             start_timestamp_ms: TimestampIts at trip time 0.
         """
         self._inner, self._host_speed_m_s = inner, host_speed_m_s
-        self._limits, self._plan, self._gap = limits, plan, parameters.gap
+        self._rules, self._gap = rules, parameters.gap
+        self._limits, self._plan = NO_LIMITS, rules.plan
         # The controller reckons with a leader that brakes as hard as the host can.
         self._reckoned_m_s2 = -parameters.limits.min_acceleration_m_s2
         self._settings = settings or PreviewSettings()
         self._foresight_s = foresight_s
         self._start_s = start_timestamp_ms / 1000.0
         self._pace: tuple[float, float, float] | None = None
-        self._holding: Signal | None = None
+        self._holding_m: float | None = None
+        """The line that held the host at the last tick."""
         self._last: BridgeAnswer | None = None
 
     def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
@@ -94,6 +95,8 @@ class RulesOfTheRoad:
 
     def _answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
         answer = self._inner.answer(time_ns, host_position_m)
+        # Only now: what has been heard by this tick counts.
+        self._limits, self._plan = self._rules.limits or NO_LIMITS, self._rules.plan
         speed = self._host_speed_m_s()
         times = preview_times_s(self._settings, time_ns)
         known, worst = self._of_inner(answer, times, ASSUMED_BRAKING_M_S2)
@@ -176,7 +179,7 @@ class RulesOfTheRoad:
             if closed is None:
                 break
             holds.append(closed)
-        self._holding = holds[0][0] if holds else None
+        self._holding_m = holds[0][0].stop_line_m if holds else None
         if not holds:
             return None
         spacing = self._gap.time_headway_s + ROOM_S
@@ -208,7 +211,7 @@ class RulesOfTheRoad:
                 continue
             way_m = signal.stop_line_m - host_position_m
             is_too_late = speed * speed > 2.0 * HARDEST_M_S2 * way_m
-            if is_too_late and not holds and signal is not self._holding:
+            if is_too_late and not holds and signal.stop_line_m != self._holding_m:
                 continue
             opens = signal.closed_until_s(signal.open_until_s(early))
             return signal, opens + EARLY_S - self._start_s
@@ -228,14 +231,14 @@ class RulesOfTheRoad:
             The drive at the steps, and when it passes lines that do not hold it.
         """
         positions, speeds, arrivals = [position], [speed], []
-        held = {id(signal): opens_s for signal, opens_s in holds}
+        held = {signal.stop_line_m: opens_s for signal, opens_s in holds}
         signal = self._plan.next_after(position)
         for number in range(1, len(room_m)):
             time_s = now_s + number * _STEP_S
             position, speed = positions[-1], speeds[-1]
             aimed = min(speed + START_M_S2 * _STEP_S, self._limits.approach_at_m_s(position))
             stop_m = math.inf
-            if signal is not None and held.get(id(signal), -math.inf) > time_s:
+            if signal is not None and held.get(signal.stop_line_m, -math.inf) > time_s:
                 stop_m = max(signal.stop_line_m - STOP_BEFORE_M, position)
                 # What is to be braked for at once may take more than comfort.
                 way_m = max(stop_m - positions[0], 0.1)
@@ -247,7 +250,7 @@ class RulesOfTheRoad:
             moved = min(0.5 * _STEP_S * (speed + aimed), stop_m - position)
             if signal is not None and position + moved > signal.stop_line_m:
                 share = (signal.stop_line_m - position) / moved
-                if id(signal) not in held:
+                if signal.stop_line_m not in held:
                     arrivals.append((signal, time_s - (1.0 - share) * _STEP_S))
                 signal = self._plan.next_after(position + moved)
             positions.append(position + moved)

@@ -20,6 +20,7 @@ EQUATORIAL_RADIUS_M = 6_378_137.0
 FLATTENING = 1.0 / 298.257223563
 _ECCENTRICITY_2 = FLATTENING * (2.0 - FLATTENING)
 _RADIANS_PER_DEGREE = math.pi / 180.0
+_SMALL_DEG = 1e-3
 
 MAX_LATITUDE_DEG = 85.0
 """Beyond it the local east-north plane of the formula is no plane."""
@@ -85,6 +86,26 @@ def step_m(
 ) -> tuple[float, float]:
     """Return how far one point lies east and north of another one, in m; see `east_north_m`."""
     return _east_north(latitude_deg, longitude_deg, *origin_deg, math)
+
+
+def step_deg(
+    latitude_deg: ArrayLike,
+    longitude_deg: ArrayLike,
+    east_m: float | FloatArray,
+    north_m: float | FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the points so far east and north of others: the inverse of `east_north_m`, shapes alike."""
+    start: FloatArray = np.asarray(latitude_deg, dtype=np.float64)
+    meridian: FloatArray = np.asarray(longitude_deg, dtype=np.float64)
+    latitude, longitude = start, meridian
+    for _ in range(3):
+        # The degrees that the formula's own metres at the last guess leave over.
+        east, north = east_north_m(latitude, longitude, (start, meridian))
+        per_east, _ = east_north_m(latitude, meridian + _SMALL_DEG, (start, meridian))
+        _, per_north = east_north_m(latitude + _SMALL_DEG, longitude, (latitude, longitude))
+        latitude = latitude + _SMALL_DEG * (north_m - north) / per_north
+        longitude = longitude + _SMALL_DEG * (east_m - east) / per_east
+    return latitude, longitude
 
 
 @dataclass(frozen=True, eq=False)

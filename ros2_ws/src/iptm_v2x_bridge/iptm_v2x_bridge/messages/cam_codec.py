@@ -14,15 +14,9 @@ import numpy as np
 
 from iptm_core.errors import MessageError
 from iptm_v2x_bridge.messages.cam import VEHICLE_TYPES, CamMessage, PredictedPath
-from iptm_v2x_bridge.messages.geonetworking import unwrap
+from iptm_v2x_bridge.messages.its_pdu import PROTOCOL_VERSION, MessageKind, open_datagram
 from iptm_v2x_bridge.rejections import Rejection
 
-MAX_DATAGRAM_BYTES = 1400
-"""Longest datagram looked at; a packet on the air has at most as much."""
-PROTOCOL_VERSION = 2
-MESSAGE_ID_CAM = 2
-HEADER = bytes((PROTOCOL_VERSION, MESSAGE_ID_CAM))
-HEADER_BYTES = 6
 PATH_PREDICTION_ID = 4
 MAX_PATH_POINTS = 40
 
@@ -74,23 +68,15 @@ def decode_datagram(datagram: bytes) -> tuple[CamMessage, int | None] | Rejectio
     Returns:
         The message with the packet's TimestampIts modulo 2^32 (None for a bare one), or why not.
     """
-    if not HEADER_BYTES < len(datagram) <= MAX_DATAGRAM_BYTES:
-        return Rejection.SIZE
-    if datagram[0] == PROTOCOL_VERSION:
-        payload, timestamp_ms = datagram, None
-    else:
-        packet = unwrap(datagram)
-        if isinstance(packet, Rejection):
-            return packet
-        payload, timestamp_ms = packet.payload, packet.timestamp_ms
-    message = decode_cam(payload)
-    return message if isinstance(message, Rejection) else (message, timestamp_ms)
+    opened = open_datagram(datagram, (MessageKind.CAM,))
+    if isinstance(opened, Rejection):
+        return opened
+    message = decode_cam(opened.payload)
+    return message if isinstance(message, Rejection) else (message, opened.packet_timestamp_ms)
 
 
 def decode_cam(payload: bytes) -> CamMessage | Rejection:
-    """Read a bare message."""
-    if payload[: len(HEADER)] != HEADER:
-        return Rejection.HEADER
+    """Read a bare message, whose header has been looked at."""
     fields = decode_fields("CAM", payload)
     if isinstance(fields, Rejection):
         return fields
@@ -209,7 +195,7 @@ def encode_cam(message: CamMessage) -> bytes:
         params["extensions"] = [{"id": PATH_PREDICTION_ID, "data": data}]
     header = {
         "protocolVersion": PROTOCOL_VERSION,
-        "messageId": MESSAGE_ID_CAM,
+        "messageId": MessageKind.CAM.message_id,
         "stationId": message.station_id,
     }
     content = {"header": header, "deltaTime": message.delta_time_ms, "params": params}

@@ -1,6 +1,7 @@
-"""Single-hop broadcast packets of GeoNetworking with BTP-B: the headers in front of a message on the air.
+"""Broadcast packets of GeoNetworking with BTP-B: the headers in front of a message on the air.
 
-EN 302 636-4-1 (basic and common header, long position vector) and EN 302 636-5-1 (BTP-B).
+EN 302 636-4-1 (basic and common header, long position vector; single-hop and geographic broadcast) and
+EN 302 636-5-1 (BTP-B). Cars send to their neighbours, roadside stations often to everyone in an area.
 """
 
 from __future__ import annotations
@@ -16,14 +17,19 @@ TIMESTAMP_MODULUS_MS = 2**32
 _BASIC = struct.Struct("!BBBB")
 _COMMON = struct.Struct("!BBBBHBB")
 _POSITION = struct.Struct("!H6sIiiHH")
-_MEDIA = 4  # reserved bytes behind the position vector of a single-hop broadcast
 _BTP = struct.Struct("!HH")
-HEADER_BYTES = _BASIC.size + _COMMON.size + _POSITION.size + _MEDIA + _BTP.size
+_START = _BASIC.size + _COMMON.size
 
 _VERSION_1, _NEXT_COMMON, _NEXT_SECURED = 0x10, 1, 2
 _NEXT_BTP_B, _SINGLE_HOP = 2, 0x50
+_AROUND_POSITION = {_SINGLE_HOP: (0, 4)} | dict.fromkeys((0x40, 0x41, 0x42), (4, 16))
+"""Bytes before and behind the position vector in the extended headers that are read: nothing and what is
+reserved, or the number of the packet and the area (circle, rectangle, ellipse)."""
+HEADER_BYTES = _START + _POSITION.size + 4 + _BTP.size
+"""Length of the headers of a single-hop broadcast."""
 _LIFETIME_1_S = (1 << 2) | 1  # multiplier 1 of the base "1 s"
 _STATION_MOVES, _POSITION_ACCURATE, _ADDRESS_BY_HAND = 0x80, 0x8000, 0x8000
+_ROADSIDE_UNIT = 15
 _CLASS_2 = 2  # traffic class of awareness messages
 
 
@@ -52,14 +58,22 @@ class Packet:
 
     Attributes:
         payload: the message.
-        timestamp_ms: TimestampIts of the sender's position modulo 2^32; None for a bare message.
+        port: BTP port that it was sent to.
+        timestamp_ms: TimestampIts of the sender's position modulo 2^32.
     """
 
     payload: bytes
-    timestamp_ms: int | None = None
+    port: int
+    timestamp_ms: int
 
 
-def wrap(payload: bytes, sender: SenderPosition, station_id: int, station_type: int) -> bytes:
+def wrap(
+    payload: bytes,
+    sender: SenderPosition,
+    station_id: int,
+    station_type: int,
+    port: int = CAM_PORT,
+) -> bytes:
     """Return a single-hop broadcast of a message.
 
     Args:
@@ -67,14 +81,16 @@ def wrap(payload: bytes, sender: SenderPosition, station_id: int, station_type: 
         sender: where and when.
         station_id: its lower bytes become the sender's link-layer address, locally administered.
         station_type: type of the station, 5 for a passenger car.
+        port: BTP port of the service, that of cooperative awareness unless stated.
     """
     length = _BTP.size + len(payload)
     address = _ADDRESS_BY_HAND | (station_type & 0x1F) << 10
     link_layer = b"\x02\x00" + struct.pack("!I", station_id % 2**32)
+    flags = 0 if station_type == _ROADSIDE_UNIT else _STATION_MOVES
     return b"".join(
         (
             _BASIC.pack(_VERSION_1 | _NEXT_COMMON, 0, _LIFETIME_1_S, 1),
-            _COMMON.pack(_NEXT_BTP_B << 4, _SINGLE_HOP, _CLASS_2, _STATION_MOVES, length, 1, 0),
+            _COMMON.pack(_NEXT_BTP_B << 4, _SINGLE_HOP, _CLASS_2, flags, length, 1, 0),
             _POSITION.pack(
                 address,
                 link_layer,
@@ -84,37 +100,43 @@ def wrap(payload: bytes, sender: SenderPosition, station_id: int, station_type: 
                 _POSITION_ACCURATE | (sender.speed_cm_s & 0x7FFF),
                 sender.heading,
             ),
-            bytes(_MEDIA),
-            _BTP.pack(CAM_PORT, 0),
+            bytes(_AROUND_POSITION[_SINGLE_HOP][1]),
+            _BTP.pack(port, 0),
             payload,
         )
     )
 
 
+def _payload_start(packet: bytes) -> int | None:
+    """Return where the BTP header begins, None where the packet is of no kind that is read."""
+    if len(packet) < HEADER_BYTES - _BTP.size or packet[0] != _VERSION_1 | _NEXT_COMMON:
+        return None
+    around = _AROUND_POSITION.get(_COMMON.unpack_from(packet, _BASIC.size)[1])
+    return None if around is None else _START + around[0] + _POSITION.size + around[1]
+
+
 def declared_bytes(packet: bytes) -> int:
     """Return how long a packet says that it is; as long as it is where it does not say."""
-    start = HEADER_BYTES - _BTP.size
-    if len(packet) < start or packet[0] != _VERSION_1 | _NEXT_COMMON:
+    start = _payload_start(packet)
+    if start is None:
         return len(packet)
     return start + int(_COMMON.unpack_from(packet, _BASIC.size)[4])
 
 
 def unwrap(datagram: bytes) -> Packet | Rejection:
-    """Return the message of a single-hop broadcast, or why there is none.
+    """Return the message in a broadcast, or why there is none.
 
     Args:
         datagram: a packet from the basic header on.
     """
     if datagram[0] == _VERSION_1 | _NEXT_SECURED:
         return Rejection.SECURED
-    if len(datagram) <= HEADER_BYTES or datagram[0] != _VERSION_1 | _NEXT_COMMON:
+    start = _payload_start(datagram)
+    if start is None or len(datagram) <= start + _BTP.size:
         return Rejection.PACKET
     following, kind, _, _, length, _, _ = _COMMON.unpack_from(datagram, _BASIC.size)
-    start = HEADER_BYTES - _BTP.size
-    if following >> 4 != _NEXT_BTP_B or kind != _SINGLE_HOP or length != len(datagram) - start:
+    if following >> 4 != _NEXT_BTP_B or length != len(datagram) - start:
         return Rejection.PACKET
     port, _ = _BTP.unpack_from(datagram, start)
-    if port != CAM_PORT:
-        return Rejection.PORT
-    position = _POSITION.unpack_from(datagram, _BASIC.size + _COMMON.size)
-    return Packet(datagram[HEADER_BYTES:], position[2])
+    position = _POSITION.unpack_from(datagram, _START + _AROUND_POSITION[kind][0])
+    return Packet(datagram[start + _BTP.size :], port, position[2])

@@ -1,6 +1,6 @@
 """Signals of the road ahead, and a prediction of a leader that obeys them and the speed limits.
 
-The plan of the phases is data (as SPATEM and MAPEM messages or a map would give it). Yellow counts as closed.
+What is known of a signal is a plan that repeats itself, or what its messages say. Yellow counts as closed.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
@@ -34,8 +35,29 @@ SLACK_S = 1.0
 _STEP_S = 0.25
 
 
+class Signal(Protocol):
+    """One stop line. Times are s of TimestampIts."""
+
+    @property
+    def stop_line_m(self) -> float:
+        """Position along the road."""
+        ...
+
+    def is_open(self, time_s: float) -> bool:
+        """Return whether the line may be passed at an instant."""
+        ...
+
+    def open_until_s(self, time_s: float) -> float:
+        """Return when the line closes that is open now; now if it is closed; infinite if it never does."""
+        ...
+
+    def closed_until_s(self, time_s: float) -> float:
+        """Return when the line opens that is closed now; now if it is open; infinite if it never does."""
+        ...
+
+
 @dataclass(frozen=True)
-class Signal:
+class CyclicSignal:
     """One stop line with a plan that repeats itself.
 
     Attributes:
@@ -61,23 +83,54 @@ class Signal:
             )
 
     def is_open(self, time_s: float) -> bool:
-        """Return whether the line may be passed at an instant."""
+        """See `Signal`."""
         return (time_s - self.opens_at_s) % self.cycle_s < self.open_for_s
 
     def open_until_s(self, time_s: float) -> float:
-        """Return when the line closes that is open now; now if it is closed; infinite if it never does."""
+        """See `Signal`."""
         if self.open_for_s == self.cycle_s:
             return math.inf
         inside = (time_s - self.opens_at_s) % self.cycle_s
         return time_s + max(self.open_for_s - inside, 0.0)
 
     def closed_until_s(self, time_s: float) -> float:
-        """Return when the line opens that is closed now; now if it is open; infinite if it never does."""
+        """See `Signal`."""
         if self.is_open(time_s):
             return time_s
         if self.open_for_s == 0.0:
             return math.inf
         return time_s + self.cycle_s - (time_s - self.opens_at_s) % self.cycle_s
+
+
+@dataclass(frozen=True)
+class SwitchedSignal:
+    """One stop line that is closed for certain times and open for all others.
+
+    Attributes:
+        stop_line_m: position along the road.
+        closed_s: beginnings and ends of these times, possibly infinite, increasing and apart from each other.
+    """
+
+    stop_line_m: float
+    closed_s: tuple[tuple[float, float], ...]
+
+    def _closed_at(self, time_s: float) -> tuple[float, float] | None:
+        return next((span for span in self.closed_s if span[0] <= time_s < span[1]), None)
+
+    def is_open(self, time_s: float) -> bool:
+        """See `Signal`."""
+        return self._closed_at(time_s) is None
+
+    def open_until_s(self, time_s: float) -> float:
+        """See `Signal`."""
+        if not self.is_open(time_s):
+            return time_s
+        return min((begins for begins, _ in self.closed_s if begins > time_s), default=math.inf)
+
+    def closed_until_s(self, time_s: float) -> float:
+        """See `Signal`."""
+        span = self._closed_at(time_s)
+        return time_s if span is None else span[1]
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,10 @@ class SpeedLimits:
         return allowed
 
 
+NO_LIMITS = SpeedLimits(np.zeros(1), np.full(1, 70.0))
+"""For a road of which no limit is known: no car is faster."""
+
+
 class BoundedBySpeedLimits:
     """Takes another prediction and keeps it within the limits of the road."""
 

@@ -1,0 +1,210 @@
+"""Roadside stations at the signals of the corridor: phases, lanes and speed signs, as bits.
+
+Each tells of its own intersection, and of the speed limit behind it. The lanes of the main road have one
+signal group, the cross street has another one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_core.routes.road_line import RoadLine, step_deg, step_m
+from iptm_traffic.corridor import CROSS_STREET_M, LIMITS_KM_H
+from iptm_traffic.network import CLEARING_S, YELLOW_S, Network
+from iptm_traffic.simulation import RADIO_RANGE_M
+from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
+from iptm_v2x_bridge.messages.its_pdu import ROADSIDE_UNIT, MessageKind
+from iptm_v2x_bridge.messages.its_time import minute_of_year, second_of_hour
+from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, encode_ivim
+from iptm_v2x_bridge.messages.mapem import (
+    SCALE_DEG,
+    Connection,
+    IntersectionMap,
+    Lane,
+    LaneMaps,
+    encode_mapem,
+)
+from iptm_v2x_bridge.messages.spatem import (
+    IntersectionId,
+    IntersectionPhases,
+    Phase,
+    SignalPhases,
+    SignalState,
+    encode_spatem,
+)
+from iptm_v2x_bridge.prediction.signals import CyclicSignal
+
+LIMITS_WITHOUT_SIGNS = f"0:{min(LIMITS_KM_H):g}"
+"""What a host knows that is told nothing but that it is on such a road, km/h."""
+TOLD_PHASES = 6
+"""Two cycles of green, yellow and red."""
+MAPS_EVERY_S = 1.0
+"""Maps and signs are sent so often; phases at every step."""
+_MAIN_GROUP, _CROSS_GROUP = 1, 2
+_LANE_WIDTH_M = 3.2
+_CROSSING_M = 25.0
+"""From the stop line to the lanes behind the intersection."""
+_LANE_NODES_M = (0.0, 50.0, 150.0)
+_ZONE_SPACING_M = 50.0
+_COUNTRY, _PROVIDER = 0, 1
+_STATION_BASE = 1_000_000
+
+
+@dataclass(frozen=True)
+class _Station:
+    """What one station sends beside the phases, and where it is."""
+
+    number: int
+    position_m: float
+    signal: CyclicSignal | None
+    maps: tuple[tuple[MessageKind, bytes], ...]
+
+
+class RoadsideStations:
+    """The stations in radio range of the host: one at the start, with a sign only, and one at each signal."""
+
+    def __init__(self, network: Network, road: RoadLine) -> None:
+        """Set up the stations.
+
+        Args:
+            network: the corridor.
+            road: the host's road on Earth.
+        """
+        self._road = road
+        limits = network.limits
+        starts = [*limits.starts_m.tolist(), road.length_m]
+        self._stations = []
+        for number, signal in enumerate((None, *network.signals)):
+            sign = self._sign(
+                number, starts[number], starts[number + 1], float(limits.limits_m_s[number])
+            )
+            sent = [(MessageKind.IVIM, encode_ivim(sign))]
+            if signal is not None:
+                lanes = LaneMaps(_STATION_BASE + number, (self._lanes(number, signal.stop_line_m),))
+                sent.append((MessageKind.MAPEM, encode_mapem(lanes)))
+            place_m = 0.0 if signal is None else signal.stop_line_m
+            self._stations.append(_Station(number, place_m, signal, tuple(sent)))
+
+    def datagrams(self, time_ms: int, host_position_m: float) -> list[bytes]:
+        """Return what the host hears of them at an instant.
+
+        Args:
+            time_ms: TimestampIts.
+            host_position_m: front of the host along the road.
+        """
+        heard = []
+        for station in self._stations:
+            if abs(station.position_m - host_position_m) > RADIO_RANGE_M:
+                continue
+            if station.signal is not None:
+                phases = encode_spatem(_phases(station.number, station.signal, time_ms))
+                heard.append(self._packet(station, MessageKind.SPATEM, phases, time_ms))
+            if time_ms % round(1000.0 * MAPS_EVERY_S) == 0:
+                heard.extend(
+                    self._packet(station, kind, payload, time_ms) for kind, payload in station.maps
+                )
+        return heard
+
+    def _packet(self, station: _Station, kind: MessageKind, payload: bytes, time_ms: int) -> bytes:
+        latitude, longitude, _ = self._road.locate(station.position_m)
+        place = SenderPosition(
+            time_ms, round(float(latitude) * SCALE_DEG), round(float(longitude) * SCALE_DEG), 0, 0
+        )
+        return wrap(payload, place, _STATION_BASE + station.number, ROADSIDE_UNIT, kind.port)
+
+    def _sign(self, number: int, from_m: float, to_m: float, limit_m_s: float) -> SpeedSigns:
+        count = math.ceil((to_m - from_m) / _ZONE_SPACING_M) + 1
+        latitudes, longitudes, _ = self._road.locate(np.linspace(from_m, to_m, count))
+        places = tuple(zip(latitudes.tolist(), longitudes.tolist(), strict=True))
+        return SpeedSigns(
+            _STATION_BASE + number,
+            (_COUNTRY, _PROVIDER, number + 1),
+            (SpeedZone(limit_m_s, places),),
+        )
+
+    def _lanes(self, number: int, line_m: float) -> IntersectionMap:
+        """Return the lanes of an intersection: the host's road with two lanes, and one that crosses it."""
+        latitude, longitude, heading = (float(value) for value in self._road.locate(line_m))
+        # Offsets count from the reference point as it is sent.
+        origin = (
+            round(latitude * SCALE_DEG) / SCALE_DEG,
+            round(longitude * SCALE_DEG) / SCALE_DEG,
+        )
+
+        def nodes(along_m: list[float], left_m: float) -> tuple[tuple[float, float], ...]:
+            found = []
+            for place_m in along_m:
+                there_lat, there_lon, towards = self._road.locate(place_m)
+                left = math.radians(float(towards) - 90.0)
+                aside = left_m * math.sin(left), left_m * math.cos(left)
+                place = step_deg(there_lat, there_lon, *aside)
+                found.append(step_m(float(place[0]), float(place[1]), origin))
+            return tuple(found)
+
+        before = [line_m - back for back in _LANE_NODES_M]
+        behind = [line_m + _CROSSING_M + on for on in _LANE_NODES_M]
+        lanes = []
+        for lane in range(2):
+            to_lane = 3 + lane
+            left_m = lane * _LANE_WIDTH_M
+            connection = (Connection(to_lane, _MAIN_GROUP),)
+            lanes.append(
+                Lane(1 + lane, nodes(before, left_m), leads_in=True, connections=connection)
+            )
+            lanes.append(Lane(to_lane, nodes(behind, left_m), leads_out=True))
+        left = math.radians(heading - 90.0)
+        ahead_e, ahead_n = nodes([line_m + 0.5 * _CROSSING_M], 0.0)[0]
+        cross = tuple(
+            (ahead_e + away * math.sin(left), ahead_n + away * math.cos(left))
+            for away in (0.5 * _CROSSING_M, CROSS_STREET_M)
+        )
+        lanes.append(Lane(5, cross, leads_in=True, connections=(Connection(3, _CROSS_GROUP),)))
+        return IntersectionMap(IntersectionId(0, number), 0, *origin, tuple(lanes))
+
+
+def _phases(number: int, signal: CyclicSignal, time_ms: int) -> SignalPhases:
+    """Return the phases of an intersection from an instant (TimestampIts) on."""
+    main = signal.open_for_s
+    cross = signal.cycle_s - main - 2.0 * (YELLOW_S + CLEARING_S)
+    groups = {
+        _MAIN_GROUP: (signal.opens_at_s, main),
+        _CROSS_GROUP: (signal.opens_at_s + main + YELLOW_S + CLEARING_S, cross),
+    }
+    told = {
+        group: _told(opens_s, open_for_s, signal.cycle_s, time_ms / 1000.0)
+        for group, (opens_s, open_for_s) in groups.items()
+    }
+    state = IntersectionPhases(IntersectionId(0, number), 0, *minute_of_year(time_ms), told)
+    return SignalPhases(_STATION_BASE + number, (state,))
+
+
+def _told(opens_s: float, open_for_s: float, cycle_s: float, now_s: float) -> tuple[Phase, ...]:
+    durations = (
+        (SignalState.GREEN, open_for_s),
+        (SignalState.YELLOW, YELLOW_S),
+        (SignalState.RED, cycle_s - open_for_s - YELLOW_S),
+    )
+    begins = now_s - (now_s - opens_s) % cycle_s
+    found: list[Phase] = []
+    while len(found) < TOLD_PHASES:
+        for state, duration_s in durations:
+            ends = begins + duration_s
+            if ends > now_s and len(found) < TOLD_PHASES:
+                found.append(_phase(state, begins, ends))
+            begins = ends
+    return tuple(found)
+
+
+def _phase(state: SignalState, begins_s: float, ends_s: float) -> Phase:
+    """Return a phase of a plan that is kept; what lies between two steps of the wire is told as a range."""
+    end = second_of_hour(ends_s)
+    return Phase(
+        state,
+        starts_s=second_of_hour(begins_s),
+        min_end_s=math.floor(round(10.0 * end, 6)) / 10.0,
+        max_end_s=math.ceil(round(10.0 * end, 6)) / 10.0,
+        likely_end_s=end,
+    )

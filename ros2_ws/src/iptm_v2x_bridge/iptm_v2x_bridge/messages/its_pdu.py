@@ -1,0 +1,81 @@
+"""What every message begins with, and which service it belongs to: from a datagram to one message.
+
+The header of TS 102 894-2 (ItsPduHeader) with the numbers of its messages, and the BTP ports of TS 103 248.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import Enum
+
+from iptm_v2x_bridge.messages.geonetworking import CAM_PORT, unwrap
+from iptm_v2x_bridge.rejections import Rejection
+
+MAX_DATAGRAM_BYTES = 1400
+"""Longest datagram looked at; a packet on the air has at most as much."""
+PROTOCOL_VERSION = 2
+HEADER_BYTES = 6
+ROADSIDE_UNIT = 15
+"""Type of the stations beside the road."""
+
+
+class MessageKind(Enum):
+    """A kind of message: its number in the header, and the port of its service."""
+
+    CAM = (2, CAM_PORT)
+    """Cooperative awareness (EN 302 637-2, TS 103 900)."""
+    SPATEM = (4, 2004)
+    """Signal phases and timing (TS 103 301)."""
+    MAPEM = (5, 2003)
+    """Lanes of intersections (TS 103 301)."""
+    IVIM = (6, 2006)
+    """In-vehicle information, here speed signs (TS 103 301)."""
+
+    @property
+    def message_id(self) -> int:
+        """Number of the message in its header."""
+        return int(self.value[0])
+
+    @property
+    def port(self) -> int:
+        """BTP port of the service."""
+        return int(self.value[1])
+
+
+@dataclass(frozen=True)
+class OpenedDatagram:
+    """A message that begins as it should.
+
+    Attributes:
+        kind: which one.
+        payload: the message, header included.
+        packet_timestamp_ms: TimestampIts of the sender's position modulo 2^32, None without a packet.
+    """
+
+    kind: MessageKind
+    payload: bytes
+    packet_timestamp_ms: int | None = None
+
+
+def open_datagram(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDatagram | Rejection:
+    """Return the message in a datagram, bare or in a packet with BTP-B, or why there is none.
+
+    Args:
+        datagram: as it came from the radio.
+        wanted: kinds that are read; all others are refused.
+    """
+    if not HEADER_BYTES < len(datagram) <= MAX_DATAGRAM_BYTES:
+        return Rejection.SIZE
+    if datagram[0] == PROTOCOL_VERSION:
+        kinds = [kind for kind in wanted if kind.message_id == datagram[1]]
+        return OpenedDatagram(kinds[0], datagram) if kinds else Rejection.HEADER
+    packet = unwrap(datagram)
+    if isinstance(packet, Rejection):
+        return packet
+    kinds = [kind for kind in wanted if kind.port == packet.port]
+    if not kinds:
+        return Rejection.PORT
+    if packet.payload[:2] != bytes((PROTOCOL_VERSION, kinds[0].message_id)):
+        return Rejection.HEADER
+    return OpenedDatagram(kinds[0], packet.payload, packet.timestamp_ms)

@@ -1,0 +1,199 @@
+"""Signal phases and timing (SPATEM of TS 103 301; SAE J2735 in the profile of ISO/TS 19091).
+
+What is read: for every signal group of an intersection its phases, the present one first, and when each ends.
+Speed advice, queue lengths, prioritisation and regional parts are not.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from iptm_v2x_bridge.messages.its_pdu import MessageKind
+from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
+from iptm_v2x_bridge.rejections import Rejection
+
+_OVER_AN_HOUR, _UNKNOWN = 36_000, 36_001
+_NO_MINUTE, _LONGEST_MINUTE_MS = 527_040, 60_999
+"""A leap second makes a minute longer."""
+_STATUS_BITS = 16
+_NOT_WORKING = (2, 7, 8, 9, 12, 13)
+"""Bits of the status: failure flash, standby, failure mode, off, no valid MAP, no valid SPAT."""
+
+
+@dataclass(frozen=True, order=True)
+class IntersectionId:
+    """Identity of an intersection: its number, and the authority that gave it, 0 where none is told."""
+
+    region: int
+    number: int
+
+    @classmethod
+    def of_fields(cls, fields: dict[str, Any]) -> IntersectionId:
+        """Return the identity in a message."""
+        return cls(fields.get("region", 0), fields["id"])
+
+    def fields(self) -> dict[str, int]:
+        """Return it as a message holds it."""
+        return {"id": self.number} | ({"region": self.region} if self.region else {})
+
+    def __str__(self) -> str:
+        return f"{self.region}/{self.number}"
+
+
+class SignalState(str, Enum):
+    """What a signal shows (SAE J2735, DE_MovementPhaseState)."""
+
+    UNAVAILABLE = "unavailable"
+    DARK = "dark"
+    STOP_THEN_PROCEED = "stop-Then-Proceed"
+    """Flashing red."""
+    RED = "stop-And-Remain"
+    RED_YELLOW = "pre-Movement"
+    GREEN_YIELD = "permissive-Movement-Allowed"
+    """Green, others may have the right of way."""
+    GREEN = "protected-Movement-Allowed"
+    YELLOW_YIELD = "permissive-clearance"
+    YELLOW = "protected-clearance"
+    FLASHING_YELLOW = "caution-Conflicting-Traffic"
+
+    @property
+    def is_open(self) -> bool | None:
+        """Whether the line may be passed; None where the signal does not say. Yellow counts as closed."""
+        if self in {SignalState.GREEN, SignalState.GREEN_YIELD}:
+            return True
+        closed = (SignalState.RED, SignalState.RED_YELLOW, SignalState.YELLOW)
+        return False if self in {*closed, SignalState.YELLOW_YIELD} else None
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One phase of a signal group. Times are s of the hour of UTC, in steps of 0.1 s.
+
+    None stands for a time that is not told, infinity for one more than an hour ahead.
+
+    Attributes:
+        state: what the signal shows.
+        starts_s: when the phase begins or began.
+        min_end_s: its earliest end.
+        max_end_s: its latest end.
+        likely_end_s: its likely end.
+    """
+
+    state: SignalState
+    starts_s: float | None = None
+    min_end_s: float | None = None
+    max_end_s: float | None = None
+    likely_end_s: float | None = None
+
+
+@dataclass(frozen=True)
+class IntersectionPhases:
+    """Phases of one intersection.
+
+    Attributes:
+        intersection: which one.
+        revision: that of the map which the signal groups belong to, 0 to 127.
+        minute: minute of the year (UTC) at which this was told.
+        milliseconds: into the minute.
+        groups: the phases of each signal group, the present one first.
+        is_working: False in failure, standby, switched off, or without valid data.
+    """
+
+    intersection: IntersectionId
+    revision: int
+    minute: int
+    milliseconds: int
+    groups: dict[int, tuple[Phase, ...]]
+    is_working: bool = True
+
+
+@dataclass(frozen=True)
+class SignalPhases:
+    """One message: its station, and its intersections."""
+
+    station_id: int
+    intersections: tuple[IntersectionPhases, ...]
+
+
+def decode_spatem(payload: bytes) -> SignalPhases | Rejection:
+    """Read a bare message, whose header has been looked at."""
+    read = decode_fields(MessageKind.SPATEM, payload)
+    if isinstance(read, Rejection):
+        return read
+    station_id, fields = read
+    found = [_intersection(state, fields.get("timeStamp")) for state in fields["intersections"]]
+    known = tuple(entry for entry in found if entry is not None)
+    # Without the time at which it was told, nobody knows whether a phase holds.
+    return Rejection.INCOMPLETE if len(known) < len(found) else SignalPhases(station_id, known)
+
+
+def _intersection(fields: dict[str, Any], minute: int | None) -> IntersectionPhases | None:
+    minute = fields.get("moy", minute)
+    milliseconds = fields.get("timeStamp")
+    if minute in {None, _NO_MINUTE} or milliseconds is None or milliseconds > _LONGEST_MINUTE_MS:
+        return None
+    bits, length = fields["status"]
+    return IntersectionPhases(
+        intersection=IntersectionId.of_fields(fields["id"]),
+        revision=fields["revision"],
+        minute=int(minute or 0),
+        milliseconds=milliseconds,
+        groups={
+            movement["signalGroup"]: tuple(map(_phase, movement["state-time-speed"]))
+            for movement in fields["states"]
+        },
+        is_working=not any(bits >> (length - 1 - bit) & 1 for bit in _NOT_WORKING),
+    )
+
+
+def _phase(event: dict[str, Any]) -> Phase:
+    timing = event.get("timing", {})
+    times = (timing.get(name) for name in ("startTime", "minEndTime", "maxEndTime", "likelyTime"))
+    return Phase(SignalState(event["eventState"]), *map(_second, times))
+
+
+def _second(mark: int | None) -> float | None:
+    if mark is None or mark == _UNKNOWN:
+        return None
+    return math.inf if mark == _OVER_AN_HOUR else mark / 10.0
+
+
+def _mark(second: float) -> int:
+    return _OVER_AN_HOUR if math.isinf(second) else round(second * 10.0) % _OVER_AN_HOUR
+
+
+def encode_spatem(message: SignalPhases) -> bytes:
+    """Return a message as bits.
+
+    Raises:
+        MessageError: a value is outside the range of the standard.
+    """
+    states = [
+        {
+            "id": entry.intersection.fields(),
+            "revision": entry.revision,
+            "status": (0 if entry.is_working else 1 << _STATUS_BITS - 1 - 9, _STATUS_BITS),
+            "moy": entry.minute,
+            "timeStamp": entry.milliseconds,
+            "states": [
+                {"signalGroup": group, "state-time-speed": [_event(phase) for phase in phases]}
+                for group, phases in entry.groups.items()
+            ],
+        }
+        for entry in message.intersections
+    ]
+    return encode_fields(MessageKind.SPATEM, message.station_id, {"intersections": states})
+
+
+def _event(phase: Phase) -> dict[str, Any]:
+    told = {
+        "startTime": phase.starts_s,
+        "maxEndTime": phase.max_end_s,
+        "likelyTime": phase.likely_end_s,
+    }
+    timing = {name: _mark(second) for name, second in told.items() if second is not None}
+    earliest = _UNKNOWN if phase.min_end_s is None else _mark(phase.min_end_s)
+    return {"eventState": phase.state.value, "timing": {"minEndTime": earliest, **timing}}

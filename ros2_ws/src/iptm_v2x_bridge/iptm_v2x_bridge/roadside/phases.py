@@ -1,0 +1,147 @@
+"""When lines are closed, out of the phases that their signals have told.
+
+Only what is told counts as known. For a host that keeps the rules a line is open as long as it is sure to be:
+from the latest end of the phase before to the earliest end of the open one. What is unknown is closed.
+A leader is foretold by what is likely; what is unknown binds it to nothing, as its bound covers that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from iptm_v2x_bridge.messages.its_time import resolve_minute_ms, resolve_second_s
+from iptm_v2x_bridge.messages.spatem import IntersectionPhases, Phase
+
+Span = tuple[float, float]
+"""Beginning and end, s of TimestampIts, possibly infinite."""
+ALWAYS: tuple[Span, ...] = ((-math.inf, math.inf),)
+EARLY_OPENING_S = 1.0
+"""A signal may open so much before the earliest end of its closed phase, by rounding and its own clock."""
+
+
+@dataclass(frozen=True)
+class TimedPhase:
+    """A phase with times in s of TimestampIts, None where they are not told.
+
+    Attributes:
+        is_open: whether the line may be passed, None where the signal does not say.
+        min_end_s: its earliest end.
+        max_end_s: its latest end.
+        likely_end_s: its likely end.
+    """
+
+    is_open: bool | None
+    min_end_s: float | None
+    max_end_s: float | None
+    likely_end_s: float | None
+
+    @property
+    def expected_end_s(self) -> float | None:
+        """The likely end; where it is not told, the earliest one."""
+        return self.min_end_s if self.likely_end_s is None else self.likely_end_s
+
+
+@dataclass(frozen=True)
+class TimedPhases:
+    """What an intersection has told.
+
+    Attributes:
+        told_ms: when, TimestampIts.
+        revision: of the map that the signal groups belong to.
+        is_working: whether its signals work.
+        groups: phases of each signal group, the present one first.
+    """
+
+    told_ms: int
+    revision: int
+    is_working: bool
+    groups: dict[int, tuple[TimedPhase, ...]]
+
+
+def timed(message: IntersectionPhases, now_ms: int) -> TimedPhases:
+    """Return phases with instants instead of places in the hour and the year.
+
+    Args:
+        message: what was told.
+        now_ms: TimestampIts of the receiver's clock.
+    """
+    told_ms = resolve_minute_ms(message.minute, message.milliseconds, now_ms)
+    told_s = told_ms / 1000.0
+
+    def one(phase: Phase, earliest_s: float) -> TimedPhase:
+        ends = [
+            None if second is None else max(_instant(second, told_s), earliest_s)
+            for second in (phase.min_end_s, phase.max_end_s, phase.likely_end_s)
+        ]
+        return TimedPhase(phase.state.is_open, *ends)
+
+    groups = {
+        # The present phase has not ended before it was told.
+        group: tuple(one(phase, -math.inf if later else told_s) for later, phase in enumerate(some))
+        for group, some in message.groups.items()
+    }
+    return TimedPhases(told_ms, message.revision, message.is_working, groups)
+
+
+def _instant(second: float, told_s: float) -> float:
+    return second if math.isinf(second) else resolve_second_s(second, told_s)
+
+
+def surely_closed(phases: Sequence[TimedPhase]) -> list[Span]:
+    """Return when a line is not sure to be open."""
+    closed: list[Span] = []
+    open_until = certain = -math.inf
+    for phase in phases:
+        begins, ends = certain, phase.min_end_s
+        if phase.is_open and ends is not None and ends > begins:
+            closed.append((open_until, begins))
+            open_until = ends
+        after = phase.max_end_s
+        if after is None or math.isinf(after):
+            break
+        certain = max(after, certain)
+    closed.append((open_until, math.inf))
+    return [span for span in closed if span[0] < span[1]]
+
+
+def likely_closed(phases: Sequence[TimedPhase]) -> list[Span]:
+    """Return when a line is likely to be closed."""
+    closed = []
+    begins = -math.inf
+    for phase in phases:
+        ends = phase.expected_end_s
+        if ends is None:
+            break
+        if phase.is_open is False and ends > begins:
+            closed.append((begins, ends))
+        begins = max(ends, begins)
+    return closed
+
+
+def joined(spans: Iterable[Span]) -> tuple[Span, ...]:
+    """Return spans without overlaps, in order."""
+    found: list[Span] = []
+    for begins, ends in sorted(spans):
+        if found and begins <= found[-1][1]:
+            found[-1] = found[-1][0], max(ends, found[-1][1])
+        else:
+            found.append((begins, ends))
+    return tuple(found)
+
+
+def opens_too_early(before: TimedPhases, after: TimedPhases) -> bool:
+    """Return whether a signal is open before the earliest end that it had told for being closed.
+
+    The other way round is no contradiction: whoever closes a line earlier has a reason, and is believed.
+    """
+    told_s = after.told_ms / 1000.0
+    for group, phases in after.groups.items():
+        known = before.groups.get(group)
+        if not (known and phases and phases[0].is_open and known[0].is_open is False):
+            continue
+        earliest = known[0].min_end_s
+        if earliest is not None and told_s < earliest - EARLY_OPENING_S:
+            return True
+    return False

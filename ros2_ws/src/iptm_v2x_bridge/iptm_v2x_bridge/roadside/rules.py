@@ -1,0 +1,134 @@
+"""The rules of the road as given and heard, brought up to date at every tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from iptm_v2x_bridge.messages.its_pdu import OpenedDatagram
+from iptm_v2x_bridge.prediction.road_rules import GivenRules
+from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan, SwitchedSignal
+from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
+from iptm_v2x_bridge.rejections import Rejection
+from iptm_v2x_bridge.roadside.phases import (
+    ALWAYS,
+    TimedPhases,
+    joined,
+    likely_closed,
+    surely_closed,
+)
+from iptm_v2x_bridge.roadside.speed_stretches import limits_with
+from iptm_v2x_bridge.roadside.stop_lines import SAME_LINE_M, StopLine
+from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS, RoadsideTable
+
+
+@dataclass
+class CurrentRules:
+    """Rules that change from tick to tick; a `RoadRules`."""
+
+    limits: SpeedLimits | None
+    plan: SignalPlan
+
+
+class HeardRules:
+    """Puts together what is given and what is heard.
+
+    Where both say something of a stop line or a stretch, messages count, also once they have fallen silent.
+
+    Attributes:
+        host: for a host that keeps the rules: a line of unknown phase is closed.
+        leader: for the prediction of a leader: a line of unknown phase binds it to nothing.
+    """
+
+    def __init__(self, table: RoadsideTable, given: GivenRules | None = None) -> None:
+        """Set up the rules.
+
+        Args:
+            table: what is heard.
+            given: rules known beforehand.
+        """
+        self._table, self._given = table, given or GivenRules()
+        self.host = CurrentRules(self._given.limits, self._given.plan)
+        self.leader = CurrentRules(self._given.limits, self._given.plan)
+        self._known: dict[float, TimedPhases | None] = {}
+        self._now_s = 0.0
+
+    def forget(self) -> None:
+        """Forget everything that was heard."""
+        self._table.forget()
+        self.refresh(0, 0.0)
+
+    def receive(self, opened: OpenedDatagram, now_ms: int) -> Rejection | None:
+        """Take a message in; see `RoadsideTable.receive`."""
+        return self._table.receive(opened, now_ms)
+
+    def refresh(self, now_ms: int, host_position_m: float) -> None:
+        """Bring the rules up to date.
+
+        Args:
+            now_ms: TimestampIts of the present.
+            host_position_m: front of the host along the road.
+        """
+        table = self._table
+        table.host_position_m, self._now_s = host_position_m, now_ms / 1000.0
+        limits = limits_with(self._given.limits, table.stretches(now_ms))
+        lines = table.lines()
+        known = {line: table.phases_of(line, now_ms) for line in lines}
+        given: list[Signal] = [
+            signal
+            for signal in self._given.plan.signals
+            if all(abs(signal.stop_line_m - line.position_m) >= SAME_LINE_M for line in lines)
+        ]
+        cautious = [_signal(line, phases, surely=True) for line, phases in known.items()]
+        likely = [
+            _signal(line, phases, surely=False)
+            for line, phases in known.items()
+            if phases is not None
+        ]
+        self.host.limits = self.leader.limits = limits
+        self.host.plan = _plan([*given, *cautious])
+        self.leader.plan = _plan([*given, *likely])
+        self._known = {line.position_m: phases for line, phases in known.items()}
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics: what is known from where, and what was left out."""
+        table, following = self._table, self.host.plan.next_after(self._table.host_position_m)
+        said = "none"
+        if following is not None:
+            said = "open" if following.is_open(self._now_s) else "closed"
+            if following.stop_line_m not in self._known:
+                said += " (given)"
+            elif self._known[following.stop_line_m] is None:
+                said = "unknown, counts as closed"
+            else:
+                said += " (heard)"
+        values: dict[str, object] = {
+            f"{kind.name.lower()}_accepted": table.accepted[kind] for kind in ROADSIDE_KINDS
+        }
+        values |= {
+            "lines_heard": len(self._known),
+            "lines_of_unknown_phase": sum(phases is None for phases in self._known.values()),
+            "speed_stretches_heard": len(table.stretches(round(1000.0 * self._now_s))),
+            "next_line": said,
+            "next_line_m": "none" if following is None else following.stop_line_m,
+        }
+        return values | {f"left_out_{part}": count for part, count in table.left_out.items()}
+
+    @property
+    def table(self) -> RoadsideTable:
+        """What is heard."""
+        return self._table
+
+
+def _signal(line: StopLine, phases: TimedPhases | None, *, surely: bool) -> SwitchedSignal:
+    """Return a line that is open while all of its groups are."""
+    if phases is None:
+        return SwitchedSignal(line.position_m, ALWAYS)
+    closed = surely_closed if surely else likely_closed
+    spans = (span for group in line.groups for span in closed(phases.groups[group]))
+    return SwitchedSignal(line.position_m, joined(spans))
+
+
+def _plan(signals: list[Signal]) -> SignalPlan:
+    """Return the signals in driving order; of two at one place, the first counts."""
+    by_place = {signal.stop_line_m: signal for signal in reversed(signals)}
+    return SignalPlan(tuple(by_place[place] for place in sorted(by_place)))

@@ -1,0 +1,193 @@
+"""What roadside stations have told: whatever arrives is believed, or counted with the reason why not.
+
+A map holds for the whole trip, as stop lines stay where they are; phases hold only while they are heard;
+speed signs hold until they say that they do not. The time of a packet is not looked at: it is that of the
+station's position, which may have been surveyed long ago.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from iptm_core.routes.road_line import RoadLine
+from iptm_v2x_bridge.messages.its_pdu import MessageKind, OpenedDatagram
+from iptm_v2x_bridge.messages.ivim import SpeedSigns, decode_ivim
+from iptm_v2x_bridge.messages.mapem import IntersectionMap, LaneMaps, decode_mapem
+from iptm_v2x_bridge.messages.spatem import (
+    IntersectionId,
+    IntersectionPhases,
+    SignalPhases,
+    decode_spatem,
+)
+from iptm_v2x_bridge.rejections import LeftOut, Rejection, RejectionCounts
+from iptm_v2x_bridge.roadside.phases import TimedPhases, opens_too_early, timed
+from iptm_v2x_bridge.roadside.speed_stretches import Stretch, stretches
+from iptm_v2x_bridge.roadside.stop_lines import StopLine, stop_lines
+from iptm_v2x_bridge.stations.plausibility import MAX_AGE_MS, MAX_AHEAD_MS
+
+PHASES_KNOWN_MS = 5000
+"""So long phases are known after they were told; then the line is as one that was never heard of."""
+MAX_INTERSECTIONS, MAX_SIGNS = 256, 256
+"""How many of each are held; the farthest map, the oldest phases and the oldest sign give way."""
+_REVISIONS = 128
+_KINDS = {
+    MessageKind.SPATEM: decode_spatem,
+    MessageKind.MAPEM: decode_mapem,
+    MessageKind.IVIM: decode_ivim,
+}
+ROADSIDE_KINDS = tuple(_KINDS)
+
+
+class RoadsideTable:
+    """Holds maps, phases and signs by their identity.
+
+    Attributes:
+        accepted: messages taken in, by kind.
+        rejections: messages that were not.
+        left_out: parts of messages that were not read.
+        host_position_m: front of the host along the road; the farthest map gives way when there are too many.
+    """
+
+    def __init__(self, road: RoadLine) -> None:
+        """Set up a table in which nothing has been heard; `road` is the host's route."""
+        self._road = road
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget everything that was heard."""
+        self._maps: dict[IntersectionId, tuple[IntersectionMap, tuple[StopLine, ...]]] = {}
+        self._phases: dict[IntersectionId, TimedPhases] = {}
+        self._signs: dict[tuple[int, int, int], tuple[SpeedSigns, tuple[Stretch, ...]]] = {}
+        self.accepted: Counter[MessageKind] = Counter()
+        self.rejections = RejectionCounts()
+        self.left_out: Counter[LeftOut] = Counter()
+        self.host_position_m = 0.0
+
+    def receive(self, opened: OpenedDatagram, now_ms: int) -> Rejection | None:
+        """Take a message in; return why not, None if it was accepted.
+
+        Args:
+            opened: one of `ROADSIDE_KINDS`.
+            now_ms: TimestampIts of the receiver's clock.
+        """
+        message = _KINDS[opened.kind](opened.payload)
+        reason = message if isinstance(message, Rejection) else self.take(message, now_ms)
+        if reason is None:
+            self.accepted[opened.kind] += 1
+        else:
+            self.rejections.add(reason)
+        return reason
+
+    def take(self, message: SignalPhases | LaneMaps | SpeedSigns, now_ms: int) -> Rejection | None:
+        """Take in what has been read; see `receive`."""
+        if isinstance(message, SpeedSigns):
+            return self._take_signs(message, now_ms)
+        reasons = [
+            self._take_phases(entry, now_ms)
+            if isinstance(entry, IntersectionPhases)
+            else self._take_map(entry)
+            for entry in message.intersections
+        ]
+        if isinstance(message, LaneMaps):
+            self.left_out.update(message.left_out)
+        refused = [reason for reason in reasons if reason is not None]
+        return refused[0] if refused else None
+
+    def _take_phases(self, message: IntersectionPhases, now_ms: int) -> Rejection | None:
+        phases = timed(message, now_ms)
+        if phases.told_ms > now_ms + MAX_AHEAD_MS:
+            return Rejection.FUTURE
+        if phases.told_ms < now_ms - MAX_AGE_MS:
+            return Rejection.STALE
+        known = self._phases.pop(message.intersection, None)
+        if known is not None and now_ms - known.told_ms <= PHASES_KNOWN_MS:
+            reason = _out_of_order(known.told_ms, phases.told_ms)
+            if reason is None and opens_too_early(known, phases):
+                reason = Rejection.PHASE_JUMP
+            if reason is not None:
+                self._phases[message.intersection] = known
+                return reason
+        # In the order in which they were told: the first one is the oldest.
+        self._phases[message.intersection] = phases
+        if len(self._phases) > MAX_INTERSECTIONS:
+            del self._phases[next(iter(self._phases))]
+            self.rejections.add(Rejection.TABLE_FULL)
+        return None
+
+    def _take_map(self, message: IntersectionMap) -> Rejection | None:
+        known = self._maps.get(message.intersection)
+        if known is not None:
+            before, _ = known
+            newer = (message.revision - before.revision) % _REVISIONS
+            if newer == 0:
+                return None if message == before else Rejection.OTHER_MAP
+            if newer > _REVISIONS // 2:
+                return Rejection.OLDER
+        lines = stop_lines(self._road, message)
+        if lines or known is not None:
+            self._maps[message.intersection] = message, lines
+        if len(self._maps) > MAX_INTERSECTIONS:
+            farthest = max(self._maps, key=self._distance_m)
+            del self._maps[farthest]
+            self.rejections.add(Rejection.TABLE_FULL)
+        return None
+
+    def _distance_m(self, intersection: IntersectionId) -> float:
+        _, lines = self._maps[intersection]
+        away = (abs(line.position_m - self.host_position_m) for line in lines)
+        return min(away, default=float("inf"))
+
+    def _take_signs(self, message: SpeedSigns, now_ms: int) -> Rejection | None:
+        if message.issued_ms is not None and message.issued_ms > now_ms + MAX_AHEAD_MS:
+            return Rejection.FUTURE
+        if message.valid_to_ms is not None and message.valid_to_ms < now_ms:
+            return Rejection.STALE
+        known = self._signs.get(message.identity)
+        if known is not None:
+            if message == known[0]:
+                return None  # signs are repeated as long as they hold
+            if (message.issued_ms or 0) < (known[0].issued_ms or 0):
+                return Rejection.OLDER
+        self.left_out.update(message.left_out)
+        found = () if message.is_cancelled else stretches(self._road, message)
+        self._signs.pop(message.identity, None)
+        # A cancellation is kept: what it cancels may be replayed.
+        if found or known is not None:
+            self._signs[message.identity] = message, found
+        if len(self._signs) > MAX_SIGNS:
+            del self._signs[next(iter(self._signs))]
+            self.rejections.add(Rejection.TABLE_FULL)
+        return None
+
+    def lines(self) -> list[StopLine]:
+        """Return the stop lines of all maps, in driving order."""
+        found = (line for _, lines in self._maps.values() for line in lines)
+        return sorted(found, key=lambda line: line.position_m)
+
+    def phases_of(self, line: StopLine, now_ms: int) -> TimedPhases | None:
+        """Return the phases of a line, None where they are not known, be it any more."""
+        phases = self._phases.get(line.intersection)
+        if (
+            phases is None
+            or not phases.is_working
+            or phases.revision != line.revision
+            or now_ms - phases.told_ms > PHASES_KNOWN_MS
+            or not line.groups <= phases.groups.keys()
+        ):
+            return None
+        return phases
+
+    def stretches(self, now_ms: int) -> list[Stretch]:
+        """Return the stretches with speed limits that hold now."""
+        return [
+            stretch
+            for signs, found in self._signs.values()
+            if (signs.valid_from_ms or 0) <= now_ms <= (signs.valid_to_ms or now_ms)
+            for stretch in found
+        ]
+
+
+def _out_of_order(before_ms: int, after_ms: int) -> Rejection | None:
+    if after_ms > before_ms:
+        return None
+    return Rejection.DUPLICATE if after_ms == before_ms else Rejection.OLDER

@@ -1,0 +1,232 @@
+"""Bits of roadside stations; left out where the extra is not installed."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import shutil
+import struct
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.iptm_v2x_bridge.cams import cam
+from tests.iptm_v2x_bridge.roadside import GREEN, HERE, RED, STATION, lane, lanes, phases, signs
+from tests.iptm_v2x_bridge.test_messages_oracles import capture, find
+
+pytest.importorskip("pycrate_asn1dir.ITS_IS", reason="requirements/roadside.txt is not installed")
+
+from iptm_core.errors import MessageError
+from iptm_v2x_bridge.messages.cam_codec import encode_cam
+from iptm_v2x_bridge.messages.geonetworking import HEADER_BYTES, SenderPosition, wrap
+from iptm_v2x_bridge.messages.its_pdu import (
+    ROADSIDE_UNIT,
+    MessageKind,
+    OpenedDatagram,
+    open_datagram,
+)
+from iptm_v2x_bridge.messages.ivim import decode_ivim, encode_ivim
+from iptm_v2x_bridge.messages.mapem import decode_mapem, encode_mapem
+from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
+from iptm_v2x_bridge.messages.spatem import (
+    IntersectionPhases,
+    Phase,
+    SignalPhases,
+    SignalState,
+    decode_spatem,
+    encode_spatem,
+)
+from iptm_v2x_bridge.rejections import LeftOut, Rejection
+
+DECODERS = {
+    MessageKind.SPATEM: decode_spatem,
+    MessageKind.MAPEM: decode_mapem,
+    MessageKind.IVIM: decode_ivim,
+}
+PLACE = SenderPosition(600_000_000_123, 480_000_000, 100_000_000, 0, 0)
+PHASES = SignalPhases(
+    STATION,
+    (
+        IntersectionPhases(
+            HERE,
+            3,
+            263_000,
+            59_999,
+            {
+                1: (
+                    Phase(GREEN, 3590.0, 3599.9, 4.5, 0.1),
+                    Phase(SignalState.YELLOW),
+                    Phase(RED, min_end_s=math.inf),
+                ),
+                2: (Phase(SignalState.DARK),),
+            },
+        ),
+    ),
+)
+SIGNS = signs(50.0 / 3.6, 200.0, 900.0, issued_ms=700_000_000_000, valid_to_ms=800_000_000_000)
+BITS = {
+    MessageKind.SPATEM: encode_spatem(PHASES),
+    MessageKind.MAPEM: encode_mapem(lanes()),
+    MessageKind.IVIM: encode_ivim(SIGNS),
+}
+
+
+def packet(kind: MessageKind) -> bytes:
+    return wrap(BITS[kind], PLACE, STATION, ROADSIDE_UNIT, kind.port)
+
+
+def test_what_is_sent_is_what_is_read() -> None:
+    assert decode_spatem(BITS[MessageKind.SPATEM]) == PHASES
+    assert decode_mapem(BITS[MessageKind.MAPEM]) == lanes()
+    read = decode_ivim(BITS[MessageKind.IVIM])
+    assert not isinstance(read, Rejection)
+    for zone, sent in zip(read.zones, SIGNS.zones, strict=True):
+        assert zone.limit_m_s == pytest.approx(sent.limit_m_s)
+        np.testing.assert_allclose(zone.places_deg, sent.places_deg, rtol=0.0, atol=1e-7)
+    assert replace(read, zones=()) == replace(SIGNS, zones=())
+
+
+@pytest.mark.parametrize("working", [True, False])
+def test_a_signal_that_does_not_work_says_so(working: bool) -> None:
+    sent = phases(0, (GREEN, 5.0, 9.0), is_working=working)
+    assert decode_spatem(encode_spatem(sent)) == sent
+
+
+@pytest.mark.parametrize("kind", list(DECODERS))
+def test_bare_or_in_a_packet_and_to_its_port_only(kind: MessageKind) -> None:
+    for datagram in (BITS[kind], packet(kind)):
+        opened = open_datagram(datagram, list(MessageKind))
+        assert isinstance(opened, OpenedDatagram)
+        assert (opened.kind, opened.payload) == (kind, BITS[kind])
+    assert open_datagram(BITS[kind], [MessageKind.CAM]) is Rejection.HEADER
+    assert open_datagram(packet(kind), [MessageKind.CAM]) is Rejection.PORT
+    stray = wrap(encode_cam(cam()), PLACE, STATION, ROADSIDE_UNIT, kind.port)
+    assert open_datagram(stray, list(MessageKind)) is Rejection.HEADER
+
+
+def test_packets_for_everyone_in_an_area_are_read() -> None:
+    """A geographic broadcast has a longer header: a number before the position, an area behind it."""
+    single = packet(MessageKind.SPATEM)
+    head, position = single[:12], single[12:36]
+    area = struct.pack("!iiHHHH", 480_000_000, 100_000_000, 500, 0, 0, 0)
+    wide = head[:5] + b"\x40" + head[6:] + bytes(4) + position + area + single[40:]
+    opened = open_datagram(wide, list(MessageKind))
+    assert isinstance(opened, OpenedDatagram)
+    assert opened.payload == BITS[MessageKind.SPATEM]
+    assert opened.packet_timestamp_ms == PLACE.timestamp_ms % 2**32
+    assert open_datagram(wide[:-1], list(MessageKind)) is Rejection.PACKET
+    assert open_datagram(wide[: HEADER_BYTES + 2], list(MessageKind)) is Rejection.PACKET
+
+
+def test_phases_without_their_time_are_incomplete() -> None:
+    station, fields = decode_fields(MessageKind.SPATEM, BITS[MessageKind.SPATEM])  # type: ignore[misc]
+    state = fields["intersections"][0]
+    for name, unknown in (("moy", 527_040), ("timeStamp", 65_535)):
+        changed = {**fields, "intersections": [{**state, name: unknown}]}
+        bits = encode_fields(MessageKind.SPATEM, station, changed)
+        assert decode_spatem(bits) is Rejection.INCOMPLETE
+
+
+def test_parts_outside_of_the_subset_are_left_out_and_named() -> None:
+    station, fields = decode_fields(MessageKind.MAPEM, BITS[MessageKind.MAPEM])  # type: ignore[misc]
+    computed = dict(fields["intersections"][0]["laneSet"][0])
+    offset = ("small", 350)
+    computed["nodeList"] = (
+        "computed",
+        {"referenceLaneId": 1, "offsetXaxis": offset, "offsetYaxis": offset},
+    )
+    fields["intersections"][0]["laneSet"].append(computed)
+    read = decode_mapem(encode_fields(MessageKind.MAPEM, station, fields))
+    assert read == replace(lanes(), left_out=(LeftOut.COMPUTED_LANE,))
+
+    station, fields = decode_fields(MessageKind.IVIM, BITS[MessageKind.IVIM])  # type: ignore[misc]
+    (sign,) = fields["optional"][1][1]
+    kind, code = sign["roadSignCodes"][0]["code"]
+    for changes, reason in (
+        ({"roadSignCode": 17}, LeftOut.SIGN),
+        ({"unit": 3}, LeftOut.SIGN),
+        ({"validity": [{"durationHourMinute": {"hours": 5, "mins": 0}}]}, LeftOut.CERTAIN_HOURS),
+    ):
+        sign["roadSignCodes"] = [{"code": (kind, {**code, **changes})}]
+        found = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
+        assert not isinstance(found, Rejection)
+        assert (found.zones, found.left_out) == ((), (reason,))
+    sign["roadSignCodes"], sign["relevanceZoneIds"] = [{"code": (kind, code)}], [9]
+    found = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
+    assert not isinstance(found, Rejection)
+    assert found.left_out == (LeftOut.ZONE,)
+
+
+def test_the_other_catalogue_of_signs_and_miles() -> None:
+    station, fields = decode_fields(MessageKind.IVIM, BITS[MessageKind.IVIM])  # type: ignore[misc]
+    pictogram = {
+        "serviceCategoryCode": ("trafficSignPictogram", "regulatory"),
+        "pictogramCategoryCode": {"nature": 5, "serialNumber": 57},
+    }
+    code = {"pictogramCode": pictogram, "attributes": [("spe", {"speedLimitMax": 30, "unit": 1})]}
+    fields["optional"][1][1][0]["roadSignCodes"] = [{"code": ("iso14823", code)}]
+    read = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
+    assert not isinstance(read, Rejection)
+    assert read.zones[0].limit_m_s == pytest.approx(30.0 * 0.44704)
+
+
+def test_what_the_wire_cannot_hold_is_refused() -> None:
+    with pytest.raises(MessageError, match="MAPEM"):
+        encode_mapem(lanes(lane(9, ((0.0, 0.0), (0.0, -400.0)))))
+
+
+def damaged(source: random.Random, bits: bytes) -> bytes:
+    way = source.randrange(5)
+    if way == 0:
+        return bits[:6] + source.randbytes(source.randrange(300))
+    if way == 1:
+        return bits[: source.randrange(7, len(bits))]
+    changed = bytearray(bits + source.randbytes(source.choice((0, 200))))
+    for _ in range(source.choice((1, 1, 2, 5, 40))):
+        changed[source.randrange(6, len(changed))] ^= 1 << source.randrange(8)
+    return bytes(changed)
+
+
+@pytest.mark.parametrize("kind", list(DECODERS))
+def test_damaged_messages_are_refused_or_read_and_nothing_else(kind: MessageKind) -> None:
+    source = random.Random(kind.port)  # noqa: S311 - no secret
+    outcomes = set()
+    for _ in range(2000):
+        read = DECODERS[kind](damaged(source, BITS[kind]))
+        outcomes.add(read if isinstance(read, Rejection) else type(read))
+    assert outcomes <= {Rejection.DECODING, Rejection.INCOMPLETE, type(DECODERS[kind](BITS[kind]))}
+    assert len(outcomes) > 1
+
+
+def test_wireshark_reads_what_was_meant(tmp_path: Path) -> None:
+    if shutil.which("tshark") is None:
+        pytest.skip("tshark is not installed")
+    file = tmp_path / "roadside.pcap"
+    capture(file, [packet(kind) for kind in DECODERS])
+    command = ["tshark", "-r", str(file), "-T", "json"]
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
+    spatem, mapem, ivim = (entry["_source"]["layers"] for entry in json.loads(result.stdout))
+    for layers, kind in zip((spatem, mapem, ivim), DECODERS, strict=True):
+        assert "_ws.malformed" not in layers
+        assert find(layers, "btpb.dstport") == str(kind.port)
+        assert find(layers, "its.stationID") == str(STATION)
+    assert find(spatem, "dsrc.moy") == "263000"
+    assert find(spatem, "dsrc.timeStamp") == "59999"
+    assert find(spatem, "dsrc.signalGroup") == "1"
+    assert find(spatem, "dsrc.eventState") == "6"
+    assert find(spatem, "dsrc.startTime") == "35900"
+    assert find(spatem, "dsrc.minEndTime") == "35999"
+    assert find(spatem, "dsrc.maxEndTime") == "45"
+    assert find(spatem, "dsrc.likelyTime") == "1"
+    assert find(mapem, "dsrc.signalGroup") == "1"
+    assert find(mapem, "dsrc.laneID") == "1"
+    place = lanes().intersections[0]
+    assert find(mapem, "dsrc.lat") == str(round(1e7 * place.latitude_deg))
+    assert find(mapem, "dsrc.x") == "0"
+    assert find(mapem, "dsrc.y") == "-1000"
+    assert find(ivim, "ivi.roadSignCode") == "14"
+    assert find(ivim, "ivi.value") == "50"
+    assert find(ivim, "ivi.deltaLatitude") == "0"

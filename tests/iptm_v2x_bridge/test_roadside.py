@@ -1,0 +1,287 @@
+"""What the bridge makes of roadside messages: by hand, without their bits."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime, timezone
+
+import numpy as np
+import pytest
+from tests.iptm_v2x_bridge.radio import ROAD
+from tests.iptm_v2x_bridge.roadside import (
+    GREEN,
+    LINE_M,
+    RED,
+    YELLOW,
+    Told,
+    lane,
+    lanes,
+    phases,
+    place_deg,
+    signs,
+)
+
+from iptm_v2x_bridge.messages.its_time import (
+    its_timestamp_ms,
+    minute_of_year,
+    resolve_minute_ms,
+    resolve_second_s,
+    second_of_hour,
+)
+from iptm_v2x_bridge.messages.ivim import SpeedSigns, ZoneDirection
+from iptm_v2x_bridge.messages.mapem import Connection, Lane, LaneMaps
+from iptm_v2x_bridge.messages.spatem import SignalPhases, SignalState
+from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, GivenRules
+from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan, SwitchedSignal
+from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
+from iptm_v2x_bridge.rejections import Rejection
+from iptm_v2x_bridge.roadside.rules import HeardRules
+from iptm_v2x_bridge.roadside.stop_lines import stop_lines
+from iptm_v2x_bridge.roadside.table import PHASES_KNOWN_MS, RoadsideTable
+from iptm_v2x_bridge.stations.station import Observation
+
+NOW_MS = its_timestamp_ms(1_790_000_000 * 10**9)
+NOW_S = NOW_MS / 1000.0
+
+
+def heard(
+    *messages: SignalPhases | LaneMaps | SpeedSigns,
+    at_ms: int = NOW_MS,
+    given: GivenRules | None = None,
+) -> HeardRules:
+    rules = HeardRules(RoadsideTable(ROAD), given)
+    for message in messages:
+        assert rules.table.take(message, at_ms) is None
+    rules.refresh(at_ms, 0.0)
+    return rules
+
+
+def test_times_of_signals_are_those_of_utc() -> None:
+    instant = datetime(2026, 3, 1, 12, 34, 56, 700_000, tzinfo=timezone.utc)
+    told_ms = its_timestamp_ms(round(instant.timestamp() * 1e3) * 10**6)
+    assert minute_of_year(told_ms) == ((31 + 28) * 1440 + 12 * 60 + 34, 56_700)
+    assert second_of_hour(told_ms / 1000.0) == pytest.approx(34 * 60 + 56.7)
+    assert resolve_minute_ms(*minute_of_year(told_ms), told_ms + 4000) == told_ms
+
+
+def test_a_minute_of_the_old_year_is_known_in_the_new_one() -> None:
+    new_year = datetime(2027, 1, 1, tzinfo=timezone.utc)
+    new_year_ms = its_timestamp_ms(round(new_year.timestamp()) * 10**9)
+    for told_ms, now_ms in (
+        (new_year_ms - 700, new_year_ms + 300),
+        (new_year_ms + 100, new_year_ms - 50),
+    ):
+        assert resolve_minute_ms(*minute_of_year(told_ms), now_ms) == told_ms
+
+
+@pytest.mark.parametrize("after_s", [-120.0, 0.0, 9.5, 30.0, 3000.0])
+def test_instants_are_found_across_the_full_hour(after_s: float) -> None:
+    ten_before_s = NOW_S - second_of_hour(NOW_S) + 3590.0
+    for now_s in (ten_before_s, NOW_S):
+        second = second_of_hour(now_s + after_s)
+        assert resolve_second_s(second, now_s) == pytest.approx(now_s + after_s)
+
+
+def test_a_line_is_where_its_lane_begins_and_only_the_hosts_lane_counts() -> None:
+    (line,) = stop_lines(ROAD, lanes().intersections[0])
+    assert line.position_m == pytest.approx(LINE_M, abs=0.02)
+    assert line.groups == {1}
+
+
+def test_of_several_connections_the_one_along_the_road_counts() -> None:
+    ways = (Connection(2, 1), Connection(7, 4))
+    ahead = lanes().intersections[0].lanes[1]
+    turning = Lane(7, ((15.0, 5.0), (80.0, 5.0)), leads_out=True)
+    host = Lane(1, ((0.0, -10.0), (0.0, -90.0)), leads_in=True, connections=ways)
+    base = lanes().intersections[0]
+    for known, groups in (((host, ahead, turning), {1}), ((host, turning), {1, 4})):
+        (line,) = stop_lines(ROAD, base.__class__(**{**vars(base), "lanes": known}))
+        assert line.groups == groups
+
+
+def test_lanes_that_come_towards_the_host_have_no_line_for_it() -> None:
+    base = lanes().intersections[0]
+    towards = lane(1, ((0.0, 10.0), (0.0, 90.0)))
+    assert stop_lines(ROAD, base.__class__(**{**vars(base), "lanes": (towards,)})) == ()
+
+
+@pytest.mark.parametrize(
+    ("told", "open_s", "closed_s"),
+    [
+        # The present phase is sure up to its earliest end.
+        ([(GREEN, 10.0, 20.0)], [0.0, 9.0], [10.5, 60.0]),
+        # What follows is sure from the latest end before it on.
+        ([(RED, 10.0, 20.0), (GREEN, 50.0, 50.0)], [20.5, 49.0], [0.0, 15.0, 51.0]),
+        ([(GREEN, 8.0, 8.0), (YELLOW, 12.0, 12.0), (RED, 40.0, 45.0)], [7.0], [9.0, 50.0]),
+        # After red without a word on what follows, nothing is known.
+        ([(RED, 10.0, 20.0)], [], [0.0, 21.0]),
+        # An end that is not told is none to rely on.
+        ([(GREEN, None, None)], [], [0.0, 5.0]),
+        ([(RED, 10.0, None), (GREEN, 60.0, 60.0)], [], [30.0, 50.0]),
+        # One over an hour ahead is one.
+        ([(SignalState.DARK, 50.0, 50.0)], [], [0.0]),
+        ([(SignalState.FLASHING_YELLOW, 50.0, 50.0)], [], [0.0]),
+    ],
+)
+def test_the_host_relies_on_what_is_sure(
+    told: list[Told], open_s: list[float], closed_s: list[float]
+) -> None:
+    (signal,) = heard(lanes(), phases(NOW_MS, *told)).host.plan.signals
+    assert signal.stop_line_m == pytest.approx(LINE_M, abs=0.02)
+    assert [signal.is_open(NOW_S + after) for after in open_s] == [True] * len(open_s)
+    assert [signal.is_open(NOW_S + after) for after in closed_s] == [False] * len(closed_s)
+
+
+def test_when_a_line_changes_is_told_to_the_tenth_across_the_hour() -> None:
+    full_hour_ms = NOW_MS - round(1000.0 * second_of_hour(NOW_S)) + 3_600_000
+    now_ms = full_hour_ms - 5_000
+    told = phases(now_ms, (GREEN, 12.3, 12.3), (RED, 40.0, 40.1), (GREEN, 60.0, 60.0))
+    (signal,) = heard(lanes(), told, at_ms=now_ms).host.plan.signals
+    now_s = now_ms / 1000.0
+    assert signal.open_until_s(now_s) - now_s == pytest.approx(12.3, abs=1e-6)
+    assert signal.closed_until_s(now_s + 20.0) - now_s == pytest.approx(40.1, abs=1e-6)
+
+
+def test_all_groups_of_a_line_have_to_be_open() -> None:
+    ways = (Connection(20, 1), Connection(21, 2))
+    base = lanes().intersections[0]
+    host = Lane(1, ((0.0, -10.0), (0.0, -90.0)), leads_in=True, connections=ways)
+    both = LaneMaps(1, (base.__class__(**{**vars(base), "lanes": (host,)}),))
+    message = phases(NOW_MS, (GREEN, 30.0, 30.0), groups=(1, 2)).intersections[0]
+    red = phases(NOW_MS, (RED, 30.0, 30.0), groups=(2,)).intersections[0]
+    mixed = message.__class__(**{**vars(message), "groups": message.groups | red.groups})
+    assert heard(both, SignalPhases(1, (message,))).host.plan.signals[0].is_open(NOW_S + 1.0)
+    assert not heard(both, SignalPhases(1, (mixed,))).host.plan.signals[0].is_open(NOW_S + 1.0)
+
+
+def test_a_line_whose_phases_are_silent_is_closed_for_the_host_and_nothing_for_the_leader() -> None:
+    rules = heard(lanes(), phases(NOW_MS, (GREEN, 60.0, 60.0)))
+    assert rules.report()["next_line"] == "open (heard)"
+    later_ms = NOW_MS + PHASES_KNOWN_MS
+    rules.refresh(later_ms, 0.0)
+    assert rules.host.plan.signals[0].is_open(later_ms / 1000.0)
+    rules.refresh(later_ms + 1, 0.0)
+    (signal,) = rules.host.plan.signals
+    assert not signal.is_open(later_ms / 1000.0)
+    assert signal.closed_until_s(later_ms / 1000.0) == math.inf
+    assert rules.leader.plan.signals == ()
+    assert rules.report()["next_line"] == "unknown, counts as closed"
+    assert rules.report()["lines_of_unknown_phase"] == 1
+
+
+@pytest.mark.parametrize("changes", [{"is_working": False}, {"revision": 4}, {"groups": (2, 3)}])
+def test_phases_that_do_not_fit_the_line_leave_it_unknown(changes: dict[str, object]) -> None:
+    rules = heard(lanes(), phases(NOW_MS, (GREEN, 60.0, 60.0), **changes))  # type: ignore[arg-type]
+    assert not rules.host.plan.signals[0].is_open(NOW_S)
+    assert rules.leader.plan.signals == ()
+
+
+@pytest.mark.parametrize(
+    ("told_ms", "told", "reason"),
+    [
+        (NOW_MS + 1000, (GREEN, 20.0, 20.0), Rejection.FUTURE),
+        (NOW_MS - 3001, (GREEN, 20.0, 20.0), Rejection.STALE),
+        (NOW_MS - 1000, (RED, 20.0, 20.0), Rejection.DUPLICATE),
+        (NOW_MS - 1200, (RED, 20.0, 20.0), Rejection.OLDER),
+        # Red until 19 s from now at the earliest, and open at once.
+        (NOW_MS, (GREEN, 20.0, 20.0), Rejection.PHASE_JUMP),
+        (NOW_MS, (RED, 5.0, 30.0), None),
+    ],
+)
+def test_what_cannot_be_true_is_refused(told_ms: int, told: Told, reason: Rejection | None) -> None:
+    rules = heard(lanes(), phases(NOW_MS - 1000, (RED, 20.0, 20.0)))
+    assert rules.table.take(phases(told_ms, told), NOW_MS) is reason
+
+
+def test_a_line_may_always_close_earlier() -> None:
+    rules = heard(lanes(), phases(NOW_MS - 1000, (GREEN, 20.0, 20.0)))
+    assert rules.table.take(phases(NOW_MS, (YELLOW, 3.0, 3.0)), NOW_MS) is None
+    rules.refresh(NOW_MS, 0.0)
+    assert not rules.host.plan.signals[0].is_open(NOW_S)
+
+
+def test_maps_change_with_their_revision_only() -> None:
+    rules = heard(lanes())
+    moved = lanes(line_m=LINE_M + 20.0)
+    assert rules.table.take(lanes(), NOW_MS) is None
+    assert rules.table.take(moved, NOW_MS) is Rejection.OTHER_MAP
+    assert rules.table.take(lanes(revision=2, line_m=600.0), NOW_MS) is Rejection.OLDER
+    assert rules.table.take(lanes(revision=4, line_m=600.0), NOW_MS) is None
+    rules.refresh(NOW_MS, 0.0)
+    assert rules.host.plan.signals[0].stop_line_m == pytest.approx(600.0, abs=0.02)
+
+
+GIVEN = GivenRules(
+    SpeedLimits(np.array([0.0, 800.0]), np.array([14.0, 20.0])),
+    SignalPlan((CyclicSignal(LINE_M + 2.0, 60.0, 0.0, 60.0), CyclicSignal(900.0, 60.0, 0.0, 60.0))),
+)
+
+
+def test_what_is_heard_of_a_line_replaces_what_is_given_of_it() -> None:
+    rules = heard(lanes(), phases(NOW_MS, (RED, 20.0, 20.0)), given=GIVEN)
+    first, second = rules.host.plan.signals
+    assert isinstance(first, SwitchedSignal)
+    assert second is GIVEN.plan.signals[1]
+    assert rules.report()["next_line"] == "closed (heard)"
+    rules.refresh(NOW_MS, 600.0)
+    assert rules.report()["next_line"] == "open (given)"
+
+
+def limit_at(rules: HeardRules, position_m: float) -> float:
+    assert rules.host.limits is not None
+    index = int(np.searchsorted(rules.host.limits.starts_m, position_m, side="right")) - 1
+    return float(rules.host.limits.limits_m_s[max(index, 0)])
+
+
+def test_limits_hold_in_their_zones_and_the_lowest_of_several() -> None:
+    more = signs(8.0, 500.0, 600.0, identity=(100, 5, 43))
+    rules = heard(signs(25.0, 200.0, 700.0), more, given=GIVEN)
+    found = [limit_at(rules, place) for place in (100.0, 210.0, 550.0, 650.0, 710.0, 900.0)]
+    assert found == [14.0, 25.0, 8.0, 25.0, 14.0, 20.0]
+    alone = heard(signs(25.0, 200.0, 700.0))
+    assert limit_at(alone, 300.0) == 25.0
+    assert limit_at(alone, 100.0) == limit_at(alone, 800.0) == 70.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "counts"),
+    [
+        ({}, True),
+        ({"direction": (ZoneDirection.OPPOSITE,)}, False),
+        ({"direction": (ZoneDirection.BOTH,)}, True),
+        ({"places_deg": (place_deg(700.0), place_deg(200.0))}, False),
+        ({"places_deg": (place_deg(200.0), place_deg(700.0, 30.0))}, False),
+        ({"valid_from_ms": NOW_MS + 1000}, False),
+        ({"valid_to_ms": NOW_MS + 1000}, True),
+        ({"is_cancelled": True}, False),
+    ],
+)
+def test_zones_count_on_the_hosts_road_for_its_direction_and_while_they_hold(
+    changes: dict[str, object], counts: bool
+) -> None:
+    rules = heard(signs(10.0, 200.0, 700.0, **changes), given=GIVEN)
+    assert (limit_at(rules, 400.0) == 10.0) is counts
+
+
+def test_a_sign_is_cancelled_and_not_revived_by_an_old_message() -> None:
+    old = signs(10.0, 200.0, 700.0, issued_ms=NOW_MS - 9000)
+    rules = heard(old, signs(10.0, 200.0, 700.0, issued_ms=NOW_MS - 5000, is_cancelled=True))
+    assert rules.host.limits is None
+    assert rules.table.take(old, NOW_MS) is Rejection.OLDER
+    expired = signs(10.0, 200.0, 700.0, identity=(1, 2, 3), valid_to_ms=NOW_MS - 1)
+    assert rules.table.take(expired, NOW_MS) is Rejection.STALE
+
+
+def test_the_leader_is_foretold_by_what_is_heard() -> None:
+    times = NOW_S + np.arange(0.0, 41.0)
+    known = Knowledge((Observation(NOW_S, 300.0, 14.0, 0.0),), length_m=5.0)
+    silent = BoundedByRules(History(), heard().leader)
+    assert silent.predict(known, times) is None
+    red = heard(lanes(), phases(NOW_MS, (RED, 30.0, 30.0), (GREEN, 60.0, 60.0))).leader
+    told = BoundedByRules(History(), red).predict(known, times)
+    assert told is not None
+    assert told.predictor is PredictorName.SIGNALS
+    assert told.positions_m[29] + 5.0 <= LINE_M + 0.02
+    assert told.speeds_m_s[40] > 5.0
