@@ -47,7 +47,8 @@ def test_a_run_comes_back_bit_by_bit(store: ResultStore, run: Run) -> None:
     assert store.keys() == (run.key,)
     assert [entry.name for entry in store.folder.iterdir()] == [path.name]
     assert_same(store.load(run.key), run)
-    assert store.load(run.key).metrics == run.metrics
+    # As text: since Python 3.13 data with the same NaN is not equal.
+    assert repr(store.load(run.key).metrics) == repr(run.metrics)
 
 
 def test_a_whole_trip_has_no_log(store: ResultStore, run: Run) -> None:

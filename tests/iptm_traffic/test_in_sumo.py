@@ -146,6 +146,17 @@ def test_a_drive_is_lawful_and_repeats_to_the_last_bit(
     assert drive_in_traffic(drive, PARAMETERS).digest == first.digest
 
 
+def test_a_host_that_learns_signals_by_radio_keeps_them() -> None:
+    pytest.importorskip("pycrate_asn1dir", reason="requirements/roadside.txt is not installed")
+    told = TrafficDrive(TrafficScenario.RED_LIGHT_QUEUE, TrafficKnowledge.SIGNALS, 230.0)
+    result = drive_in_traffic(replace(told, signals_by_radio=True), PARAMETERS)
+    assert cli.verdict(result) == []
+    assert result.lines_passed > 0
+    assert result.lines_passed_closed == 0
+    assert result.largest_excess_m_s < 1.0  # as with the plan as data
+    assert result.predictors["signals"] > 5
+
+
 def test_who_leads_changes_when_the_leader_turns_off() -> None:
     drive = TrafficDrive(TrafficScenario.TURN_OFF, TrafficKnowledge.HISTORY, 260.0)
     result = drive_in_traffic(replace(drive, step_s=1.0), PARAMETERS)

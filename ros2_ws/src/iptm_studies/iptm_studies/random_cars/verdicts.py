@@ -29,6 +29,8 @@ from iptm_studies.run_spec import PreviewSpec
 
 OVERHEATED_BY_K = 0.5
 OVERHEATED_FOR_S = 60.0
+PARTED_M_S = 0.3
+"""Difference of two speeds from which on they are different drives."""
 COLD_COMPRESSOR_KJ = 1.0
 COLD_TRACTION_PERCENT = 3.0
 SMALL_TRIP_J = 1e5
@@ -210,7 +212,10 @@ def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgemen
     if warm_twin is not None:
         here_j, there_j = (one.metrics.energy.traction_j for one in (run, warm_twin))
         amounts["cold_traction"] = 100.0 * (here_j - there_j) / max(abs(there_j), SMALL_TRIP_J)
-        causes["cold_traction"] = f"{1e-3 * here_j:.0f} kJ instead of {1e-3 * there_j:.0f} kJ"
+        causes["cold_traction"] = (
+            f"{1e-3 * here_j:.0f} kJ instead of {1e-3 * there_j:.0f} kJ, "
+            + _parting(trip, warm_twin.trajectory)
+        )
 
     rungs = _rungs_after_faults(run, spec.faults)
     amounts["emergency"] = float(rungs.pop(Rung.EMERGENCY_BRAKING, Counter()).total())
@@ -250,6 +255,15 @@ def _judge_heat(
     highest = f"up to {warmest_k.max() - CELSIUS_ZERO_K:.1f} °C"
     best = f"{cooled_k[hot].max() - CELSIUS_ZERO_K:.1f} °C with full cooling"
     causes["too_hot"] = causes["too_hot_anyway"] = f"{highest}, {best}"
+
+
+def _parting(here: Trajectory, there: Trajectory) -> str:
+    """Return when two drives part, where one ends against the other, and how warm the cells were first."""
+    parted = np.flatnonzero(np.abs(here.speed_m_s - there.speed_m_s) > PARTED_M_S)
+    since = f"speeds part at {here.time_s[parted[0]]:g} s" if parted.size else "speeds never part"
+    way_m = float(here.position_m[-1] - there.position_m[-1])
+    cells_c = float(here.cell_n_temperature_k[0]) - CELSIUS_ZERO_K
+    return f"{since}, {way_m:+.1f} m of way, cells first at {cells_c:.1f} °C"
 
 
 def _longest_s(run: Trajectory, flags: BoolArray) -> float:
