@@ -208,8 +208,8 @@ def test_compiler_of_the_environments_wheel_comes_last(
     assert found is not None
     assert found[:3] == (str(package / "zig"), "cc", "-target")
     assert float(ca.external("square", str(compile_functions([square()], found)))(3.0)) == 9.0
-    # What another command makes of the same source is another entry.
-    assert len(list(cache.iterdir())) == 2
+    # What other arguments make of the same source is another entry; the machine may have the wheel's only.
+    assert len(list(cache.iterdir())) == 1 + (compiler[1:] != found[1:])
     monkeypatch.setenv("CC", compiler[0])
     assert find_compiler() == compiler[:1]
 
