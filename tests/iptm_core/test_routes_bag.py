@@ -13,6 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from iptm_core.errors import RouteError
 from iptm_core.routes import build_route
+from iptm_core.routes.bag import OWN_ODOMETRY, OWN_SLOPE
 from iptm_core.routes.user_csv import read_user_trip
 from iptm_interfaces.codecs import decode_slope
 from iptm_interfaces.topics import TOPICS, Topic
@@ -76,6 +77,12 @@ def test_the_car_of_a_recorded_run_becomes_the_leader_on_its_road() -> None:
     recorded = np.interp(there, road.positions_m, road.slopes_rad)
     assert np.ptp(recorded) > 0.005
     np.testing.assert_allclose(route.slope.slope_at(there), recorded, atol=1e-3)
+
+
+def test_its_topics_are_those_of_the_suite() -> None:
+    """The core knows no table of topics, so it has these two names of its own."""
+    own = TOPICS[Topic.PLANT_ODOMETRY].name, TOPICS[Topic.SLOPE].name
+    assert own == (OWN_ODOMETRY, OWN_SLOPE)
 
 
 def test_another_odometry_of_a_bag_is_named_behind_it() -> None:

@@ -41,12 +41,7 @@ from iptm_interfaces.topics import (
 )
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.changed_settings import refuse_changed_settings
-from iptm_recording.compare_bags import (
-    PIPE_WIDTH,
-    TopicComparison,
-    compare_bags,
-    print_comparison,
-)
+from iptm_recording.compare_bags import PIPE_WIDTH, TopicComparison, compare_bags, print_comparison
 from iptm_recording.field_differences import NumberTolerance
 from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.timeline import read_stamp_ns

@@ -35,6 +35,7 @@ class HeardRules:
     Where both say something of a stop line or a stretch, messages count, also once they have fallen silent.
 
     Attributes:
+        table: what is heard.
         host: for a host that keeps the rules: a line of unknown phase is closed.
         leader: for the prediction of a leader: a line of unknown phase binds it to nothing.
     """
@@ -46,7 +47,7 @@ class HeardRules:
             table: what is heard.
             given: rules known beforehand.
         """
-        self._table, self._given = table, given or GivenRules()
+        self.table, self._given = table, given or GivenRules()
         self.host = CurrentRules(self._given.limits, self._given.plan)
         self.leader = CurrentRules(self._given.limits, self._given.plan)
         self._known: dict[float, TimedPhases | None] = {}
@@ -54,12 +55,12 @@ class HeardRules:
 
     def forget(self) -> None:
         """Forget everything that was heard."""
-        self._table.forget()
+        self.table.forget()
         self.refresh(0, 0.0)
 
     def receive(self, opened: OpenedDatagram, now_ms: int) -> Rejection | None:
         """Take a message in; see `RoadsideTable.receive`."""
-        return self._table.receive(opened, now_ms)
+        return self.table.receive(opened, now_ms)
 
     def refresh(self, now_ms: int, host_position_m: float) -> None:
         """Bring the rules up to date.
@@ -68,7 +69,7 @@ class HeardRules:
             now_ms: TimestampIts of the present.
             host_position_m: front of the host along the road.
         """
-        table = self._table
+        table = self.table
         table.host_position_m, self._now_s = host_position_m, now_ms / 1000.0
         limits = limits_with(self._given.limits, table.stretches(now_ms))
         lines = table.lines()
@@ -91,7 +92,7 @@ class HeardRules:
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics: what is known from where, and what was left out."""
-        table, following = self._table, self.host.plan.next_after(self._table.host_position_m)
+        table, following = self.table, self.host.plan.next_after(self.table.host_position_m)
         said = "none"
         if following is not None:
             said = "open" if following.is_open(self._now_s) else "closed"
@@ -112,11 +113,6 @@ class HeardRules:
             "next_line_m": "none" if following is None else following.stop_line_m,
         }
         return values | {f"left_out_{part}": count for part, count in table.left_out.items()}
-
-    @property
-    def table(self) -> RoadsideTable:
-        """What is heard."""
-        return self._table
 
 
 def _signal(line: StopLine, phases: TimedPhases | None, *, surely: bool) -> SwitchedSignal:
