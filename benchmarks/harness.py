@@ -23,7 +23,7 @@ import numpy as np
 
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
-from iptm_controller.ocp.compilation import COMPILER_FLAGS, find_compiler
+from iptm_controller.ocp.compilation import compiler_flags, find_compiler
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import DecisionSeries, SolveStatus
@@ -186,7 +186,7 @@ def machine_description() -> dict[str, str]:
         "memory": f"{memory / 2**30:.0f} GiB",
         "load average at the time (1, 5, 15 min)": ", ".join(f"{value:.1f}" for value in load),
         "system": f"{platform.system()} {platform.machine()}",
-        "compiler": f"{_compiler_version()}, {' '.join(COMPILER_FLAGS)}",
+        "compiler": f"{_compiler_version()}, {' '.join(compiler_flags())}",
         "Python": platform.python_version(),
         "CasADi": ca.CasadiMeta.version(),
         "NumPy": np.__version__,

@@ -67,6 +67,10 @@ class _Builder:
         self._steps = self._grid.steps
         self._systems = [StageSystem(stage, problem.model) for stage in problem.stage_expressions()]
         self._sparsity = common_sparsity(self._systems)
+        # Built once: whatever calls them then shares their code.
+        self._evaluations = [
+            system.evaluate(f"evaluate_{index}") for index, system in enumerate(self._systems)
+        ]
         inequalities = self._systems[0].inequality_count * self._steps
         sizes = {
             "w": self._grid.variable_count,
@@ -267,10 +271,7 @@ class _Builder:
 
     def _evaluate(self, w: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
         """Return inequality constraints and residual of the dynamics, one column per step, and the cost."""
-        functions = [
-            system.evaluate(f"evaluate_{index}") for index, system in enumerate(self._systems)
-        ]
-        values = self._map(functions, w)
+        values = self._map(self._evaluations, w)
         return values["inequalities"], values["dynamics_residual"], ca.sum2(values["cost"])
 
 

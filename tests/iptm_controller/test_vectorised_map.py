@@ -1,0 +1,189 @@
+"""Maps in vector registers: the same numbers as the scalar code of CasADi, to the last bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from tests.iptm_controller.scenes import PARAMETERS
+
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import compilation
+from iptm_controller.ocp.compilation import (
+    CACHE_VARIABLE,
+    COMPILER_FLAGS,
+    compile_functions,
+    compiler_flags,
+    find_compiler,
+)
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.vectorised_map import vectorise_maps
+from iptm_controller.solvers.riccati.program import build_program
+from iptm_controller.solvers.riccati.stage_system import StageSystem, common_sparsity
+from iptm_core.state import FloatArray
+
+ALL_KINDS = "3x1+5x5+10x30t"
+AWKWARD = np.array([0.0, np.inf, -np.inf, np.nan, 1.0, 5e-324])
+"""No zeros of both signs: C leaves open which of them is the larger or the smaller one."""
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+
+
+def plain_source(functions: list[ca.Function]) -> str:
+    generator = ca.CodeGenerator("ocp.c", {"with_header": False})
+    for function in functions:
+        generator.add(function)
+    return str(generator.dump())
+
+
+def load(functions: list[ca.Function]) -> list[ca.Function]:
+    compiler = find_compiler()
+    assert compiler is not None
+    library = str(compile_functions(functions, compiler))
+    return [ca.external(function.name(), library) for function in functions]
+
+
+def both(
+    functions: list[ca.Function], monkeypatch: pytest.MonkeyPatch
+) -> list[tuple[ca.Function, ca.Function]]:
+    """Compiled as vectors, and as CasADi writes them."""
+    vectors = load(functions)
+    monkeypatch.setattr(compilation, "vectorise_maps", lambda source: source)
+    return list(zip(vectors, load(functions), strict=True))
+
+
+def assert_same(vector: ca.Function, scalar: ca.Function, arguments: list[FloatArray]) -> None:
+    """Bits are compared, but for the sign and payload of NaN, which mean nothing."""
+    results, expected = (
+        [np.array(result) for result in function.call(arguments)] for function in (vector, scalar)
+    )
+    for name, one, other in zip(scalar.name_out(), results, expected, strict=True):
+        np.testing.assert_array_equal(np.isnan(one), np.isnan(other), err_msg=name)
+        bits = [np.where(np.isnan(array), 0.0, array).view(np.int64) for array in (one, other)]
+        np.testing.assert_array_equal(*bits, err_msg=name)
+
+
+def random_arguments(function: ca.Function, rng: np.random.Generator) -> list[FloatArray]:
+    return [rng.uniform(0.1, 2.0, function.size_in(i)) for i in range(function.n_in())]
+
+
+def make_awkward(arguments: list[FloatArray], rng: np.random.Generator, share: float) -> None:
+    for argument in arguments:
+        chosen = rng.random(argument.shape) < share
+        argument[chosen] = rng.choice(AWKWARD, int(chosen.sum()))
+
+
+def test_every_stage_kind_gives_the_bits_of_the_scalar_code(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem = OptimalControlProblem(Horizon.parse(ALL_KINDS), PARAMETERS)
+    systems = [StageSystem(stage, problem.model) for stage in problem.stage_expressions()]
+    sparsity = common_sparsity(systems)
+    maps = [
+        function.map(kind.count)
+        for index, (system, kind) in enumerate(zip(systems, problem.grid.stages, strict=True))
+        for function in (
+            system.linearise(sparsity, f"linearise_{index}"),
+            system.evaluate(f"evaluate_{index}"),
+            system.least_soft_slacks(f"slacks_{index}"),
+        )
+    ]
+    rng = np.random.default_rng(5)
+    for vector, scalar in both(maps, monkeypatch):
+        for share in (0.0, 0.0, 0.001, 0.01, 0.1):
+            arguments = random_arguments(scalar, rng)
+            make_awkward(arguments, rng, share)
+            assert_same(vector, scalar, arguments)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5, 8, 9, 11])
+def test_every_operation_and_number_of_points(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
+    a, b = x[0], x[1]
+    values = [a + b, a - b, a * b, a / b, -a, 2 * a, 1 / a, a**2, a**2.3, a**b, ca.sqrt(a)]
+    values += [ca.fmax(a, b), ca.fmin(a, b), ca.fabs(a), ca.sign(a), ca.floor(a), ca.fmod(a, b)]
+    values += [ca.sin(a), ca.cos(a), ca.tan(a), ca.exp(a), ca.log(a), ca.tanh(a), ca.atan2(a, b)]
+    values += [a < b, a <= b, ca.eq(a, b), ca.ne(a, b), ca.logic_not(a), ca.logic_and(a, b)]
+    values += [ca.logic_or(a, b), ca.if_else(a < b, a, y), ca.copysign(a, b), y - 0.1]
+    function = ca.Function("operations", [x, y], [ca.vertcat(*values), a * y]).map(count)
+    u, v = ca.MX.sym("u", 2, count), ca.MX.sym("v", 1, count)
+    # The second result is not asked for, so that its pointer is null.
+    first = ca.Function("first", [u, v], [function(u, v)[0]])
+    rng = np.random.default_rng(count)
+    for vector, scalar in both([function, first], monkeypatch):
+        for share in (0.0, 0.2, 0.9):
+            arguments = [rng.normal(size=scalar.size_in(i)) for i in range(2)]
+            make_awkward(arguments, rng, share)
+            assert_same(vector, scalar, arguments)
+
+
+def test_a_solver_has_no_map_left_that_goes_point_by_point() -> None:
+    """Fails when another release of CasADi writes maps in another way: correct, but slower."""
+    functions = build_program(OptimalControlProblem(Horizon.parse("2x1+5x5"), PARAMETERS)).functions
+    plain = plain_source(functions)
+    maps = plain.count("\n/* map")
+    assert maps > 0
+    assert vectorise_maps(plain).count("_group(const casadi_real** arg") == maps
+
+
+@pytest.mark.parametrize(
+    ("usual", "unusual"),
+    [("++i) {\n    if (", "i++) {\n    if ("), ("  a0=(a0+a1);\n", "  a0+=a1;\n")],
+    ids=["loop", "statement"],
+)
+def test_what_is_written_in_another_way_stays_as_it_is(
+    usual: str, unusual: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The map then runs as CasADi wrote it."""
+    x = ca.SX.sym("x")
+    function = ca.Function("shifted", [x], [ca.sin(x) + 1.0]).map(6)
+
+    def rewritten(source: str) -> str:
+        other = source.replace(usual, unusual)
+        assert other != source
+        result = vectorise_maps(other)
+        assert "_group(" not in result
+        return result
+
+    monkeypatch.setattr(compilation, "vectorise_maps", rewritten)
+    points = np.linspace(-1.0, 1.0, 6)
+    (loaded,) = load([function])
+    np.testing.assert_allclose(np.array(loaded(points[None, :]))[0], np.sin(points) + 1.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("model name\t: A\nflags\t\t: fpu avx avx2 fma\n", ("-mavx2",)),
+        ("flags\t\t: fpu avx\n", ()),
+        ("Features\t: fp asimd\n", ()),
+        (None, ()),
+    ],
+)
+def test_avx2_is_used_where_the_processor_has_it(
+    text: str | None, expected: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = tmp_path / "cpuinfo"
+    if text is not None:
+        info.write_text(text)
+    monkeypatch.setattr(compilation, "_CPU_INFO", info)
+    assert compiler_flags() == (*COMPILER_FLAGS, *expected)
+
+
+def test_an_older_processor_computes_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    x = ca.SX.sym("x", 3)
+    function = ca.Function("terms", [x], [ca.fmax(x[0] / x[1], ca.sqrt(x[2])) * x]).map(7)
+    arguments = random_arguments(function, np.random.default_rng(1))
+    (newest,) = load([function])
+    monkeypatch.setattr(compilation, "_CPU_INFO", tmp_path / "none")
+    (oldest,) = load([function])
+    assert_same(newest, oldest, arguments)
