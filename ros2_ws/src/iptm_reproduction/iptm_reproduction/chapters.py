@@ -62,6 +62,7 @@ from iptm_reproduction.tables.analysis_tables import (
 from iptm_reproduction.tables.identification_tables import (
     determined_table,
     first_composition_table,
+    printed_cooling_table,
     settled_table,
 )
 from iptm_reproduction.tables.paper_tables import (
@@ -143,6 +144,7 @@ CHAPTERS = (
             _without_runs(determined_table),
             picture(identification_plots.determined),
             _without_runs(settled_table),
+            _without_runs(printed_cooling_table),
             table(
                 "first-composition",
                 "Headline on the identified trip and on this project's own composition",

@@ -140,6 +140,9 @@ LENGTH_RANGES: dict[Figure, tuple[float, float]] = {
 SMALLEST_MARGIN_M = 5.904
 """Section IV-B.2: smallest distance to the safe threshold of the gap under the proposed strategy."""
 
+LARGEST_VICE_RATIO_J = 5e12
+"""Section IV-C.1: largest lambda_Q / lambda_P of the vice benchmark, in joules (per fraction of capacity)."""
+
 FIGURE_CAPTIONS = {
     "aging_map": ("Fig. 4", "Influences of current and temperature on degradation (10 A = 2C)."),
     "driving_cycle": (

@@ -11,6 +11,7 @@ from iptm_reproduction.figures import change_text
 from iptm_reproduction.identification.spread import Determined, determined_numbers
 from iptm_reproduction.identification.unknowns import Settled, read_unknowns, shipped_unknowns
 from iptm_reproduction.printed import HEADLINE_CHANGES, printed_value
+from iptm_reproduction.printed_cooling import HORIZON_S, reproduced_cooling
 from iptm_reproduction.runs import (
     FIRST_MULTI_HORIZON,
     FIRST_REFERENCE,
@@ -48,6 +49,57 @@ def _determined_row(number: Determined) -> Row:
         f"{100.0 * number.share:.0f} %",
         f"{number.low:g} to {number.high:g}",
         number.judgement,
+    )
+
+
+def printed_cooling_table() -> Table:
+    """Return what the paper's printed numbers alone say of cooling, whatever was identified."""
+    found = reproduced_cooling()
+    return Table(
+        "printed-cooling",
+        "What the printed numbers say of cooling",
+        ("figure", "value", "from"),
+        (
+            cells(
+                "cell N warmer than cell 1, on average",
+                f"{found.cells_differ_k:.2f} K",
+                "degradation of both cells under the reference (Table IV), aging law (Table II)",
+            ),
+            cells(
+                "heat that the coolant carries",
+                f"{found.heat_w:.0f} W",
+                "the same rise of the coolant along the channel, its flow and heat capacity (Table II)",
+            ),
+            cells(
+                "compressor power",
+                f"{found.compressor_power_w:.0f} W",
+                "cooling energy of the reference (Table IV) less P_aux",
+            ),
+            cells("coefficient of performance", f"{found.cop:.2f}", "heat and compressor power"),
+            cells(
+                "cooling pays after",
+                f"{found.pays_after_s:.0f} s",
+                "total energy of the reference (Table IV), heat capacity of the cells (Table II)",
+            ),
+            cells(
+                f"coefficient of performance to pay within {HORIZON_S:g} s",
+                f"{found.cop_to_pay_within(HORIZON_S):.1f}",
+                "the row above",
+            ),
+            cells(
+                "what J4 gives back of a joule that J3 charges while braking",
+                f"{100.0 * found.braking_refund:.0f} %",
+                "vice benchmark, largest printed ratio of the weights, cells at their upper limit",
+            ),
+        ),
+        note=(
+            "Nothing of this is identified. An optimal controller with aging as its only cost and the "
+            f"printed horizon of {HORIZON_S:g} s has no reason to cool with drawn power, and one with the "
+            "energy term none to cool while braking either, before a limit of temperature makes it. The "
+            "printed strategies cool in both cases. So statements that rest on it (the vice benchmark at "
+            "lower temperatures than its limit, more cooling with a longer horizon or longer steps) cannot "
+            "be reproduced by choosing the numbers that the paper omits."
+        ),
     )
 
 
