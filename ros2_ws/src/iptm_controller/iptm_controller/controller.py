@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
 from iptm_controller.forecast import LeaderForecast, LeaderForecaster
@@ -121,7 +121,7 @@ class Decision:
             rung=self.rung,
             limiter_active=self.limited.active,
             preview_age_s=math.nan if forecast is None else forecast.age_s,
-            **asdict(self.value),
+            **vars(self.value),
         )
 
 

@@ -79,9 +79,11 @@ class PredictedLeaderMotion:
             return self.positions_m[0] + self.speeds_m_s[0] * elapsed, np.full(
                 times_s.shape, self.speeds_m_s[0]
             )
-        index = np.clip(np.searchsorted(nodes, times_s, side="right") - 1, 0, nodes.size - 2)
-        start, width = nodes[index], nodes[index + 1] - nodes[index]
-        inside = np.clip(times_s, nodes[0], nodes[-1])
+        index = nodes.searchsorted(times_s, side="right") - 1
+        index = np.minimum(np.maximum(index, 0), nodes.size - 2)
+        start = nodes[index]
+        width = nodes[index + 1] - start
+        inside = np.minimum(np.maximum(times_s, nodes[0]), nodes[-1])
         tau = (inside - start) / width
         v_0, v_1 = self.speeds_m_s[index], self.speeds_m_s[index + 1]
         p_0, p_1 = self.positions_m[index], self.positions_m[index + 1]
@@ -121,16 +123,19 @@ def preview_fault(preview: LeaderPreview) -> str:
     if not np.isfinite(preview.generated_at_s):
         return f"preview was generated at {preview.generated_at_s} s; allowed: finite times"
     for label, values in (("time", times), ("position", positions), ("speed", speeds)):
-        if not np.all(np.isfinite(values)):
-            bad = _first(~np.isfinite(values))
+        finite = np.isfinite(values)
+        if not finite.all():
+            bad = _first(~finite)
             return f"preview {label} is {values[bad]} at node {bad}; allowed: finite values"
-    if np.any(np.diff(times) <= 0.0):
-        return f"preview times do not increase after node {_first(np.diff(times) <= 0.0)}"
-    if np.any(np.diff(positions) < -1e-6):
-        return f"preview positions move backwards after node {_first(np.diff(positions) < -1e-6)}"
     with np.errstate(over="ignore"):
-        leaps = np.diff(positions) > 1.0 + MAX_LEADER_SPEED_M_S * np.diff(times)
-    if np.any(leaps):
+        passed_s, moved_m = times[1:] - times[:-1], positions[1:] - positions[:-1]
+        halts, backwards = passed_s <= 0.0, moved_m < -1e-6
+        leaps = moved_m > 1.0 + MAX_LEADER_SPEED_M_S * passed_s
+    if halts.any():
+        return f"preview times do not increase after node {_first(halts)}"
+    if backwards.any():
+        return f"preview positions move backwards after node {_first(backwards)}"
+    if leaps.any():
         return (
             f"preview positions leap after node {_first(leaps)}; "
             f"allowed: {MAX_LEADER_SPEED_M_S:g} m/s"

@@ -79,17 +79,18 @@ class ProblemDataBuilder:
         """
         grid, origin_m = self._grid, state.position_m
         steps = np.empty((grid.steps, layout.STEP_PARAMETERS))
-        node_position, node_speed = leader.at(state.time_s + self._node_times_s[1:])
-        steps[:, StepIndex.LEADER_POSITION] = node_position - origin_m
-        steps[:, StepIndex.LEADER_SPEED] = node_speed
+        nodes = state.time_s + self._node_times_s[1:]
+        times = state.time_s + grid.sample_times_s
+        positions, speeds = leader.at(np.concatenate([nodes, times, times - REFERENCE_WINDOW_S]))
+        at_nodes, at_samples = slice(nodes.size), slice(nodes.size, nodes.size + times.size)
+        steps[:, StepIndex.LEADER_POSITION] = positions[at_nodes] - origin_m
+        steps[:, StepIndex.LEADER_SPEED] = speeds[at_nodes]
         steps[:, StepIndex.ACCELERATION_INTERVAL] = self._acceleration_intervals_s
         steps[:, StepIndex.COMPRESSOR_INTERVAL] = self._compressor_intervals_s
         steps[:, StepIndex.END_OF_PREVIEW] = 0.0
         motion_nodes = self._node_times_s[1 : grid.horizon.motion_steps + 1]
         known_nodes = int(np.searchsorted(motion_nodes, known_s + 1e-6, side="right"))
         steps[max(known_nodes, 1) - 1, StepIndex.END_OF_PREVIEW] = 1.0
-        times = state.time_s + grid.sample_times_s
-        recent, speeds = leader.at(np.concatenate([times, times - REFERENCE_WINDOW_S]))
         around = np.concatenate(
             [
                 expected_positions_m,
@@ -108,10 +109,10 @@ class ProblemDataBuilder:
         ) / SLOPE_DIFFERENCE_M**2
         samples[:, SampleIndex.POSITION] = expected_positions_m - origin_m
         samples[:, SampleIndex.SPEED_REFERENCE] = (
-            recent[: times.size] - recent[times.size :]
+            positions[at_samples] - positions[at_samples.stop :]
         ) / REFERENCE_WINDOW_S
-        samples[:, SampleIndex.LEADER_POSITION] = recent[: times.size] - origin_m
-        samples[:, SampleIndex.LEADER_SPEED] = speeds[: times.size]
+        samples[:, SampleIndex.LEADER_POSITION] = positions[at_samples] - origin_m
+        samples[:, SampleIndex.LEADER_SPEED] = speeds[at_samples]
         if thermal_samples is not None:
             samples[grid.motion_samples :] = thermal_samples
         parameters = grid.parameters(self._globals(state, value), steps, samples)

@@ -89,7 +89,8 @@ class LeaderMotion:
 
     def positions_at(self, times_s: ArrayLike) -> FloatArray:
         """Rear-bumper positions in m at any times, same shape as ``times_s``."""
-        times = np.clip(np.asarray(times_s, dtype=np.float64), self.times_s[0], self.times_s[-1])
+        times = np.maximum(np.asarray(times_s, dtype=np.float64), self.times_s[0])
+        times = np.minimum(times, self.times_s[-1])
         return integral_at(times, self.times_s, self.speeds_m_s, self.positions_m)
 
     def state_at(self, time_s: float) -> LeaderState:

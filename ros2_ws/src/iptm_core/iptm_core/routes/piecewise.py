@@ -79,7 +79,8 @@ def integral_at(
     """
     if nodes.size == 1:
         return np.zeros_like(x)
-    left = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
+    left = nodes.searchsorted(x, side="right") - 1
+    left = np.minimum(np.maximum(left, 0), nodes.size - 2)
     tau = x - nodes[left]
     rate = (values[left + 1] - values[left]) / (nodes[left + 1] - nodes[left])
     result: FloatArray = integrals[left] + tau * (values[left] + 0.5 * rate * tau)
