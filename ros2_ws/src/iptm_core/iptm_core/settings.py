@@ -7,7 +7,6 @@ these groups, by inheritance, because users write the names flat.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
@@ -15,6 +14,7 @@ from iptm_core.parameters import DEFAULT_SET, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.routes import SLOPE_CHOICES, Route, build_route
 from iptm_core.routes.user_csv import USER_FILES
+from iptm_core.text_enum import TextEnum
 from iptm_core.trip_time import NS_PER_S
 
 MAX_SEED = 2**63 - 1
@@ -24,7 +24,7 @@ VEHICLE_LENGTHS_M = (0.1, 102.0)
 """Shortest and longest vehicle, as far as messages between vehicles can tell."""
 
 
-class LoopMode(str, Enum):
+class LoopMode(TextEnum):
     """What trip time follows."""
 
     LOCK_STEP = "lock_step"
@@ -32,33 +32,21 @@ class LoopMode(str, Enum):
     REAL_TIME = "real_time"
     """The wall clock."""
 
-    def __str__(self) -> str:
-        """Return the bare word, as it is written in a file."""
-        return str(self.value)
 
-
-class PreviewMode(str, Enum):
+class PreviewMode(TextEnum):
     """How much the host is told about the future of the leader."""
 
     FULL = "full"
     NONE = "none"
 
-    def __str__(self) -> str:
-        """Return the bare word, as it is written in a file."""
-        return str(self.value)
 
-
-class ThermalModel(str, Enum):
+class ThermalModel(TextEnum):
     """Which cells of a coolant channel the simulated vehicle has."""
 
     TWO_CELL = "two_cell"
     """The first and the last one; the others lie evenly between them."""
     FULL_CHANNEL = "full_channel"
     """All of them. Others are told the first and the last one."""
-
-    def __str__(self) -> str:
-        """Return the bare word, as it is written in a file."""
-        return str(self.value)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
 
+from iptm_core.text_enum import TextEnum
+
 
 class FaultPlace(Enum):
     """Where a fault takes place."""
@@ -27,7 +29,7 @@ class FaultPlace(Enum):
     PROCESS = "process"
 
 
-class FaultKind(str, Enum):
+class FaultKind(TextEnum):
     """What goes wrong; `KINDS` says how."""
 
     LEADER_CUT_IN = "leader_cut_in"
@@ -67,10 +69,6 @@ class FaultKind(str, Enum):
     PROCESS_FROZEN = "process_frozen"
     PROCESS_DOUBLED = "process_doubled"
     DISK_FULL = "disk_full"
-
-    def __str__(self) -> str:
-        """Return the bare word, as it is written in a file."""
-        return str(self.value)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from enum import Enum
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from iptm_core.declaration import Settings, parameter
 from iptm_core.settings import MAX_SEED, VEHICLE_LENGTH_M
+from iptm_core.text_enum import TextEnum
 from iptm_traffic.corridor import HOST_LANE, Corridor
 from iptm_traffic.network import HOST_START_M
 
@@ -45,7 +45,7 @@ _QUIET_S = (-14.0, 6.0)
 _SHORTEST_HEADWAY_S = 2.5
 
 
-class TrafficScenario(str, Enum):
+class TrafficScenario(TextEnum):
     """What happens around the host."""
 
     FOLLOWING = "following"
@@ -56,10 +56,6 @@ class TrafficScenario(str, Enum):
     """The leader turns off, and whoever leads then does so, too."""
     RED_LIGHT_QUEUE = "red_light_queue"
     """The first lines close in front of a queue that the host arrives at."""
-
-    def __str__(self) -> str:
-        """Return the bare word, as it is written on a command line."""
-        return str(self.value)
 
 
 @dataclass(frozen=True)

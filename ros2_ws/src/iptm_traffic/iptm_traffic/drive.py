@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
-from enum import Enum
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from iptm_controller.settings import ControllerSettings
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import RunMetrics
+from iptm_core.text_enum import TextEnum
 from iptm_core.trajectory import Trajectory
 from iptm_traffic.demand import DemandSettings, TrafficScenario
 
@@ -19,7 +19,7 @@ LONGEST_S = 4 * 3600.0
 MOST_STEPS = 10
 
 
-class TrafficKnowledge(str, Enum):
+class TrafficKnowledge(TextEnum):
     """What the host knows of the future of the car ahead."""
 
     PATH = "path"
@@ -28,10 +28,6 @@ class TrafficKnowledge(str, Enum):
     """What it did."""
     SIGNALS = "signals"
     """What it did, and the signals and speed limits that bound it; the host's own lines far ahead, too."""
-
-    def __str__(self) -> str:
-        """Return the bare word, as it is written on a command line."""
-        return str(self.value)
 
 
 @dataclass(frozen=True)

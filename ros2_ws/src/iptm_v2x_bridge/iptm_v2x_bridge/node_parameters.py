@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 
 from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.settings import (
@@ -16,6 +15,7 @@ from iptm_core.settings import (
     StringSettings,
     TickSettings,
 )
+from iptm_core.text_enum import TextEnum
 from iptm_core.trip_time import NS_PER_S
 from iptm_v2x_bridge.cam_bridge import DEFAULT_KNOWN_BOUND_M
 from iptm_v2x_bridge.road_knowledge import RoadKnowledgeSettings
@@ -26,7 +26,7 @@ DEFAULT_CAM_PORT = 8947
 LOCALHOST = "127.0.0.1"
 
 
-class LeaderSource(str, Enum):
+class LeaderSource(TextEnum):
     """Where the bridge knows the leader from."""
 
     CYCLE = "cycle"
@@ -35,10 +35,6 @@ class LeaderSource(str, Enum):
     """Cooperative awareness messages that arrive at a UDP port."""
     VEHICLE = "vehicle"
     """The odometry and the plans of another vehicle of the graph."""
-
-    def __str__(self) -> str:
-        """Return the bare word, as it is written in a file."""
-        return str(self.value)
 
 
 @dataclass(frozen=True)
@@ -135,17 +131,13 @@ class BridgeNodeParameters(
         return CycleSource(self.route(self.initial_gap_m))
 
 
-class SentDrive(str, Enum):
+class SentDrive(TextEnum):
     """Whose drive the sender tells."""
 
     CYCLE = "cycle"
     """That of the leader in the cycle."""
     HOST = "host"
     """That of the vehicle whose topics it hears, with its plan as path prediction."""
-
-    def __str__(self) -> str:
-        """Return the bare word, as it is written in a file."""
-        return str(self.value)
 
 
 @dataclass(frozen=True)

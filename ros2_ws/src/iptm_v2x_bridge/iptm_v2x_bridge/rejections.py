@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from enum import Enum
+
+from iptm_core.text_enum import TextEnum
 
 
-class Rejection(str, Enum):
+class Rejection(TextEnum):
     """Reasons in the order in which they are looked for."""
 
     SIZE = "size"
@@ -54,12 +55,8 @@ class Rejection(str, Enum):
     OVERFLOW = "overflow"
     """Arrived faster than it could be read."""
 
-    def __str__(self) -> str:
-        """Return the bare word, as it stands in diagnostics."""
-        return str(self.value)
 
-
-class LeftOut(str, Enum):
+class LeftOut(TextEnum):
     """Parts of a message that are not read while the rest of it counts."""
 
     COMPUTED_LANE = "computed_lane"
@@ -74,10 +71,6 @@ class LeftOut(str, Enum):
     """A speed limit for certain vehicles or drivers only."""
     ZONE = "zone"
     """A zone that is no line, or lacks a vertex."""
-
-    def __str__(self) -> str:
-        """Return the bare word, as it stands in diagnostics."""
-        return str(self.value)
 
 
 class RejectionCounts:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.routes import Route, build_route
 from iptm_core.strict_mapping import StrictMapping
+from iptm_core.text_enum import TextEnum
 from iptm_core.trajectory import Trajectory
 from iptm_faults.fault import Fault, faults_from, in_order
 from iptm_faults.kinds import FaultPlace
@@ -34,19 +34,15 @@ START_UP_S = 6.0
 _OWN_KEYS = ("said", "quiet_in", "normal_within", "ends", "alone", "cycle")
 
 
-class Way(str, Enum):
+class Way(TextEnum):
     """How a trip is driven."""
 
     HEADLESS = "headless"
     LOCK_STEP = "lock_step"
     REAL_TIME = "real_time"
 
-    def __str__(self) -> str:
-        """Return the bare word."""
-        return str(self.value)
 
-
-class Said(str, Enum):
+class Said(TextEnum):
     """When a fault has to be told on the diagnostics."""
 
     ALWAYS = "always"

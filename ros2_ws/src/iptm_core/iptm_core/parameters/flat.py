@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from enum import Enum
 from functools import lru_cache
 from numbers import Real
 from typing import Any, get_type_hints
@@ -20,6 +19,7 @@ from iptm_core.parameters.consistency import check_consistency
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import accepted_units, to_model_unit
 from iptm_core.strict_mapping import StrictMapping, shown
+from iptm_core.text_enum import TextEnum
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class FieldSpec:
         return f"{whole}{self.minimum:g} to {self.maximum:g}{unit}"
 
 
-class SourceTag(str, Enum):
+class SourceTag(TextEnum):
     """How much a value can be trusted, and by whom it was stated."""
 
     PAPER = "paper"
@@ -58,10 +58,6 @@ class SourceTag(str, Enum):
     PUBLISHED = "published"
     CHOSEN = "chosen"
     OVERRIDE = "override"
-
-    def __str__(self) -> str:
-        """Return the bare word, as it is written in a file."""
-        return str(self.value)
 
 
 FILE_TAGS = tuple(tag for tag in SourceTag if tag is not SourceTag.OVERRIDE)

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
+from iptm_core.text_enum import TextEnum
 from iptm_v2x_bridge.messages.its_pdu import MessageKind
 from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
 from iptm_v2x_bridge.rejections import Rejection
@@ -43,7 +43,7 @@ class IntersectionId:
         return f"{self.region}/{self.number}"
 
 
-class SignalState(str, Enum):
+class SignalState(TextEnum):
     """What a signal shows (SAE J2735, DE_MovementPhaseState)."""
 
     UNAVAILABLE = "unavailable"

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import Protocol
 
 import numpy as np
 
 from iptm_core.state import FloatArray
+from iptm_core.text_enum import TextEnum
 from iptm_v2x_bridge.messages.cam import ASSUMED_LENGTH_M
 from iptm_v2x_bridge.stations.station import Observation
 
 
-class PredictorName(str, Enum):
+class PredictorName(TextEnum):
     """Predictors from the best informed to the least."""
 
     RECEIVED_PATH = "received_path"
@@ -25,10 +25,6 @@ class PredictorName(str, Enum):
     ASSUMED_BRAKING = "assumed_braking"
     RULES = "rules"
     """No prediction: where the rules of the road let the host drive."""
-
-    def __str__(self) -> str:
-        """Return the bare word, as it stands in diagnostics."""
-        return str(self.value)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
@@ -11,30 +10,23 @@ from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.settings import MAX_SEED, VEHICLE_LENGTH_M, VEHICLE_LENGTHS_M
 from iptm_core.state import FloatArray
+from iptm_core.text_enum import TextEnum
 
 
-class Framing(str, Enum):
+class Framing(TextEnum):
     """What stands around a message in its datagram."""
 
     BARE = "bare"
     GEONETWORKING = "geonetworking"
 
-    def __str__(self) -> str:
-        """Return the bare word, as it is written in a file."""
-        return str(self.value)
 
-
-class Foresight(str, Enum):
+class Foresight(TextEnum):
     """What the sender tells of its future."""
 
     NONE = "none"
     """Nothing: a message of the first release."""
     PATH = "path"
     """Its path with times: the path prediction of the second release."""
-
-    def __str__(self) -> str:
-        """Return the bare word, as it is written in a file."""
-        return str(self.value)
 
 
 MAX_POINT_INTERVAL_S = 12.6
