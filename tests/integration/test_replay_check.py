@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from iptm_bringup.replay_check import OUTPUTS, check_node, read_recorded
+from iptm_bringup.replay_check import check_node
+from iptm_bringup.replay_inputs import OUTPUTS, read_recorded
 from iptm_core.errors import BagError, ScenarioError
 from iptm_interfaces.topics import TOPICS
 from iptm_recording.bag_reader import BagReader

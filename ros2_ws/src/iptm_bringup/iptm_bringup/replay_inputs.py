@@ -1,0 +1,151 @@
+"""What a bag holds for the check of one node: what to tell it, tick by tick, and how to start it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from iptm_bringup.composition import LEADER_FROM_MESSAGES
+from iptm_bringup.replay_feed import Step
+from iptm_core.errors import BagError
+from iptm_core.settings import LoopMode
+from iptm_interfaces.assembly import split_trips
+from iptm_interfaces.topics import (
+    BRIDGE,
+    CONTROLLER,
+    OBSERVATION_TOPICS,
+    PLANT,
+    STATE_TOPICS,
+    Topic,
+)
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.changed_settings import refuse_changed_settings
+from iptm_recording.timeline import read_stamp_ns
+from iptm_recording.trajectory_reader import topic_name
+
+OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
+    CONTROLLER: (
+        Topic.SOLVE, Topic.PLAN, Topic.ACCELERATION_COMMAND, Topic.COMPRESSOR_POWER_COMMAND, Topic.COMMAND,
+    ),
+    BRIDGE: (Topic.SLOPE, Topic.LEADER, Topic.LEADER_PREVIEW),
+    PLANT: (*OBSERVATION_TOPICS, Topic.PLANT_BATTERY, Topic.CLOCK),
+}  # fmt: skip
+"""What each node says; its diagnostics tell of the machine."""
+
+INPUTS: Mapping[str, tuple[Topic, ...]] = {
+    CONTROLLER: (Topic.SLOPE, *STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW),
+    BRIDGE: (Topic.CLOCK,),
+    PLANT: (Topic.COMMAND,),
+}
+"""What each node is told; a bridge that listens to messages needs the place of the host, too."""
+
+_LAST_WORD = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
+_OWN_WAY: Mapping[str, Mapping[str, Any]] = {
+    # This program alone listens, and nobody is late.
+    CONTROLLER: {"input_timeout_s": 60.0},
+    BRIDGE: {"expected_peers": 1},
+    PLANT: {"expected_peers": 1, "command_timeout_wall_s": 3600.0, "linger_s": 1.0,
+            "start_paused": False},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What a bag holds for the check of one node.
+
+    Attributes:
+        names: full names of the topics.
+        namespace: of the node.
+        parameters: of the node.
+        steps: what to tell it, and what to wait for, in order.
+    """
+
+    names: Mapping[Topic, str]
+    namespace: str
+    parameters: Mapping[str, Any]
+    steps: tuple[Step, ...]
+
+
+def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorded:
+    """Read the inputs and the parameters of a node.
+
+    Args:
+        bag: bag folder or file.
+        node: one of `NODES`.
+        namespace: of the vehicle; needed only if the bag holds several.
+
+    Raises:
+        BagError: the bag cannot be read, lacks a topic or the parameters, or cannot be repeated.
+    """
+    with BagReader(bag) as reader:
+        text = reader.run_information().parameters
+        given = (yaml.safe_load(text) or {}).get(node)
+        if not isinstance(given, dict):
+            raise BagError(
+                f"{bag} does not hold the parameters of {node}: there is nothing to start it with"
+            )
+        inputs, own_way = INPUTS[node], dict(_OWN_WAY[node])
+        if node == BRIDGE and given.get("leader_source") == LEADER_FROM_MESSAGES:
+            inputs = (Topic.PLANT_ODOMETRY, *inputs)
+            own_way |= {"recorded_packets": str(bag.resolve()), "publish_datagrams": False}
+        wanted = dict.fromkeys((*inputs, *OUTPUTS[node]))
+        names = {topic: topic_name(reader, topic, namespace) for topic in wanted}
+        topics = {name: topic for topic, name in names.items()}
+        heard: dict[Topic, dict[int, bytes]] = {topic: {} for topic in wanted}
+        answered: list[tuple[int, None]] = []
+        for raw in reader.raw_messages(list(topics)):
+            stamp_ns = 0 if topics[raw.topic] is Topic.SLOPE else read_stamp_ns(raw.data)
+            if stamp_ns is not None:
+                heard[topics[raw.topic]][stamp_ns] = raw.data
+                if topics[raw.topic] is _LAST_WORD[node]:
+                    answered.append((stamp_ns, None))
+    trips = len(split_trips(answered))
+    if trips > 1:
+        raise BagError(f"{bag} holds {trips} trips; allowed: one, as a check begins with the start")
+    if node == CONTROLLER:
+        refuse_changed_settings(bag, namespace)
+    if node == PLANT and given.get("mode", "lock_step") != LoopMode.LOCK_STEP.value:
+        raise BagError(
+            f"mode of {bag} is {given['mode']}; allowed: lock_step, as a plant on the wall clock"
+            " applies commands when they arrive"
+        )
+    own_topic = OUTPUTS[node][0]
+    return Recorded(
+        names=names,
+        namespace=names[own_topic].removesuffix(own_topic.value).rstrip("/") or "/",
+        parameters={**given, **own_way},
+        steps=tuple(_steps(node, inputs, heard, bag)),
+    )
+
+
+def _steps(
+    node: str, inputs: Collection[Topic], heard: Mapping[Topic, Mapping[int, bytes]], bag: Path
+) -> list[Step]:
+    last_word = _LAST_WORD[node]
+    answers = sorted(heard[last_word])
+    if not answers:
+        raise BagError(f"{bag} holds no message of {last_word.value}: there is nothing to compare")
+    if node == PLANT:
+        if answers[0] != 0:
+            raise BagError(
+                f"{bag} begins at {answers[0] * 1e-9:g} s of the trip; allowed: 0 s, where the state"
+                " of the vehicle is known"
+            )
+        told: list[dict[Topic, bytes]] = [{}]
+        told += [{Topic.COMMAND: heard[Topic.COMMAND].get(stamp, b"")} for stamp in answers[:-1]]
+    else:
+        told = [
+            {
+                topic: heard[topic][stamp]
+                for topic in inputs
+                if stamp in heard[topic] and topic is not Topic.SLOPE
+            }
+            for stamp in answers
+        ]
+        if Topic.SLOPE in inputs:
+            told[0] = {Topic.SLOPE: heard[Topic.SLOPE][0], **told[0]}
+    return [Step(inputs, last_word, stamp) for inputs, stamp in zip(told, answers, strict=True)]
