@@ -87,9 +87,9 @@ def printed_cooling_table() -> Table:
                 "the row above",
             ),
             cells(
-                "what J4 gives back of a joule that J3 charges while braking",
+                "what J4 of the vice benchmark gives back of a joule that J3 charges while braking",
                 f"{100.0 * found.braking_refund:.0f} %",
-                "vice benchmark, largest printed ratio of the weights, cells at their upper limit",
+                "largest printed ratio of the weights, mean C-rate, cells at their upper limit",
             ),
         ),
         note=(
