@@ -1,4 +1,4 @@
-"""Writes docs/reference/*.md, the parameter files of the nodes and the layouts of viewers from the code.
+"""Writes docs/reference/*.md and the parameter files of the nodes from the code.
 
 Run it through ``scripts/update_docs``; a test fails when the committed pages are out of date.
 """
@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 
 import iptm_bringup
-import iptm_view
 from iptm_bringup.composition import parameter_file_text
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
@@ -38,12 +37,10 @@ from iptm_interfaces.topics import (
 from iptm_interfaces.visual_topics import PUBLISHER, VISUAL_TOPICS
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, SenderNodeParameters
-from iptm_view.viewer_layouts import LAYOUTS
 from iptm_view.visualizer_parameters import VisualizerParameters
 
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"
-LAYOUT_FOLDER = Path(iptm_view.__file__).parent / "layouts"
 COST_TO_GO = "../explanation/optimal-control.md#the-cost-to-go-what-a-kelvin-is-worth"
 NOTICE = "<!-- Made by scripts/update_docs from the code; do not edit. -->\n\n"
 
@@ -271,7 +268,6 @@ PAGES = {
     DOCS / "reference" / "nodes.md": nodes_page,
     DOCS / "reference" / "strategies.md": strategies_page,
     **{CONFIG / f"{node}.yaml": partial(node_file, node) for node in NODES},
-    **{LAYOUT_FOLDER / name: layout for name, layout in LAYOUTS.items()},
 }
 
 

@@ -72,6 +72,9 @@ def test_a_replay_is_drawn_as_the_bag_says(launcher: Any, peer: Any) -> None:
     assert of[Topic.VISUAL_LEADER_PREVIEW]
     assert len(of[Topic.VISUAL_ROAD]) == 1
     assert {status.level for status in statuses} <= {b"\x00", b"\x01"}
+    # Markers expire, so the last scene is published again for as long as the visualizer is there.
+    scenes = len(of[Topic.VISUAL_SCENE])
+    peer.wait_until(lambda: len(of[Topic.VISUAL_SCENE]) > scenes + 1, what="the last scene again")
     assert visualizer.stop(signal.SIGINT) == 0
 
 

@@ -15,6 +15,7 @@ from iptm_core.errors import ViewError
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.message_types import Decoder, MessageDefinition
 from iptm_view import foxglove_server
+from iptm_view.foxglove_gate import KNOWN_ORIGINS, is_admitted
 from iptm_view.foxglove_server import FoxgloveServer
 
 TIMEOUT_S = 30.0
@@ -27,6 +28,52 @@ def server() -> Iterator[FoxgloveServer]:
     server = FoxgloveServer("test", 0)
     yield server
     server.close()
+
+
+@pytest.mark.parametrize(
+    ("headers", "expected"),
+    [
+        ("Host: 127.0.0.1:8765", True),
+        ("host: localhost:8765", True),
+        ("Host: 127.0.0.1:8765\r\nOrigin: http://localhost:8080", True),
+        ("Host: 127.0.0.1:8765\r\nOrigin: https://app.foxglove.dev", True),
+        ("Host: 127.0.0.1:8765\r\nOrigin: file://", True),
+        ("Host: 127.0.0.1:8765\r\nOrigin: http://evil.example", False),
+        ("Host: 127.0.0.1:8765\r\nOrigin: https://app.foxglove.dev.evil.example", False),
+        ("Host: 127.0.0.1:8765\r\nOrigin: http://localhost.evil.example", False),
+        ("Host: 127.0.0.1:8765\r\nOrigin: http://[::1", False),
+        ("Host: 127.0.0.1:8765\r\nOrigin: null", False),
+        ("Host: 127.0.0.1:8765\r\nOrigin: file://\r\nOrigin: http://evil.example", False),
+        ("Host: evil.example:8765", False),
+        ("Host: 127.0.0.1\r\nHost: evil.example", False),
+        ("Accept: */*", False),
+    ],
+)
+def test_handshakes_of_foreign_pages_and_names_are_refused(headers: str, expected: bool) -> None:
+    request = f"GET / HTTP/1.1\r\n{headers}\r\n\r\n".encode()
+    assert is_admitted(request, KNOWN_ORIGINS) == expected
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "https://lichtblick.example"])
+def test_a_page_connects_only_when_its_origin_is_admitted(origin: str) -> None:
+    websockets = pytest.importorskip("websockets", reason="websockets is not installed")
+    pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (requirements/view.txt)")
+
+    async def connect(url: str) -> str:
+        async with websockets.connect(
+            url, subprotocols=["foxglove.sdk.v1"], origin=origin
+        ) as client:
+            return str(json.loads(await asyncio.wait_for(client.recv(), TIMEOUT_S))["op"])
+
+    server = FoxgloveServer("test", 0, ["https://lichtblick.example/"])
+    try:
+        if "evil" in origin:
+            with pytest.raises(websockets.InvalidStatus, match="403"):
+                asyncio.run(connect(server.url))
+        else:
+            assert asyncio.run(connect(server.url)) == "serverInfo"
+    finally:
+        server.close()
 
 
 async def subscribe(url: str, topics: list[str]) -> tuple[Any, dict[int, dict[str, Any]]]:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import http.client
 import json
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from urllib.parse import urlsplit
 
 import pytest
 
 from iptm_core.errors import ViewError
 from iptm_view.page_feed import PageFeed
-from iptm_view.page_server import PAGE, PageServer
+from iptm_view.page_server import MAX_CONNECTIONS, PAGE, PageServer
 
 TIMEOUT_S = 30.0
 
@@ -32,10 +33,10 @@ def server(feed: PageFeed) -> Iterator[PageServer]:
 
 
 def get(
-    server: PageServer, path: str, **headers: str
+    server: PageServer, path: str, method: str = "GET", **headers: str
 ) -> tuple[int, http.client.HTTPMessage, bytes]:
     connection = http.client.HTTPConnection(urlsplit(server.url).netloc, timeout=TIMEOUT_S)
-    connection.request("GET", path, headers=headers)
+    connection.request(method, path, headers=headers)
     answer = connection.getresponse()
     found = answer.status, answer.headers, answer.read()
     connection.close()
@@ -55,6 +56,29 @@ def test_every_file_of_the_page_is_served_and_may_load_nothing_else(server: Page
         assert (status, content) == (200, file.read_bytes())
         assert headers["Content-Security-Policy"].startswith("default-src 'self'")
     assert get(server, "/")[2] == (PAGE / "index.html").read_bytes()
+
+
+def test_head_answers_as_get_without_content(server: PageServer) -> None:
+    whole = get(server, "/view.js")
+    status, headers, content = get(server, "/view.js", method="HEAD")
+    assert (status, content) == (200, b"")
+    assert headers["Content-Length"] == str(len(whole[2]))
+    assert get(server, "/none.html", method="HEAD")[0] == 404
+
+
+def test_half_requests_are_limited(server: PageServer) -> None:
+    """Each open connection costs a thread; beyond the limit one is closed instead of answered."""
+    before = threading.active_count()
+    address = urlsplit(server.url)
+    with ExitStack() as stack:
+        for _ in range(2 * MAX_CONNECTIONS):
+            half = socket.create_connection((address.hostname, address.port), timeout=TIMEOUT_S)
+            stack.enter_context(half).sendall(b"GET / HT")
+        with socket.create_connection((address.hostname, address.port), timeout=TIMEOUT_S) as last:
+            assert last.recv(1) == b""
+        assert threading.active_count() <= before + MAX_CONNECTIONS
+    wait_until(lambda: threading.active_count() <= before)
+    assert get(server, "/")[0] == 200
 
 
 @pytest.mark.parametrize(

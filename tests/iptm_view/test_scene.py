@@ -69,6 +69,13 @@ def test_the_road_goes_as_far_as_it_is_known() -> None:
     assert len(road_message(nothing, 0).poses) > 0
 
 
+def test_markers_expire_after_several_scenes() -> None:
+    """No marker outlives a visualizer that was killed, and none flickers in a run that flies by."""
+    for interval_s, lifetime_s in ((0.0, 3), (0.1, 3), (15.0, 60)):
+        scene = scene_message(SCENE, STRAIGHT, PARAMETERS, interval_s)
+        assert {(m.lifetime.sec, m.lifetime.nanosec) for m in scene.markers} == {(lifetime_s, 0)}
+
+
 def test_the_scene_by_hand() -> None:
     markers = {marker.ns: marker for marker in scene_message(SCENE, STRAIGHT, PARAMETERS).markers}
     assert set(markers) == {"host", "leader", "s_min", "s_max", "state"}

@@ -1,4 +1,4 @@
-"""The layouts for other viewers name only what is there, and all of it."""
+"""The layouts for other viewers name existing topics and fields, and none is missing."""
 
 from __future__ import annotations
 
@@ -9,26 +9,30 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-import pytest
 import yaml
+from sensor_msgs.msg import JointState
 
 import iptm_view
-from iptm_interfaces.topics import TOPICS, TopicSpec, topic_of
+from iptm_interfaces.topics import TOPICS, TopicSpec
 from iptm_interfaces.visual_topics import VISUAL_TOPICS
-from iptm_view.viewer_layouts import LAYOUTS, foxglove_layout, plotjuggler_layout, rviz_config
 
 FOLDER = Path(iptm_view.__file__).parent / "layouts"
 NUMBERS = {"float", "double"}
 
 
-def spec_of(name: str, namespace: str) -> TopicSpec | None:
-    return next((spec for spec in TOPICS.values() if topic_of(namespace, spec.topic) == name), None)
+SPECS = {f"/{spec.name.lstrip('/')}": spec for spec in TOPICS.values()}
+NAMED_VALUES = {
+    (name, field)
+    for name, spec in SPECS.items()
+    if spec.message_type is JointState
+    for field in spec.fields
+}
+"""Values of the topics that publish several numbers under names, by topic and name."""
 
 
-def assert_is_number(topic: str, field: str, index: int | None, namespace: str = "/") -> None:
-    """Check a field path against the message class of the topic itself, not against the maker's table."""
-    spec = spec_of(topic, namespace)
-    assert spec is not None, f"no topic {topic}"
+def assert_is_number(topic: str, field: str, index: int | None) -> None:
+    """Check a field path against the message class of the topic."""
+    spec: TopicSpec = SPECS[topic]
     message: Any = spec.message_type()
     *parents, last = field.split(".")
     for parent in parents:
@@ -50,11 +54,10 @@ def panels_of(tree: Any) -> Iterator[str]:
             yield from panels_of(tree[half])
 
 
-@pytest.mark.parametrize("namespace", ["/", "/car_1"])
-def test_foxglove(namespace: str) -> None:
-    layout = json.loads(foxglove_layout(namespace))
+def test_foxglove() -> None:
+    layout = json.loads((FOLDER / "foxglove.json").read_text(encoding="utf-8"))
     assert sorted(panels_of(layout["layout"])) == sorted(layout["configById"])
-    named = set()
+    named, values = set(), set()
     for key, panel in layout["configById"].items():
         # Lichtblick reads another key for the title than Foxglove.
         assert panel["foxglovePanelTitle"] == panel["lichtblickPanelTitle"] != ""
@@ -62,47 +65,44 @@ def test_foxglove(namespace: str) -> None:
             match = re.fullmatch(r"(/[\w/]+)\.([\w.]+?)(?:\[(\d+)\])?", path["value"])
             assert match is not None, path["value"]
             topic, field, index = match.groups()
-            assert_is_number(topic, field, None if index is None else int(index), namespace)
-            spec = spec_of(topic, namespace)
-            if index is not None and spec is not None:
-                assert path["label"] == list(spec.fields)[int(index)]
+            assert_is_number(topic, field, None if index is None else int(index))
+            if index is not None:
+                assert path["label"] == list(SPECS[topic].fields)[int(index)]
+                values.add((topic, path["label"]))
             named.add(topic)
-        for name in ("topicPath", "topicToRender"):
-            if name in panel:
-                named.add(panel[name])
+        named |= {panel[name] for name in ("topicPath", "topicToRender") if name in panel}
         assert key.split("!")[0] in {"Plot", "RawMessages", "DiagnosticSummary", "3D"}
     scene = layout["configById"]["3D!scene"]
-    prefix = namespace.rstrip("/")
-    assert set(scene["topics"]) == {f"{prefix}/{spec.name}" for spec in VISUAL_TOPICS.values()}
-    unnamed = {spec.topic for spec in TOPICS.values()} - {
-        spec_of(topic, namespace).topic for topic in named
-    }
-    assert {topic.name for topic in unnamed} == {"CLOCK", "SLOPE", "DATAGRAMS"}
+    assert set(scene["topics"]) == {f"/{spec.name}" for spec in VISUAL_TOPICS.values()}
+    assert values == NAMED_VALUES
+    assert SPECS.keys() - named == {"/clock", "/v2x/slope", "/v2x/datagrams"}
 
 
 def test_plotjuggler() -> None:
-    root = ET.fromstring(plotjuggler_layout())  # noqa: S314 - made a line before
+    root = ET.parse(FOLDER / "plotjuggler.xml").getroot()  # noqa: S314 - committed
     curves = [curve.attrib["name"] for curve in root.iter("curve")]
     assert len(curves) == len(set(curves)) > 20
+    values = set()
     for name in curves:
-        spec = next(
-            spec for spec in TOPICS.values() if name.startswith(f"/{spec.name.lstrip('/')}/")
-        )
-        rest = name.removeprefix(f"/{spec.name}/").split("/")
-        if spec.fields:
+        topic = next(topic for topic in SPECS if name.startswith(f"{topic}/"))
+        rest = name.removeprefix(f"{topic}/").split("/")
+        if SPECS[topic].fields:
             value, field = rest
-            assert_is_number(f"/{spec.name}", field, list(spec.fields).index(value))
+            assert_is_number(topic, field, list(SPECS[topic].fields).index(value))
+            values.add((topic, value))
         else:
-            assert_is_number(f"/{spec.name}", ".".join(rest), None)
+            assert_is_number(topic, ".".join(rest), None)
+    assert values == NAMED_VALUES
     for splitter in root.iter("DockSplitter"):
         children = len(list(splitter))
         assert int(splitter.attrib["count"]) == len(splitter.attrib["sizes"].split(";")) == children
 
 
 def test_rviz() -> None:
-    manager = yaml.safe_load(rviz_config("/car_1"))["Visualization Manager"]
+    manager = yaml.safe_load((FOLDER / "rviz.rviz").read_text(encoding="utf-8"))
+    manager = manager["Visualization Manager"]
     displays = {entry["Topic"]["Value"]: entry for entry in manager["Displays"] if "Topic" in entry}
-    by_name = {f"/car_1/{spec.name}": spec for spec in VISUAL_TOPICS.values()}
+    by_name = {f"/{spec.name}": spec for spec in VISUAL_TOPICS.values()}
     assert set(displays) == set(by_name)
     for name, entry in displays.items():
         assert entry["Class"].split("/")[1] == by_name[name].type_name.split("/")[-1]
@@ -112,12 +112,5 @@ def test_rviz() -> None:
         assert manager["Global Options"]["Fixed Frame"] == by_name[name].frame
     (frames,) = (entry["Frames"] for entry in manager["Displays"] if "Frames" in entry)
     assert frames.pop("All Enabled") is False
-    assert set(frames) == {
-        f"car_1/{name}" for name in ("odom", "base_link", "leader", "battery_pack")
-    }
-    assert manager["Views"]["Current"]["Target Frame"] == "car_1/base_link"
-
-
-@pytest.mark.parametrize("name", LAYOUTS)
-def test_the_committed_files_are_those_of_the_table(name: str) -> None:
-    assert (FOLDER / name).read_text(encoding="utf-8") == LAYOUTS[name]()
+    assert set(frames) == {"odom", "base_link", "leader", "battery_pack"}
+    assert manager["Views"]["Current"]["Target Frame"] == "base_link"

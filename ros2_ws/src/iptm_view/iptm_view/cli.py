@@ -88,6 +88,14 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--foxglove-port", type=int, help="of the Foxglove server (default: 8765, or a free one)"
     )
+    parser.add_argument(
+        "--foxglove-origin",
+        action="append",
+        default=[],
+        metavar="URL",
+        help="web page that may connect to the Foxglove server, in addition to app.foxglove.dev and pages"
+        " of this machine; repeatable",
+    )
     parser.add_argument("--no-foxglove", action="store_true", help="start no Foxglove server")
     parser.add_argument("--no-browser", action="store_true", help="open no browser on a desktop")
     picture = parser.add_argument_group("a picture of the page instead, of a bag")
@@ -180,7 +188,7 @@ def _start_foxglove(parsed: argparse.Namespace) -> FoxgloveServer | None:
     if parsed.no_foxglove:
         return None
     try:
-        return FoxgloveServer("iptm", parsed.foxglove_port)
+        return FoxgloveServer("iptm", parsed.foxglove_port, parsed.foxglove_origin)
     except ViewError as error:
         if parsed.foxglove_port is not None:
             raise

@@ -6,19 +6,23 @@ The library (`foxglove-sdk`) is an extra; without it the page works all the same
 from __future__ import annotations
 
 import importlib
+import secrets
+import sys
 import threading
 import time
 from collections import Counter
 from collections.abc import Collection
+from contextlib import suppress
 from typing import Any
 
 from iptm_core.errors import ViewError
 from iptm_recording.message_types import SCHEMA_ENCODING, message_definition
+from iptm_view.foxglove_gate import FoxgloveGate
 
 HOST = "127.0.0.1"
 DEFAULT_PORT = 8765
 BACKLOG = 1024
-"""Messages that wait for one client at most; the oldest are dropped."""
+"""Messages queued for one client at most; the oldest are dropped."""
 
 NOT_INSTALLED = (
     "foxglove-sdk is not installed, so there is no server for Foxglove and Lichtblick; to have one: "
@@ -33,12 +37,13 @@ class FoxgloveServer:
         url: address for a viewer.
     """
 
-    def __init__(self, name: str, port: int | None = None) -> None:
+    def __init__(self, name: str, port: int | None = None, origins: Collection[str] = ()) -> None:
         """Start serving.
 
         Args:
             name: what a viewer shows as the name of the source.
             port: port on this machine; None for the usual one, or a free one where it is taken.
+            origins: web pages that may connect, in addition to those of `foxglove_gate`.
 
         Raises:
             ViewError: the library is not installed, or the named port is taken.
@@ -49,30 +54,30 @@ class FoxgloveServer:
             raise ViewError(NOT_INSTALLED) from None
         self._listener = _Listener()
         self._context = self._library.Context()
-        self._server = self._start(name, port)
+        self._server_host = _unguessable_address()
+        self._server = self._library.start_server(
+            name=name,
+            host=self._server_host,
+            port=0,
+            server_listener=self._listener,
+            message_backlog_size=BACKLOG,
+            context=self._context,
+        )
+        try:
+            self._gate = self._open_gate(port, origins)
+        except ViewError:
+            self._server.stop()
+            raise
         self._channels: dict[str, Any] = {}
         self._latched: dict[str, bytes] = {}
-        self.url = f"ws://{HOST}:{self._server.port}"
+        self.url = f"ws://{HOST}:{self._gate.port}"
 
-    def _start(self, name: str, port: int | None) -> Any:
+    def _open_gate(self, port: int | None, origins: Collection[str]) -> FoxgloveGate:
+        server = (self._server_host, int(self._server.port))
         if port is None:
-            try:
-                return self._start(name, DEFAULT_PORT)
-            except ViewError:
-                return self._start(name, 0)
-        try:
-            return self._library.start_server(
-                name=name,
-                host=HOST,
-                port=port,
-                server_listener=self._listener,
-                message_backlog_size=BACKLOG,
-                context=self._context,
-            )
-        except (OSError, RuntimeError, OverflowError) as error:
-            raise ViewError(
-                f"port of the Foxglove server is {port} ({error}); allowed: a free port from 1024 to 65535"
-            ) from None
+            with suppress(ViewError):
+                return FoxgloveGate(HOST, DEFAULT_PORT, server, origins)
+        return FoxgloveGate(HOST, port or 0, server, origins)
 
     @property
     def wanted(self) -> Collection[str]:
@@ -122,8 +127,16 @@ class FoxgloveServer:
                 self._channels[topic].log(self._latched[topic], log_time=time.time_ns())
 
     def close(self) -> None:
-        """Let all clients go."""
+        """Disconnect all clients."""
+        self._gate.close()
         self._server.stop()
+
+
+def _unguessable_address() -> str:
+    """Return a loopback address that no web page can guess, where all of 127/8 is the loopback (Linux)."""
+    if sys.platform != "linux":
+        return HOST
+    return f"127.{secrets.randbelow(254) + 1}.{secrets.randbelow(256)}.{secrets.randbelow(254) + 1}"
 
 
 class _Listener:

@@ -21,11 +21,15 @@ from iptm_view.page_feed import Cursor, PageEvent, PageFeed, json_text
 HOST = "127.0.0.1"
 DEFAULT_PORT = 8780
 MAX_BROWSERS = 32
+MAX_CONNECTIONS = 96
+"""Open connections, event streams included; further ones are closed at once."""
 FRAME_S = 0.1
 """Shortest time between two messages to a browser."""
 KEEP_ALIVE_S = 10.0
+REQUEST_TIMEOUT_S = 10.0
+"""Disconnect clients that do not complete a request within this time."""
 SEND_TIMEOUT_S = 60.0
-"""A browser that has taken nothing for so long is let go; it comes back by itself when it reads again."""
+"""Disconnect browsers that have not read for this long; they reconnect when they read again."""
 
 PAGE = Path(__file__).parent / "page"
 _KINDS = {
@@ -79,13 +83,29 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
     # Python would wait for the threads of browsers that hang.
     block_on_close = False
+    request_queue_size = 128
 
     def __init__(self, feeds: Mapping[str, PageFeed], port: int) -> None:
         self.feeds = feeds
         self.closing = threading.Event()
         self.browsers = 0
         self.lock = threading.Lock()
+        self._free_connections = threading.BoundedSemaphore(MAX_CONNECTIONS)
         super().__init__((HOST, port), _Handler)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer a connection in a thread of its own, or close it when there are too many."""
+        if self._free_connections.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer a connection."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free_connections.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing about connections that a browser broke off."""
@@ -109,7 +129,11 @@ class _Handler(BaseHTTPRequestHandler):
 
     server: _Server
     protocol_version = "HTTP/1.1"
-    timeout = SEND_TIMEOUT_S
+    timeout = REQUEST_TIMEOUT_S
+
+    def do_HEAD(self) -> None:
+        """Answer as to GET, without content."""
+        self.do_GET()
 
     def do_GET(self) -> None:
         """Answer with a file of the page, or with the events."""
@@ -120,7 +144,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         asked = urlsplit(self.path)
         path = asked.path
-        if path == "/events":
+        if path == "/events" and self.command == "GET":
             names = parse_qs(asked.query).get("vehicle") or [next(iter(self.server.feeds))]
             if names[0] in self.server.feeds:
                 self._tell_events(names[0])
@@ -131,14 +155,16 @@ class _Handler(BaseHTTPRequestHandler):
         if file.parent != PAGE or file.suffix not in _KINDS or not file.is_file():
             self._refuse(HTTPStatus.NOT_FOUND)
             return
-        content = file.read_bytes()
-        self._head(HTTPStatus.OK, _KINDS[file.suffix], len(content))
-        self.wfile.write(content)
+        self._answer(HTTPStatus.OK, _KINDS[file.suffix], file.read_bytes())
 
     def _refuse(self, status: HTTPStatus) -> None:
         content = f"{status.value} {status.phrase}\n".encode()
-        self._head(status, "text/plain; charset=utf-8", len(content))
-        self.wfile.write(content)
+        self._answer(status, "text/plain; charset=utf-8", content)
+
+    def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
+        self._head(status, kind, len(content))
+        if self.command != "HEAD":
+            self.wfile.write(content)
 
     def _head(self, status: HTTPStatus, kind: str, length: int | None) -> None:
         self.send_response(status)
@@ -163,6 +189,7 @@ class _Handler(BaseHTTPRequestHandler):
         if is_full:
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
             return
+        self.connection.settimeout(SEND_TIMEOUT_S)
         try:
             self._head(HTTPStatus.OK, "text/event-stream; charset=utf-8", None)
             self._follow(vehicle)

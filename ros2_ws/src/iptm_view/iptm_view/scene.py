@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Vector3
 from nav_msgs.msg import Path
+from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -17,6 +18,7 @@ from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.routes.road_course import RoadCourse, RoadPoses
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import FloatArray, LeaderState
+from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs.time import time_from_ns, time_from_s
 from iptm_interfaces.topics import MAP_FRAME
 from iptm_view.vehicle_description import CLEARANCE_M, body_size_m
@@ -25,6 +27,10 @@ HOST_LENGTH_M = -VEHICLE_LENGTH_M
 """From the position of the host, its front bumper, to its other end."""
 LEADER_LENGTH_M = VEHICLE_LENGTH_M
 """From the position of the leader, its rear bumper, to its other end."""
+
+MARKER_LIFETIME_S = 3.0
+"""Shortest time after which a viewer removes markers that are not published again."""
+_LIFETIME_SCENES = 4
 
 _ROAD_POSES = 2000
 _FINEST_SPACING_M = 5.0
@@ -92,13 +98,19 @@ def road_message(course: RoadCourse, stamp_ns: int) -> Path:
     return path_message(course, stamp_ns, positions_m, VEHICLE_LENGTH_M)
 
 
-def scene_message(scene: Scene, course: RoadCourse, parameters: ModelParameters) -> MarkerArray:
+def scene_message(
+    scene: Scene, course: RoadCourse, parameters: ModelParameters, interval_s: float = 0.0
+) -> MarkerArray:
     """Return the markers of a scene; those that it does not have are deleted.
+
+    Markers expire, so that none remains when the publisher ends. Viewers count the lifetime in their own
+    time, which may be that of the trip: it covers several scenes in either.
 
     Args:
         scene: who is where.
         course: the road.
         parameters: of the model, for limits of the gap and the size of the cars.
+        interval_s: trip time since the previous scene.
     """
     host, leader = scene.host, scene.leader
     size_m = body_size_m(parameters)
@@ -123,8 +135,10 @@ def scene_message(scene: Scene, course: RoadCourse, parameters: ModelParameters)
     markers["state"].text = ", ".join(words)
     for name in ("leader", "s_min", "s_max"):
         markers.setdefault(name, Marker(action=Marker.DELETE))
+    lifetime_s = max(MARKER_LIFETIME_S, _LIFETIME_SCENES * interval_s)
     for name, marker in markers.items():
         marker.ns = name
+        marker.lifetime = Duration(nanoseconds=round(lifetime_s * NS_PER_S)).to_msg()
         marker.header.frame_id = MAP_FRAME
         marker.header.stamp = time_from_ns(scene.stamp_ns)
     return MarkerArray(markers=list(markers.values()))

@@ -23,6 +23,7 @@ from iptm_interfaces.codecs import (
     decode_plan,
     decode_slope,
     decode_temperature,
+    s_from_ns,
 )
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
@@ -46,6 +47,7 @@ from iptm_view.vehicle_description import vehicle_urdf
 from iptm_view.visualizer_parameters import VisualizerParameters
 
 _LOOK_PERIOD_S = 0.2
+_REPEAT_PERIOD_S = 1.0
 _DEPTH = 10
 _STAMPS_KEPT = 16
 _FLAT = SlopePreview(np.zeros(1), np.zeros(1))
@@ -67,6 +69,7 @@ class VisualizerNode(SuiteNode):
         self._by_stamp: dict[int, dict[Topic, bytes]] = {}
         self._stamp_ns = 0
         self._scenes = 0
+        self._scene: tuple[Scene, float] | None = None
         self._publishers_3d = {
             topic: self.create_publisher(spec.message_type, spec.name, spec.qos)
             for topic, spec in VISUAL_TOPICS.items()
@@ -81,6 +84,7 @@ class VisualizerNode(SuiteNode):
         self._reporter = DiagnosticsReporter.of_node(self, "scene")
         self.every(_LOOK_PERIOD_S, self._look)
         self.every(1.0 / self._options.rate_hz, self._show)
+        self.every(_REPEAT_PERIOD_S, self._publish_scene)
         self.every(REPORT_PERIOD_S, self._report)
         self._look()
         self._report()
@@ -160,12 +164,20 @@ class VisualizerNode(SuiteNode):
         for stamp in arrived[: arrived.index(stamp_ns) + 1]:
             del self._by_stamp[stamp]
         scene = _scene(stamp_ns, messages)
+        self._scene = scene, max(0.0, s_from_ns(stamp_ns - self._stamp_ns))
         self._stamp_ns = stamp_ns
         self._scenes += 1
         self._transforms.publish(scene, self._course)
-        self._publish_if_heard(
-            Topic.VISUAL_SCENE, lambda: scene_message(scene, self._course, self._model)
-        )
+        self._publish_scene()
+
+    def _publish_scene(self) -> None:
+        """Publish the newest scene; also again while the trip stands still, as markers expire."""
+        if self._scene is not None:
+            scene, interval_s = self._scene
+            self._publish_if_heard(
+                Topic.VISUAL_SCENE,
+                lambda: scene_message(scene, self._course, self._model, interval_s),
+            )
 
     def _publish_if_heard(self, topic: Topic, build: Callable[[], Any]) -> None:
         publisher = self._publishers_3d[topic]
