@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.foreign_readers import assert_read_by_all
 
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
 from iptm_core.state import Command
@@ -100,7 +101,8 @@ def test_a_run_ends_with_bag_table_and_picture_and_can_be_repeated(
             assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
     assert "Traceback" not in first.stderr
 
-    # The bag: complete, and it knows what it was made of.
+    # The bag: complete, for every reader, and it knows what it was made of.
+    assert sum(assert_read_by_all(one).values()) > TICKS * len(NODE_MODULES)
     with BagReader(one) as reader:
         counts = {name: topic.message_count for name, topic in reader.topics.items()}
         information = reader.run_information()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -32,6 +33,7 @@ TOPICS = {
     "/controller/solve": "sensor_msgs/msg/JointState",
 }
 LATCHED = "/v2x/slope"
+ROOT = Path(__file__).resolve().parents[2]
 TIMEOUT_S = 120.0
 WELL_UNDER_WAY_BYTES = 500_000
 
@@ -39,6 +41,7 @@ WELL_UNDER_WAY_BYTES = 500_000
 PROGRAM = """
 import importlib, json, sys, time
 import rclpy
+from tests.foreign_readers import content_of
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 topics, latched = json.loads(sys.argv[1]), sys.argv[2]
@@ -51,9 +54,10 @@ for name, type_name in topics.items():
     qos = QoSProfile(depth=10)
     if name == latched:
         qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
-    def heard(message, name=name):
+    def heard(data, name=name, type_name=type_name):
+        content_of(type_name, data)
         counts[name] += 1
-    node.create_subscription(kind, name, heard, qos)
+    node.create_subscription(kind, name, heard, qos, raw=True)
 deadline = time.monotonic() + 100.0
 while not all(counts.values()) and time.monotonic() < deadline:
     rclpy.spin_once(node, timeout_sec=0.1)
@@ -79,7 +83,13 @@ def test_a_stranger_hears_every_topic(
         "the trip to begin",
     )
     stranger = launcher.start(
-        "stranger", sys.executable, "-c", PROGRAM, json.dumps(TOPICS), LATCHED
+        "stranger",
+        sys.executable,
+        "-c",
+        PROGRAM,
+        json.dumps(TOPICS),
+        LATCHED,
+        PYTHONPATH=os.pathsep.join((os.environ.get("PYTHONPATH", ""), str(ROOT))),
     )
     assert stranger.wait(TIMEOUT_S) == 0, stranger.stderr
     report = json.loads(stranger.stdout)

@@ -10,14 +10,13 @@ from unittest import mock
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
 from tests.integration.controller_ticks import ROAD, SMALL, as_measured, tick_messages
 from tests.integration.node_bench import NodeBench, S, node_bench
 
 from iptm_controller.node import ControllerNode
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.errors import BagError, SolverSetupError
-from iptm_interfaces.codecs import decode_command, encode_slope, time_from_ns
+from iptm_interfaces.codecs import decode_command, encode_slope, serialized, time_from_ns
 from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, Level, build_status
 from iptm_interfaces.topics import Topic
 from iptm_recording.bag_writer import BagWriter
@@ -153,7 +152,7 @@ def test_a_bag_tells_of_changes_inside_it(tmp_path: Path) -> None:
                     status = build_status(f"{name}: optimal control", Level.OK, "", values)
                     message = DiagnosticArray(status=[status])
                     message.header.stamp = time_from_ns(second * S)
-                    writer.write(key, serialize_message(message), second * S)
+                    writer.write(key, serialized(message), second * S)
     (change,) = read_settings_changes(tmp_path / "bag", "car_1")
     assert str(change) == "from 9 s on horizon=2x1 (was 1x1)"
     with pytest.raises(BagError, match="changed while it drove"):

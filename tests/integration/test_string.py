@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.foreign_readers import assert_read_by_all
 
 from iptm_bringup.run_closed_loop import build_parser, prepared_from
 from iptm_bringup.run_string import main
@@ -81,6 +82,7 @@ def test_a_string_is_that_of_the_loop_without_ros_and_can_be_repeated(
     # Each bag has one vehicle, with its own frames, and no bag lacks a message.
     for place in range(3):
         name = f"car_{place + 1}"
+        assert_read_by_all(outputs[3] / name)
         with BagReader(outputs[3] / name) as reader:
             assert {topic.split("/")[1] for topic in reader.topics} == {name, "diagnostics"}
             counts = {topic: info.message_count for topic, info in reader.topics.items()}

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from iptm_bringup.composition import Listeners, node_parameters, run_information
@@ -16,7 +15,7 @@ from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
 from iptm_core.decision_record import DecisionRecord
 from iptm_core.state import Command
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.codecs import encode_command, encode_decision_record, time_from_s
+from iptm_interfaces.codecs import encode_command, encode_decision_record, serialized, time_from_s
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.run_information import collect_run_information
@@ -48,7 +47,7 @@ def heard(
             Topic.COMMAND: encode_command(round(1e9 * time_s), Command(0.1, 0.0)),
         }
         for topic, message in messages.items():
-            found.setdefault(topic, []).append(bytes(serialize_message(message)))
+            found.setdefault(topic, []).append(serialized(message))
     return found
 
 
@@ -66,7 +65,7 @@ def write_bag(heard: Heard, prepared: PreparedScenario) -> Callable[..., Path]:
                 name = TOPICS[topic].name
                 absolute = name if name.startswith("/") else f"/{name}"
                 channel = writer.add_topic(absolute, TOPICS[topic].type_name)
-                empty = bytes(serialize_message(TOPICS[topic].message_type()))
+                empty = serialized(TOPICS[topic].message_type())
                 messages = heard.get(topic, [empty] * (TICKS + 1))
                 for row, data in enumerate(messages):
                     if (topic, row) != drop:

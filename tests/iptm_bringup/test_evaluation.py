@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rclpy.serialization import serialize_message
 
 from iptm_bringup.evaluation import RunResults, evaluate, results_json
 from iptm_bringup.scenario import PreparedScenario
@@ -18,7 +17,7 @@ from iptm_core.errors import BagError, MessageError
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
 from iptm_core.state import LeaderState
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.codecs import encode_leader
+from iptm_interfaces.codecs import encode_leader, serialized
 from iptm_interfaces.topics import Topic
 from iptm_recording.run_information import RunInformation
 
@@ -61,7 +60,7 @@ def test_of_several_messages_of_a_stamp_the_last_one_counts_with_and_without_a_b
         messages = heard[Topic.LEADER]
         other = LeaderState(7.0, other_m, 1.0)
         heard[Topic.LEADER] = [
-            *messages[:7], bytes(serialize_message(encode_leader(other))), *messages[7:]
+            *messages[:7], serialized(encode_leader(other)), *messages[7:]
         ]  # fmt: skip
         bag = write_bag(tmp_path / f"bag {other_m}")
         for run in (judge(prepared, heard, None), judge(prepared, heard, bag)):
@@ -156,7 +155,7 @@ def test_a_run_that_is_too_short_is_a_problem(prepared: PreparedScenario, heard:
 
 def test_a_broken_hard_limit_is_a_problem(prepared: PreparedScenario, heard: Heard) -> None:
     crash = encode_leader(LeaderState(6.0, 0.05 * 36.0 - 0.5, 0.5))
-    heard[Topic.LEADER][6] = bytes(serialize_message(crash))
+    heard[Topic.LEADER][6] = serialized(crash)
     (problem,) = judge(prepared, heard, None).problems
     assert problem == "hard limit broken in 1 rows: collision, worst by 0.5 m at 6 s"
 
@@ -164,7 +163,7 @@ def test_a_broken_hard_limit_is_a_problem(prepared: PreparedScenario, heard: Hea
 def test_a_leader_that_nobody_could_follow_is_noted(
     prepared: PreparedScenario, heard: Heard
 ) -> None:
-    heard[Topic.LEADER][6] = bytes(serialize_message(encode_leader(LeaderState(6.0, 99.0, 60.0))))
+    heard[Topic.LEADER][6] = serialized(encode_leader(LeaderState(6.0, 99.0, 60.0)))
     notes = judge(prepared, heard, None).warnings
     assert any("the leader drives up to 60 m/s, the host at most 37.5" in note for note in notes)
 

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rclpy.serialization import deserialize_message
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.typesys import Stores, get_typestore
+from sensor_msgs.msg import BatteryState, JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import Command, IntervalPowers, LeaderState, VehicleState
@@ -25,12 +30,23 @@ from iptm_interfaces.codecs import (
     encode_plan_bytes,
     encode_powers,
     encode_temperature,
+    serialized,
 )
 from iptm_interfaces.topics import frame_in
 
 number = st.floats(allow_nan=False)
 stamp_s = st.integers(0, 10**6).map(lambda ms: ms / 1e3)
+JAZZY = get_typestore(Stores.ROS2_JAZZY)
 PREFIXES = st.sampled_from(["", "a", "car_1", "fleet/car_12", "x" * 61])
+
+
+def length(message: Any) -> int:
+    """Return how many bytes a serialised message has by the rules of CDR, computed by rosbags."""
+    package = type(message).__module__.split(".")[0]
+    type_name = f"{package}/msg/{type(message).__name__}"
+    definition = JAZZY.get_msgdef(type_name)
+    content = serialize_message(message)[4:]
+    return 4 + int(definition.deserialize_cdr_le(content, 0, definition.cls, JAZZY)[1])
 
 
 def with_prefix(message: Any, prefix: str) -> Any:
@@ -58,7 +74,9 @@ def test_bytes_are_those_of_the_message(x: list[float], time_s: float, prefix: s
     )
     for encode, *arguments in cases:
         message = with_prefix(encode(*arguments), prefix)
-        assert deserialize_message(encode.data(prefix, *arguments), type(message)) == message
+        data = encode.data(prefix, *arguments)
+        assert deserialize_message(data, type(message)) == message
+        assert len(data) == length(message)
 
 
 @settings(deadline=None, max_examples=50)
@@ -70,6 +88,18 @@ def test_bytes_of_a_plan(count: int, stamp_ms: int, prefix: str, random: Any) ->
     message = with_prefix(encode_plan(plan, stamp_ms * 10**6), prefix)
     data = encode_plan_bytes(plan, stamp_ms * 10**6, prefix)
     assert deserialize_message(data, type(message)) == message
+    assert len(data) == length(message)
+
+
+def test_a_serialized_message_has_no_byte_too_many() -> None:
+    for message in (
+        JointState(name=["a"], position=[1.0]),
+        JointTrajectory(points=[JointTrajectoryPoint(positions=[1.0] * n) for n in range(9)]),
+        BatteryState(serial_number="x"),
+        Odometry(),
+        Float64MultiArray(),
+    ):
+        assert len(serialized(message)) == length(message)
 
 
 def test_numbers_that_are_not_known_pass() -> None:

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64
 
 from iptm_core.decision_record import DecisionRecord
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.codecs import encode_decision_record
+from iptm_interfaces.codecs import encode_decision_record, serialized
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.recorded_topics import DEFAULT_QOS
@@ -22,7 +21,7 @@ SECOND_NS = 10**9
 
 
 def float_bytes(value: float) -> bytes:
-    return bytes(serialize_message(Float64(data=float(value))))
+    return serialized(Float64(data=float(value)))
 
 
 @pytest.fixture
@@ -71,7 +70,7 @@ def write_run(
                         ids[topic] = writer.add_topic(f"{namespace}/{spec.name}", spec.type_name)
                     if (topic, row) not in drop:
                         # The log times say nothing about the ticks: the stamps must do.
-                        data = bytes(serialize_message(message))
+                        data = serialized(message)
                         writer.write(ids[topic], data, 5 * SECOND_NS + row)
         return folder
 

@@ -11,11 +11,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64
 
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_interfaces.codecs import serialized
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.export import main
@@ -97,7 +97,7 @@ def test_missing_and_undefined_values_stay_apart(tmp_path: Path) -> None:
         topic = writer.add_topic("/car_1/plant/battery", "sensor_msgs/msg/BatteryState")
         for voltages in ([3.5], [3.25, 3.0], []):
             message = BatteryState(cell_voltage=voltages, charge=math.nan, location='a "b",\nc')
-            writer.write(topic, bytes(serialize_message(message)), len(voltages))
+            writer.write(topic, serialized(message), len(voltages))
     for name in ("x.parquet", "x.csv"):
         assert (
             main([str(tmp_path / "bag"), "--topic", "plant/battery", "-o", str(tmp_path / name)])
@@ -116,7 +116,7 @@ def test_missing_and_undefined_values_stay_apart(tmp_path: Path) -> None:
 def test_scalars_carry_the_unit_of_the_topic_table(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag") as writer:
         topic = writer.add_topic("/car_1/controller/acceleration_command", "std_msgs/msg/Float64")
-        writer.write(topic, bytes(serialize_message(Float64(data=0.1))), 5)
+        writer.write(topic, serialized(Float64(data=0.1)), 5)
     output = tmp_path / "x.csv"
     assert (
         main(

@@ -13,7 +13,7 @@ from typing import Any
 
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 
 from iptm_core.errors import MessageError
 from iptm_core.state import SlopePreview
@@ -32,6 +32,7 @@ from iptm_interfaces.codecs import (
     encode_leader,
     encode_leader_preview_bytes,
     encode_slope,
+    serialized,
     stamp_ns_of,
 )
 from iptm_interfaces.command_line import node_main
@@ -276,7 +277,7 @@ class InjectorNode(SuiteNode):
         hit = tuple(fault.hits(stamp_ns) for fault in self._road)
         if hit != (self._slope_hit or (False,) * len(hit)):
             message = encode_slope(told_slope(self._road, stamp_ns, self._slope))
-            self._send(self._told[Topic.SLOPE], bytes(serialize_message(message)))
+            self._send(self._told[Topic.SLOPE], serialized(message))
         self._slope_hit = hit
 
     # --- diagnostics
@@ -295,7 +296,7 @@ def _is_mine(fault: Fault) -> bool:
 
 def _with_exact_stamp(message: Odometry, data: bytes) -> bytes:
     """Return a message as bytes, with the stamp of the one that it stands for."""
-    return with_stamp(bytes(serialize_message(message)), stamp_ns_of(data))
+    return with_stamp(serialized(message), stamp_ns_of(data))
 
 
 def main() -> None:

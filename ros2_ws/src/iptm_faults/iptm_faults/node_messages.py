@@ -7,7 +7,7 @@ import struct
 from collections.abc import Iterable
 
 from nav_msgs.msg import Odometry
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
@@ -16,6 +16,7 @@ from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
 from iptm_faults.signals import told_state
+from iptm_interfaces.codecs import serialized
 from iptm_interfaces.topics import Topic
 
 _STAMP = struct.Struct("<iI")
@@ -60,11 +61,11 @@ def changed_state_message(
         motion = odometry.pose.pose.position, odometry.twist.twist.linear
         told = told_state(hitting, stamp_ns, _state(motion[0].x, motion[1].x, math.nan))
         motion[0].x, motion[1].x = float(told.position_m), float(told.speed_m_s)
-        return bytes(serialize_message(odometry))
+        return serialized(odometry)
     measured = deserialize_message(data, Temperature)
     told = told_state(hitting, stamp_ns, _state(0.0, 0.0, measured.temperature + CELSIUS_ZERO_K))
     measured.temperature = float(told.cell_1_temperature_k - CELSIUS_ZERO_K)
-    return bytes(serialize_message(measured))
+    return serialized(measured)
 
 
 def _state(position_m: float, speed_m_s: float, temperature_k: float) -> VehicleState:

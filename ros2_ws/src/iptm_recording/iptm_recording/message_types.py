@@ -31,6 +31,7 @@ _SEPARATOR = "=" * 80
 _TYPE_NAME = re.compile(r"^(?P<package>[a-zA-Z]\w*)/(?:msg/)?(?P<name>[a-zA-Z]\w*)$")
 _ENCAPSULATION_BYTES = 4
 _ENCAPSULATIONS = (b"\x00\x00", b"\x00\x01")
+MOST_PADDING = 3
 _MISFIT = (SerdeError, struct.error, UnicodeDecodeError, ValueError, IndexError)
 
 
@@ -168,21 +169,40 @@ class Decoder:
         Raises:
             BagError: the bytes do not fit the type, or the type is not defined.
         """
-        store = self._stores.get(type_name)
-        if store is None:
-            store = self._store_for(type_name)
-            self._stores[type_name] = store
+        try:
+            return self._store(type_name).deserialize_cdr(data, type_name)
+        except _MISFIT:
+            surplus = len(data) - self.length(data, type_name)
+            raise BagError(
+                f"{len(data)} bytes are no {type_name}: {surplus} bytes follow its end;"
+                " scripts/recover_bag removes them"
+            ) from None
+
+    def length(self, data: bytes, type_name: str) -> int:
+        """Return how many of the bytes the message takes, encapsulation included.
+
+        DDS pads every message to a multiple of four bytes, so up to `MOST_PADDING` may follow it.
+
+        Raises:
+            BagError: the bytes do not fit the type, or the type is not defined.
+        """
+        store = self._store(type_name)
         if len(data) < _ENCAPSULATION_BYTES or data[:2] not in _ENCAPSULATIONS:
             raise BagError(f"{len(data)} bytes are no {type_name}: they are not plain CDR")
-        msgdef = store.get_msgdef(type_name)
-        read = msgdef.deserialize_cdr_le if data[1] else msgdef.deserialize_cdr_be
-        # Not through the store's own function: it refuses the unused bytes that ROS's serialiser
-        # leaves behind a message, when its estimate of the length was generous.
+        definition = store.get_msgdef(type_name)
+        read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
         try:
-            message, _ = read(memoryview(data)[_ENCAPSULATION_BYTES:], 0, msgdef.cls, store)
+            content = memoryview(data)[_ENCAPSULATION_BYTES:]
+            end: int = read(content, 0, definition.cls, store)[1]
         except _MISFIT as error:
             raise BagError(f"{len(data)} bytes are no {type_name}: {error}") from None
-        return message
+        return end + _ENCAPSULATION_BYTES
+
+    def _store(self, type_name: str) -> Typestore:
+        store = self._stores.get(type_name)
+        if store is None:
+            store = self._stores[type_name] = self._store_for(type_name)
+        return store
 
     def _store_for(self, type_name: str) -> Typestore:
         definition = self._definitions.get(type_name)

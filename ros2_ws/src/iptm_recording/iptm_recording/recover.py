@@ -12,6 +12,7 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from mcap.records import Channel, Message, Metadata, Schema
@@ -22,7 +23,12 @@ from iptm_core.errors import BagError, IptmError
 from iptm_core.program import tell
 from iptm_recording.bag_files import check_exists
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
+from iptm_recording.message_types import (
+    MOST_PADDING,
+    SCHEMA_ENCODING,
+    Decoder,
+    MessageDefinition,
+)
 from iptm_recording.metadata import METADATA_FILE, read_metadata
 from iptm_recording.recorded_topics import parse_profiles
 from iptm_recording.run_information import RECORD_NAME
@@ -111,6 +117,7 @@ def recover(source: Path, output: Path | None = None) -> RecoveryReport:
     copy = _Copy(writer)
     for content in contents:
         copy.add(content)
+    copy.notes += copy.cut_bytes()
     writer.close()
     if not any(writer.message_counts.values()):
         shutil.rmtree(writer.folder)
@@ -168,6 +175,11 @@ class _Contents:
     channels: dict[int, Channel] = field(default_factory=dict)
     texts: dict[str, str] | None = None
 
+    @cached_property
+    def decoder(self) -> Decoder:
+        """Decoder with the definitions of the file."""
+        return Decoder({schema.name: _definition(schema) for schema in self.schemas.values()})
+
     @classmethod
     def of(cls, path: Path) -> _Contents:
         """Look through a whole file."""
@@ -185,6 +197,11 @@ class _Contents:
         """Return the name of a topic as the report shows it."""
         channel = self.channels.get(channel_id)
         return _UNKNOWN_TOPIC if channel is None else channel.topic
+
+
+def _definition(schema: Schema, type_hash: str = "") -> MessageDefinition:
+    text = schema.data.decode(errors="replace") if schema.encoding == SCHEMA_ENCODING else ""
+    return MessageDefinition(schema.name, text, type_hash)
 
 
 def _custom_data(folder: Path, contents: Sequence[_Contents]) -> dict[str, str]:
@@ -208,8 +225,16 @@ class _Copy:
     def __init__(self, writer: BagWriter) -> None:
         self._writer = writer
         self._topic_ids: dict[str, int | None] = {}
+        self._cut: dict[str, tuple[int, int]] = {}
         self.lost: Counter[str] = Counter()
         self.notes: list[str] = []
+
+    def cut_bytes(self) -> list[str]:
+        """Return what was removed after the ends of messages, one sentence per topic."""
+        return [
+            f"topic {topic}: {size} bytes after the ends of {count} messages removed"
+            for topic, (count, size) in sorted(self._cut.items())
+        ]
 
     def add(self, content: _Contents) -> None:
         """Write every message with a topic into the new bag, and count those that are missing."""
@@ -229,6 +254,7 @@ class _Copy:
                 if topic_id is None or data is None:
                     orphans[record.channel_id] += 1
                 else:
+                    data = self._exact(content, record.channel_id, data)
                     self._writer.write(topic_id, data, record.log_time, record.publish_time)
                     taken[record.channel_id] += 1
         if content.reader.statistics is not None:
@@ -239,6 +265,20 @@ class _Copy:
                 missing += damage.message_counts or Counter()
         for number, count in missing.items():
             self.lost[content.topic_of(number)] += count
+
+    def _exact(self, content: _Contents, channel_id: int, data: bytes) -> bytes:
+        """Return a message without the bytes that follow its end; of an unreadable one all bytes."""
+        channel = content.channels[channel_id]
+        try:
+            end = content.decoder.length(data, content.schemas[channel.schema_id].name)
+        except BagError:
+            return data
+        surplus = len(data) - end
+        if surplus <= MOST_PADDING:
+            return data
+        messages, total = self._cut.get(channel.topic, (0, 0))
+        self._cut[channel.topic] = messages + 1, total + surplus
+        return data[:end]
 
     def _topic_id(self, channel: Channel, schema: Schema | None) -> int | None:
         """Return the number of a topic in the new bag, None if it cannot be taken over."""
@@ -268,11 +308,7 @@ class _Copy:
             channel.topic,
             schema.name,
             offered_qos=offered_qos,
-            definition=MessageDefinition(
-                schema.name,
-                schema.data.decode(errors="replace"),
-                channel.metadata.get("topic_type_hash", ""),
-            ),
+            definition=_definition(schema, channel.metadata.get("topic_type_hash", "")),
         )
 
 

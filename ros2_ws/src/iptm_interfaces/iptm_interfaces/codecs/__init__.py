@@ -6,6 +6,7 @@ from iptm_interfaces.codecs.battery import (
     encode_battery,
     encode_powers,
 )
+from iptm_interfaces.codecs.cdr import serialized, stamp_ns_of
 from iptm_interfaces.codecs.command import (
     decode_command,
     decode_decision_record,
@@ -28,7 +29,6 @@ from iptm_interfaces.codecs.time import (
     ns_from_s,
     ns_from_time,
     s_from_ns,
-    stamp_ns_of,
     time_from_ns,
     time_from_s,
 )
@@ -77,6 +77,7 @@ __all__ = [
     "ns_from_s",
     "ns_from_time",
     "s_from_ns",
+    "serialized",
     "stamp_ns_of",
     "time_from_ns",
     "time_from_s",

@@ -13,9 +13,8 @@ from collections.abc import Callable, Sequence
 from functools import update_wrapper
 from typing import Any, Generic, ParamSpec
 
-from rclpy.serialization import serialize_message
-
-from iptm_interfaces.codecs.time import put_stamp, time_from_ns
+from iptm_interfaces.codecs.cdr import put_stamp, serialized
+from iptm_interfaces.codecs.time import time_from_ns
 from iptm_interfaces.topics import frame_in
 
 P = ParamSpec("P")
@@ -90,7 +89,7 @@ class FixedLayout:
         message.header.frame_id = frame_in(prefix, message.header.frame_id)
         if hasattr(message, "child_frame_id"):
             message.child_frame_id = frame_in(prefix, message.child_frame_id)
-        data = bytes(serialize_message(message))
+        data = serialized(message)
         offsets = tuple(data.index(struct.pack("<d", mark)) for mark in marks)
         neighbours = tuple(offsets[0] + _NUMBER_BYTES * index for index in range(count))
         return data, struct.Struct(f"<{count}d") if offsets == neighbours else None, offsets

@@ -8,17 +8,16 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.serialization import serialize_message
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from iptm_core.state import FloatArray
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs._checks import all_finite, increasing, reject
+from iptm_interfaces.codecs.cdr import put_stamp, serialized
 from iptm_interfaces.codecs.time import (
     duration_from_ns,
     ns_from_duration,
     ns_from_time,
-    put_stamp,
     time_from_ns,
 )
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic, frame_in
@@ -122,7 +121,7 @@ def _form(count: int, prefix: str) -> tuple[bytes, int]:
     nodes: FloatArray = np.arange(count, dtype=np.float64)
     message = encode_plan(PlanTrajectory(nodes, *(np.full(count, mark) for _ in PLAN_NAMES)), 0)
     message.header.frame_id = frame_in(prefix, ROAD_FRAME)
-    data = bytes(serialize_message(message))
+    data = serialized(message)
     return data, data.index(struct.pack("<d", mark)) - 4 if count else len(data)
 
 

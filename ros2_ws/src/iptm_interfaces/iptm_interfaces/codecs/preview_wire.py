@@ -13,12 +13,13 @@ import struct
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 from trajectory_msgs.msg import JointTrajectory
 
 from iptm_core.errors import MessageError
 from iptm_core.state import LeaderPreview
 from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces.codecs.cdr import serialized
 from iptm_interfaces.codecs.preview import (
     PREVIEW_NAMES,
     build_leader_preview,
@@ -94,7 +95,7 @@ def encode_leader_preview_bytes(
     if count == 0:
         message = encode_leader_preview(preview, stamp_ns)
         message.header.frame_id = frame
-        return bytes(serialize_message(message))
+        return serialized(message)
     stamp = time_from_ns(stamp_ns)
     frame_name = _padded(frame)
     names_at, count_at, points_at = _offsets(len(frame.encode()) + 1)
@@ -145,7 +146,7 @@ def _points_if_plain(data: bytes) -> NDArray[np.void] | None:
     if data[names_at : names_at + len(_NAMES)] != _NAMES or len(data) < count_at + 8:
         return None
     count, first_position_count = struct.unpack_from("<II", data, count_at)
-    # The middleware may append unused bytes, so the buffer may be longer than needed.
+    # Other publishers may append unused bytes, so the buffer may be longer than needed.
     if count == 0 or len(data) < points_at + _POINT.itemsize * count:
         return None
     points = np.frombuffer(data, _POINT, count, points_at)

@@ -8,7 +8,6 @@ the nearest representable value; this holds for trips of up to 26 days (2^51 ns)
 from __future__ import annotations
 
 import math
-import struct
 
 from builtin_interfaces.msg import Duration, Time
 
@@ -16,8 +15,6 @@ from iptm_core.errors import MessageError
 from iptm_core.trip_time import NS_PER_S
 
 _MAX_STAMP_NS = 2**31 * NS_PER_S - 1
-_STAMP = struct.Struct("<iI")
-_STAMP_AT = 4  # the first field of a clock and of every header, behind the mark of the encoding
 
 
 def is_stamp(stamp_ns: int) -> bool:
@@ -59,29 +56,6 @@ def ns_from_time(message: Time) -> int:
     Whatever a sender wrote is returned, also what is no trip time; see `is_stamp`.
     """
     return message.sec * NS_PER_S + message.nanosec
-
-
-def stamp_ns_of(data: bytes) -> int:
-    """Return the stamp of a clock or of a message that starts with a header, from its bytes.
-
-    Raises:
-        MessageError: the bytes end before.
-    """
-    least = _STAMP_AT + _STAMP.size
-    if len(data) < least:
-        raise MessageError(f"message has {len(data)} bytes; allowed: at least {least}")
-    seconds, nanoseconds = _STAMP.unpack_from(data, _STAMP_AT)
-    return int(seconds) * NS_PER_S + int(nanoseconds)
-
-
-def put_stamp(data: bytearray, stamp_ns: int) -> None:
-    """Write the stamp of a message that starts with a header into its bytes.
-
-    Raises:
-        MessageError: no message can carry the stamp.
-    """
-    stamp = time_from_ns(stamp_ns)
-    _STAMP.pack_into(data, _STAMP_AT, stamp.sec, stamp.nanosec)
 
 
 def time_from_s(time_s: float) -> Time:
