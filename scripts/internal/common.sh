@@ -32,12 +32,12 @@ iptm_ready() { "$IPTM_ROOT/scripts/setup" --check; }
 
 # Make the environment (instant when it is there), then enter it. Arguments go to scripts/setup.
 iptm_prepare() {
-    "$IPTM_ROOT/scripts/setup" "$@" || exit 1
+    "$IPTM_ROOT/scripts/setup" "$@" || exit $?
     # shellcheck source=scripts/env.sh
     source "$IPTM_ROOT/scripts/env.sh"
 }
 
-# iptm_module MODULE ARGUMENTS...: become `python -m MODULE ARGUMENTS...` in the environment.
+# iptm_module MODULE ARGUMENTS...: run the program MODULE in the environment, in place of this shell.
 # A call for help prints the script's own text first, and installs nothing to do so.
 iptm_module() {
     local module="$1"
@@ -52,5 +52,8 @@ iptm_module() {
         echo
     fi
     iptm_prepare
-    exec "$IPTM_ROOT/.venv/bin/python" -m "$module" "$@"
+    # Ctrl-C is held back until iptm_core can take it: Python itself would answer with a traceback.
+    local -a start=()
+    ! env --block-signal=INT true 2> /dev/null || start=(env --block-signal=INT)
+    exec "${start[@]}" "$IPTM_ROOT/.venv/bin/python" -m iptm_core "$module" "$@"
 }

@@ -1,7 +1,10 @@
-"""Installed executables say in one line which library is missing."""
+"""How programs start and end: a missing library is one line, Ctrl-C and a closed pipe leave no traceback."""
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
 import sys
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
@@ -42,3 +45,67 @@ def test_a_missing_library_is_one_line(installed: Path, capsys: pytest.CaptureFi
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("plant: No module named 'not_installed_here'")
     assert "requirements/run-no-ros.txt" in line
+
+
+SLOW_IMPORT = """
+print("importing", flush=True)
+import time
+time.sleep(60)
+def main(): ...
+"""
+SLOW_MAIN = """
+import sys, time
+def main():
+    print("running", sys.argv[1:], flush=True)
+    time.sleep(60)
+"""
+MANY_LINES = """
+def main():
+    for number in range(1_000_000):
+        print(number)
+    return 0
+"""
+
+
+def start(folder: Path, text: str, *prefix: str) -> subprocess.Popen[str]:
+    """Start a module as the commands in scripts/ do."""
+    (folder / "made_up.py").write_text(text, encoding="utf-8")
+    paths = f"{folder}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
+    return subprocess.Popen(
+        [*prefix, sys.executable, "-m", "iptm_core", "made_up", "-x", "1"],
+        env={**os.environ, "PYTHONPATH": paths},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "first", "code"),
+    [(SLOW_IMPORT, "importing", -signal.SIGINT), (SLOW_MAIN, "running ['-x', '1']", 130)],
+)
+def test_ctrl_c_leaves_no_traceback(tmp_path: Path, text: str, first: str, code: int) -> None:
+    process = start(tmp_path, text)
+    assert process.stdout is not None
+    assert process.stdout.readline() == f"{first}\n"
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (code, "")
+
+
+def test_ctrl_c_before_the_first_statement_is_held_back_and_obeyed(tmp_path: Path) -> None:
+    process = start(tmp_path, SLOW_IMPORT, "env", "--block-signal=INT")
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=50)
+    assert process.returncode == -signal.SIGINT
+    assert errors == ""
+
+
+def test_a_reader_that_has_enough_ends_the_program(tmp_path: Path) -> None:
+    with start(tmp_path, MANY_LINES) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "0\n"
+        process.stdout.close()
+        assert process.wait(timeout=60) == 128 + signal.SIGPIPE
+        assert process.stderr.read() == ""

@@ -71,6 +71,32 @@ def test_a_compiler_that_cannot_be_fetched_is_reported_and_done_without(clone: A
     assert clone.setup() == (0, "")
 
 
+def test_the_named_python_counts_for_an_environment_that_is_there(clone: Any) -> None:
+    assert clone.setup()[0] == 0
+    clone.calls()
+    assert clone.setup(IPTM_PYTHON="python3") == (0, "")
+    code, errors = clone.setup(IPTM_PYTHON="python3.99")
+    assert code == 1
+    assert "python3.99" in errors
+    assert clone.calls() == []
+    clone.add_program("python3.12", clone.fake_python.replace("3.11.99", "3.12.1"))
+    code, errors = clone.setup(IPTM_PYTHON="python3.12")
+    assert code == 0
+    assert "Python 3.12.1" in errors
+    assert "venv" in clone.calls()
+    assert clone.setup() == (0, ""), "the environment stays where no Python is named"
+
+
+def test_ctrl_c_ends_the_set_up_with_one_line(clone: Any) -> None:
+    interrupted = clone.fake_python.replace("mkdir -p", "kill -INT $PPID; mkdir -p")
+    clone.add_program("python3", interrupted)
+    code, errors = clone.setup()
+    assert code == 130
+    assert errors.splitlines()[-1] == "iptm: interrupted; the next call starts afresh."
+    clone.add_program("python3", clone.fake_python)
+    assert clone.setup()[0] == 0
+
+
 def test_interrupted_set_up_starts_afresh(clone: Any) -> None:
     code, errors = clone.setup(FAKE_PIP_FAILS="No space left on device")
     assert code == 1

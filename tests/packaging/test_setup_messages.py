@@ -85,4 +85,20 @@ def test_folder_that_cannot_be_written(clone: Any) -> None:
     (clone.folder / ".venv").write_text("in the way", encoding="utf-8")
     code, errors = clone.setup()
     assert code == 1
-    assert errors.splitlines() == [f"iptm: cannot write to {clone.folder}/.venv"]
+    (line,) = errors.splitlines()
+    assert f"cannot write to {clone.folder}/.venv, which is not complete" in line
+
+
+def test_environment_of_another_user(clone: Any) -> None:
+    """A folder in the place of the lock stands for a lock that this user may not write."""
+    assert clone.setup()[0] == 0
+    (clone.folder / ".venv" / ".setup.lock").unlink()
+    (clone.folder / ".venv" / ".setup.lock").mkdir()
+    assert clone.setup() == (0, ""), "a complete environment needs no write access"
+    code, errors = clone.setup("--dev")
+    assert code == 1
+    (line,) = errors.splitlines()
+    assert "cannot write to" in line
+    assert "scripts/setup --dev" in line
+    (clone.folder / ".venv" / "bin" / "python").unlink()
+    assert "a Python that this user cannot start" in clone.setup()[1]

@@ -19,4 +19,14 @@ setup(
     maintainer_email="maintainers@iptm.example.org",
     description="Topic table, message codecs and node support of the power and thermal suite",
     license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "call = iptm_core.program:main",
+            "param = iptm_core.program:main",
+        ],
+        "iptm.programs": [
+            "call = iptm_interfaces.call:main",
+            "param = iptm_interfaces.param:main",
+        ],
+    },
 )

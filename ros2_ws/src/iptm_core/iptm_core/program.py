@@ -1,22 +1,30 @@
 """How a program of the suite starts and ends: exit codes, and a mistake of the user in one line.
 
-In a workspace that is built and run with a Python of its own, nothing installs what the packages import. Each
-installed executable therefore starts with `main`, which looks it up by its name among the entry points of the
-suite.
+Every program starts here: an installed executable with `main`, which looks it up by its name among the
+entry points of the suite, and a command in `scripts/` with `python -m iptm_core MODULE [ARGUMENTS]`. A
+missing library, and Ctrl-C while imports are loading, then end it without a traceback.
 """
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
+from collections.abc import Callable
+from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 PROGRAMS = "iptm.programs"
 """Group of entry points in each ``setup.py``: name of an executable and its function."""
 EXIT_OK = 0
+EXIT_REFUSED = 1
+"""What the user asked for was understood, but not done."""
 EXIT_USER_ERROR = 2
 EXIT_SIGNAL = 128
 """Added to the number of the signal that ended a program."""
+EXIT_INTERRUPTED = EXIT_SIGNAL + signal.SIGINT
 
 
 def tell(program: str, what: object) -> None:
@@ -30,14 +38,61 @@ def refused(program: str, reason: object) -> int:
     return EXIT_USER_ERROR
 
 
-def main() -> None:
-    """Run the program that the executable is named after; exit with 2 if a library is not installed."""
-    name = Path(sys.argv[0]).name
+def run(name: str, load: Callable[[], Callable[[], Any]]) -> Any:
+    """Load a program and run it.
+
+    Args:
+        name: of the program, for messages.
+        load: imports the program and returns its main function.
+
+    Returns:
+        The exit code: that of the program, 2 if a library is not installed, 130 after Ctrl-C, 141 if the
+            reader of its output is gone.
+    """
+    is_interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if is_interruptible:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # The commands in scripts/ hold Ctrl-C back until here.
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     try:
-        (program,) = entry_points(group=PROGRAMS, name=name)
-        function = program.load()
+        function = load()
     except ModuleNotFoundError as error:
         install = "`python3 -m pip install -r requirements/run-no-ros.txt`"
         needed = f"ROS 2 and the workspace sourced, and {install}"
-        sys.exit(refused(name, f"{error} for {sys.executable}; needed: {needed}"))
-    sys.exit(function())
+        return refused(name, f"{error} for {sys.executable}; needed: {needed}")
+    if is_interruptible:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        code = function()
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:  # the reader of a pipe has enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_SIGNAL + signal.SIGPIPE
+    return code
+
+
+def main() -> None:
+    """Run the program that the installed executable is named after."""
+    name = Path(sys.argv[0]).name
+
+    def load() -> Callable[[], Any]:
+        (program,) = entry_points(group=PROGRAMS, name=name)
+        function: Callable[[], Any] = program.load()
+        return function
+
+    sys.exit(run(name, load))
+
+
+def main_of_module() -> None:
+    """Run the `main` of the module that the first argument names, with the other arguments."""
+    name = sys.argv[1]
+
+    def load() -> Callable[[], Any]:
+        module = import_module(name)
+        sys.argv = [str(module.__file__), *sys.argv[2:]]
+        function: Callable[[], Any] = module.main
+        return function
+
+    sys.exit(run(name.rpartition(".")[2], load))
