@@ -253,8 +253,8 @@ def faults_page() -> str:
         f"# Faults\n\n{NOTICE}Keys of one fault in the list `faults` of a scenario; how to use it: "
         "[faults on purpose](../how-to/README.md#let-something-go-wrong-on-purpose).\n\n"
         + _table(("key", "default", "unit", "allowed", "meaning"), keys)
-        + "\n## Kinds\n\nIn `traffic` the leader that counts behaves otherwise; all others change only what "
-        "the nodes are told, or the nodes themselves.\n\n"
+        + "\n## Kinds\n\nIn `traffic` the leader that counts behaves otherwise, in `vehicle` the ego "
+        "vehicle; all others change only what the nodes receive, or the nodes themselves.\n\n"
         + _table(("kind", "where", "what it does", "size", "allowed", "without ROS"), kinds)
     )
 

@@ -30,6 +30,14 @@ OF_TOPICS = (
     Fault(FaultKind.SOLVER_NOT_CONVERGED, 65.0, 4.0),
     Fault(FaultKind.STATE_JUMPING, 75.0, 5.0, size=2.0),
     Fault(FaultKind.LEADER_HARD_STOP, 85.0, 8.0, size=3.0),
+    # Together, and until the end of the trip.
+    Fault(FaultKind.EGO_SPEED_NOISE, 60.0, TRIP_S, size=0.05),
+    Fault(FaultKind.ACCELERATION_NOISE, 60.0, TRIP_S, size=0.02),
+    Fault(FaultKind.TEMPERATURE_NOISE, 60.0, TRIP_S),
+    Fault(FaultKind.GAP_NOISE, 60.0, TRIP_S, size=0.2),
+    Fault(FaultKind.PREVIEW_EXTRAPOLATED, 70.0, TRIP_S),
+    Fault(FaultKind.COMMAND_DELAYED, 80.0, TRIP_S),
+    Fault(FaultKind.BRAKES_WEAK, 90.0, TRIP_S),
 )
 
 

@@ -17,11 +17,12 @@ from iptm_controller.solvers.interface import SolverBackend
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
-from iptm_core.state import LeaderPreview, LeaderState, SlopePreview
+from iptm_core.state import Command, LeaderPreview, LeaderState, SlopePreview
 from iptm_faults.fault import Fault
 from iptm_faults.injection import FaultInjection
 from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
 from iptm_faults.solver import FaultyController
+from iptm_faults.vehicle import FaultyPlant
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 
@@ -138,7 +139,7 @@ def drive(solver: SolverBackend) -> Callable[..., ClosedLoopRun]:
     )
 
     def run(*faults: Fault) -> ClosedLoopRun:
-        plant = Plant(PARAMETERS, route.slope.slope_at)
+        plant = FaultyPlant(faults, PARAMETERS, route.slope.slope_at)
         sound = Controller(PARAMETERS, OPTIONS, solver)
         controller = FaultyController(PARAMETERS, sound, faults, lambda _: None)
         return run_closed_loop(route, plant, controller, disturb=FaultInjection(faults).disturb)
@@ -190,3 +191,104 @@ def test_a_solver_fails_for_as_long_as_it_is_told_to(
     run = drive(Fault(kind, START, END - START))
     failed = np.flatnonzero(run.decisions.status == status)
     assert failed.tolist() == list(range(START, END))
+
+
+# --- previews, noise and delays
+
+
+def test_an_empty_preview_stays_empty_whatever_else_happens_to_it() -> None:
+    for kind in (kind for kind, spec in KINDS.items() if spec.place is FaultPlace.PREVIEW):
+        faults = [Fault(FaultKind.PREVIEW_EMPTY, 2.0), Fault(kind, 2.0)]
+        for second in range(6):
+            measured = FaultInjection(faults).disturb(at(second))[1]
+            assert second < 2 or measured.preview.times_s.size == 0
+
+
+@pytest.mark.parametrize(
+    ("size", "speed_m_s", "way_m"), [(0.0, 10.0, 300.0), (1.0, 40.0, 750.0), (-1.0, 0.0, 50.0)]
+)
+def test_an_extrapolated_preview_keeps_its_acceleration_from_the_measured_leader(
+    size: float, speed_m_s: float, way_m: float
+) -> None:
+    (measured,) = told(FaultKind.PREVIEW_EXTRAPOLATED, 4, size=size)
+    preview, leader = measured.preview, measured.leader
+    assert leader is not None
+    assert (preview.positions_m[0], preview.speeds_m_s[0]) == (leader.position_m, leader.speed_m_s)
+    assert preview.speeds_m_s[-1] == pytest.approx(speed_m_s)
+    assert preview.positions_m[-1] - preview.positions_m[0] == pytest.approx(way_m)
+
+
+NOISES = {
+    FaultKind.GAP_NOISE: ("leader", "position_m"),
+    FaultKind.LEADER_SPEED_NOISE: ("leader", "speed_m_s"),
+    FaultKind.EGO_SPEED_NOISE: ("state", "speed_m_s"),
+    FaultKind.ACCELERATION_NOISE: ("state", "acceleration_m_s2"),
+    FaultKind.TEMPERATURE_NOISE: ("state", "cell_n_temperature_k"),
+}
+
+
+@pytest.mark.parametrize("kind", NOISES)
+@pytest.mark.parametrize("probability", [1.0, 0.3])
+def test_noise_has_no_mean_and_the_deviation_of_its_size(
+    kind: FaultKind, probability: float
+) -> None:
+    where, name = NOISES[kind]
+    fault = Fault(kind, 0.0, 4000.0, probability=probability, size=0.25)
+    injection = FaultInjection([fault])
+    errors = []
+    for second in range(4000):
+        if not fault.hits(second * 10**9):
+            continue
+        true, measured = at(second), injection.disturb(at(second))[1]
+        errors.append(getattr(getattr(measured, where), name) - getattr(getattr(true, where), name))
+    assert np.mean(errors) == pytest.approx(0.0, abs=0.25 * 4 / len(errors) ** 0.5)
+    assert np.std(errors) == pytest.approx(0.25, rel=3 / len(errors) ** 0.5)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.value.endswith("_bias")])
+def test_a_bias_adds_its_size_to_one_signal(kind: FaultKind) -> None:
+    (measured,) = told(kind, 4, size=-0.5)
+    true = at(4)
+    assert measured.state is not None
+    assert measured.leader is not None
+    pairs = ((measured.state, true.state), (measured.leader, true.leader))
+    differences = [
+        getattr(told_part, name) - value
+        for told_part, true_part in pairs
+        for name, value in vars(true_part).items()
+    ]
+    changed = [difference for difference in differences if difference != 0.0]
+    assert changed == pytest.approx([-0.5] * (2 if kind is FaultKind.TEMPERATURE_BIAS else 1))
+
+
+def test_delayed_measurements_keep_their_own_time() -> None:
+    late, last, back = told(FaultKind.STATE_DELAYED, 3, 11, 12, size=2.0)
+    times = [
+        (one.state and one.state.time_s, one.leader and one.leader.time_s)
+        for one in (late, last, back)
+    ]
+    assert times == [(1.0, 1.0), (9.0, 9.0), (12.0, 12.0)]
+
+
+def actuated(fault: Fault, accelerations_m_s2: list[float]) -> list[float]:
+    """Drive a vehicle at 20 m/s by commands and return what it carried out."""
+    plant = FaultyPlant([fault], PARAMETERS, np.zeros_like)
+    state = plant.initial_state(speed_m_s=20.0)
+    done = []
+    for acceleration in accelerations_m_s2:
+        step = plant.advance(state, Command(acceleration, 0.0))
+        done.append(step.report.actuated.acceleration_m_s2)
+        state = step.state
+    return done
+
+
+def test_delayed_commands_act_later() -> None:
+    commands = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+    fault = Fault(FaultKind.COMMAND_DELAYED, 2.0, 3.0, size=2.0)
+    assert actuated(fault, commands) == [0.1, 0.2, 0.1, 0.2, 0.3, 0.6]
+
+
+def test_weak_brakes_reach_their_share() -> None:
+    fault = Fault(FaultKind.BRAKES_WEAK, 0.0, 100.0, size=0.7)
+    hardest = PARAMETERS.limits.min_acceleration_m_s2
+    assert min(actuated(fault, [-10.0] * 10)) == pytest.approx(0.7 * hardest)

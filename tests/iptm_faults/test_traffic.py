@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from iptm_core.state import LeaderPreview, LeaderState
+from iptm_faults.events import DRIVE_OFF_M_S2
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
-from iptm_faults.traffic import DRIVE_OFF_M_S2, Traffic
+from iptm_faults.traffic import Traffic
 
 SPEED = 20.0
 GAP = 40.0
@@ -122,3 +123,17 @@ def test_what_lies_behind_is_forgotten() -> None:
     finally:
         tracemalloc.stop()
     assert sizes[1] < sizes[0] + 20_000
+
+
+def test_a_surprise_brakes_as_a_hard_stop_and_no_preview_announces_it() -> None:
+    stop, surprise = (
+        drive(Traffic([Fault(kind, start_s=10.0, duration_s=8.0, size=4.0)]), 40)
+        for kind in (FaultKind.LEADER_HARD_STOP, FaultKind.LEADER_SURPRISE)
+    )
+    assert surprise[0] == stop[0]
+    for leader, preview in zip(*surprise, strict=True):
+        assert preview.positions_m[0] == leader.position_m
+        assert preview.speeds_m_s[0] == leader.speed_m_s
+        assert (np.diff(preview.speeds_m_s) >= 0.0).all()
+        assert preview.speeds_m_s[-1] == SPEED
+    assert min(stop[1][11].speeds_m_s) == 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_faults.kinds import KINDS
 from iptm_studies.campaign import Campaign
 from iptm_studies.execution import admit
 from iptm_studies.random_cars import draws
@@ -26,7 +28,15 @@ from iptm_studies.random_cars.bounds import (
     fully_cooled_k,
 )
 from iptm_studies.random_cars.cli import PAGE, main
-from iptm_studies.random_cars.draws import ALWAYS, TWIN, OneOf, Uniform, has_twin, random_study
+from iptm_studies.random_cars.draws import (
+    ALWAYS,
+    TWIN,
+    OneOf,
+    Uniform,
+    draw_faults,
+    has_twin,
+    random_study,
+)
 from iptm_studies.random_cars.verdicts import judge
 from iptm_studies.run import Run, perform_run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
@@ -304,3 +314,15 @@ def test_the_command_computes_once_and_writes_the_page(
 def test_the_command_refuses(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--runs", "0"]) == EXIT_USER_ERROR
     assert "runs is 0; allowed" in capsys.readouterr().err
+
+
+def test_faults_last_and_overlap_in_part_of_the_draws() -> None:
+    drawn = [draw_faults(np.random.default_rng(seed), 300.0) for seed in range(200)]
+    lasting = [any(fault.end_s >= 300.0 + fault.start_s for fault in faults) for faults in drawn]
+    pairs = [pair for faults in drawn for pair in pairwise(faults)]
+    together = [second.start_s <= first.end_s for first, second in pairs]
+    assert 0.2 < np.mean(lasting) < 0.6
+    assert 0.4 < np.mean(together) < 0.9
+    assert {fault.kind for faults in drawn for fault in faults} == {
+        kind for kind, spec in KINDS.items() if spec.headless
+    }

@@ -13,7 +13,7 @@ ALLOWED = {
     "iptm_plant_sim": {"iptm_core", "iptm_interfaces"},
     "iptm_v2x_bridge": {"iptm_core", "iptm_interfaces", "iptm_recording"},
     "iptm_controller": {"iptm_core", "iptm_interfaces"},
-    "iptm_faults": {"iptm_core", "iptm_interfaces", "iptm_controller"},
+    "iptm_faults": {"iptm_core", "iptm_interfaces", "iptm_controller", "iptm_plant_sim"},
     "iptm_recording": {"iptm_core", "iptm_interfaces"},
     "iptm_view": {"iptm_core", "iptm_interfaces", "iptm_recording"},
     "iptm_bringup": {
@@ -56,10 +56,11 @@ PURE = {
     "iptm_traffic",
 }
 
-# The controller node with a solver that fails on demand is the node itself but for that; the table of faults
-# tells what the node would say of trips without it.
+# Nodes with faults inside are the nodes themselves but for that; the table of faults shows what the
+# controller node reports in trips without it.
 MAY_KNOW_THE_NODE_OF = {
     ("iptm_faults.node_controller", "iptm_controller"),
+    ("iptm_faults.node_plant", "iptm_plant_sim"),
     ("iptm_bringup.fault_table.headless", "iptm_controller"),
     ("iptm_bringup.fault_table.observed", "iptm_controller"),
 }

@@ -17,16 +17,18 @@ setup(
     zip_safe=False,
     maintainer="iptm maintainers",
     maintainer_email="maintainers@iptm.example.org",
-    description="Faults as data, and what they make of measurements, traffic, clock and solver",
+    description="Faults as data, and what they make of measurements, traffic, clock, vehicle and solver",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
             "injector = iptm_core.program:main",
             "controller_with_solver_faults = iptm_core.program:main",
+            "plant_with_actuator_faults = iptm_core.program:main",
         ],
         "iptm.programs": [
             "injector = iptm_faults.node:main",
             "controller_with_solver_faults = iptm_faults.node_controller:main",
+            "plant_with_actuator_faults = iptm_faults.node_plant:main",
         ],
     },
 )

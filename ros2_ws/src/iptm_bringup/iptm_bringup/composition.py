@@ -36,7 +36,11 @@ MODULES = {
     RECORDER: "iptm_recording.recorder_cli",
     INJECTOR: "iptm_faults.node",
 }
-FAULTY_CONTROLLER = "iptm_faults.node_controller"
+FAULTY_NODES = {
+    FaultPlace.SOLVER: (CONTROLLER, "iptm_faults.node_controller"),
+    FaultPlace.VEHICLE: (PLANT, "iptm_faults.node_plant"),
+}
+"""Nodes with faults inside: the node that each stands for, and its module."""
 
 _TOPIC_PLACES = (
     FaultPlace.TRAFFIC,
@@ -131,9 +135,9 @@ def with_faults(
         faults: all faults of the run.
     """
     changed = {node: dict(given) for node, given in parameters.items()}
-    solver = at_places(faults, FaultPlace.SOLVER)
-    if solver:
-        changed[CONTROLLER]["faults"] = json.dumps(plain_faults(solver))
+    for place, (node, _) in FAULTY_NODES.items():
+        if inside := at_places(faults, place):
+            changed[node]["faults"] = json.dumps(plain_faults(inside))
     if needs_injector(faults):
         own = json.dumps(plain_faults(at_places(faults, *_TOPIC_PLACES)))
         # It stands between bridge and controller: the recorder is left to listen to the true preview.
@@ -159,12 +163,14 @@ def node_command(
         namespace: full namespace, ``/`` for none.
         faults: all faults of the run.
     """
-    fails = node == CONTROLLER and at_places(faults, FaultPlace.SOLVER)
     ros_arguments = [*_remaps(namespace), "--params-file", str(parameter_file)]
     if needs_injector(faults):
         for name, other in _REMAPPED.get(node, {}).items():
             ros_arguments += ["-r", f"{name}:={other}"]
-    module = FAULTY_CONTROLLER if fails else MODULES[node]
+    module = MODULES[node]
+    for place, (faulty, other) in FAULTY_NODES.items():
+        if node == faulty and at_places(faults, place):
+            module = other
     return [sys.executable, "-m", module, "--ros-args", *ros_arguments]
 
 

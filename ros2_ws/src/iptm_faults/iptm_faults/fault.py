@@ -9,7 +9,7 @@ faults:
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -68,6 +68,8 @@ class Fault(Settings):
             raise ParameterError(
                 f"size is {size:g}; allowed: {spec.smallest:g} to {spec.largest:g} {spec.unit}"
             )
+        if spec.whole and size is not None and size != round(size):
+            raise ParameterError(f"size is {size:g}; allowed: a whole number of {spec.unit}")
         object.__setattr__(self, "size", size)
         hits_process = spec.place is FaultPlace.PROCESS
         if hits_process and not self.target:
@@ -84,6 +86,17 @@ class Fault(Settings):
     def magnitude(self) -> float:
         """The size in the unit of the kind, NaN where it has none."""
         return float("nan") if self.size is None else self.size
+
+    @property
+    def effect(self) -> Callable[..., Any]:
+        """What its kind does.
+
+        Raises:
+            ParameterError: the kind has no effect of its own.
+        """
+        if self.spec.effect is None:
+            raise ParameterError(f"kind is {self.kind}; allowed: kinds with an effect")
+        return self.spec.effect
 
     @property
     def start_ns(self) -> int:
@@ -109,10 +122,10 @@ class Fault(Settings):
         """Return whether an event that happens as a whole or not at all takes place."""
         return self.probability >= 1.0 or self.random(self.start_ns).random() < self.probability
 
-    def random(self, time_ns: int) -> np.random.Generator:
-        """Return a generator that depends on seed, kind and instant only, never on earlier draws."""
+    def random(self, time_ns: int, *stream: int) -> np.random.Generator:
+        """Return a generator that depends on seed, kind, instant and stream only, never on earlier draws."""
         kind = zlib.crc32(self.kind.value.encode())
-        return np.random.default_rng([self.seed, kind, time_ns & (2**64 - 1)])
+        return np.random.default_rng([self.seed, kind, time_ns & (2**64 - 1), *stream])
 
     def to_dict(self) -> dict[str, Scalar]:
         """Return what differs from the defaults, as files and messages hold it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview
 from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault, at_places
-from iptm_faults.kinds import KINDS, FaultPlace
+from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
 from iptm_faults.signals import PreviewFaults, told_leader, told_slope, told_state
 from iptm_faults.traffic import Traffic
 
@@ -47,6 +48,10 @@ class FaultInjection:
         self._previews = PreviewFaults(self._faults)
         self._road = at_places(self._faults, FaultPlace.ROAD)
         self._slope: tuple[tuple[bool, ...], SlopePreview] | None = None
+        delays = [fault for fault in self._faults if fault.kind is FaultKind.STATE_DELAYED]
+        self._delays = tuple(delays)
+        longest = round(sum(fault.magnitude for fault in delays))
+        self._past: deque[Measurements] = deque(maxlen=longest + 1)
 
     def disturb(self, measured: Measurements) -> tuple[LeaderState, Measurements]:
         """Return the leader that counts, and what the controller is told.
@@ -63,7 +68,7 @@ class FaultInjection:
         leader = self._traffic.leader(own, state.position_m)
         told = told_leader(self._faults, now_ns, leader, state.position_m)
         preview = self._previews.told(now_ns, self._traffic.preview(measured.preview))
-        return leader, replace(
+        seen = replace(
             measured,
             state=told_state(self._faults, now_ns, state),
             leader=told,
@@ -71,6 +76,15 @@ class FaultInjection:
             slope=self._told_slope(now_ns, measured.slope),
             fault="" if told is not None else NO_LEADER,
         )
+        return leader, self._delayed(now_ns, seen)
+
+    def _delayed(self, now_ns: int, seen: Measurements) -> Measurements:
+        """Return what arrives now; the controller acts on measurements of one stamp, so all are as late."""
+        if not self._delays:
+            return seen
+        self._past.append(seen)
+        ticks = round(sum(fault.magnitude for fault in self._delays if fault.hits(now_ns)))
+        return self._past[max(len(self._past) - 1 - ticks, 0)]
 
     def _told_slope(self, now_ns: int, slope: SlopePreview) -> SlopePreview:
         if not self._road:

@@ -7,6 +7,7 @@ told by stamps and no timer takes part, so lock-step runs repeat.
 from __future__ import annotations
 
 import sys
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -76,6 +77,13 @@ class InjectorNode(SuiteNode):
         self._waiting_previews: dict[int, bytes] = {}
         self._leader_ns = -1
         self._last_odometry: bytes | None = None
+        self._delays = tuple(
+            fault for fault in self._of_state if fault.kind is FaultKind.STATE_DELAYED
+        )
+        longest = round(sum(fault.magnitude for fault in self._delays))
+        self._past: dict[Topic, deque[bytes]] = {
+            topic: deque(maxlen=longest + 1) for topic in STATE_TOPICS
+        }
         self._held_back: list[tuple[Publisher, bytes]] = []
         self._now_ns = 0
         self._changed = 0
@@ -161,7 +169,10 @@ class InjectorNode(SuiteNode):
             self._on_leader(self._waiting_leaders.pop(stamp_ns))
 
     def _tell_state(self, topic: Topic, stamp_ns: int, data: bytes) -> None:
-        told = changed_state_message(self._of_state, topic, stamp_ns, data)
+        past = self._past[topic]
+        past.append(changed_state_message(self._of_state, topic, stamp_ns, data))
+        ticks = round(sum(fault.magnitude for fault in self._delays if fault.hits(stamp_ns)))
+        told = past[max(len(past) - 1 - ticks, 0)]
         self._tell(topic, told, changed=told is not data)
 
     def _later(self, delay_s: float, action: Callable[[], None]) -> None:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+import operator
 import struct
 from collections.abc import Iterable
+from dataclasses import fields
+from typing import Any
 
+from geometry_msgs.msg import AccelStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
@@ -14,7 +18,6 @@ from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import VehicleState
 from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault
-from iptm_faults.kinds import FaultKind
 from iptm_faults.signals import told_state
 from iptm_interfaces.codecs import serialized
 from iptm_interfaces.topics import Topic
@@ -22,12 +25,43 @@ from iptm_interfaces.topics import Topic
 _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4  # behind the CDR prefix: first field of a clock and of every header
 _MAX_S = 2**31 - 1
-_CHANGES = {
-    FaultKind.STATE_NAN: (Topic.PLANT_ODOMETRY,),
-    FaultKind.STATE_JUMPING: (Topic.PLANT_ODOMETRY,),
-    FaultKind.STATE_OVERHEATED: (
-        Topic.PLANT_CELL_1_TEMPERATURE,
-        Topic.PLANT_CELL_N_TEMPERATURE,
+
+
+class _Content:
+    """The attributes of a state that one message holds, and where."""
+
+    def __init__(self, message_type: type[Any], offset: float = 0.0, **places: str) -> None:
+        self._message_type = message_type
+        self._offset = offset
+        self._places = places
+
+    def changed(self, faults: Iterable[Fault], stamp_ns: int, data: bytes) -> bytes:
+        """Return what faults make of a message; the very same bytes where they change nothing."""
+        message = deserialize_message(data, self._message_type)
+        held = {
+            name: operator.attrgetter(place)(message) + self._offset
+            for name, place in self._places.items()
+        }
+        told = told_state(faults, stamp_ns, VehicleState(**{**_UNKNOWN, **held}))
+        changed = [name for name, value in held.items() if getattr(told, name) != value]
+        for name in changed:
+            parent, _, leaf = self._places[name].rpartition(".")
+            owner = operator.attrgetter(parent)(message) if parent else message
+            setattr(owner, leaf, float(getattr(told, name)) - self._offset)
+        return serialized(message) if changed else data
+
+
+_UNKNOWN = dict.fromkeys((item.name for item in fields(VehicleState)), math.nan)
+_CONTENT = {
+    Topic.PLANT_ODOMETRY: _Content(
+        Odometry, position_m="pose.pose.position.x", speed_m_s="twist.twist.linear.x"
+    ),
+    Topic.PLANT_ACCELERATION: _Content(AccelStamped, acceleration_m_s2="accel.linear.x"),
+    Topic.PLANT_CELL_1_TEMPERATURE: _Content(
+        Temperature, CELSIUS_ZERO_K, cell_1_temperature_k="temperature"
+    ),
+    Topic.PLANT_CELL_N_TEMPERATURE: _Content(
+        Temperature, CELSIUS_ZERO_K, cell_n_temperature_k="temperature"
     ),
 }
 
@@ -51,26 +85,8 @@ def changed_state_message(
         stamp_ns: its stamp.
         data: the message.
     """
-    hitting = [
-        fault for fault in faults if topic in _CHANGES.get(fault.kind, ()) and fault.hits(stamp_ns)
-    ]
-    if not hitting:
+    content = _CONTENT.get(topic)
+    hitting = [fault for fault in faults if fault.spec.effect is not None and fault.hits(stamp_ns)]
+    if content is None or not hitting:
         return data
-    if topic is Topic.PLANT_ODOMETRY:
-        odometry = deserialize_message(data, Odometry)
-        motion = odometry.pose.pose.position, odometry.twist.twist.linear
-        told = told_state(hitting, stamp_ns, _state(motion[0].x, motion[1].x, math.nan))
-        motion[0].x, motion[1].x = float(told.position_m), float(told.speed_m_s)
-        return serialized(odometry)
-    measured = deserialize_message(data, Temperature)
-    told = told_state(hitting, stamp_ns, _state(0.0, 0.0, measured.temperature + CELSIUS_ZERO_K))
-    measured.temperature = float(told.cell_1_temperature_k - CELSIUS_ZERO_K)
-    return serialized(measured)
-
-
-def _state(position_m: float, speed_m_s: float, temperature_k: float) -> VehicleState:
-    """Return a state of which only what one message tells is known."""
-    rest = math.nan
-    return VehicleState(
-        rest, position_m, speed_m_s, rest, rest, temperature_k, temperature_k, rest, rest
-    )
+    return content.changed(hitting, stamp_ns, data)

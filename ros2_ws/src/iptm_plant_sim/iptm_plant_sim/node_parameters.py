@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from iptm_core.declaration import Scalar, parameter, plain
 from iptm_core.errors import StateError
@@ -100,10 +101,16 @@ class PlantNodeParameters(
         """
         model = self.model().values
         route = self.trip_route(model.gap.initial_gap_m)
-        plant = Plant(model, route.slope.slope_at, self.integration_step_s, self.thermal_model)
+        plant = self.build_plant(
+            model, route.slope.slope_at, self.integration_step_s, self.thermal_model
+        )
         trip = Trip(plant, route.duration_s, self.period_s, *self._start(plant))
         trip.warm_up()
         return trip
+
+    def build_plant(self, *arguments: Any) -> Plant:
+        """Return the vehicle; the arguments are those of ``Plant``."""
+        return Plant(*arguments)
 
     def saved_state(self, trip: Trip) -> SavedState:
         """Return what a file needs to hold to go on from where a trip stands."""

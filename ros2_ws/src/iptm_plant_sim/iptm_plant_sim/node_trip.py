@@ -39,9 +39,11 @@ KEEP_ALIVE_S = 1.0
 class TripNode(SuiteNode):
     """Advances the trip tick by tick, publishes every state, and holds the trip where it is to pause."""
 
+    PARAMETERS = PlantNodeParameters
+
     def __init__(self) -> None:
         super().__init__("plant")
-        self._options = declare_parameters(self, PlantNodeParameters)
+        self._options = declare_parameters(self, self.PARAMETERS)
         self.reject_unknown_parameters()
         self.use_frame_prefix(self._options.frame_prefix)
         self._trip = self._options.build_trip()

@@ -25,6 +25,7 @@ from iptm_core.settings import ThermalModel
 from iptm_core.trajectory import Trajectory
 from iptm_faults.injection import FaultInjection
 from iptm_faults.solver import FaultyController
+from iptm_faults.vehicle import FaultyPlant
 from iptm_plant_sim.plant import Plant
 from iptm_studies.channel_record import ChannelRecord, channel_record
 from iptm_studies.closed_loop import run_closed_loop
@@ -122,6 +123,13 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
     disturb = None
     if spec.faults:
         controller = FaultyController(inputs.parameters, controller, spec.faults, lambda _: None)
+        plant = FaultyPlant(
+            spec.faults,
+            inputs.parameters,
+            route.slope.slope_at,
+            spec.plant_step_s,
+            spec.thermal_model,
+        )
         disturb = FaultInjection(spec.faults).disturb
     loop = run_closed_loop(
         route, plant, controller, spec.bridge_settings(), on_tick=progress, disturb=disturb

@@ -22,8 +22,8 @@ from iptm_core.trajectory import Trajectory
 from iptm_faults.fault import Fault
 from iptm_faults.injection import FaultInjection
 from iptm_faults.solver import FaultyController
+from iptm_faults.vehicle import FaultyPlant
 from iptm_interfaces.topics import CONTROLLER
-from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_studies.random_cars.bounds import BoolArray
 
@@ -61,7 +61,7 @@ class HeadlessDriver:
                 statements.append(Statement(float(tick), CONTROLLER, level, reason))
             rungs[float(tick)] = decision.rung
 
-        plant = Plant(PARAMETERS, plan.route.slope.slope_at)
+        plant = FaultyPlant(chosen, PARAMETERS, plan.route.slope.slope_at)
         disturb = FaultInjection(chosen).disturb
         run = run_closed_loop(plan.route, plant, controller, on_tick=note, disturb=disturb)
         return ObservedTrip(

@@ -32,6 +32,10 @@ OVERRIDE_SHARE = 0.5
 FAULT_SHARE = 0.3
 """Share of the runs in which something goes wrong; cars and trips are the same without."""
 MOST_FAULTS = 3
+LASTING_SHARE = 0.25
+"""Probability that a fault lasts until the end of the trip."""
+TOGETHER_SHARE = 0.5
+"""Probability that a further fault begins while the one before it lasts."""
 IMPERFECT_SHARE = 0.3
 """Share of the runs in which the preview is not perfect; cars and trips are the same without."""
 WARM_K = 308.15
@@ -134,17 +138,32 @@ PREVIEWS: Mapping[str, Draw] = {
 }
 """Settings of a preview that is not perfect; all but the mode differ in every other run."""
 
-FAULT_SIZES: Mapping[FaultKind, Uniform] = {
+FAULT_SIZES: Mapping[FaultKind, Draw] = {
     FaultKind.LEADER_CUT_IN: Uniform(4.0, 40.0),
     FaultKind.LEADER_HARD_STOP: Uniform(2.0, 10.0),
+    FaultKind.LEADER_SURPRISE: Uniform(2.0, 9.0),
     FaultKind.LEADER_GONE: Uniform(50.0, 1000.0),
+    FaultKind.COMMAND_DELAYED: OneOf((1.0, 2.0), 0.5),
+    FaultKind.BRAKES_WEAK: Uniform(0.6, 1.0),
     FaultKind.PREVIEW_JUMPING: Uniform(1.0, 100.0),
     FaultKind.PREVIEW_FUTURE: Uniform(0.1, 1000.0),
+    FaultKind.PREVIEW_EXTRAPOLATED: OneOf((0.0, 1.0), 0.5),
     FaultKind.LEADER_OVERLAP: Uniform(0.5, 20.0),
     FaultKind.LEADER_JUMPING: Uniform(0.5, 10.0),
+    FaultKind.GAP_NOISE: Uniform(0.1, 1.0),
+    FaultKind.GAP_BIAS: Uniform(-1.0, 1.0),
+    FaultKind.LEADER_SPEED_NOISE: Uniform(0.02, 0.3),
+    FaultKind.LEADER_SPEED_BIAS: Uniform(-0.3, 0.3),
     FaultKind.SLOPE_STEP: Uniform(-0.2, 0.2),
     FaultKind.STATE_OVERHEATED: Uniform(100.0, 500.0),
     FaultKind.STATE_JUMPING: Uniform(0.5, 10.0),
+    FaultKind.STATE_DELAYED: OneOf((1.0, 2.0), 0.5),
+    FaultKind.EGO_SPEED_NOISE: Uniform(0.02, 0.3),
+    FaultKind.EGO_SPEED_BIAS: Uniform(-0.3, 0.3),
+    FaultKind.ACCELERATION_NOISE: Uniform(0.02, 0.3),
+    FaultKind.ACCELERATION_BIAS: Uniform(-0.3, 0.3),
+    FaultKind.TEMPERATURE_NOISE: Uniform(0.1, 1.0),
+    FaultKind.TEMPERATURE_BIAS: Uniform(-3.0, 3.0),
 }
 """Sizes of faults; the other kinds have their usual one."""
 
@@ -236,15 +255,19 @@ def draw_preview(random: Generator) -> PreviewSpec:
 def draw_faults(random: Generator, duration_s: float) -> tuple[Fault, ...]:
     """Return one fault or a few for a trip, of kinds that happen without ROS."""
     kinds = [kind for kind, spec in KINDS.items() if spec.headless]
-    faults = []
+    faults: list[Fault] = []
     for _ in range(1 + int(random.integers(MOST_FAULTS))):
         kind = kinds[int(random.integers(len(kinds)))]
         sizes = FAULT_SIZES.get(kind)
+        earliest_s, latest_s = 0.0, duration_s
+        if faults and random.random() < TOGETHER_SHARE:
+            earliest_s, latest_s = faults[-1].start_s, min(faults[-1].end_s, duration_s)
+        lasting = random.random() < LASTING_SHARE
         faults.append(
             Fault(
                 kind,
-                start_s=round(float(random.uniform(0.0, duration_s))),
-                duration_s=round(float(random.uniform(1.0, 30.0))),
+                start_s=round(float(random.uniform(earliest_s, latest_s))),
+                duration_s=duration_s if lasting else round(float(random.uniform(1.0, 30.0))),
                 probability=1.0 if random.random() < 0.5 else Uniform(0.1, 1.0).draw(random),
                 seed=int(random.integers(1000)),
                 size=None if sizes is None else sizes.draw(random),

@@ -17,10 +17,12 @@ from iptm_studies.random_cars.draws import (
     FAULT_SHARE,
     FAULT_SIZES,
     IMPERFECT_SHARE,
+    LASTING_SHARE,
     MOST_FAULTS,
     PREVIEWS,
     SETTINGS,
     SOMETIMES,
+    TOGETHER_SHARE,
     Draw,
     Uniform,
 )
@@ -157,13 +159,16 @@ def _draw_table() -> str:
     where = f"half of the {100.0 * IMPERFECT_SHARE:g} % of the runs without a perfect preview"
     rows += [(f"`{name}`", _draw_text(draw, units[name]), where) for name, draw in PREVIEWS.items()]
     kinds = [
-        f"`{kind}`" + (f" {sizes.low:g} to {sizes.high:g} {spec.unit}" if sizes else "")
+        f"`{kind}`" + (f" {_draw_text(sizes, spec.unit)}" if sizes else "")
         for kind, spec in KINDS.items()
         if spec.headless
         for sizes in [FAULT_SIZES.get(kind)]
     ]
     share = f"{100.0 * FAULT_SHARE:g} % of the runs, unless told otherwise"
     rows.append((f"1 to {MOST_FAULTS} faults", ", ".join(kinds), share))
+    lasts = f"1 to 30 s; until the end of the trip ({100.0 * LASTING_SHARE:g} %)"
+    together = f"while the one before it lasts ({100.0 * TOGETHER_SHARE:g} %), else at any instant"
+    rows += [("duration of a fault", lasts, ""), ("beginning of a further fault", together, "")]
     return markdown_table(("setting or parameter", "drawn from", "in"), rows)
 
 
