@@ -184,10 +184,9 @@ def measure(
             faults=faults,
         )
         run_folder = RunFolder(folder / "run")
-        options = RunOptions(run_folder.output, picture=False)
-        with domain_of_run(AUTOMATIC_DOMAIN, {}) as domain:
+        options = RunOptions(picture=False)
+        with domain_of_run(AUTOMATIC_DOMAIN, environment={}) as domain:
             driven = drive_processes(run_folder, prepare(scenario), options, domain, watch, stop)
-        run_folder.settle()
         found = _ticks_of(driven, run_folder.output)
     numbers = {
         "ticks": ticks,

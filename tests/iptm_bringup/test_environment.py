@@ -19,27 +19,40 @@ from iptm_core.errors import ScenarioError
 from iptm_interfaces.discovery import PROFILE_VARIABLE, middleware_settings
 
 
-def test_a_domain_that_is_asked_for_is_taken() -> None:
-    with domain_of_run(42, {"ROS_DOMAIN_ID": "7"}) as domain:
-        assert domain == RunDomain(42, is_private=False)
-
-
-def test_the_users_domain_is_respected() -> None:
-    with domain_of_run(AUTOMATIC_DOMAIN, {"ROS_DOMAIN_ID": "7"}) as domain:
-        assert domain == RunDomain(7, is_private=False)
+@pytest.mark.parametrize(("asked", "number"), [(142, 142), (AUTOMATIC_DOMAIN, 147)])
+def test_the_users_choice_of_a_domain_is_respected(asked: int, number: int) -> None:
+    with domain_of_run(asked, environment={"ROS_DOMAIN_ID": "147"}) as domain:
+        assert domain == RunDomain(number, is_private=False)
 
 
 def test_runs_at_the_same_time_get_different_domains() -> None:
-    with domain_of_run(AUTOMATIC_DOMAIN, {}) as one, domain_of_run(AUTOMATIC_DOMAIN, {}) as other:
+    with (
+        domain_of_run(AUTOMATIC_DOMAIN, environment={}) as one,
+        domain_of_run(AUTOMATIC_DOMAIN, environment={}) as other,
+    ):
         assert one.is_private
         assert one.number != other.number
+
+
+def test_a_domain_has_one_run_of_a_namespace_and_its_process_is_named() -> None:
+    """Whether the first run chose the domain or was given it."""
+    with domain_of_run(AUTOMATIC_DOMAIN, environment={}) as first:
+        with (
+            pytest.raises(ScenarioError, match=rf"in use by process {os.getpid()} \("),
+            domain_of_run(first.number),
+        ):
+            pass
+        with domain_of_run(first.number, "/car_1"):
+            pass
+    with domain_of_run(first.number):
+        pass
 
 
 @pytest.mark.parametrize("text", ["abc", "-1", "233", "1.5"])
 def test_a_senseless_domain_is_refused(text: str) -> None:
     with (
         pytest.raises(ScenarioError, match=r"ROS_DOMAIN_ID.*allowed: 0 to 232"),
-        domain_of_run(AUTOMATIC_DOMAIN, {"ROS_DOMAIN_ID": text}),
+        domain_of_run(AUTOMATIC_DOMAIN, environment={"ROS_DOMAIN_ID": text}),
     ):
         pass
 

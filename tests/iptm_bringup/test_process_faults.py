@@ -68,24 +68,6 @@ def test_a_process_is_killed_and_started_again_once(supervisor: Supervisor) -> N
     assert supervisor.names == ("controller", again)
 
 
-def test_a_process_is_started_again_with_files_that_have_moved(
-    supervisor: Supervisor, tmp_path: Path
-) -> None:
-    before, after = tmp_path / "before", tmp_path / "after"
-    before.mkdir()
-    (before / "told.txt").write_text("told")
-    code = (
-        "import pathlib, sys, time; print(pathlib.Path(sys.argv[1]).read_text()); time.sleep(600)"
-    )
-    acting = ProcessFaults(supervisor, [Fault(FaultKind.PROCESS_RESTARTED, 1.0)])
-    acting.note({"controller": [sys.executable, "-u", "-c", code, str(before / "told.txt")]})
-    before.rename(after)
-    acting.relocate(before, after)
-    acting.act(NS)
-    wait_until(lambda: acting.act(NS) or acting.current("controller") != "controller")
-    wait_until(lambda: "told" in supervisor.log_text(acting.current("controller")))
-
-
 def test_a_frozen_process_is_woken_up(supervisor: Supervisor) -> None:
     acting = faults_of(supervisor, Fault(FaultKind.PROCESS_FROZEN, 1.0, size=0.2))
     acting.act(NS)

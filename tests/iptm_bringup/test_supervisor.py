@@ -87,6 +87,16 @@ def test_ends_with_as_much_force_as_it_takes(
         assert codes(processes) == {"process": -number}
 
 
+def test_a_frozen_process_can_end(processes: Supervisor) -> None:
+    """As one that a fault froze in the last second of a trip: it counts as ended well."""
+    start(processes, "process", "import time; print('ready', flush=True)\n"
+          "try: time.sleep(60)\nexcept KeyboardInterrupt: pass")  # fmt: skip
+    until(lambda: "ready" in processes.log_text("process"), "the process")
+    processes.send("process", signal.SIGSTOP)
+    processes.stop()
+    assert codes(processes) == {"process": 0}
+
+
 def test_only_those_asked_for_are_ended(processes: Supervisor) -> None:
     for name in ("one", "two"):
         start(processes, name, OBEDIENT)

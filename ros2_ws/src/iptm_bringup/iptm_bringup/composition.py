@@ -180,13 +180,14 @@ def recorder_command(
     """Return the command that starts the recorder.
 
     Args:
-        output: bag folder to create.
+        output: folder of the run, which exists and becomes the bag.
         information: file with the run information.
         compression: none, lz4 or zstd.
         namespace: full namespace, ``/`` for none.
     """
     options = ["--run-information", str(information), "--compression", compression]
-    command = [sys.executable, "-m", MODULES[RECORDER], str(output), *options]
+    command = [sys.executable, "-m", MODULES[RECORDER], str(output), "--in-existing-folder"]
+    command += options
     return [*command, "--ros-args", *_remaps(namespace)]
 
 

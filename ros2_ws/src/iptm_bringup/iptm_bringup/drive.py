@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -11,7 +12,7 @@ from enum import Enum
 from rclpy.executors import Executor
 
 from iptm_bringup.composition import RECORDER
-from iptm_bringup.monitor import RunMonitor
+from iptm_bringup.monitor import RunMonitor, Snapshot
 from iptm_bringup.process_faults import ProcessFaults
 from iptm_bringup.progress import Progress
 from iptm_bringup.supervisor import ProcessEnd, Supervisor
@@ -25,11 +26,14 @@ SILENCE_TIMEOUT_S = 30.0
 """The plant reports once a second even when it waits; silence for so long means that it hangs."""
 AFTER_KILL_S = 10.0
 """So long after a plant that was killed on purpose its run goes on."""
+IMPOSSIBLE_GAP_M = -1000.0
+"""The simulation continues behind a collision, but no host gets this far ahead of its leader."""
 _LAST_ANSWER_TIMEOUT_S = 2.0
 _REST_S = 0.05
 _SPIN_S = 0.001
 _SHOW_PERIOD_S = 0.2
 _QUIET_SPINS = 2
+_TIME_TOLERANCE_S = 1e-6
 _LAST_ANSWERS = (Topic.SOLVE, Topic.COMMAND, Topic.LEADER)
 
 
@@ -71,6 +75,8 @@ class Drive(AbstractContextManager["Drive"]):
         progress: shows how far it is.
         stop: tells that the user wants to stop.
         process_faults: what is done to the processes on purpose.
+        duration_s: length of the trip; a later clock is that of another run.
+        least_gap_m: a smaller gap is one between the host and the leader of different runs.
     """
 
     supervisor: Supervisor
@@ -79,6 +85,8 @@ class Drive(AbstractContextManager["Drive"]):
     progress: Progress
     stop: StopRequest
     process_faults: ProcessFaults
+    duration_s: float = math.inf
+    least_gap_m: float = IMPOSSIBLE_GAP_M
 
     def __exit__(self, *error: object) -> None:
         """End the recorder last: what the others say in the end belongs into the bag."""
@@ -118,16 +126,10 @@ class Drive(AbstractContextManager["Drive"]):
 
         return self._spin_until(lambda: time.monotonic() >= until_s, show)
 
-    def run(self, on_start: Callable[[], None] | None = None) -> DriveResult:
-        """Wait for the trip to begin and to end; all processes must have been started.
-
-        Args:
-            on_start: called when the trip begins.
-        """
+    def run(self) -> DriveResult:
+        """Wait for the trip to begin and to end; all processes must have been started."""
         result = self._wait_for_start()
         if result.outcome is DriveOutcome.FINISHED:
-            if on_start is not None:
-                on_start()
             result = self._wait_for_end()
         return replace(result, wall_time_s=self._wall_time_s())
 
@@ -171,6 +173,9 @@ class Drive(AbstractContextManager["Drive"]):
             snapshot = self.monitor.snapshot()
             now_s = time.monotonic()
             if snapshot is not None and self.monitor.first_clock_s is not None:
+                contradiction = self._contradiction(snapshot)
+                if contradiction:
+                    return DriveResult(DriveOutcome.FAILED, contradiction)
                 self.progress.running(snapshot, now_s - self.monitor.first_clock_s)
             if now_s - self.monitor.last_sign_s > SILENCE_TIMEOUT_S:
                 return DriveResult(
@@ -199,6 +204,18 @@ class Drive(AbstractContextManager["Drive"]):
         if result.outcome is DriveOutcome.FINISHED:
             self._await_last_answers()
         return result
+
+    def _contradiction(self, snapshot: Snapshot) -> str:
+        """Return what shows that messages of another run have mixed with those of this one, or nothing."""
+        if snapshot.time_s > self.duration_s + _TIME_TOLERANCE_S:
+            found = f"the clock is at {snapshot.time_s:g} s of a trip of {self.duration_s:g} s"
+        elif snapshot.gap_m < self.least_gap_m:
+            found = f"the gap is {snapshot.gap_m:.0f} m at {snapshot.time_s:g} s"
+        else:
+            return ""
+        crowded = ", ".join(self.monitor.crowded_topics)
+        others = f", which publish {crowded} as well" if crowded else ""
+        return f"{found}: nodes of another run take part in this ROS domain{others}"
 
     def _spin_until(
         self, condition: Callable[[], bool], show: Callable[[], DriveResult | None]
@@ -251,7 +268,7 @@ class Drive(AbstractContextManager["Drive"]):
 
     def _what_ended(self, ending: ProcessEnd) -> str:
         reason = f" ({self.monitor.plant_reason})" if ending.name == PLANT and ending.code else ""
-        return f"{ending.name} {ending.how}{reason}{self._at()}; all other processes were stopped"
+        return f"{ending.name} {ending.how}{reason}{self._at()}; the other processes of this run were stopped"
 
     def _at(self) -> str:
         now_ns = self.monitor.time_ns

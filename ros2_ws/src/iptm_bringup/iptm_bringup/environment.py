@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from iptm_bringup.scenario import AUTOMATIC_DOMAIN, MAX_DOMAIN
 from iptm_core.errors import ScenarioError
-from iptm_interfaces.discovery import middleware_settings, reserve_domain
+from iptm_interfaces.discovery import lock_run, middleware_settings, reserve_domain
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 
@@ -31,30 +31,29 @@ class RunDomain:
 
 
 @contextmanager
-def domain_of_run(asked: int, environment: Mapping[str, str] = os.environ) -> Iterator[RunDomain]:
-    """Provide the ROS domain of a run.
+def domain_of_run(
+    asked: int, namespace: str = "/", environment: Mapping[str, str] = os.environ
+) -> Iterator[RunDomain]:
+    """Provide the ROS domain of a run, which no other run has in the same namespace until the context ends.
 
     Args:
         asked: domain of the scenario, `AUTOMATIC_DOMAIN` for the user's or a free one.
+        namespace: full namespace of the run, `/` for none.
         environment: where ``ROS_DOMAIN_ID`` may be set.
 
-    Yields:
-        The domain. A free one stays reserved until the context ends.
-
     Raises:
-        ScenarioError: ``ROS_DOMAIN_ID`` is no domain, or none is free.
+        ScenarioError: ``ROS_DOMAIN_ID`` is no domain, another run has the domain, or none is free.
     """
-    if asked != AUTOMATIC_DOMAIN:
-        yield RunDomain(asked, is_private=False)
-        return
-    given = environment.get(DOMAIN_VARIABLE, "").strip()
-    if not given:
-        with reserve_domain() as domain:
-            yield RunDomain(domain, is_private=True)
-        return
-    if not (given.isascii() and given.isdigit() and int(given) <= MAX_DOMAIN):
+    given = environment.get(DOMAIN_VARIABLE, "").strip() if asked == AUTOMATIC_DOMAIN else ""
+    if given and not (given.isascii() and given.isdigit() and int(given) <= MAX_DOMAIN):
         raise ScenarioError(f"{DOMAIN_VARIABLE} is {given!r}; allowed: 0 to {MAX_DOMAIN}")
-    yield RunDomain(int(given), is_private=False)
+    is_private = asked == AUTOMATIC_DOMAIN and not given
+    with ExitStack() as stack:
+        number = int(given) if given else asked
+        if is_private:
+            number = stack.enter_context(reserve_domain())
+        stack.enter_context(lock_run(number, namespace))
+        yield RunDomain(number, is_private)
 
 
 def environment_of_run(

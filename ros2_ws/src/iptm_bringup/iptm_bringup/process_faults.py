@@ -74,13 +74,6 @@ class ProcessFaults:
         """Learn the commands of processes that have been started."""
         self._commands.update(commands)
 
-    def relocate(self, before: Path, after: Path) -> None:
-        """Learn that the files that the commands name have moved to another folder."""
-        self._commands = {
-            name: [part.replace(str(before), str(after)) for part in command]
-            for name, command in self._commands.items()
-        }
-
     def current(self, name: str) -> str:
         """Return what the process of a name is called now: one that was started again has another name."""
         return self._now_called.get(name, name)

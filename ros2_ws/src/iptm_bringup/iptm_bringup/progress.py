@@ -98,6 +98,7 @@ class LineProgress:
         self._console = console
         self._duration_s = duration_s
         self._reason = ""
+        self._has_begun = False
         self._last_s = -math.inf
 
     def waiting(self, reason: str) -> None:
@@ -107,9 +108,10 @@ class LineProgress:
             self._print(f"starting: {reason}")
 
     def running(self, snapshot: Snapshot, wall_s: float) -> None:
-        """Print the state of the run if it is time to."""
-        if not self._is_due():
+        """Print the state of the run when the trip has begun, and then now and again."""
+        if not self._is_due() and self._has_begun:
             return
+        self._has_begun = True
         rung = snapshot.rung
         fallback = "" if rung is Rung.OPTIMAL else f", {_words(rung)}"
         self._print(

@@ -11,7 +11,6 @@ from pathlib import Path
 from rich.console import Console
 
 from iptm_bringup.comparison import NO_COMPARISON
-from iptm_bringup.run_folder import default_output
 from iptm_bringup.runner import RunOptions, run
 from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
 from iptm_bringup.scenario_files import (
@@ -151,9 +150,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_OK
     try:
         prepared = prepared_from(parsed)
-        output = parsed.output or default_output(prepared.scenario.name)
         options = RunOptions(
-            output=output,
+            output=parsed.output,
             record=not parsed.no_record,
             picture=not parsed.no_picture,
             compression=parsed.compression,

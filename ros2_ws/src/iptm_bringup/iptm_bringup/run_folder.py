@@ -1,15 +1,11 @@
-"""The folder of a run: the bag, and beside it picture, results and logs.
-
-The recorder wants to create the folder itself, but logs are written before it starts. They begin in a
-hidden folder next door and move in as soon as there is a folder to move into; open files follow.
-"""
+"""The folder of a run: the bag, and beside it picture, results and logs."""
 
 from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 
 from iptm_core.errors import ScenarioError
@@ -23,41 +19,51 @@ LONGEST_NAME = 200
 
 
 def default_output(scenario_name: str) -> Path:
-    """Return a new folder under ``bags/`` of the project, or of the current folder outside it."""
+    """Return a folder under ``bags/`` of the project, or of the current folder outside it."""
     now = datetime.now().astimezone()
     root = Path(os.environ.get("IPTM_ROOT", "."))
     return root / "bags" / f"{scenario_name}_{now:%Y%m%d_%H%M%S}"
 
 
 class RunFolder:
-    """Where a run puts its files.
+    """Where a run puts its files: a folder created here, so that no other run has it.
 
     Attributes:
-        output: the folder, which is a rosbag2 bag if the run is recorded.
+        given: the folder as the user wrote it.
+        output: its absolute path; a rosbag2 bag if the run is recorded.
+        logs: folder of the logs in it.
     """
 
-    def __init__(self, output: Path) -> None:
-        """Claim a folder that does not exist yet.
+    def __init__(self, given: Path, *, numbered: bool = False) -> None:
+        """Create the folder.
+
+        Args:
+            given: the folder.
+            numbered: take ``<given>_2``, ``<given>_3``, ... where it exists.
 
         Raises:
-            ScenarioError: it exists, or nothing can be written next to it.
+            ScenarioError: it exists, or cannot be created.
         """
-        self.output = output.absolute()
         # The bag inside is named after the folder.
-        if len(os.fsencode(self.output.name)) > LONGEST_NAME:
+        if len(os.fsencode(given.name)) > LONGEST_NAME:
             raise ScenarioError(
-                f"the name of the output folder has {len(os.fsencode(self.output.name))} bytes;"
+                f"the name of the output folder has {len(os.fsencode(given.name))} bytes;"
                 f" allowed: up to {LONGEST_NAME}"
             )
         try:
-            if self.output.exists():
-                raise ScenarioError(f"{output} exists already; a run never overwrites another one")
-            self.output.parent.mkdir(parents=True, exist_ok=True)
-            hidden = tempfile.mkdtemp(prefix=f".{self.output.name}.", dir=self.output.parent)
+            given.parent.mkdir(parents=True, exist_ok=True)
+            self.given = _created(given, numbered=numbered)
+            self.output = self.given.absolute()
+            self.logs = self.output / LOGS
+            self.logs.mkdir()
         except OSError as error:
-            where = shown(str(output.parent))
+            where = shown(str(given.parent))
             raise ScenarioError(f"cannot write to {where}: {error.strerror}") from None
-        self.logs = Path(hidden)
+
+    @classmethod
+    def of_run(cls, given: Path | None, name: str) -> RunFolder:
+        """Create the folder that the user named, or one named after the run."""
+        return cls(given) if given is not None else cls(default_output(name), numbered=True)
 
     @property
     def picture(self) -> Path:
@@ -79,16 +85,22 @@ class RunFolder:
         path.write_text(text, encoding="utf-8")
         return path
 
-    def settle(self) -> None:
-        """Move the logs into the folder, creating it if nobody has; a second call is free."""
-        if self.logs.parent == self.output:
-            return
-        self.output.mkdir(exist_ok=True)
-        # A temporary folder is for its owner's eyes only, a run is for everyone.
-        self.logs.chmod(self.output.stat().st_mode)
-        self.logs = self.logs.rename(self.output / LOGS)
-
     def discard(self) -> None:
         """Remove everything: nothing was driven."""
-        for folder in (self.logs, self.output):
-            shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(self.output, ignore_errors=True)
+
+
+def _created(folder: Path, *, numbered: bool) -> Path:
+    """Create a folder, which only one process can do; return it, with a number if it existed."""
+    created = folder
+    for number in count(2):
+        try:
+            created.mkdir()
+            break
+        except FileExistsError:
+            if not numbered:
+                raise ScenarioError(
+                    f"{folder} exists already; a run never overwrites another one"
+                ) from None
+        created = folder.with_name(f"{folder.name}_{number}")
+    return created

@@ -16,7 +16,7 @@ from iptm_bringup.comparison import NO_COMPARISON, controller_for, plant_for, pr
 from iptm_bringup.environment import domain_of_run, environment_of_run
 from iptm_bringup.run_closed_loop import build_parser as build_run_parser
 from iptm_bringup.run_closed_loop import prepared_from
-from iptm_bringup.run_folder import LOGS, default_output
+from iptm_bringup.run_folder import LOGS, RunFolder
 from iptm_bringup.runner import EXIT_RUN_FAILED
 from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.string_page import StringRun, print_string, write_page
@@ -130,14 +130,10 @@ def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
     length_m: float = parsed.vehicle_length_m
     namespace = prepared.scenario.namespace
     vehicles = vehicles_in_string(parsed.vehicles, gap_m, length_m, namespace)
-    output: Path = parsed.output or default_output("string")
-    try:
-        output.mkdir(parents=True)
-    except OSError as error:
-        raise ScenarioError(f"cannot create {output}: {error.strerror}") from None
-    (output / LOGS).mkdir()
     with ExitStack() as stack:
-        domain = stack.enter_context(domain_of_run(prepared.scenario.domain))
+        asked, own = prepared.scenario.domain, prepared.scenario.full_namespace
+        domain = stack.enter_context(domain_of_run(asked, own))
+        output = RunFolder.of_run(parsed.output, "string").output
         said = f"{len(vehicles)} vehicles; to watch: export ROS_DOMAIN_ID={domain.number}"
         console.print(said, highlight=False)
         stay_open = None

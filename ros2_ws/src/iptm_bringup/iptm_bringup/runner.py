@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -26,7 +27,7 @@ from iptm_bringup.composition import (
     run_information,
     with_faults,
 )
-from iptm_bringup.drive import Drive, DriveOutcome, DriveResult, unclean_ends
+from iptm_bringup.drive import IMPOSSIBLE_GAP_M, Drive, DriveOutcome, DriveResult, unclean_ends
 from iptm_bringup.environment import (
     RunDomain,
     domain_of_run,
@@ -56,10 +57,10 @@ LOOK_AROUND_S = 2.0
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What the user wants beside the scenario.
+    """What the user wants in addition to the scenario.
 
     Attributes:
-        output: folder to create.
+        output: folder to create; None for a new one under ``bags/``.
         record: whether to record a bag.
         picture: whether to draw the run.
         compression: of the bag: none, lz4 or zstd.
@@ -67,7 +68,7 @@ class RunOptions:
         view: whether to show it in the browser while it takes place.
     """
 
-    output: Path
+    output: Path | None = None
     record: bool = True
     picture: bool = True
     compression: str = "none"
@@ -89,33 +90,19 @@ def run(prepared: PreparedScenario, options: RunOptions, console: Console, error
         mistake of the user; 128 + n after signal n.
 
     Raises:
-        ScenarioError: the output exists, or no ROS domain can be had.
+        ScenarioError: the output exists, or another run has the ROS domain.
     """
     stop = StopRequest()
     stop.install()
-    folder = RunFolder(options.output)
-    try:
-        return _run_in(folder, prepared, options, stop, console, errors)
-    finally:
-        if folder.logs.is_dir():
-            folder.settle()
-
-
-def _run_in(
-    folder: RunFolder,
-    prepared: PreparedScenario,
-    options: RunOptions,
-    stop: StopRequest,
-    console: Console,
-    errors: Console,
-) -> int:
+    scenario = prepared.scenario
     with ExitStack() as stack:
-        domain = stack.enter_context(domain_of_run(prepared.scenario.domain))
+        domain = stack.enter_context(domain_of_run(scenario.domain, scenario.full_namespace))
+        folder = RunFolder.of_run(options.output, scenario.name)
         console.print(_introduction(prepared, domain.number), soft_wrap=True)
         stay_open = None
         if options.view:
             environment = environment_of_run(domain.number, folder.logs / "ros")
-            namespaces = [prepared.scenario.namespace]
+            namespaces = [scenario.namespace]
             view = live_view(
                 folder.logs, environment, prepared, namespaces, options.against, console, errors
             )
@@ -170,15 +157,20 @@ def drive_processes(
     supervisor = Supervisor(environment, folder.log_path)
     process_faults = ProcessFaults(supervisor, prepared.scenario.faults)
 
-    def settle() -> None:
-        before = folder.logs
-        folder.settle()
-        process_faults.relocate(before, folder.logs)
-
     with (
         process_environment(environment),  # the runner takes part in the graph itself
         _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor),
-        Drive(supervisor, monitor, executor, progress, stop, process_faults) as drive,
+        Drive(
+            supervisor,
+            monitor,
+            executor,
+            progress,
+            stop,
+            process_faults,
+            duration_s=prepared.route.duration_s,
+            # A fault may show another leader than the one that is followed.
+            least_gap_m=-math.inf if prepared.scenario.faults else IMPOSSIBLE_GAP_M,
+        ) as drive,
     ):
         start = _ProcessStarter(folder, prepared, options)
         drive.start(start.first())
@@ -186,7 +178,7 @@ def drive_processes(
         result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
         if result.outcome is DriveOutcome.FINISHED:
             drive.start(start.then(monitor))
-            result = drive.run(settle)
+            result = drive.run()
     return Driven(result, monitor, supervisor, process_faults)
 
 
@@ -209,9 +201,9 @@ class _ProcessStarter:
         if self._options.record:
             text = yaml.safe_dump(run_information(self._prepared, parameters), sort_keys=False)
             path = self._folder.write_log("run_information.yaml", text)
-            # As the user wrote it: the recorder tells it in its diagnostics, which go into the bag.
+            # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
             commands[RECORDER] = recorder_command(
-                self._options.output, path, self._options.compression, self._namespace
+                self._folder.given, path, self._options.compression, self._namespace
             )
         return commands
 
@@ -302,7 +294,6 @@ def _report_failure(
             f"run_closed_loop: {result.message}", markup=False, highlight=False, soft_wrap=True
         )
         return EXIT_USER_ERROR
-    folder.settle()
     lines = [f"run_closed_loop: {result.message}", *(f"    {line}" for line in result.last_lines)]
     lines.append(f"logs: {folder.logs}")
     errors.print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)

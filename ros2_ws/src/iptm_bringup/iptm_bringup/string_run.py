@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,8 @@ LEADER_IS_A_VEHICLE = "vehicle"
 """Value of the bridge's parameter `leader_source` with which it follows another vehicle of the graph."""
 STOP_PATIENCE_S = 30.0
 """For as long the run of a vehicle may take to end its own processes."""
+BEGIN_PATIENCE_S = 10.0
+"""After the failure of a vehicle, time for the trips of the others to have begun."""
 _POLL_S = 0.2
 _SHOW_PERIOD_S = 5.0
 _WHERE = re.compile(r"^(\d+) of (\d+) s ", re.MULTILINE)
@@ -52,7 +55,7 @@ class VehicleResult:
         """What was wrong, empty if nothing."""
         if self.end.code == 0:
             return ""
-        return "; ".join(self.results.get("problems", ())) or _said(self.end)
+        return "; ".join(self.results.get("problems", ())) or _reason(self.end)
 
 
 def vehicle_options(vehicle: VehicleInString, length_m: float) -> list[str]:
@@ -96,8 +99,7 @@ def drive_string(
 ) -> list[VehicleResult]:
     """Start the run of every vehicle and wait until all have ended.
 
-    A vehicle whose run fails is told at once. The others go on without it, unless the string has not set off
-    yet: then there is nothing to go on with.
+    The failure of a vehicle is printed at once. The others go on without it once their trips have begun.
 
     Args:
         vehicles: the first one first.
@@ -116,7 +118,7 @@ def drive_string(
             own = [*vehicle_options(vehicle, length_m), "--output", str(output / vehicle.name)]
             command = [sys.executable, "-m", _RUN, *arguments, *own]
             supervisor.start(vehicle.name, [*command, f"--domain={domain.number}"])
-        _watch(supervisor, output, stop, console)
+        _watch(supervisor, stop, console)
     finally:
         supervisor.stop()
     ends = {end.name: end for end in supervisor.endings()}
@@ -127,43 +129,46 @@ def drive_string(
     ]
 
 
-def _watch(supervisor: Supervisor, output: Path, stop: StopRequest, console: Console) -> None:
-    told: set[str] = set()
+def _watch(supervisor: Supervisor, stop: StopRequest, console: Console) -> None:
+    reported: set[str] = set()
     shown_s = began_s = time.monotonic()
+    failed_s = math.inf
     while stop.number is None:
         ends = supervisor.endings()
         if len(ends) == len(supervisor.names):
             return
-        for end in ends:
-            if end.code != 0 and end.name not in told:
-                told.add(end.name)
-                text = f"{end.name}: {_said(end)}"
-                console.print(text, markup=False, highlight=False, soft_wrap=True)
-        running = set(supervisor.names) - {end.name for end in ends}
-        if told and not all((output / name / LOGS).is_dir() for name in running):
-            return  # a vehicle that never sets off is waited for for ever
         now_s = time.monotonic()
+        for end in ends:
+            if end.code != 0 and end.name not in reported:
+                reported.add(end.name)
+                failed_s = min(failed_s, now_s)
+                text = f"{end.name}: {_reason(end)}"
+                console.print(text, markup=False, highlight=False, soft_wrap=True)
+        driving = set(supervisor.names) - {end.name for end in ends}
+        waiting = [name for name in driving if not _WHERE.search(supervisor.log_text(name))]
+        if waiting and now_s - failed_s > BEGIN_PATIENCE_S:
+            return  # a vehicle that waits for one that has failed waits for ever
         if now_s - shown_s >= _SHOW_PERIOD_S:
             shown_s = now_s
-            console.print(_progress(supervisor, now_s - began_s), highlight=False, soft_wrap=True)
+            text = _progress(supervisor, driving, now_s - began_s)
+            console.print(text, highlight=False, soft_wrap=True)
         time.sleep(_POLL_S)
 
 
-def _progress(supervisor: Supervisor, wall_s: float) -> str:
-    """Return where the slowest vehicle is."""
-    found = {name: _WHERE.findall(supervisor.log_text(name)) for name in supervisor.names}
-    if not all(found.values()):
-        waiting = ", ".join(name for name, entries in found.items() if not entries)
-        return f"starting: {waiting}"
-    slowest = min(found, key=lambda name: int(found[name][-1][0]))
-    at_s, of_s = found[slowest][-1]
+def _progress(supervisor: Supervisor, driving: Iterable[str], wall_s: float) -> str:
+    """Return where the slowest vehicle is that still drives."""
+    found = {name: _WHERE.findall(supervisor.log_text(name)) for name in sorted(driving)}
+    waiting = [name for name, entries in found.items() if not entries]
+    if waiting:
+        return f"starting: {', '.join(waiting)}"
+    at_s, of_s = min((entries[-1] for entries in found.values()), key=lambda entry: int(entry[0]))
     return (
         f"{at_s} of {of_s} s ({int(at_s) / max(int(of_s), 1):.0%}), {wall_s:.0f} s since the start"
     )
 
 
-def _said(end: ProcessEnd) -> str:
-    """Return what the run of a vehicle said about its failure."""
+def _reason(end: ProcessEnd) -> str:
+    """Return why the run of a vehicle failed, in its own words if there are any."""
     begin = "run_closed_loop: "
     said = [line.removeprefix(begin) for line in end.last_lines if line.startswith(begin)]
     return said[-1] if said else end.how

@@ -136,6 +136,7 @@ class Supervisor:
                 return
             for process in running:
                 process.send_signal(number)
+                process.send_signal(signal.SIGCONT)  # one that is frozen could not end
             deadline_s = time.monotonic() + patience_s
             while any(process.poll() is None for process in running):
                 if time.monotonic() > deadline_s:

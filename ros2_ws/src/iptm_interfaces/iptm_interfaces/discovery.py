@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import os
 import socket
+import struct
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from iptm_core.errors import ScenarioError
@@ -30,6 +31,8 @@ AS_PROFILE_SAYS = "SYSTEM_DEFAULT"
 
 _DATA = Path(__file__).parent / "data"
 _NAME = "\0iptm_ros_domain"  # the null character makes it abstract (Linux)
+_CREDENTIALS = struct.Struct("3i")  # struct ucred of unix(7): pid, uid, gid
+_LONGEST_COMMAND = 100
 _DOMAINS = range(1, 102)  # higher ones collide with the ephemeral ports of Linux
 
 
@@ -87,12 +90,61 @@ def reserve_domain() -> Iterator[int]:
     )
 
 
+@contextmanager
+def lock_run(domain: int, namespace: str) -> Iterator[None]:
+    """Hold the right to drive a run in a namespace of a ROS domain, first come, first served.
+
+    The lock is an abstract socket, as in `reserve_domain`, which passes over the domain meanwhile.
+
+    Args:
+        domain: ROS domain id.
+        namespace: full namespace of the run, `/` for none.
+
+    Raises:
+        ScenarioError: another run holds it; the message names its process.
+    """
+    name = f"{_NAME}_{domain}_run{namespace}"
+    with ExitStack() as stack:
+        lock = _bound(name)
+        if lock is None:
+            place = f"ROS domain {domain}" + (f", {namespace}," if namespace != "/" else "")
+            raise ScenarioError(
+                f"{place} is in use by {_holder(name)}; allowed: one run per domain (see --domain)"
+            )
+        stack.enter_context(lock)
+        reservation = _reserved(domain)  # none where the caller's parent has reserved the domain
+        if reservation is not None:
+            stack.enter_context(reservation)
+        yield
+
+
 def _reserved(domain: int) -> socket.socket | None:
     """Return what holds a reservation, or None if someone else has it."""
-    reservation = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    return _bound(f"{_NAME}_{domain}")
+
+
+def _bound(name: str) -> socket.socket | None:
+    """Return a socket that listens at a name, so that others can find its owner; None if it is taken."""
+    bound = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        reservation.bind(f"{_NAME}_{domain}")
+        bound.bind(name)
+        bound.listen()
     except OSError:
-        reservation.close()
+        bound.close()
         return None
-    return reservation
+    return bound
+
+
+def _holder(name: str) -> str:
+    """Return the process that listens at a name, in words."""
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
+            asking.settimeout(1.0)
+            asking.connect(name)
+            owner = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+        pid, _, _ = _CREDENTIALS.unpack(owner)
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    except OSError:
+        return "another process"
+    command = " ".join(words[words.index("-m") + 1 :] if "-m" in words else words).strip()
+    return f"process {pid} ({command[:_LONGEST_COMMAND]})"

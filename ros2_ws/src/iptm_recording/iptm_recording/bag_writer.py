@@ -39,6 +39,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         compression: key of `COMPRESSIONS`; with compression a kill loses a whole chunk.
         chunk_bytes: content after which a chunk of the file is written.
         limits: of one file of the bag.
+        in_existing_folder: the folder exists and holds no bag; the caller has created it.
 
     Raises:
         BagError: the folder exists or cannot be created.
@@ -52,6 +53,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         compression: str = "none",
         chunk_bytes: int = DEFAULT_CHUNK_BYTES,
         limits: FileLimits | None = None,
+        in_existing_folder: bool = False,
     ) -> None:
         self.folder = folder.absolute()
         self._custom_data = dict(custom_data or {})
@@ -67,7 +69,8 @@ class BagWriter(AbstractContextManager["BagWriter"]):
             allowed = ", ".join(COMPRESSIONS)
             raise BagError(f"compression is {compression!r}; allowed: {allowed}")
         try:
-            self.folder.mkdir(parents=True)
+            if not in_existing_folder:
+                self.folder.mkdir(parents=True)
             self._file = self._next_file()
         except FileExistsError:
             raise BagError(f"{folder} exists already; a bag is never overwritten") from None

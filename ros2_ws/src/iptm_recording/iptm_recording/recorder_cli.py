@@ -37,6 +37,11 @@ def build_parser() -> argparse.ArgumentParser:
         help="bag folder to create (default: bags/run_<date>_<time>); never overwritten",
     )
     parser.add_argument(
+        "--in-existing-folder",
+        action="store_true",
+        help="the folder exists and holds no bag yet, as that of a run with its logs",
+    )
+    parser.add_argument(
         "--all", action="store_true", help="every topic of the graph, as it appears"
     )
     parser.add_argument(
@@ -129,6 +134,7 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
         depth=max(1, arguments.depth),
         is_paused=arguments.start_paused,
         qos=QosOverrides() if overrides is None else load_qos_overrides(overrides),
+        in_existing_folder=arguments.in_existing_folder,
     )
 
 

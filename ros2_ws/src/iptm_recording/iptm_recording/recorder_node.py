@@ -50,6 +50,7 @@ class RecorderOptions:
 
     Attributes:
         output: bag folder to create.
+        in_existing_folder: the folder exists and holds no bag.
         selection: topics wanted; without discovery, of the suite's topic table.
         discover: take topics from the graph as they appear, not from the topic table.
         time_source: simulated time from `/clock`, or wall time.
@@ -71,6 +72,7 @@ class RecorderOptions:
     depth: int = DEFAULT_DEPTH
     is_paused: bool = False
     qos: QosOverrides = field(default_factory=QosOverrides)
+    in_existing_folder: bool = False
 
 
 class RecorderNode(SuiteNode):
@@ -95,6 +97,7 @@ class RecorderNode(SuiteNode):
             custom_data=options.run_information.to_custom_data(),
             compression=options.compression,
             limits=options.limits,
+            in_existing_folder=options.in_existing_folder,
         )
         self._session = RecordingSession(
             self._writer, Timeline(options.time_source), self._clock_topic

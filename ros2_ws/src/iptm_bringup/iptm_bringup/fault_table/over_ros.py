@@ -78,12 +78,11 @@ def drive_over_ros(plan: PlannedTrip, folder: Path, stop: StopRequest) -> Observ
     file = folder / f"{plan.name}.yaml"
     file.write_text(scenario_text(scenario), encoding="utf-8")
     prepared = prepare(scenario)
-    run_folder = RunFolder(_fresh(folder / plan.name))
+    run_folder = RunFolder(folder / plan.name, numbered=True)
     record = any(fault.target == "recorder" for fault in plan.faults)
-    options = RunOptions(run_folder.output, record=record, picture=False)
-    with domain_of_run(AUTOMATIC_DOMAIN, {}) as domain:
+    options = RunOptions(record=record, picture=False)
+    with domain_of_run(AUTOMATIC_DOMAIN, environment={}) as domain:
         driven = drive_processes(run_folder, prepared, options, domain, _Quiet(), stop)
-    run_folder.settle()
     return _observed(plan, driven)
 
 
@@ -146,12 +145,3 @@ def _happened(
         if record.ended_ns is not None:
             ended_s = time.at_s(record.ended_ns, record.ended_clocks)
         yield Happened(began_s, max(ended_s, began_s))
-
-
-def _fresh(path: Path) -> Path:
-    """Return a path that does not exist yet: runs are never overwritten."""
-    number, fresh = 1, path
-    while fresh.exists():
-        number += 1
-        fresh = path.with_name(f"{path.name}_{number}")
-    return fresh
