@@ -162,6 +162,7 @@ def test_parameters_that_make_no_string_are_refused(
     ("options", "said"),
     [
         (("--vehicles", "1"), "--vehicles is 1; allowed: 2 to 20"),
+        (("--vehicles", "abc"), "--vehicles is abc; allowed: 2 to 20"),
         (("--mode", "real_time"), "mode is real_time; allowed in a string: lock_step"),
         (("--no-record",), "--no-record is given for a string"),
         (("--strategy", "agng"), "aging"),

@@ -127,7 +127,8 @@ def test_the_launch_file_sets_parameters_and_arguments_that_exist(
     module["generate_launch_description"]()
     declared = {item.arguments[0] for item in of_class(launch_stubs, "DeclareLaunchArgument")}
     used = {item.arguments[0] for item in of_class(launch_stubs, "LaunchConfiguration")}
-    assert used == declared - {"scenario"}  # which is read before the others are set
+    # Read in functions: the one before the others are set, the other at the end.
+    assert used == declared - {"scenario", "fails_launch"}
     for argument in of_class(launch_stubs, "DeclareLaunchArgument"):
         choices = argument.named["choices"]
         assert argument.named["description"]
@@ -148,30 +149,78 @@ def test_the_launch_file_sets_parameters_and_arguments_that_exist(
         assert Path(module["ARGUMENTS"][f"{name}_parameters"][0]).is_file()
 
 
+class Loop:
+    """A loop of the launch file, and what its event handlers do when its processes end."""
+
+    def __init__(self, made: list[Recorded], **given: str) -> None:
+        first = len(made)
+        module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+        module["generate_launch_description"]()
+        own = made[first:]
+        self.nodes = of_class(own, "Node")
+        self.handlers = {
+            id(handler.named["target_action"]): handler.named["on_exit"]
+            for handler in of_class(own, "OnProcessExit")
+        }
+        configurations = {"record": "true", "fails_launch": "true", **given}
+        prepare = of_class(own, "OpaqueFunction")[1].named["function"]
+        prepare(SimpleNamespace(launch_configurations=configurations))
+
+    def end(self, place: int, code: int = 0, *, is_shutdown: bool = False) -> list[Recorded]:
+        """Return the processes that are ended after the end of one."""
+        node = self.nodes[place]
+        event = SimpleNamespace(returncode=code, process_name=f"{node.named['executable']}-1")
+        actions = self.handlers[id(node)](event, SimpleNamespace(is_shutdown=is_shutdown))
+        return [action.named["event"].named["process_matcher"].arguments[0] for action in actions]
+
+
 @needs_sources
-def test_the_end_of_a_process_ends_its_own_loop_and_no_other(launch_stubs: list[Recorded]) -> None:
-    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
-    module["generate_launch_description"]()
-    nodes = of_class(launch_stubs, "Node")
-    assert not any("on_exit" in node.named for node in nodes)
-    ended = SimpleNamespace(returncode=0, process_name="plant-1")
-    driving, stopping = SimpleNamespace(is_shutdown=False), SimpleNamespace(is_shutdown=True)
-    handlers = {
-        id(handler.named["target_action"]): [
-            action.named["event"].named["process_matcher"].arguments[0]
-            for action in handler.named["on_exit"](ended, driving)
-        ]
-        for handler in of_class(launch_stubs, "OnProcessExit")
-    }
-    # One that fails ends the launch, unless that is ending anyway.
-    failed = SimpleNamespace(returncode=2, process_name="controller-3")
-    on_exit = of_class(launch_stubs, "OnProcessExit")[0].named["on_exit"]
-    with pytest.raises(RuntimeError, match="controller-3 ended with exit code 2"):
-        on_exit(failed, driving)
-    assert on_exit(failed, stopping)
-    assert len(of_class(launch_stubs, "RegisterEventHandler")) == len(nodes)
-    for node in nodes:
-        assert handlers[id(node)] == [other for other in nodes if other is not node]
+def test_the_end_of_a_node_ends_its_own_loop_and_that_of_the_recorder_nothing(
+    launch_stubs: list[Recorded],
+) -> None:
+    loop = Loop(launch_stubs)
+    assert not any("on_exit" in node.named for node in loop.nodes)
+    assert [node.named["executable"] for node in loop.nodes][-1] == "recorder"
+    for place, node in enumerate(loop.nodes[:-1]):
+        assert loop.end(place) == [other for other in loop.nodes if other is not node]
+    assert loop.end(3) == []
+
+
+@needs_sources
+def test_a_launch_fails_when_the_last_process_of_a_loop_has_ended(
+    launch_stubs: list[Recorded],
+) -> None:
+    for record, last in (("true", 3), ("false", 2)):
+        loop = Loop(launch_stubs, record=record)
+        assert len(loop.end(0, -9)) == 3
+        for place in range(1, last):
+            loop.end(place)
+        with pytest.raises(RuntimeError, match=r"-1 ended with exit code -9"):
+            loop.end(last)
+    with pytest.raises(RuntimeError, match="ended with exit code 2"):  # a mistake, at once
+        Loop(launch_stubs).end(1, 2)
+    interrupted = Loop(launch_stubs)
+    for place in range(4):
+        interrupted.end(place, -2, is_shutdown=True)
+
+
+@needs_sources
+def test_a_dead_vehicle_of_a_string_fails_the_launch_after_all_others(
+    launch_stubs: list[Recorded],
+) -> None:
+    """Before, the launch ended with it, and with it the other vehicles."""
+    module = runpy.run_path(str(LAUNCH / "string.launch.py"))
+    driving = SimpleNamespace(is_shutdown=False)
+    cars = [Loop(launch_stubs, fails_launch="false", record="false") for _ in range(2)]
+    end = module["StringEnd"](6)
+    for place, code in ((0, -9), (1, 0), (2, 0)):
+        cars[0].end(place, code)
+        end.on_exit(SimpleNamespace(returncode=code, process_name=f"car_1-{place}"), driving)
+    for place in range(2):
+        end.on_exit(SimpleNamespace(returncode=0, process_name="car_2"), driving)
+        cars[1].end(place)
+    with pytest.raises(RuntimeError, match="car_1-0 ended with exit code -9"):
+        end.on_exit(SimpleNamespace(returncode=0, process_name="car_2"), driving)
 
 
 @needs_sources
@@ -204,14 +253,41 @@ def test_a_scenario_is_the_default_of_arguments_that_are_not_given(
     assert none == {"scenario": ""}
 
 
+def start_string(made: list[Recorded], module: dict[str, Any], **given: str) -> None:
+    """Build the loops of a string with arguments."""
+    configuration: Any = sys.modules["launch.substitutions"].LaunchConfiguration
+    defaults = {name: default for name, (default, _) in module["ARGUMENTS"].items()}
+    configuration.perform = lambda self, _: {**defaults, **given}[self.arguments[0]]
+    (opaque,) = of_class(made, "OpaqueFunction")
+    opaque.named["function"](SimpleNamespace(launch_configurations=given))
+
+
+@needs_sources
+@pytest.mark.parametrize(
+    ("given", "refusal"),
+    [
+        ({"vehicles": "0"}, "vehicles is 0; allowed: 2 to 20"),
+        ({"vehicles": "abc"}, "vehicles is abc; allowed: 2 to 20"),
+        ({"vehicles": "2.5"}, "vehicles is 2.5; allowed: a whole number, 2 to 20"),
+        ({"vehicles": "100"}, "vehicles is 100; allowed: 2 to 20"),
+        ({"initial_gap_m": "far"}, "initial_gap_m is far; allowed: 1 to 500 m"),
+        ({"leader_length_m": "nan"}, "leader_length_m is nan; allowed: "),
+    ],
+)
+def test_arguments_that_make_no_string_are_refused(
+    launch_stubs: list[Recorded], given: dict[str, str], refusal: str
+) -> None:
+    module = runpy.run_path(str(LAUNCH / "string.launch.py"))
+    module["generate_launch_description"]()
+    with pytest.raises(ScenarioError, match=refusal):
+        start_string(launch_stubs, module, **given)
+
+
 @needs_sources
 def test_the_vehicles_of_a_string_follow_each_other(launch_stubs: list[Recorded]) -> None:
     module = runpy.run_path(str(LAUNCH / "string.launch.py"))
     module["generate_launch_description"]()
-    configuration: Any = sys.modules["launch.substitutions"].LaunchConfiguration
-    configuration.perform = lambda self, _: module["ARGUMENTS"][self.arguments[0]][0]
-    (opaque,) = of_class(launch_stubs, "OpaqueFunction")
-    opaque.named["function"](None)
+    start_string(launch_stubs, module)
     given = [
         dict(item.named["launch_arguments"])
         for item in of_class(launch_stubs, "IncludeLaunchDescription")

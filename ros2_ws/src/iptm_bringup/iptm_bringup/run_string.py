@@ -27,8 +27,13 @@ from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, refused, tell
-from iptm_core.settings import VEHICLE_LENGTH_M, VEHICLE_LENGTHS_M
-from iptm_core.vehicle_string import MAX_VEHICLES, vehicles_in_string
+from iptm_core.settings import VEHICLE_LENGTH_M
+from iptm_core.vehicle_string import (
+    MAX_VEHICLES,
+    vehicle_count,
+    vehicle_length_m,
+    vehicles_in_string,
+)
 from iptm_interfaces.process import StopRequest
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_studies.closed_loop import ClosedLoopRun
@@ -61,12 +66,11 @@ def build_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     parser.add_argument(
-        "--vehicles", type=int, default=5, metavar="N", help=f"2 to {MAX_VEHICLES} (default: 5)"
+        "--vehicles", default="5", metavar="N", help=f"2 to {MAX_VEHICLES} (default: %(default)s)"
     )
     parser.add_argument(
         "--vehicle-length-m",
-        type=float,
-        default=VEHICLE_LENGTH_M,
+        default=str(VEHICLE_LENGTH_M),
         metavar="LENGTH",
         help="of every vehicle, front to rear bumper (default: %(default)s)",
     )
@@ -123,13 +127,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
-    prepared = _prepared(parsed, rest)
+    count = vehicle_count(parsed.vehicles, "--vehicles")
+    length_m = vehicle_length_m(parsed.vehicle_length_m, "--vehicle-length-m")
+    prepared = _prepared(rest)
     stop = StopRequest()
     stop.install()
     gap_m = prepared.model.values.gap.initial_gap_m
-    length_m: float = parsed.vehicle_length_m
-    namespace = prepared.scenario.namespace
-    vehicles = vehicles_in_string(parsed.vehicles, gap_m, length_m, namespace)
+    vehicles = vehicles_in_string(count, gap_m, length_m, prepared.scenario.namespace)
     with ExitStack() as stack:
         asked, own = prepared.scenario.domain, prepared.scenario.full_namespace
         domain = stack.enter_context(domain_of_run(asked, own))
@@ -152,7 +156,7 @@ def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
         results = drive_string(vehicles, rest, length_m, output, domain, stop, console)
         if stop.number is not None:
             return EXIT_SIGNAL + int(stop.number)
-        code = _report(parsed, prepared, results, output, console)
+        code = _report(parsed, prepared, results, length_m, output, console)
         if stay_open is not None:
             stay_open(stop)
         return code
@@ -162,11 +166,11 @@ def _report(
     parsed: argparse.Namespace,
     prepared: PreparedScenario,
     results: Sequence[VehicleResult],
+    length_m: float,
     output: Path,
     console: Console,
 ) -> int:
-    """Tell what the vehicles did; return the exit code."""
-    length_m: float = parsed.vehicle_length_m
+    """Report what the vehicles did; return the exit code."""
     complaints = [result for result in results if result.complaint]
     for result in complaints:
         tell(PROGRAM, f"{result.vehicle.name}: {result.complaint}")
@@ -190,19 +194,12 @@ def _report(
     return EXIT_RUN_FAILED if complaints else EXIT_OK
 
 
-def _prepared(parsed: argparse.Namespace, rest: list[str]) -> PreparedScenario:
+def _prepared(rest: list[str]) -> PreparedScenario:
     """Return the scenario of every vehicle.
 
     Raises:
         ScenarioError: it is none, or nothing for a string.
     """
-    if not 2 <= parsed.vehicles <= MAX_VEHICLES:
-        raise ScenarioError(f"--vehicles is {parsed.vehicles}; allowed: 2 to {MAX_VEHICLES}")
-    shortest_m, longest_m = VEHICLE_LENGTHS_M
-    if not shortest_m <= parsed.vehicle_length_m <= longest_m:
-        raise ScenarioError(
-            f"--vehicle-length-m is {parsed.vehicle_length_m:g}; allowed: {shortest_m:g} to {longest_m:g} m"
-        )
     options = build_run_parser().parse_args(rest)
     unfit = [name for name in ("list", "no_record") if getattr(options, name)]
     if unfit:

@@ -3,9 +3,9 @@
     ros2 launch iptm_bringup closed_loop.launch.py cycle:=us06 slope:=large record:=true
     ros2 launch iptm_bringup closed_loop.launch.py scenario:=real_time namespace:=car_1
 
-The loop ends with the first of its processes that does; other loops of the launch go on. A process that fails
-ends the launch, with exit code 1. Arguments go before the scenario; what neither names is set in the
-parameter files.
+The loop ends with the first of its nodes that does; it goes on without its recorder. If one of its processes
+has failed, the launch then fails with exit code 1, after a mistake in the arguments at once. Arguments go
+before the scenario; what neither names is set in the parameter files.
 """
 
 import atexit
@@ -36,6 +36,7 @@ from iptm_bringup.scenario_files import load_scenario, shipped_scenarios
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
+from iptm_core.program import EXIT_USER_ERROR
 from iptm_core.settings import VEHICLE_LENGTH_M, StringSettings
 from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
 from launch import LaunchDescription
@@ -68,6 +69,7 @@ ARGUMENTS = {
     "clock": ("clock", "topic of the clock; a relative name moves with the namespace"),
     "use_sim_time": ("false", "the nodes go by the stamps of messages; only their logs differ"),
     "record": ("false", "whether to record a bag"),
+    "fails_launch": ("true", "whether the launch fails when a process of this loop has failed"),
     "bag": (f"bags/run_{datetime.now().astimezone():%Y%m%d_%H%M%S}", "bag folder to create"),
     **{
         name: (str(plain(spec.default)), f"{spec.description}; {spec.allowed}")
@@ -115,22 +117,47 @@ def take_scenario(context) -> None:
         given[f"{node}_parameters"] = str(path)
 
 
-def end_loop(others, event, context) -> list[EmitEvent]:
-    """Return what ends the other processes of a loop of which one has ended.
+class LoopEnd:
+    """Ends a loop when one of its nodes has ended, and then fails the launch if a process has failed."""
 
-    Raises:
-        RuntimeError: it failed; this ends the launch, with exit code 1.
-    """
-    if event.returncode and not context.is_shutdown:
-        raise RuntimeError(f"{event.process_name} ended with exit code {event.returncode}")
-    return [
-        EmitEvent(event=ShutdownProcess(process_matcher=matches_action(other))) for other in others
-    ]
+    def __init__(self) -> None:
+        self.processes: list[Node] = []
+        self._running = 0
+        self._fails_launch = True
+        self._failures: list[str] = []
+
+    def prepare(self, context) -> None:
+        """Read the arguments that the end depends on; they are not in scope any more when it comes."""
+        given = context.launch_configurations
+        self._running = len(NODES) + (given["record"].lower() == "true")
+        self._fails_launch = given["fails_launch"].lower() == "true"
+
+    def on_exit(self, process, event, context) -> list[EmitEvent]:
+        """Return what ends the other processes.
+
+        Raises:
+            RuntimeError: a process failed; this ends the launch, with exit code 1.
+        """
+        self._running -= 1
+        if event.returncode and not context.is_shutdown:
+            failure = f"{event.process_name} ended with exit code {event.returncode}"
+            self._failures.append(failure)
+            if event.returncode == EXIT_USER_ERROR:
+                raise RuntimeError(failure)
+        if self._running == 0 and self._failures and self._fails_launch:
+            raise RuntimeError("; ".join(self._failures))
+        if process is self.processes[-1]:  # the recorder
+            return []
+        others = [each for each in self.processes if each is not process]
+        return [
+            EmitEvent(event=ShutdownProcess(process_matcher=matches_action(other)))
+            for other in others
+        ]
 
 
 def choices_of(name: str) -> list[str] | None:
     """Return what an argument may be, None where that is not a list."""
-    if name in {"record", "use_sim_time"}:
+    if name in {"record", "use_sim_time", "fails_launch"}:
         return TRUTH_VALUES
     return list(SPECS[name].choices) or None if name in SPECS else None
 
@@ -159,7 +186,8 @@ def generate_launch_description() -> LaunchDescription:
         )
         for name, (default, description) in ARGUMENTS.items()
     ]
-    processes = []
+    end = LoopEnd()
+    processes = end.processes
     for name, (package, executable) in EXECUTABLES.items():
         parameters = {
             key: ParameterValue(LaunchConfiguration(key), value_type=kind)
@@ -190,14 +218,18 @@ def generate_launch_description() -> LaunchDescription:
     # Not `Shutdown`, which would end the other vehicles of a launch, too.
     endings = [
         RegisterEventHandler(
-            OnProcessExit(
-                target_action=process,
-                on_exit=partial(end_loop, [each for each in processes if each is not process]),
-            )
+            OnProcessExit(target_action=process, on_exit=partial(end.on_exit, process))
         )
         for process in processes
     ]
     scenario, *others = actions
     return LaunchDescription(
-        [scenario, OpaqueFunction(function=take_scenario), *others, *endings, *processes]
+        [
+            scenario,
+            OpaqueFunction(function=take_scenario),
+            *others,
+            OpaqueFunction(function=end.prepare),
+            *endings,
+            *processes,
+        ]
     )

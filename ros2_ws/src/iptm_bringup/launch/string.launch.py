@@ -4,7 +4,8 @@
     ros2 launch iptm_bringup string.launch.py vehicles:=2 cycle:=us06 record:=true bag:=bags/both
 
 car_1 follows the driving cycle, every other vehicle follows the one before, whose plan is its preview. All
-other arguments of `closed_loop.launch.py` hold for every vehicle. The launch ends when all trips have ended.
+other arguments of `closed_loop.launch.py` hold for every vehicle. A vehicle with a failed process stops, and
+the others go on. The launch ends when all have ended, with exit code 1 if a process has failed.
 """
 
 from datetime import datetime
@@ -16,19 +17,28 @@ from launch.actions import (
     GroupAction,
     IncludeLaunchDescription,
     OpaqueFunction,
+    RegisterEventHandler,
 )
+from launch.event_handlers import OnProcessExit
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 
+from iptm_bringup.scenario import NODES
 from iptm_core.parameters import load_parameters
 from iptm_core.settings import VEHICLE_LENGTH_M
-from iptm_core.vehicle_string import vehicles_in_string
+from iptm_core.vehicle_string import (
+    MAX_VEHICLES,
+    string_gap_m,
+    vehicle_count,
+    vehicle_length_m,
+    vehicles_in_string,
+)
 from launch import LaunchContext, LaunchDescription
 
 LOOP = Path(get_package_share_directory("iptm_bringup")) / "launch" / "closed_loop.launch.py"
 # Argument -> default, description.
 ARGUMENTS = {
-    "vehicles": ("5", "number of vehicles"),
+    "vehicles": ("5", f"number of vehicles, 2 to {MAX_VEHICLES}"),
     "leader_length_m": (str(VEHICLE_LENGTH_M), "length of every vehicle in m"),
     "initial_gap_m": (
         str(load_parameters().values.gap.initial_gap_m),
@@ -41,21 +51,32 @@ ARGUMENTS = {
 }
 
 
-def loops(context: LaunchContext) -> list[GroupAction]:
-    """Return a closed loop for each vehicle."""
-    told = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    gap_m, length_m = float(told["initial_gap_m"]), float(told["leader_length_m"])
-    actions = []
-    for vehicle in vehicles_in_string(int(told["vehicles"]), gap_m, length_m):
+def loops(context: LaunchContext) -> list[RegisterEventHandler | GroupAction]:
+    """Return a closed loop for each vehicle.
+
+    Raises:
+        ScenarioError: an argument is no number, or out of range.
+    """
+    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    vehicles = vehicles_in_string(
+        vehicle_count(given["vehicles"]),
+        string_gap_m(given["initial_gap_m"]),
+        vehicle_length_m(given["leader_length_m"], "leader_length_m"),
+    )
+    record = context.launch_configurations.get("record", "false").lower() == "true"
+    end = StringEnd(len(vehicles) * (len(NODES) + record))
+    actions = [RegisterEventHandler(OnProcessExit(on_exit=end.on_exit))]
+    for vehicle in vehicles:
         arguments = {
             "namespace": vehicle.namespace,
             "vehicle_ahead": vehicle.vehicle_ahead,
             "vehicle_behind": vehicle.vehicle_behind,
             "start_position_m": str(vehicle.start_position_m),
             "leader_source": "vehicle" if vehicle.vehicle_ahead else "cycle",
-            "leader_length_m": told["leader_length_m"],
-            "initial_gap_m": told["initial_gap_m"],
-            "bag": f"{told['bag']}/{vehicle.name}",
+            "leader_length_m": given["leader_length_m"],
+            "initial_gap_m": given["initial_gap_m"],
+            "bag": f"{given['bag']}/{vehicle.name}",
+            "fails_launch": "false",
         }
         include = IncludeLaunchDescription(
             PythonLaunchDescriptionSource(str(LOOP)), launch_arguments=arguments.items()
@@ -63,6 +84,26 @@ def loops(context: LaunchContext) -> list[GroupAction]:
         # A group each: what an included file sets would otherwise hold for the next one.
         actions.append(GroupAction([include]))
     return actions
+
+
+class StringEnd:
+    """Fails the launch when all processes have ended and one of them has failed."""
+
+    def __init__(self, processes: int) -> None:
+        self._running = processes
+        self._failures: list[str] = []
+
+    def on_exit(self, event, context) -> None:
+        """Count the end of a process.
+
+        Raises:
+            RuntimeError: it was the last one, and one has failed; the launch ends with exit code 1.
+        """
+        self._running -= 1
+        if event.returncode and not context.is_shutdown:
+            self._failures.append(f"{event.process_name} ended with exit code {event.returncode}")
+        if self._running == 0 and self._failures:
+            raise RuntimeError("; ".join(self._failures))
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from iptm_core.errors import ScenarioError
+from iptm_core.settings import VEHICLE_LENGTHS_M
+from iptm_core.user_input import number
+
 MAX_VEHICLES = 20
 """More do not start on one computer within a reasonable time."""
 
@@ -25,6 +29,47 @@ class VehicleInString:
     vehicle_ahead: str
     vehicle_behind: str
     start_position_m: float
+
+
+def vehicle_count(text: str, name: str = "vehicles") -> int:
+    """Read the number of vehicles of a string.
+
+    Raises:
+        ScenarioError: it is no whole number, or out of range.
+    """
+    count = _in_range(name, text, (2.0, MAX_VEHICLES))
+    if not count.is_integer():
+        raise ScenarioError(f"{name} is {text}; allowed: a whole number, 2 to {MAX_VEHICLES}")
+    return int(count)
+
+
+def vehicle_length_m(text: str, name: str = "vehicle_length_m") -> float:
+    """Read the length of a vehicle in m.
+
+    Raises:
+        ScenarioError: it is no number, or out of range.
+    """
+    return _in_range(name, text, VEHICLE_LENGTHS_M, " m")
+
+
+def string_gap_m(text: str, name: str = "initial_gap_m") -> float:
+    """Read the gap between vehicles at the start, in m; further limits are those of the parameter set.
+
+    Raises:
+        ScenarioError: it is no number, or out of range.
+    """
+    return _in_range(name, text, (1.0, 500.0), " m")
+
+
+def _in_range(name: str, text: str, bounds: tuple[float, float], unit: str = "") -> float:
+    low, high = bounds
+    try:
+        value = number(text)
+    except ValueError:
+        value = float("nan")
+    if not low <= value <= high:
+        raise ScenarioError(f"{name} is {text}; allowed: {low:g} to {high:g}{unit}")
+    return value
 
 
 def vehicles_in_string(
