@@ -21,10 +21,19 @@ from iptm_recording.recover import recover
 S = 10**9
 PLACE = ("-r", "__ns:=/car_9")
 PLACES = {
-    "namespace": PLACE,
-    "names as of the launch file": (*PLACE, "-r", "clock:=clock", "-r", "/clock:=clock"),
-    "a clock elsewhere": (*PLACE, "-r", "clock:=/clock_of_9"),
+    "namespace": ("--ros-args", *PLACE),
+    "names as of the launch file": (
+        "--ros-args",
+        *PLACE,
+        "-r",
+        "clock:=clock",
+        "-r",
+        "/clock:=clock",
+    ),
+    "a clock elsewhere": ("--ros-args", *PLACE, "-r", "clock:=/clock_of_9"),
+    "everything from outside": ("--all",),
     "without a namespace": (
+        "--ros-args",
         "-r",
         "/plant/cell_1_temperature:=/car_9/plant/cell_1_temperature",
         "-r",
@@ -41,9 +50,7 @@ def recorder(
     launcher: Any, wait_until: Callable[..., None], tmp_path: Path, request: pytest.FixtureRequest
 ) -> Any:
     place = PLACES[getattr(request, "param", "namespace")]
-    process = launcher.start_module(
-        "iptm_recording.recorder_cli", tmp_path / "bag", "--ros-args", *place
-    )
+    process = launcher.start_module("iptm_recording.recorder_cli", tmp_path / "bag", *place)
     wait_until(lambda: "recorder ready" in process.stdout, what="recorder ready")
     return process
 
@@ -59,6 +66,8 @@ def test_a_kill_loses_at_most_one_tick_wherever_the_clock_is(
     slope.publish(Float64MultiArray(data=[1.0]))
     peer.wait_until(state.get_subscription_count, 60.0, "subscription to the state")
     state.publish(Temperature())  # the trip is running: the clock is subscribed to, too
+    if "outside" in request.node.name:
+        peer.wait_until(lambda: f"the bag follows {CLOCK}" in recorder.stderr, what="the choice")
     peer.wait_until(clock.get_subscription_count, 60.0, "subscription to the clock")
     file, ticks = tmp_path / "bag" / "bag_0.mcap", 60
     for tick in range(1, ticks):
@@ -76,7 +85,36 @@ def test_a_kill_loses_at_most_one_tick_wherever_the_clock_is(
         # The last four were published flat out until the moment of the kill.
         assert counts[STATE] >= ticks - 5
         assert reader.topics[SLOPE].is_latched
-        assert reader.end_ns - reader.start_ns >= (ticks - 6) * S
+        assert (ticks - 6) * S <= reader.end_ns < ticks * S  # in the time of the trip
+
+
+def test_a_kill_without_a_clock_loses_nothing(launcher: Any, peer: Any, tmp_path: Path) -> None:
+    """Two vehicles: none of their clocks is that of the recorder, which warns and writes at once."""
+    cars = ("/car_8", "/car_9")
+    states = [peer.node.create_publisher(Temperature, f"{car}/state", 10) for car in cars]
+    clocks = [peer.node.create_publisher(Clock, f"{car}/clock", 10) for car in cars]
+    recorder = launcher.start_module("iptm_recording.recorder_cli", tmp_path / "bag", "--all")
+    peer.wait_until(
+        lambda: all(each.get_subscription_count() for each in (*states, *clocks)),
+        60.0,
+        "subscriptions",
+    )
+    file, ticks = tmp_path / "bag" / "bag_0.mcap", 40
+    for tick in range(ticks):
+        size = file.stat().st_size
+        for publisher in (*states, *clocks):
+            stamp = time_from_ns(tick * S)
+            is_clock = publisher in clocks
+            message = Clock(clock=stamp) if is_clock else Temperature(temperature=float(tick))
+            publisher.publish(message)
+        peer.wait_until(lambda size=size: file.stat().st_size > size, what="growth of the bag")
+    warning = "2 clocks on the graph (/car_8/clock, /car_9/clock)"
+    peer.wait_until(lambda: warning in recorder.stderr, what="the warning")
+    recorder.send(signal.SIGKILL)
+    recorder.wait()
+    with BagReader(recover(tmp_path / "bag").output) as reader:
+        for car in cars:
+            assert reader.topics[f"{car}/state"].message_count >= ticks - 1
 
 
 def test_a_run_started_by_hand_tells_its_parameters(

@@ -39,7 +39,7 @@ def test_rate_start_duration_and_topics(small_bag: Path) -> None:
 def test_latched_messages_come_first_when_starting_late(tmp_path: Path, encode: Encode) -> None:
     bag = tmp_path / "bag"
     with BagWriter(bag) as writer:
-        latched = DEFAULT_QOS._replace(durability=QosDurability.TRANSIENT_LOCAL)
+        latched = DEFAULT_QOS._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
         slope = writer.add_topic("/slope", "std_msgs/msg/Float64", offered_qos=[latched])
         state = writer.add_topic("/state", "std_msgs/msg/Float64")
         for k in range(2):

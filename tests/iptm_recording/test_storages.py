@@ -27,7 +27,7 @@ from iptm_recording.recorded_topics import DEFAULT_QOS
 from iptm_recording.recover import recover
 from iptm_recording.trajectory_reader import read_trajectory
 
-LATCHED = DEFAULT_QOS._replace(durability=QosDurability.TRANSIENT_LOCAL)
+LATCHED = DEFAULT_QOS._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
 FLOAT = "std_msgs/msg/Float64"
 NONE, FILE, MESSAGE = CompressionMode.NONE, CompressionMode.FILE, CompressionMode.MESSAGE
 STORAGES = [

@@ -33,23 +33,16 @@ def simulated() -> Timeline:
 @pytest.mark.parametrize("topic", list(TOPICS))
 def test_kind_of_every_topic_of_the_suite(topic: Topic) -> None:
     spec = TOPICS[topic]
-    name = "/" + spec.name.lstrip("/")
-    kind = stamp_kind(name, spec.type_name, message_definition(spec.type_name).text)
+    kind = stamp_kind(spec.type_name, message_definition(spec.type_name).text)
     has_header = "header" in spec.message_type.get_fields_and_field_types()
     expected = CLOCK if topic is Topic.CLOCK else HEADER if has_header else NONE
     assert kind is expected
 
 
-def test_clock_elsewhere_is_no_clock() -> None:
-    spec = TOPICS[Topic.CLOCK]
-    text = message_definition(spec.type_name).text
-    assert stamp_kind("/old/clock", spec.type_name, text) is NONE
-
-
 def test_constants_and_comments_before_the_header_are_skipped() -> None:
-    assert stamp_kind("/x", "own/msg/X", "# c\n\nint32 A=1\nstd_msgs/Header header\n") is HEADER
-    assert stamp_kind("/x", "own/msg/X", "int32 a\nstd_msgs/Header header\n") is NONE
-    assert stamp_kind("/x", "own/msg/X", "") is NONE
+    assert stamp_kind("own/msg/X", "# c\n\nint32 A=1\nstd_msgs/Header header\n") is HEADER
+    assert stamp_kind("own/msg/X", "int32 a\nstd_msgs/Header header\n") is NONE
+    assert stamp_kind("own/msg/X", "") is NONE
 
 
 def test_stamps_are_read_in_both_byte_orders() -> None:
@@ -114,10 +107,3 @@ def test_wall_time() -> None:
     assert before <= log_ns == publish_ns <= time.time_ns()
     log_ns, publish_ns = timeline.times_ns(stamped(before), HEADER) or (0, 0)
     assert publish_ns == before <= log_ns
-
-
-def test_a_remapped_clock_is_the_clock() -> None:
-    spec = TOPICS[Topic.CLOCK]
-    text = message_definition(spec.type_name).text
-    assert stamp_kind("/car_9/clock", spec.type_name, text, "/car_9/clock") is CLOCK
-    assert stamp_kind("/clock", spec.type_name, text, "/car_9/clock") is NONE

@@ -166,7 +166,7 @@ def _compare_topic(
 def _messages(reader: BagReader, names: Collection[str]) -> _Content:
     """Return the messages by topic, and there by the key that matches them with another bag's."""
     kinds = {
-        topic.name: stamp_kind(topic.name, topic.type_name, reader.definition_text(topic.type_name))
+        topic.name: stamp_kind(topic.type_name, reader.definition_text(topic.type_name))
         for topic in reader.topics.values()
         if topic.name in names
     }

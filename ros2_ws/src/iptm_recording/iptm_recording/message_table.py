@@ -66,9 +66,7 @@ def message_columns(reader: BagReader, topic: TopicRecord) -> dict[str, list[Any
     Raises:
         BagError: the topic holds no messages, or makes too many columns; the bag is damaged.
     """
-    kind = stamp_kind(
-        topic.name, topic.type_name, reader.definition_text(topic.type_name), topic.name
-    )
+    kind = stamp_kind(topic.type_name, reader.definition_text(topic.type_name))
     columns: dict[str, list[Any]] = {}
     rows = 0
     for item in reader.messages([topic.name]):

@@ -61,8 +61,8 @@ class TopicRecord:
 
     @property
     def is_latched(self) -> bool:
-        """True if a publisher kept messages for subscribers that join later."""
-        return any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in self.offered_qos)
+        """True if a publisher kept its last message for subscribers that join later."""
+        return any(map(is_latched, self.offered_qos))
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,13 @@ class TopicSelection:
 
     def takes(self, name: str) -> bool:
         """Return whether a topic, given by its full name, is wanted."""
-        if any(_matches(name, pattern) for pattern in self.exclude):
+        if self.excludes(name):
             return False
         return not self.include or any(_matches(name, pattern) for pattern in self.include)
+
+    def excludes(self, name: str) -> bool:
+        """Return whether a topic is left out in any case."""
+        return any(_matches(name, pattern) for pattern in self.exclude)
 
     def unused(self, names: Iterable[str]) -> list[str]:
         """Return the patterns, wanted or not, that none of the names matches (typing errors)."""
@@ -91,6 +95,15 @@ class TopicSelection:
             for pattern in (*self.include, *self.exclude)
             if not any(_matches(name, pattern) for name in known)
         ]
+
+
+def is_latched(qos: Qos) -> bool:
+    """Return whether a publisher keeps its last message only, static data, for subscribers that join later.
+
+    A depth of 0 is unknown: the middleware does not announce it. Publishers that keep more messages offer
+    the beginning of a stream.
+    """
+    return qos.durability is QosDurability.TRANSIENT_LOCAL and qos.depth <= 1
 
 
 def _matches(name: str, pattern: str) -> bool:
@@ -151,11 +164,12 @@ def offer_for(topic: TopicRecord) -> Qos:
     """
     recorded = topic.offered_qos
     reliable = any(qos.reliability is not QosReliability.BEST_EFFORT for qos in recorded)
+    kept = any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in recorded)
     depths = [qos.depth for qos in recorded if qos.history is QosHistory.KEEP_LAST]
     offer = _profile(
         max(depths, default=0) or DEFAULT_QOS.depth,
         reliable=reliable or not recorded,
-        latched=topic.is_latched,
+        latched=kept,
     )
     keep_all = any(qos.history is QosHistory.KEEP_ALL for qos in recorded)
     return offer._replace(history=QosHistory.KEEP_ALL) if keep_all else offer

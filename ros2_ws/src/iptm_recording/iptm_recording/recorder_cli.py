@@ -59,8 +59,8 @@ def build_parser() -> argparse.ArgumentParser:
         "--time",
         choices=[source.value for source in TimeSource],
         default=TimeSource.SIMULATED.value,
-        help="time that orders the bag: sim = from the clock of the trip in the same namespace"
-        " (default), wall = of the computer",
+        help="time that orders the bag: sim = of the clock in the same namespace, or of the only one on the"
+        " graph (default), wall = of reception",
     )
     parser.add_argument(
         "--run-information",

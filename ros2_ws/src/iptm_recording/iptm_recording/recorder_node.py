@@ -24,6 +24,7 @@ from iptm_interfaces.services import Service
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_recording.bag_writer import BagWriter
+from iptm_recording.clock_choice import ClockChoice, with_clock
 from iptm_recording.mcap_file import FileLimits
 from iptm_recording.node_parameters import ParameterCollector, with_model
 from iptm_recording.qos_overrides import QosOverrides
@@ -31,7 +32,7 @@ from iptm_recording.recorded_topics import TopicSelection
 from iptm_recording.run_information import PAUSES_KEY, RunInformation
 from iptm_recording.session import RecordingSession
 from iptm_recording.subscriptions import TopicSubscriber
-from iptm_recording.timeline import Timeline, TimeSource
+from iptm_recording.timeline import CLOCK_TYPE, Timeline, TimeSource
 
 READY_LINE = "recorder ready"
 DEFAULT_DEPTH = 10_000
@@ -40,8 +41,6 @@ _ADAPTION_PERIOD_S = 1.0
 _IDLE_BEFORE_CLOSING_S = 0.25
 _LONGEST_DRAIN_S = 1.0
 _PROGRESS_PERIOD_S = 10.0
-# Before a trip only latched data and diagnostics arrive; more than that means a missing clock.
-_MANY_HELD = 1000
 
 
 @dataclass(frozen=True)
@@ -88,10 +87,11 @@ class RecorderNode(SuiteNode):
     def __init__(self, options: RecorderOptions) -> None:
         super().__init__("recorder")
         self._options = options
-        self._clock_topic = self.resolve_topic_name(Topic.CLOCK.value)
+        clock_topic = self.resolve_topic_name(Topic.CLOCK.value)
         selection = options.selection
+        self._clock_choice = ClockChoice(clock_topic, selection)
         if options.time_source is TimeSource.SIMULATED:
-            selection = _with_clock(selection, self._clock_topic)
+            selection = with_clock(selection, clock_topic)
         self._writer = BagWriter(
             options.output,
             custom_data=options.run_information.to_custom_data(),
@@ -99,9 +99,7 @@ class RecorderNode(SuiteNode):
             limits=options.limits,
             in_existing_folder=options.in_existing_folder,
         )
-        self._session = RecordingSession(
-            self._writer, Timeline(options.time_source), self._clock_topic
-        )
+        self._session = RecordingSession(self._writer, Timeline(options.time_source), clock_topic)
         self._topics = TopicSubscriber(
             self,
             self._session,
@@ -188,6 +186,8 @@ class RecorderNode(SuiteNode):
                 self.finish(self.exit_code)
             return
         self._topics.look()
+        if not (self._clock_choice.is_final or self._session.is_ordered_by_reception):
+            self._choose_clock()
         if self._collector is not None:
             self._collector.look()
         if now_s >= self._next_adaption_s:
@@ -197,6 +197,26 @@ class RecorderNode(SuiteNode):
             self._next_progress_s = now_s + _PROGRESS_PERIOD_S
             print(self._progress(), flush=True)
         self._report()
+
+    def _choose_clock(self) -> None:
+        """Look for the clock that orders the bag."""
+        choice = self._clock_choice
+        clocks = [name for name, types in self.get_topic_names_and_types() if CLOCK_TYPE in types]
+        published = [name for name in clocks if self.count_publishers(name)]
+        has_data = self._topics.has_data
+        warning = choice.look(time.monotonic(), published, has_data=has_data)
+        if choice.clock is not None:
+            self._session.follow(choice.clock)
+            self._topics.want(choice.clock, CLOCK_TYPE)
+        elif choice.is_final:
+            self._session.stop_waiting()
+        if warning:
+            self.get_logger().warning(warning)
+
+    @property
+    def _lacks_clock(self) -> bool:
+        is_wanted = self._options.time_source is TimeSource.SIMULATED
+        return is_wanted and self._session.is_ordered_by_reception
 
     def _is_drained(self, stopping_s: float, idle_s: float) -> bool:
         """Return whether everything that was received before the request to stop has been written.
@@ -210,14 +230,14 @@ class RecorderNode(SuiteNode):
         return min(idle_s, stopping_s) > _IDLE_BEFORE_CLOSING_S or stopping_s > _LONGEST_DRAIN_S
 
     def _report(self) -> None:
-        is_recording = self._session.message_count > self._session.held_count
+        is_recording = self._topics.has_data
         is_paused = self._session.is_paused
         values: dict[str, object] = {
             "phase": "paused" if is_paused else "recording" if is_recording else "waiting",
             "bag": str(self._options.output),
             "messages": self._session.message_count,
             "topics": len(self._session.message_counts),
-            "held_messages": self._session.held_count,
+            "clock": self._clock_choice.clock or "none",
             "subscriptions": self._topics.subscribed_count,
             "subscriptions_matched": self._topics.matched_count,
             "awaited_topics": ", ".join(self._topics.awaited_topics),
@@ -227,11 +247,8 @@ class RecorderNode(SuiteNode):
         level, reason = Level.OK, "recording" if is_recording else "waiting for data"
         if is_paused:
             level, reason = Level.WARN, "paused: nothing is recorded"
-        if self._session.held_count > _MANY_HELD:
-            level, reason = (
-                Level.WARN,
-                f"waiting for {self._clock_topic}, messages are kept in memory",
-            )
+        elif self._lacks_clock:
+            level, reason = Level.WARN, "no clock: the bag is ordered by time of reception"
         if self._topics.lost_counts:
             level, reason = Level.WARN, "messages were lost: the recorder was too slow or stopped"
         self._diagnostics.report(self._session.now_ns or 0, level, reason, values)
@@ -279,19 +296,3 @@ class RecorderNode(SuiteNode):
         if lost:
             counts = ", ".join(f"{count} of {name}" for name, count in sorted(lost.items()))
             print(f"recorder: {sum(lost.values())} messages lost: {counts}", file=sys.stderr)
-
-
-def _with_clock(selection: TopicSelection, clock_topic: str) -> TopicSelection:
-    """Return the topics wanted with the clock among them.
-
-    Raises:
-        BagError: the clock is excluded.
-    """
-    include = (*selection.include, clock_topic) if selection.include else ()
-    wanted = TopicSelection(include, selection.exclude)
-    if not wanted.takes(clock_topic):
-        raise BagError(
-            f"{clock_topic} is excluded, but the times of the bag come from it;"
-            " use --time wall to record without it"
-        )
-    return wanted

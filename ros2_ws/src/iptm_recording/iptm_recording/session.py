@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from rosbags.interfaces import Qos, QosDurability
+from rosbags.interfaces import Qos
 
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.message_types import message_definition
+from iptm_recording.recorded_topics import is_latched
 from iptm_recording.timeline import (
     CLOCK_TOPIC,
     StampKind,
@@ -18,8 +20,9 @@ from iptm_recording.timeline import (
     stamp_kind,
 )
 
-# Messages kept in memory while simulated time has not begun; a graph without /clock reaches it.
-MAX_HELD_MESSAGES = 20_000
+# Most that is kept in memory beside the file while simulated time has not begun.
+MAX_EARLY_MESSAGES = 20_000
+MAX_EARLY_BYTES = 16_000_000
 
 
 @dataclass
@@ -33,7 +36,7 @@ class _Channel:
 
     @property
     def is_latched(self) -> bool:
-        return any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in self.offer or ())
+        return any(map(is_latched, self.offer or ()))
 
 
 @dataclass
@@ -74,15 +77,16 @@ class RecordingSession:
         self._writer = writer
         self._clock_topic = clock_topic
         self._timeline = timeline
-        self._held: list[tuple[_Channel, bytes]] = []
+        self._early: list[tuple[_Channel, bytes]] = []
+        self._early_bytes = 0
         self._tick_ns = 0
         self.message_count = 0
         self.pauses: list[Pause] = []
 
     @property
-    def held_count(self) -> int:
-        """Messages that wait in memory for simulated time to begin."""
-        return len(self._held)
+    def is_ordered_by_reception(self) -> bool:
+        """Whether the bag stays in the computer's time."""
+        return self._timeline.source is TimeSource.WALL
 
     @property
     def now_ns(self) -> int | None:
@@ -131,7 +135,7 @@ class RecordingSession:
             BagError: the type is unknown.
         """
         definition = message_definition(type_name).text
-        kind = stamp_kind(name, type_name, definition, self._clock_topic)
+        kind = stamp_kind(type_name, definition)
         channel = _Channel(name, type_name, offered_qos, kind)
 
         def take(data: bytes) -> None:
@@ -147,11 +151,17 @@ class RecordingSession:
         """
         self._writer.flush()
 
+    def follow(self, clock_topic: str) -> None:
+        """Take simulated time from another clock, before it has begun."""
+        self._clock_topic = clock_topic
+
+    def stop_waiting(self) -> None:
+        """Stay with the time of reception for good."""
+        self._timeline.source = TimeSource.WALL
+        self._early.clear()
+
     def close(self) -> None:
-        """Write what is still held (in wall time, as simulated time never began); close the bag."""
-        if self._held:
-            self._timeline.source = TimeSource.WALL
-            self._release()
+        """Close the bag; if simulated time never began, it is ordered by time of reception."""
         self._writer.close()
 
     def _take(self, channel: _Channel, data: bytes) -> None:
@@ -160,27 +170,44 @@ class RecordingSession:
             channel.offer is None
         ):  # the publisher may be gone by the time that the message is written
             channel.offer = channel.offered_qos()
-        times = self._timeline.times_ns(data, channel.kind)
+        times = self._times_ns(channel, data)
         if times is None:
-            self._held.append((channel, data))
-            if len(self._held) >= MAX_HELD_MESSAGES:
-                self._timeline.source = TimeSource.WALL
-                self._release()
+            self._write_early(channel, data)
             return
-        if self._held:
-            self._release()
-            # The held messages came first, and one may have moved the time on.
-            times = self._timeline.times_ns(data, channel.kind) or times
+        if self._early:
+            self._rewrite_early()
+            # Early messages came first, and one may have moved the time on.
+            times = self._times_ns(channel, data) or times
         self._write(channel, data, times)
 
-    def _release(self) -> None:
-        held, self._held = self._held, []
-        stamps = (read_stamp_ns(data) for channel, data in held if channel.kind is StampKind.HEADER)
+    def _times_ns(self, channel: _Channel, data: bytes) -> tuple[int, int] | None:
+        is_other_clock = channel.kind is StampKind.CLOCK and channel.name != self._clock_topic
+        return self._timeline.times_ns(data, StampKind.NONE if is_other_clock else channel.kind)
+
+    def _write_early(self, channel: _Channel, data: bytes) -> None:
+        """Write a message by its time of reception, and keep it for the case that a clock comes."""
+        if self.is_paused and not channel.is_latched:
+            self.pauses[-1].passed_over += 1
+            return
+        now_ns = time.time_ns()
+        self._put(channel, data, (now_ns, now_ns))
+        self._early.append((channel, data))
+        self._early_bytes += len(data)
+        is_much = len(self._early) >= MAX_EARLY_MESSAGES or self._early_bytes >= MAX_EARLY_BYTES
+        if is_much or not self._writer.can_rewrite:
+            self.stop_waiting()
+
+    def _rewrite_early(self) -> None:
+        """Give the messages that came before the clock their simulated times."""
+        early, self._early = self._early, []
+        stamps = (
+            read_stamp_ns(data) for channel, data in early if channel.kind is StampKind.HEADER
+        )
         self._timeline.begin_with(stamp for stamp in stamps if stamp is not None)
-        for channel, data in held:
-            times = self._timeline.times_ns(data, channel.kind)
-            if times is not None:
-                self._write(channel, data, times)
+        timed = ((channel, data, self._times_ns(channel, data)) for channel, data in early)
+        self._writer.rewrite(
+            (self._topic_id(channel), data, *times) for channel, data, times in timed if times
+        )
 
     def _write(self, channel: _Channel, data: bytes, times: tuple[int, int]) -> None:
         """Write a message; in simulated time one tick is kept in memory, the ones before in the file."""
@@ -191,8 +218,14 @@ class RecordingSession:
         if times[0] != self._tick_ns and self._timeline.source is TimeSource.SIMULATED:
             self._tick_ns = times[0]
             self._writer.flush()
+        self._put(channel, data, times)
+
+    def _put(self, channel: _Channel, data: bytes, times: tuple[int, int]) -> None:
+        self._writer.write(self._topic_id(channel), data, *times)
+
+    def _topic_id(self, channel: _Channel) -> int:
         if channel.topic_id is None:
             channel.topic_id = self._writer.add_topic(
                 channel.name, channel.type_name, offered_qos=channel.offer or ()
             )
-        self._writer.write(channel.topic_id, data, *times)
+        return channel.topic_id

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,76 +14,15 @@ from rosbags.interfaces import Qos, QosHistory
 
 from iptm_core.errors import BagError
 from iptm_interfaces.topics import PEER_TOPICS, TOPICS, Topic
+from iptm_recording.peer_gate import PeerGate
 from iptm_recording.qos_overrides import QosOverrides
 from iptm_recording.rclpy_types import from_profile, message_class, to_profile
-from iptm_recording.recorded_topics import TopicSelection, request_for
+from iptm_recording.recorded_topics import TopicSelection, is_latched, request_for
 from iptm_recording.session import RecordingSession
 
 # Published before a trip starts, or whether one runs or not.
 _NOT_OF_A_TRIP = (Topic.SLOPE, Topic.DIAGNOSTICS)
 _NODE_TOPICS = ("/rosout", "/parameter_events")
-
-# Time for the publishers to learn of the subscriptions made last.
-SETTLE_S = 0.3
-# Time in which the other topics of the suite begin to show up, if there are any.
-PATIENCE_ALONE_S = 2.0
-# Time in which an incomplete suite grows further, if it does: nodes may start slowly.
-PATIENCE_INCOMPLETE_S = 30.0
-
-
-class Gate:
-    """Decision when the recorder joins the topics by which the plant counts its peers.
-
-    In lock-step the plant starts once enough peers subscribe to its state and its clock. The
-    recorder is one of them, and must not be counted before it can hear everybody: else the first
-    messages of the controller, or of the plant itself, would be missing from the bag, or the recorder
-    would be taken for the bridge. It therefore subscribes to these "gate" topics last, when it is
-    subscribed to all other topics of the suite. Where no such start is to be expected (the trip is
-    running already, or the rest of the suite is not there), it does not wait.
-
-    Args:
-        gate_topics: topics held back.
-        awaited: topics that must be subscribed first.
-
-    Attributes:
-        is_running: set once a message of a trip has arrived.
-    """
-
-    def __init__(self, gate_topics: Collection[str], awaited: Collection[str]) -> None:
-        self._gate_topics = frozenset(gate_topics)
-        self._awaited = frozenset(awaited) - self._gate_topics
-        self._seen: frozenset[str] = frozenset()
-        self._last_change_s: float | None = None
-        self.is_running = False
-
-    def holds(self, topic: str) -> bool:
-        """Return whether a topic belongs to the gate."""
-        return topic in self._gate_topics
-
-    def is_open(
-        self, now_s: float, published: Collection[str], subscribed: Collection[str]
-    ) -> bool:
-        """Return whether the gate topics may be subscribed to.
-
-        Args:
-            now_s: steady time.
-            published: topics that have a publisher.
-            subscribed: topics the recorder is subscribed to and receives from.
-        """
-        if self.is_running:
-            return True
-        seen = frozenset((*published, *subscribed))
-        if seen != self._seen:
-            self._seen = seen
-            self._last_change_s = now_s
-        if self._last_change_s is None:
-            return False
-        unchanged_s = now_s - self._last_change_s
-        if self._awaited.issubset(subscribed):
-            return unchanged_s >= SETTLE_S
-        if self._awaited.isdisjoint(seen):
-            return not self._gate_topics.isdisjoint(seen) and unchanged_s >= PATIENCE_ALONE_S
-        return unchanged_s >= PATIENCE_INCOMPLETE_S
 
 
 @dataclass
@@ -140,7 +79,7 @@ class TopicSubscriber:
         }
         self._outside_trip = {*(names[topic] for topic in _NOT_OF_A_TRIP), *_NODE_TOPICS}
         self._gate_names = [names[topic] for topic in PEER_TOPICS]
-        self._gate = Gate(
+        self._gate = PeerGate(
             gate_topics=self._gate_names,
             awaited=[
                 name
@@ -148,6 +87,11 @@ class TopicSubscriber:
                 if name != names[Topic.DIAGNOSTICS] and not self._specs[name].on_request
             ],
         )
+
+    @property
+    def has_data(self) -> bool:
+        """Whether a message of a trip has arrived: neither static data nor logs nor diagnostics."""
+        return self._gate.is_running
 
     @property
     def subscribed_count(self) -> int:
@@ -179,6 +123,14 @@ class TopicSubscriber:
             if name not in self._subscribed and not self._specs[name].on_request
         ]
 
+    def want(self, name: str, type_name: str) -> None:
+        """Take one more topic, whatever was selected."""
+        self._suite[name] = type_name
+        if self._selection.include:
+            self._selection = TopicSelection(
+                (*self._selection.include, name), self._selection.exclude
+            )
+
     def look(self) -> None:
         """Subscribe to topics that have got a publisher; call it a few times a second."""
         published = dict(self._published())
@@ -195,7 +147,7 @@ class TopicSubscriber:
     def adapt(self) -> None:
         """Subscribe again where a new publisher offers less than was asked for; call it seldom."""
         for name, subscribed in self._subscribed.items():
-            offered = self._offered_qos(name)
+            offered = self._offered_qos(name, subscribed.type_name)
             request = self._request(name, offered)
             if offered and request != subscribed.request:
                 self._node.destroy_subscription(subscribed.subscription)
@@ -252,8 +204,9 @@ class TopicSubscriber:
         self._node.get_logger().warning(f"topic {name} is not recorded: {reason}")
 
     def _subscribe(self, name: str, type_name: str) -> None:
-        write = self._session.channel(name, type_name, lambda: self._offered_qos(name))
-        is_of_trip = name not in self._outside_trip
+        write = self._session.channel(name, type_name, lambda: self._offered_qos(name, type_name))
+        offered = self._offered_qos(name, type_name)
+        is_of_trip = name not in self._outside_trip and not any(map(is_latched, offered))
 
         def take(data: bytes) -> None:
             try:
@@ -263,7 +216,7 @@ class TopicSubscriber:
             if is_of_trip:
                 self._gate.is_running = True
 
-        request = self._request(name, self._offered_qos(name))
+        request = self._request(name, offered)
         subscription = self._raw_subscription(name, type_name, take, request)
         self._subscribed[name] = _Subscribed(type_name, take, request, subscription)
 
@@ -289,13 +242,20 @@ class TopicSubscriber:
         """Return the quality of service to ask for."""
         return self._qos.applied(name, request_for(offered, self._depth))
 
-    def _offered_qos(self, name: str) -> list[Qos]:
+    def _offered_qos(self, name: str, type_name: str) -> list[Qos]:
         """Return what the publishers of a topic offer at present.
 
         The middleware does not announce how many messages a publisher keeps; for the suite's own
-        topics the table knows.
+        topics, in whatever namespace, the table knows.
         """
-        spec = self._specs.get(name)
+        spec = self._specs.get(name) or next(
+            (
+                spec
+                for spec in TOPICS.values()
+                if name.endswith(f"/{spec.name}") and spec.type_name == type_name
+            ),
+            None,
+        )
         offered = []
         for endpoint in self._node.get_publishers_info_by_topic(name):
             qos = from_profile(endpoint.qos_profile)

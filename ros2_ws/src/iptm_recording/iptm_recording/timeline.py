@@ -47,19 +47,15 @@ class TimeSource(Enum):
     WALL = "wall"
 
 
-def stamp_kind(
-    topic: str, type_name: str, definition: str, clock_topic: str = CLOCK_TOPIC
-) -> StampKind:
-    """Return how the messages of a topic are stamped.
+def stamp_kind(type_name: str, definition: str) -> StampKind:
+    """Return how the messages of a type are stamped.
 
     Args:
-        topic: fully qualified name.
         type_name: `package/msg/Type`.
         definition: text of the type's definition.
-        clock_topic: full name of the clock that counts; other clocks are messages like any other.
     """
     if type_name == CLOCK_TYPE:
-        return StampKind.CLOCK if topic == clock_topic else StampKind.NONE
+        return StampKind.CLOCK
     for line in definition.splitlines():
         content = line.split("#", maxsplit=1)[0].strip()
         if content and "=" not in content:
