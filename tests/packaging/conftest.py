@@ -78,6 +78,19 @@ def modules_of() -> Callable[[str], list[Module]]:
     return read
 
 
+@pytest.fixture(scope="session")
+def launch_files_of() -> Callable[[str], list[Module]]:
+    """Give the function that reads all launch files of a package."""
+
+    def read(package: str) -> list[Module]:
+        return [
+            _read_module(package, path)
+            for path in sorted((SOURCE / package / "launch").glob("*.launch.py"))
+        ]
+
+    return read
+
+
 @pytest.fixture
 def manifest_of() -> Callable[[str], ET.Element]:
     """Give the function that reads the package.xml of a package."""

@@ -2,6 +2,7 @@
 
 import subprocess
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -30,3 +31,20 @@ def test_workspace_builds_and_executables_run() -> None:
     ):
         package, name = executable.split("/")
         assert f"runs: install/{package}/lib/{package}/{name}\n" in build.stdout
+    # What was built is tested by the tests of its package; one small file stands for all.
+    colcon_test = "colcon test --return-code-on-test-failure --packages-select iptm_faults"
+    test = subprocess.run(
+        [
+            "bash",
+            "-c",
+            f"source scripts/env.sh; cd ros2_ws; {colcon_test} --pytest-args -k test_traffic",
+        ],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert test.returncode == 0, test.stdout + test.stderr
+    results = ET.parse(ROOT / "ros2_ws" / "build" / "iptm_faults" / "pytest.xml").getroot()  # noqa: S314 (our own file)
+    assert int(results.find("testsuite").get("tests", 0)) > 0

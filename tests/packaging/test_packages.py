@@ -1,5 +1,6 @@
 """package.xml and setup.py of each package are sound, agree, and name what the package imports."""
 
+import configparser
 import importlib.util
 import re
 import sys
@@ -12,7 +13,8 @@ import pytest
 
 from iptm_core.program import PROGRAMS
 
-SOURCE = Path(__file__).resolve().parents[2] / "ros2_ws" / "src"
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = ROOT / "ros2_ws" / "src"
 PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/package.xml"))
 
 # Import name -> (key in package.xml, name on the package index). ROS packages are their own key.
@@ -147,17 +149,20 @@ def test_no_two_executables_have_one_name(setup_of: Callable[[str], dict[str, An
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_manifest_names_exactly_what_is_imported(
-    package: str, manifest_of: Callable[[str], Any], modules_of: Callable[[str], list[Any]]
+    package: str,
+    manifest_of: Callable[[str], Any],
+    modules_of: Callable[[str], list[Any]],
+    launch_files_of: Callable[[str], list[Any]],
 ) -> None:
-    imported = outside_imports(package, modules_of(package))
+    imported = outside_imports(package, [*modules_of(package), *launch_files_of(package)])
     needed = {LIBRARIES.get(name, (name,))[0]: name for name in imported}
+    needed |= {"ros2launch": "its launch files"} if launch_files_of(package) else {}
     manifest = manifest_of(package)
     declared = {entry.text for entry in manifest.findall("exec_depend")}
     # A package that starts another one's executables needs it without importing it.
     started = (
         {name for name in declared if name in PACKAGES} if package == "iptm_bringup" else set()
     )
-    started |= {name for name in declared if name in {"launch", "launch_ros", "ros2launch"}}
     lacking = [
         f"{key} (imported by {imported[name]})"
         for key, name in needed.items()
@@ -179,3 +184,14 @@ def test_setup_requires_exactly_the_imported_libraries(
         re.split(r"[^\w-]", line)[0].lower() for line in setup_of(package)["install_requires"]
     }
     assert required - {"setuptools"} == needed
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_colcon_test_runs_the_tests_of_the_package(package: str) -> None:
+    """`colcon test` starts pytest in the folder of each package, whose setup.cfg says where its tests are."""
+    settings = configparser.ConfigParser()
+    settings.read(SOURCE / package / "setup.cfg")
+    (folder,) = settings["tool:pytest"]["testpaths"].split()
+    assert (SOURCE / package / folder).resolve() == ROOT / "tests" / package
+    assert (SOURCE / package / settings["tool:pytest"]["pythonpath"]).resolve() == ROOT
+    assert list((ROOT / "tests" / package).glob("test_*.py"))

@@ -1,17 +1,37 @@
-"""The README names commands and files that exist, and messages that are really printed."""
+"""Links of all pages lead somewhere; the README names all commands, and messages that are really printed."""
 
 import re
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_commands_and_links_exist() -> None:
-    for command in set(re.findall(r"\bscripts/([\w.]+\w)", README)):
-        assert (ROOT / "scripts" / command).is_file(), f"no scripts/{command}"
-    for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", README):
-        assert (ROOT / target).exists(), f"broken link to {target}"
+PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of the headings of a page, as GitHub makes them."""
+    text = re.sub(
+        r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
+    )
+    titles = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_and_links_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    if page.name != "CHANGELOG.md":
+        for command in set(re.findall(r"(?<![\w/])scripts/([\w.]+\w)", text)):
+            assert (ROOT / "scripts" / command).is_file(), f"no scripts/{command}"
+    for target, _, anchor in re.findall(r"\]\((?!https?:)([^)#\s]*)(#([^)]+))?\)", text):
+        file = (page.parent / target).resolve() if target else page
+        assert file.exists(), f"broken link to {target}"
+        if anchor:
+            assert anchor in anchors(file), f"{target} has no heading #{anchor}"
 
 
 def test_every_command_is_described() -> None:
