@@ -77,7 +77,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _call(client: GraphClient, node: str, service: str | None) -> int:
     offered = client.services(node, _TRIGGER)
     if service is None:
-        print(*sorted(offered), sep="\n")
+        if offered:
+            print(*sorted(offered), sep="\n")
+        else:
+            print(f"{node} offers no service", file=sys.stderr)
         return EXIT_OK
     if service not in offered:
         raise ServiceError(f"{node} has no service {service!r}; {suggestion(service, offered)}")

@@ -133,12 +133,13 @@ class GraphClient(AbstractContextManager["GraphClient"]):
         """
         space, _, base = node.rpartition("/")
 
-        def listed() -> list[tuple[str, list[str]]]:
-            return sorted(self.node.get_service_names_and_types_by_node(base, space or "/"))
+        def listed() -> list[str]:
+            offered = self.node.get_service_names_and_types_by_node(base, space or "/")
+            return sorted(name for name, types in offered if type_name in types)
 
-        # A node is visible a moment before its services are.
+        # A node is visible before its services are, a starting one for seconds.
         self.wait(listed)
-        names = [name for name, types in self._settled(listed) if type_name in types]
+        names = self._settled(listed)
         # A private name (`~/pause`) takes precedence over an alias outside of the node.
         names.sort(key=lambda name: name.startswith(f"{node}/"))
         return {name.rpartition("/")[2]: name for name in names}
