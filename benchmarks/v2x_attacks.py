@@ -29,6 +29,7 @@ from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam_codec import encode_cam
+from iptm_v2x_bridge.sending.impostor import build_sender
 from iptm_v2x_bridge.sending.sender import CamSender, car_on_road
 from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings
 from iptm_v2x_bridge.simulated_radio import SimulatedRadio
@@ -53,6 +54,7 @@ class Outcome:
     loop: ClosedLoopRun
     bridge: CamBridge
     leaders: list[int | None]
+    contested: list[bool]
     refused: dict[str, int]
 
     def margins_m(self) -> FloatArray:
@@ -63,10 +65,13 @@ class Outcome:
 class AttackedRadio(SimulatedRadio):
     """The genuine messages of each second, then those of the attacker."""
 
-    def __init__(self, route: Route, attack: Attack | None) -> None:
-        super().__init__(CamSender(route.leader, ROAD, SENDER), CamBridge(ROAD))
+    def __init__(
+        self, route: Route, attack: Attack | None, settings: SenderSettings = SENDER
+    ) -> None:
+        super().__init__(build_sender(route.leader, ROAD, settings), CamBridge(ROAD))
         self._attack = attack
         self.leaders: list[int | None] = []
+        self.contested: list[bool] = []
 
     def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
         """Return the answer to one tick."""
@@ -77,6 +82,7 @@ class AttackedRadio(SimulatedRadio):
                 self.bridge.receive(forged, time_ns)
             answer = self.bridge.answer(time_ns, host_position_m)
         self.leaders.append(self.bridge.leader_id)
+        self.contested.append(answer.contested)
         return answer
 
 
@@ -86,12 +92,14 @@ class SilencedRadio(SimulatedRadio):
     def __init__(self, sender: CamSender) -> None:
         super().__init__(sender, CamBridge(ROAD))
         self.leaders: list[int | None] = []
+        self.contested: list[bool] = []
 
     def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
         """Return the answer to one tick."""
         silent = time_ns >= BEGIN_S * NS_PER_S
         answer = (self.bridge if silent else super()).answer(time_ns, host_position_m)
         self.leaders.append(self.bridge.leader_id)
+        self.contested.append(answer.contested)
         return answer
 
 
@@ -192,7 +200,7 @@ ATTACKS: Mapping[str, Callable[[Route], Attack]] = {
     "a station that jumps between lanes": jumping,
     "absurd speed": absurdly_fast,
     "10,000 stations at once": flood,
-    "a second sender with the leader's identity": same_identity,
+    "a second sender with the leader's identity that stands 5 m ahead": same_identity,
     "time set back": clock_set_back,
 }
 SILENCE = "silence: jammed while the leader brakes unheard"
@@ -212,13 +220,17 @@ def steady_route() -> Route:
     return written_route(f"0,0\n12,{SPEED_M_S}\n60,{SPEED_M_S}\n", TRIP_S)
 
 
+def controller() -> Controller:
+    """Return a fresh controller."""
+    return Controller(PARAMETERS, ControllerOptions(STRATEGIES["aging"], MULTI_HORIZON))
+
+
 def drive(route: Route, radio: AttackedRadio | SilencedRadio) -> Outcome:
     """Drive a route in closed loop."""
-    options = ControllerOptions(strategy=STRATEGIES["aging"], horizon=MULTI_HORIZON)
     plant = Plant(PARAMETERS, route.slope.slope_at)
-    loop = run_closed_loop(route, plant, Controller(PARAMETERS, options), bridge=radio)
+    loop = run_closed_loop(route, plant, controller(), bridge=radio)
     refused = radio.bridge.table.rejections.by_reason()
-    return Outcome(loop, radio.bridge, radio.leaders, refused)
+    return Outcome(loop, radio.bridge, radio.leaders, radio.contested, refused)
 
 
 def silenced() -> tuple[Outcome, Outcome]:
@@ -250,6 +262,7 @@ def measure() -> dict[str, Any]:
             {
                 "attack": title,
                 "refused": refused or "nothing",
+                "contested_s": sum(outcome.contested),
                 "misled_s": sum(leader != LEADER for leader in outcome.leaders[after]),
                 "moved_m": float(np.abs(run.position_m - usual.position_m).max()),
                 "hardest_braking_m_s2": float(-run.acceleration_m_s2[after].min()),
@@ -264,6 +277,7 @@ def measure() -> dict[str, Any]:
 COLUMNS = {
     "attack": "{attack}",
     "messages refused": "{refused}",
+    "identity contested:": "{contested_s} s",
     "follows another one:": "{misled_s} s",
     "car moved by at most:": "{moved_m:.1f} m",
     "hardest braking:": "{hardest_braking_m_s2:.2f} m/s²",

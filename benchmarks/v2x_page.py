@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks import v2x_attacks, v2x_prediction, v2x_price
+from benchmarks import v2x_attacks, v2x_impostors, v2x_prediction, v2x_price
 from benchmarks.harness import run_benchmark
 from iptm_core.errors import StoreError
 
@@ -40,6 +40,7 @@ TEXTS = {
     "price": v2x_price.as_table,
     "fuzz": fuzz_text,
     "attacks": v2x_attacks.as_table,
+    "impostors": v2x_impostors.as_table,
     "load": load_text,
 }
 
@@ -58,7 +59,12 @@ def put(page: str, name: str, text: str) -> str:
 
 
 def measure(
-    prediction: str = "", price: str = "", fuzz: str = "", attacks: str = "", load: str = ""
+    prediction: str = "",
+    price: str = "",
+    fuzz: str = "",
+    attacks: str = "",
+    impostors: str = "",
+    load: str = "",
 ) -> dict[str, Any]:
     """Write the page.
 
@@ -67,6 +73,7 @@ def measure(
         price: numbers of v2x_price.
         fuzz: numbers of v2x_fuzz.
         attacks: numbers of v2x_attacks.
+        impostors: numbers of v2x_impostors.
         load: numbers of v2x_load.
     """
     page = PAGE.read_text(encoding="utf-8")
@@ -75,6 +82,7 @@ def measure(
         "price": price,
         "fuzz": fuzz,
         "attacks": attacks,
+        "impostors": impostors,
         "load": load,
     }
     for name, file in files.items():

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from tests.integration.cam_host import BRIDGE, SENDER, Host, free_port
 
 from iptm_core.parameters import load_parameters
@@ -64,6 +65,25 @@ def test_over_the_wire_the_answers_are_those_without_it(launcher: Any, host: Hos
     assert values["lost_between_sender_and_bridge"] == "0"
     assert sender.stop(signal.SIGINT) == 0
     assert bridge.stop(signal.SIGINT) == 0
+
+
+def test_a_contested_identity_is_on_diagnostics_within_a_second(launcher: Any, host: Host) -> None:
+    """A second sender keeps the speed of 10 s while the leader accelerates."""
+    start(
+        launcher, free_port(), impostor="keeps_speed", impostor_departure_s=10.0, foresight="none"
+    )
+    host.wait_for(2)
+    for tick in range(13):
+        host.tick(float(tick))
+    host.peer.wait_until(
+        lambda: any("contradict" in status.message for status in host.statuses),
+        what="the contested identity on /diagnostics",
+    )
+    (status,) = [found for found in host.statuses if "contradict" in found.message][:1]
+    assert status.level == DiagnosticStatus.WARN
+    station, since = status_values(status)["contested_stations"].split(" since ")
+    assert station == "4711"
+    assert 10.0 < float(since.removesuffix(" s")) <= 11.0
 
 
 def test_without_a_sender_the_bridge_says_what_it_waits_for(launcher: Any, host: Host) -> None:

@@ -148,7 +148,7 @@ def test_a_flood_of_identities_leaves_the_known_alone() -> None:
     for identity in range(1000, 11_000):
         heard(table, station(identity, NOW_MS + 400, 300.0, 20.0), NOW_MS + 400)
     assert len(table) <= MAX_NEWCOMERS + 1
-    assert table.find(7) is not None
+    assert table.hypotheses(7)
     assert table.rejections[Rejection.TABLE_FULL] == 10_000 - MAX_NEWCOMERS
     assert heard(table, station(7, NOW_MS + 500, 110.0, 20.0), NOW_MS + 500) is None
 
@@ -159,5 +159,5 @@ def test_too_many_proven_stations_give_way_from_afar() -> None:
     for identity in range(1000, 1000 + MAX_CONFIRMED):
         drive(table, identity=identity, rear_m=500.0 + 10.0 * identity)
     assert len(table.confirmed) == MAX_CONFIRMED
-    assert table.find(7) is not None
+    assert table.hypotheses(7)
     assert table.rejections[Rejection.TABLE_FULL] == 1

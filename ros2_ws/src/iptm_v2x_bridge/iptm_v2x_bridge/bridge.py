@@ -23,6 +23,7 @@ class BridgeAnswer:
         lost: whether the prediction generated at this tick is lost on the way.
         predictor: who foretold the leader from its messages; empty where no one had to.
         leader_bound_m: by how much the leader's position was taken nearer, to be on the safe side.
+        contested: whether messages with the identity of the leader contradict each other.
     """
 
     time_ns: int
@@ -31,6 +32,7 @@ class BridgeAnswer:
     lost: bool
     predictor: str = ""
     leader_bound_m: float = 0.0
+    contested: bool = False
 
     @property
     def preview_age_s(self) -> float:

@@ -9,6 +9,7 @@ falls silent is still there: it goes on leading, as one that brakes to a halt si
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +23,12 @@ from iptm_v2x_bridge.messages.its_pdu import MessageKind, open_datagram
 from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.knowledge import knowledge_of
-from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, Predictor
+from iptm_v2x_bridge.prediction.predictor import (
+    Knowledge,
+    Prediction,
+    Predictor,
+    cautious_motion,
+)
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
 from iptm_v2x_bridge.roadside.rules import HeardRules
@@ -41,6 +47,10 @@ HOLD_BEFORE_OTHER_MS = 10_000
 """... and only for so long where another one is heard farther ahead."""
 SAME_CAR_MS = 1000
 """A station first heard no earlier than this before the leader fell silent may be its new identity."""
+
+
+MAX_REPORTED = 8
+"""Contested identities on `/diagnostics`; of more, the number."""
 
 
 class CamBridge:
@@ -152,7 +162,7 @@ class CamBridge:
         if held is None or heard is held:
             return heard
         identity = held.message.station_id
-        if self._table.find(identity) is held:
+        if any(station is held for station in self._table.hypotheses(identity)):
             return heard  # it is heard, and has left the lane or is not the nearest one any more
         hold_ms = HOLD_MS if heard is None else HOLD_BEFORE_OTHER_MS
         if now_ms - held.heard_ms > hold_ms:
@@ -168,22 +178,25 @@ class CamBridge:
         return held
 
     def _answer_with(self, leader: Station, time_ns: int) -> BridgeAnswer:
-        known = knowledge_of(leader, self._road)
+        stations = self._alternatives(leader, time_ns)
+        contested = leader.message.station_id in self._table.contested_since_ms
         now_s = time_ns / NS_PER_S
         # A sender's clock that is a little ahead must not put the generation into the future.
-        generated_ns = min((leader.generated_ms - self._start_ms) * NS_PER_MS, time_ns)
+        generated_ms = min(station.generated_ms for station in stations)
+        generated_ns = min((generated_ms - self._start_ms) * NS_PER_MS, time_ns)
         # Once a second since then, so that the farthest place reached meanwhile is not forgotten.
         since = np.arange(generated_ns, max(time_ns, generated_ns + 1), NS_PER_S) / NS_PER_S
         nodes = np.union1d(since, preview_times_s(self._settings, time_ns))
-        silent = self._timestamp_ms(time_ns) - leader.heard_ms > SILENT_MS
-        prediction = self._predict(known, nodes, now_s, silent=silent)
-        positions, speeds = cautious_motion(prediction)
-        times = nodes[: prediction.times_s.size]
+        predictions = [
+            self._predict(station, nodes, now_s, contested=contested) for station in stations
+        ]
+        positions, speeds, bounds = cautious_motion(predictions)
+        times = nodes[: positions.size]
         here = int(np.searchsorted(times, now_s - 1e-9))
         state = LeaderState(now_s, float(positions[here]), float(speeds[here]))
         preview = LeaderPreview.empty()
         if self._settings.preview_mode is PreviewMode.FULL:
-            trusted = prediction.bounds_m <= self._known_bound_m
+            trusted = bounds <= self._known_bound_m
             # The first node is the generation, where everything is known as well as it ever was.
             count = max(int(np.argmin(trusted)) if not trusted.all() else trusted.size, 1)
             preview = LeaderPreview(
@@ -197,18 +210,33 @@ class CamBridge:
             state,
             preview,
             lost=False,
-            predictor=str(prediction.predictor),
-            leader_bound_m=float(prediction.bounds_m[here]),
+            predictor=str(predictions[0].predictor),
+            leader_bound_m=float(bounds[here]),
+            contested=contested,
         )
 
+    def _alternatives(self, leader: Station, time_ns: int) -> list[Station]:
+        """Return the stations that may be the leader, the nearest first: one, unless it is contested."""
+        now_s = self._timestamp_ms(time_ns) / 1000.0
+        others = [
+            station
+            for station in self._table.hypotheses(leader.message.station_id)
+            if station is not leader
+            and self._selector.may_lead(station, self._host_position_m, now_s)
+        ]
+        return [leader, *others]
+
     def _predict(
-        self, known: Knowledge, nodes: FloatArray, now_s: float, *, silent: bool
+        self, station: Station, nodes: FloatArray, now_s: float, *, contested: bool
     ) -> Prediction:
         """Return the first prediction that reaches the present; of a silent leader, the worst."""
+        known = knowledge_of(station, self._road)
         times = nodes + self._start_ms / 1000.0
-        if silent:
-            return AssumedBraking().predict(known, times)
         now = now_s + self._start_ms / 1000.0
+        if round(1000.0 * now) - station.heard_ms > SILENT_MS:
+            return AssumedBraking().predict(known, times)
+        if contested:
+            known = replace(known, path=None)  # nobody knows which of the senders it comes from
         for predictor in self._predictors:
             prediction = predictor.predict(known, times)
             if prediction is None or not prediction.times_s.size:
@@ -227,6 +255,13 @@ class CamBridge:
         """The stations."""
         return self._table
 
+    def _contested_text(self) -> str:
+        """Return the contested identities and since when in trip time, the earliest first."""
+        since_ms = sorted((ms, known) for known, ms in self._table.contested_since_ms.items())
+        texts = [f"{known} since {(ms - self._start_ms) / 1000.0:.1f} s" for ms, known in since_ms]
+        more = [f"{len(texts) - MAX_REPORTED} more"] if len(texts) > MAX_REPORTED else []
+        return ", ".join([*texts[:MAX_REPORTED], *more]) or "none"
+
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics: what arrived, what became of it, who leads."""
         values: dict[str, object] = {
@@ -235,6 +270,7 @@ class CamBridge:
             "stations": len(self._table),
             "leader_station": "none" if self.leader_id is None else self.leader_id,
             "leader_changes": self._selector.changes,
+            "contested_stations": self._contested_text(),
         }
         if self._last is not None:
             values["predictor"] = self._last.predictor or "none"
@@ -244,17 +280,3 @@ class CamBridge:
             values |= self._roadside.report()
             counts += self._roadside.table.rejections
         return values | {f"rejected_{name}": count for name, count in counts.by_reason().items()}
-
-
-def cautious_motion(prediction: Prediction) -> tuple[FloatArray, FloatArray]:
-    """Return positions and speeds that the leader hardly falls below.
-
-    Positions are the predicted ones less their bounds, but never decrease: no leader drives backwards. Speeds
-    are lowered by twice the mean rate of the bound since the first node, its rate now if it grows with the
-    square of time, as that of an unknown acceleration does.
-    """
-    positions: FloatArray = np.maximum.accumulate(prediction.positions_m - prediction.bounds_m)
-    since = np.maximum(prediction.times_s - prediction.times_s[0], 1e-9)
-    rates = 2.0 * (prediction.bounds_m - prediction.bounds_m[0]) / since
-    speeds: FloatArray = np.maximum(prediction.speeds_m_s - rates, 0.0)
-    return positions, speeds

@@ -145,6 +145,8 @@ class BridgeNode(SuiteNode):
             return Level.WARN, missing
         if answer.leader is None:
             return Level.WARN, "no leader is known"
+        if answer.contested:
+            return Level.WARN, "stations with the identity of the leader contradict each other"
         if answer.predictor == PredictorName.ASSUMED_BRAKING:
             return Level.WARN, "the leader is not heard any more and taken to brake to a halt"
         return self._preview_situation(answer)

@@ -25,6 +25,7 @@ from iptm_v2x_bridge.sending.datagram_sender import (
     REPEAT_PERIOD_S,
     DatagramSender,
 )
+from iptm_v2x_bridge.sending.impostor import build_sender
 from iptm_v2x_bridge.sending.plan_sender import HostTick, PlanSender
 from iptm_v2x_bridge.sending.sender import CamSender
 
@@ -109,7 +110,7 @@ class SenderNode(SuiteNode):
         self._last_ns = time_ns
 
     def _start(self, time_ns: int) -> CamSender:
-        self._sender = CamSender(
+        self._sender = build_sender(
             self._route.leader, self._route.road_line, self._options, self._start_ms(time_ns)
         )
         return self._sender

@@ -111,3 +111,35 @@ class Predictor(Protocol):
         The prediction may end before the last of the times.
         """
         ...
+
+
+def cautious_motion(
+    predictions: Sequence[Prediction],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a motion that the leader hardly falls behind, whichever of the predictions is about it.
+
+    Positions are the predicted ones less their bounds, but never decrease: no leader drives backwards. Speeds
+    are lowered by twice the mean rate of the bound since the first node, its rate now if it grows with the
+    square of time, as that of an unknown acceleration does. Of several predictions the nearest position and
+    the lowest speed count.
+
+    Args:
+        predictions: at least one, beginning at the same time with the same nodes.
+
+    Returns:
+        Positions, speeds and the largest bounds up to the end of the shortest prediction, shape (n,) each.
+    """
+    count = min(prediction.times_s.size for prediction in predictions)
+    times = predictions[0].times_s[:count]
+    since = np.maximum(times - times[0], 1e-9)
+    positions: FloatArray = np.full(count, np.inf)
+    speeds: FloatArray = np.full(count, np.inf)
+    bounds: FloatArray = np.zeros(count)
+    for prediction in predictions:
+        bound = prediction.bounds_m[:count]
+        position: FloatArray = np.maximum.accumulate(prediction.positions_m[:count] - bound)
+        rate = 2.0 * (bound - bound[0]) / since
+        positions = np.minimum(positions, position)
+        speeds = np.minimum(speeds, np.maximum(prediction.speeds_m_s[:count] - rate, 0.0))
+        bounds = np.maximum(bounds, bound)
+    return positions, speeds, bounds

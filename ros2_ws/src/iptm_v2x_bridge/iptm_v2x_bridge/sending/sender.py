@@ -115,8 +115,13 @@ class CamSender:
             speed,
             acceleration_m_s2=(speed - speed_before) / _ACCELERATION_WINDOW_S,
             length_m=settings.vehicle_length_m,
+            left_m=self._left_m(time_s),
             path=self._path(time_s) if self._tells_path(time_ns) else None,
         )
+
+    def _left_m(self, time_s: float) -> float:  # noqa: ARG002
+        """Return how far the car is to the left of the middle of its lane."""
+        return 0.0
 
     def _tells_path(self, time_ns: int) -> bool:
         """Return whether this message carries a path: the first one of each period does."""

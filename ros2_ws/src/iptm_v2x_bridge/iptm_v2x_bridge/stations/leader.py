@@ -38,13 +38,7 @@ class LeaderSelector:
             host_position_m: front of the host along the road.
             now_s: the present, s of TimestampIts; what was heard lies a little before it.
         """
-        ahead = [
-            station
-            for station in stations
-            if station.in_lane
-            and station.drives_along
-            and -BEHIND_M <= station.last.moved_on_m(now_s) - host_position_m <= MAX_DISTANCE_M
-        ]
+        ahead = [station for station in stations if self.may_lead(station, host_position_m, now_s)]
         ahead = [station for station in ahead if not self._stands_inside(station, ahead)]
         leader = min(ahead, key=lambda station: station.last.moved_on_m(now_s), default=None)
         identity = None if leader is None else leader.message.station_id
@@ -54,13 +48,23 @@ class LeaderSelector:
         return leader
 
     @staticmethod
+    def may_lead(station: Station, host_position_m: float, now_s: float) -> bool:
+        """Return whether a station is ahead in the lane of the host; see `select`."""
+        if not (station.in_lane and station.drives_along):
+            return False
+        distance_m = station.last.moved_on_m(now_s) - host_position_m
+        return -BEHIND_M <= distance_m <= MAX_DISTANCE_M
+
+    @staticmethod
     def _stands_inside(station: Station, others: Iterable[Station]) -> bool:
         """Return whether a station would be inside another one that has been known for longer."""
         rear, front = station.last.position_m, station.fix.position_m
         now_s = station.last.time_s
         for other in others:
-            if other is station or other.first_ms >= station.first_ms:
+            if other.first_ms >= station.first_ms:
                 continue
+            if other.message.station_id == station.message.station_id:
+                continue  # hypotheses of a contested identity
             other_rear = other.last.moved_on_m(now_s)
             other_front = other_rear + other.message.front_to_rear_m
             # The older the other one's message, the less is known of where it is.

@@ -25,10 +25,15 @@ MAX_ACCELERATION_M_S2 = 12.0
 MAX_LATERAL_SPEED_M_S = 3.0
 MAX_TURN_DEG_S = 60.0
 
+MAX_COUNTED_BOUND_M = 5.0
+"""A sender that states a larger error of its position must not move more freely from message to message."""
 POSITION_TOLERANCE_M = 2.5
 SPEED_TOLERANCE_M_S = 1.0
 LATERAL_TOLERANCE_M = 0.75
 TURN_TOLERANCE_DEG = 15.0
+SAME_POSITION_M = 0.5
+SAME_SPEED_M_S = 0.1
+"""Two messages of one sender with the same time of generation differ by their rounding at most."""
 SLOW_M_S = 3.0
 """Below it, a heading from a satellite receiver is noise."""
 
@@ -76,8 +81,8 @@ def contradiction(before: CamMessage, after: CamMessage, elapsed_s: float) -> Re
         after.latitude_deg, after.longitude_deg, (before.latitude_deg, before.longitude_deg)
     )
     moved_m = math.hypot(east, north)
-    bounds_m = POSITION_TOLERANCE_M + (before.position_bound_m or 0.0)
-    bounds_m += after.position_bound_m or 0.0
+    bounds_m = POSITION_TOLERANCE_M + min(before.position_bound_m or 0.0, MAX_COUNTED_BOUND_M)
+    bounds_m += min(after.position_bound_m or 0.0, MAX_COUNTED_BOUND_M)
     farthest_m = max(before.speed_m_s, after.speed_m_s) * elapsed_s
     farthest_m += 0.5 * MAX_ACCELERATION_M_S2 * elapsed_s**2 + bounds_m
     if moved_m > farthest_m:
@@ -95,3 +100,65 @@ def contradiction(before: CamMessage, after: CamMessage, elapsed_s: float) -> Re
     # The chord of a bend leaves the mean heading by a small part of the way.
     allowed_m += moved_m * math.sin(math.radians(min(turned_deg, 90.0)) / 4.0)
     return Rejection.LATERAL_JUMP if aside_m > allowed_m and moved_m > bounds_m / 2.0 else None
+
+
+def same_measurement(one: CamMessage, other: CamMessage) -> bool:
+    """Return whether two messages with the same time of generation can come from one sender."""
+    east, north = step_m(
+        other.latitude_deg, other.longitude_deg, (one.latitude_deg, one.longitude_deg)
+    )
+    return (
+        math.hypot(east, north) <= SAME_POSITION_M
+        and abs(other.speed_m_s - one.speed_m_s) <= SAME_SPEED_M_S
+        and (one.path is None or other.path is None or one.path == other.path)
+    )
+
+
+def lies_between(
+    before: CamMessage,
+    message: CamMessage,
+    after: CamMessage,
+    elapsed_s: float,
+    remaining_s: float,
+) -> bool:
+    """Return whether a message agrees with those shortly before and after it.
+
+    The error of a position, however large, is the same for all three of them.
+
+    Args:
+        before: message of the same sender.
+        message: the one in question.
+        after: message of the same sender.
+        elapsed_s: time from the generation of the first one, above 0.
+        remaining_s: time to that of the last one, above 0.
+    """
+    share = elapsed_s / (elapsed_s + remaining_s)
+    place = (
+        before.latitude_deg + share * (after.latitude_deg - before.latitude_deg),
+        before.longitude_deg + share * (after.longitude_deg - before.longitude_deg),
+    )
+    east, north = step_m(message.latitude_deg, message.longitude_deg, place)
+    # The hardest acceleration leaves the chord by half of this; half of it may begin or end in between.
+    bend_m = MAX_ACCELERATION_M_S2 * elapsed_s * remaining_s
+    if math.hypot(east, north) > POSITION_TOLERANCE_M + 0.5 * bend_m:
+        return False
+    speed_m_s = before.speed_m_s + share * (after.speed_m_s - before.speed_m_s)
+    tolerance_m_s = SPEED_TOLERANCE_M_S + bend_m / (elapsed_s + remaining_s)
+    return abs(message.speed_m_s - speed_m_s) <= tolerance_m_s
+
+
+def deviation(before: CamMessage, after: CamMessage, elapsed_ms: int) -> float:
+    """Return by how much a message deviates from constant speed since another one, m plus m/s.
+
+    Args:
+        before: a message of a station.
+        after: another one.
+        elapsed_ms: time between their generations; negative if the other one is older.
+    """
+    east, north = step_m(
+        after.latitude_deg, after.longitude_deg, (before.latitude_deg, before.longitude_deg)
+    )
+    way_m = 0.5 * (before.speed_m_s + after.speed_m_s) * elapsed_ms / 1000.0
+    heading = math.radians(before.heading_deg)
+    aside_m = math.hypot(east - way_m * math.sin(heading), north - way_m * math.cos(heading))
+    return aside_m + abs(after.speed_m_s - before.speed_m_s)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 from iptm_core.routes.road_line import RoadFix, RoadLine
 from iptm_v2x_bridge.messages.cam import CamMessage, PredictedPath
+from iptm_v2x_bridge.rejections import Rejection
+from iptm_v2x_bridge.stations.plausibility import contradiction, lies_between, same_measurement
 
 HISTORY = 64
 """Observations kept of a station: six seconds at 10 Hz."""
@@ -19,6 +21,14 @@ LEFT_LANE_M = 2.5
 LANE_VOTES = 2
 """Messages in a row that it takes to change."""
 MAX_HEADING_APART_DEG = 60.0
+OVERLAP_MS = 1000
+"""A message that is older than this when it arrives is not compared with those around its generation."""
+DENSE_MS = 500
+"""Between messages no farther apart than this, a station moves smoothly."""
+CLOCK_LEARNING_MS = 1000
+"""For so long after its first message, a station may be as far ahead of the receiver's clock as any."""
+CLOCK_TOLERANCE_MS = 50
+"""After that, a message may be ahead of the clock by what was measured then and this."""
 
 
 @dataclass(frozen=True)
@@ -58,16 +68,23 @@ class Station:
     """
 
     def __init__(
-        self, message: CamMessage, generated_ms: int, road: RoadLine, heard_ms: int = 0
+        self,
+        message: CamMessage,
+        generated_ms: int,
+        road: RoadLine,
+        heard_ms: int = 0,
+        near_m: float | None = None,
     ) -> None:
         self._road = road
         self.first_ms = generated_ms
-        self.messages = 0
         self.in_lane = False
+        self._learns_clock_until_ms = heard_ms + CLOCK_LEARNING_MS
+        self._clock_ahead_ms = 0
+        self._messages: deque[tuple[int, CamMessage]] = deque(maxlen=HISTORY)
         self.observations: deque[Observation] = deque(maxlen=HISTORY)
         self.path: tuple[int, PredictedPath, float] | None = None
         self._votes = LANE_VOTES - 1
-        self._take(message, generated_ms, heard_ms, None)
+        self._take(message, generated_ms, heard_ms, near_m)
 
     def _take(
         self, message: CamMessage, generated_ms: int, heard_ms: int, near_m: float | None
@@ -75,7 +92,9 @@ class Station:
         self.message = message
         self.generated_ms = generated_ms
         self.heard_ms = max(heard_ms, generated_ms)
-        self.messages += 1
+        self._messages.append((generated_ms, message))
+        if heard_ms <= self._learns_clock_until_ms:
+            self._clock_ahead_ms = max(self._clock_ahead_ms, generated_ms - heard_ms)
         self.fix: RoadFix = self._road.project(message.latitude_deg, message.longitude_deg, near_m)
         self.observations.append(
             Observation(
@@ -94,6 +113,67 @@ class Station:
         """Take the next accepted message."""
         self._take(message, generated_ms, heard_ms, self.fix.position_m)
 
+    def refusal(self, message: CamMessage, generated_ms: int, now_ms: int) -> Rejection | None:
+        """Return why a message cannot be the next one of this station, None if it can.
+
+        `DUPLICATE` and `OLDER` are repetitions that agree with what is known; other reasons contradict it.
+
+        Args:
+            message: the message.
+            generated_ms: its time of generation, TimestampIts.
+            now_ms: TimestampIts of the receiver's clock.
+        """
+        elapsed_ms = generated_ms - self.generated_ms
+        if elapsed_ms > 0:
+            reason = contradiction(self.message, message, elapsed_ms / 1000.0)
+            if reason is None and self._is_ahead_of_its_clock(generated_ms, now_ms):
+                return Rejection.FUTURE
+            return reason
+        if elapsed_ms >= -OVERLAP_MS and self._is_at_odds(message, generated_ms):
+            return Rejection.CONTRADICTION
+        return Rejection.OLDER if elapsed_ms else Rejection.DUPLICATE
+
+    def contradicts(self, other: Station) -> bool:
+        """Return whether the newest message of another station came from another sender.
+
+        Only known for a message with others of this station before and after it, not long ago.
+        """
+        return 0 <= self.generated_ms - other.generated_ms <= 2 * OVERLAP_MS and self._is_at_odds(
+            other.message, other.generated_ms
+        )
+
+    def _is_at_odds(self, message: CamMessage, generated_ms: int) -> bool:
+        """Return whether a message no newer than the last one contradicts those around its time."""
+        later: tuple[int, CamMessage] | None = None
+        earlier: tuple[int, CamMessage] | None = None
+        for entry in reversed(self._messages):
+            if entry[0] == generated_ms:
+                return not same_measurement(entry[1], message)
+            if entry[0] < generated_ms:
+                earlier = entry
+                break
+            later = entry
+        if later is None:
+            return False
+        remaining_s = (later[0] - generated_ms) / 1000.0
+        if earlier is not None:
+            elapsed_s = (generated_ms - earlier[0]) / 1000.0
+            if later[0] - earlier[0] <= DENSE_MS:
+                return not lies_between(earlier[1], message, later[1], elapsed_s, remaining_s)
+            # Late news from before a jump of the position agree with what was known then.
+            if contradiction(earlier[1], message, elapsed_s) is None:
+                return False
+        return contradiction(message, later[1], remaining_s) is not None
+
+    def _is_ahead_of_its_clock(self, generated_ms: int, now_ms: int) -> bool:
+        """Return whether a stamp lies farther ahead than the clock of this station, which was measured.
+
+        A clock that was set, the receiver's or the sender's, is accepted after a second of silence.
+        """
+        if now_ms <= self._learns_clock_until_ms or now_ms - self.heard_ms > CLOCK_LEARNING_MS:
+            return False
+        return generated_ms - now_ms > self._clock_ahead_ms + CLOCK_TOLERANCE_MS
+
     def _vote(self) -> None:
         """Change lanes only after some messages in a row that say so."""
         aside_m = abs(self.fix.lateral_m)
@@ -108,7 +188,8 @@ class Station:
     @property
     def is_confirmed(self) -> bool:
         """Whether its messages have agreed for long enough."""
-        return self.messages > 1 and self.generated_ms - self.first_ms >= CONFIRMED_AFTER_MS
+        heard_for_s = self.last.time_s - self.observations[0].time_s
+        return 1000.0 * heard_for_s > CONFIRMED_AFTER_MS - 0.5
 
     @property
     def last(self) -> Observation:

@@ -5,42 +5,53 @@ from __future__ import annotations
 from iptm_core.routes.road_line import RoadLine
 from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
-from iptm_v2x_bridge.stations.plausibility import absurd, contradiction, generation_time_ms
+from iptm_v2x_bridge.stations.identity import Identity
+from iptm_v2x_bridge.stations.plausibility import absurd, generation_time_ms
 from iptm_v2x_bridge.stations.station import Station
 
-STATION_TIMEOUT_MS = 5000
-"""A station is forgotten when nothing plausible has come from it for as long."""
 MAX_CONFIRMED = 512
 MAX_NEWCOMERS = 4096
 """Stations held at most, confirmed and not yet confirmed: a flood of identities pushes out its own kind."""
 
 
 class StationTable:
-    """Holds stations by identity.
-
-    A message that contradicts its station's last one is dropped, and the station stays what it was: of two
-    senders with one identity the first one is followed until it falls silent.
-    """
+    """Holds stations by identity; see `Identity` for two senders with the same one."""
 
     def __init__(self, road: RoadLine) -> None:
         self._road = road
-        self._confirmed: dict[int, Station] = {}
-        self._newcomers: dict[int, Station] = {}
+        self._confirmed: dict[int, Identity] = {}
+        self._newcomers: dict[int, Identity] = {}
         self.accepted = 0
         self.rejections = RejectionCounts()
 
     @property
     def confirmed(self) -> tuple[Station, ...]:
         """Stations whose messages have agreed for long enough."""
-        return tuple(self._confirmed.values())
+        return tuple(
+            station
+            for identity in self._confirmed.values()
+            for station in identity.hypotheses
+            if station.is_confirmed
+        )
+
+    @property
+    def contested_since_ms(self) -> dict[int, int]:
+        """Confirmed identities that more than one station sends with, and since when (TimestampIts)."""
+        return {
+            station_id: identity.contested_since_ms
+            for station_id, identity in self._confirmed.items()
+            if identity.contested_since_ms is not None
+        }
 
     def __len__(self) -> int:
         """Return the number of stations held, newcomers included."""
         return len(self._confirmed) + len(self._newcomers)
 
-    def find(self, station_id: int) -> Station | None:
-        """Return a confirmed station."""
-        return self._confirmed.get(station_id)
+    def hypotheses(self, station_id: int) -> tuple[Station, ...]:
+        """Return the confirmed stations with an identity: none, one, or more if it is contested."""
+        identity = self._confirmed.get(station_id)
+        stations = identity.hypotheses if identity else ()
+        return tuple(station for station in stations if station.is_confirmed)
 
     def receive(
         self,
@@ -76,39 +87,33 @@ class StationTable:
         generated_ms = generation_time_ms(message, packet_timestamp_ms, now_ms)
         if isinstance(generated_ms, Rejection):
             return generated_ms
-        identity = message.station_id
-        station = self._confirmed.get(identity) or self._newcomers.get(identity)
-        if station is None or now_ms - station.generated_ms > STATION_TIMEOUT_MS:
-            self._confirmed.pop(identity, None)
-            self._newcomers.pop(identity, None)
-            self._admit(Station(message, generated_ms, self._road, now_ms))
+        station_id = message.station_id
+        identity = self._confirmed.get(station_id) or self._newcomers.get(station_id)
+        if identity is None or not identity.forget_silent(now_ms):
+            self._confirmed.pop(station_id, None)
+            self._newcomers.pop(station_id, None)
+            self._admit(station_id, Identity(Station(message, generated_ms, self._road, now_ms)))
             return None
-        if generated_ms <= station.generated_ms:
-            equal = generated_ms == station.generated_ms
-            return Rejection.DUPLICATE if equal else Rejection.OLDER
-        elapsed_s = (generated_ms - station.generated_ms) / 1000.0
-        reason = contradiction(station.message, message, elapsed_s)
-        if reason is not None:
-            return reason
-        station.update(message, generated_ms, now_ms)
-        if station.is_confirmed and identity in self._newcomers:
-            del self._newcomers[identity]
-            self._confirm(station, host_position_m)
-        return None
+        refused = identity.receive(message, generated_ms, now_ms, self._road, host_position_m)
+        if refused is None and station_id in self._newcomers and identity.is_confirmed:
+            del self._newcomers[station_id]
+            self._confirm(station_id, identity, host_position_m)
+        return refused
 
-    def _admit(self, station: Station) -> None:
+    def _admit(self, station_id: int, identity: Identity) -> None:
         if len(self._newcomers) >= MAX_NEWCOMERS:
             del self._newcomers[next(iter(self._newcomers))]
             self.rejections.add(Rejection.TABLE_FULL)
-        self._newcomers[station.message.station_id] = station
+        self._newcomers[station_id] = identity
 
-    def _confirm(self, station: Station, host_position_m: float) -> None:
-        self._confirmed[station.message.station_id] = station
+    def _confirm(self, station_id: int, identity: Identity, host_position_m: float) -> None:
+        self._confirmed[station_id] = identity
         if len(self._confirmed) > MAX_CONFIRMED:
             farthest = max(
                 self._confirmed.items(),
-                key=lambda entry: (
-                    abs(entry[1].fix.position_m - host_position_m) + abs(entry[1].fix.lateral_m)
+                key=lambda entry: min(
+                    abs(station.fix.position_m - host_position_m) + abs(station.fix.lateral_m)
+                    for station in entry[1].hypotheses
                 ),
             )
             del self._confirmed[farthest[0]]
@@ -116,11 +121,11 @@ class StationTable:
 
     def forget_silent(self, now_ms: int) -> None:
         """Forget stations that have been silent for too long."""
-        for stations in (self._confirmed, self._newcomers):
+        for identities in (self._confirmed, self._newcomers):
             silent = [
-                identity
-                for identity, station in stations.items()
-                if now_ms - station.generated_ms > STATION_TIMEOUT_MS
+                station_id
+                for station_id, identity in identities.items()
+                if not identity.forget_silent(now_ms)
             ]
-            for identity in silent:
-                del stations[identity]
+            for station_id in silent:
+                del identities[station_id]
