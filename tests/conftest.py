@@ -13,7 +13,7 @@ from hypothesis import settings
 
 from iptm_controller.ocp.compilation import CACHE_VARIABLE
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
-from iptm_core.state import IntervalPowers, LeaderState, VehicleState
+from iptm_core.state import IntervalPowers, LeaderState, SafetyRecord, VehicleState
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_interfaces.codecs import (
     encode_acceleration,
@@ -21,6 +21,7 @@ from iptm_interfaces.codecs import (
     encode_host_odometry,
     encode_leader,
     encode_powers,
+    encode_safety,
     encode_temperature,
 )
 from iptm_interfaces.topics import Topic
@@ -69,6 +70,9 @@ def _tick_messages(run: Trajectory, row: int) -> dict[Topic, Any]:
         },
         Topic.PLANT_POWERS: encode_powers(time_s, powers),
         Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
+        Topic.PLANT_SAFETY: encode_safety(
+            time_s, SafetyRecord(values["service_braking_s"], values["smallest_gap_m"])
+        ),
         Topic.PLANT_ACCELERATION: encode_acceleration(state),
         Topic.PLANT_ODOMETRY: encode_host_odometry(state),
         Topic.LEADER: encode_leader(leader),

@@ -27,7 +27,8 @@ from iptm_interfaces.codecs import (
     ns_from_time,
 )
 from iptm_interfaces.topics import Topic
-from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 
 EXIT_CONTROLLER_LOST = 3
 

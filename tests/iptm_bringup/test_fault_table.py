@@ -47,6 +47,7 @@ def trip_of(**columns: object) -> Trajectory:
     calm["speed_m_s"] = calm["leader_speed_m_s"] = np.full(ROWS, 10.0)
     calm["position_m"] = 10.0 * calm["time_s"]
     calm["leader_position_m"] = calm["position_m"] + 30.0
+    calm["smallest_gap_m"] = np.full(ROWS, 1e3)
     for name in TRAJECTORY_COLUMNS:
         if name.endswith("temperature_k"):
             calm[name] = np.full(ROWS, 303.15)

@@ -23,6 +23,7 @@ def run_of(**columns: object) -> Trajectory:
     calm = dict.fromkeys(TRAJECTORY_COLUMNS, np.zeros(ROWS))
     calm["time_s"] = np.arange(float(ROWS))
     calm["leader_position_m"] = np.full(ROWS, 15.0)
+    calm["smallest_gap_m"] = np.full(ROWS, 1e3)
     for name in TRAJECTORY_COLUMNS:
         if name.endswith("temperature_k"):
             calm[name] = np.full(ROWS, 303.15)

@@ -34,6 +34,8 @@ def test_columns_are_named_and_ordered() -> None:
         "chiller_heat_w",
         "leader_position_m",
         "leader_speed_m_s",
+        "service_braking_s",
+        "smallest_gap_m",
     )
 
 

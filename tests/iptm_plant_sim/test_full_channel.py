@@ -26,7 +26,8 @@ from iptm_core.physics.thermal_loop import solve_coolant_loop
 from iptm_core.settings import ThermalModel
 from iptm_core.state import ChannelCells, Command, FloatArray, FullChannelState, VehicleState
 from iptm_plant_sim.actuators import Clamp
-from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 
 FULL = ThermalModel.FULL_CHANNEL
 TICKS = 60

@@ -13,7 +13,8 @@ from iptm_core.routes import Route, build_route
 from iptm_core.state import Command, VehicleState
 from iptm_plant_sim.integrator import IntervalIntegrator
 from iptm_plant_sim.motion import plan_motion
-from iptm_plant_sim.plant import DEFAULT_STEP_S, Plant, PlantStep
+from iptm_plant_sim.plant import DEFAULT_STEP_S, Plant
+from iptm_plant_sim.plant_step import PlantStep
 
 REFERENCE_STEP_S = 0.1 / 16.0
 TICKS = 600

@@ -45,6 +45,8 @@ def made_trip(inputs: RunInputs, rng: np.random.Generator) -> Trajectory:
         "battery_power_w": traction + compressor + 200.0,
         "leader_position_m": inputs.route.leader.positions_at(times),
         "leader_speed_m_s": inputs.route.leader.speeds_at(times),
+        "service_braking_s": 0.0,
+        "smallest_gap_m": 1e3,
     }
     return Trajectory.from_arrays(
         {name: np.broadcast_to(values, times.shape) for name, values in columns.items()}

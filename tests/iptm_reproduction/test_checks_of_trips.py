@@ -48,6 +48,7 @@ def trip(**columns: Any) -> Trajectory:
         "cell_1_capacity_loss": 1e-3,
         "cell_n_capacity_loss": 1e-3,
         "leader_position_m": 50.0,
+        "smallest_gap_m": 50.0,
     }
     arrays = {name: np.full(rows, value) for name, value in level.items()}
     arrays["time_s"] = np.arange(float(rows))

@@ -50,6 +50,7 @@ def _trajectory(rows: int) -> Trajectory:
         "leader_speed_m_s": np.full(rows, 10.0),
         "acceleration_m_s2": np.zeros(rows),
         "compressor_power_w": np.zeros(rows),
+        "service_braking_s": np.zeros(rows),
         "cell_1_capacity_loss": 1e-3 + 1e-9 * time_s,
         "cell_n_capacity_loss": 1e-3 + 2e-9 * time_s,
         **{

@@ -12,7 +12,8 @@ import pytest
 from iptm_core.parameters import load_parameters
 from iptm_core.settings import ThermalModel
 from iptm_core.state import ChannelCells, Command, FullChannelState
-from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.channel_record import ChannelRecord, channel_record
 from iptm_studies.run import Run, perform_run
 from iptm_studies.run_inputs import resolve_inputs

@@ -11,7 +11,8 @@ from iptm_core.routes import build_route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import LeaderPreview, LeaderState
 from iptm_core.trip_time import NS_PER_S
-from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.prediction.road_rules import GivenRules

@@ -105,7 +105,7 @@ def evaluate(
     namespace = prepared.scenario.namespace or None
     counts: dict[str, int] | None = None
     if bag is None:
-        run = assemble_run(heard_by_stamp(heard, TICK_TOPICS))
+        run = assemble_run(heard_by_stamp(heard, (*TICK_TOPICS, Topic.PLANT_SAFETY)))
         trajectory = run.trajectory
         decisions = assemble_decisions(heard_by_stamp(heard, (Topic.SOLVE,))[Topic.SOLVE])
         if run.incomplete:

@@ -43,6 +43,7 @@ from iptm_interfaces.topics import (
 NAME = "run_monitor"
 EARLY_TOPICS = (
     *(topic for topic in TICK_TOPICS if topic not in PEER_TOPICS),
+    Topic.PLANT_SAFETY,
     Topic.SOLVE,
     Topic.COMMAND,
 )

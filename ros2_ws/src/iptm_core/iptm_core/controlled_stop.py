@@ -36,7 +36,8 @@ def controlled_stop_command(
     fading = math.sqrt(0.25 * jerk_step**2 + 2.0 * limits.max_jerk_m_s3 * state.speed_m_s)
     fading -= 0.5 * jerk_step
     wanted = max(-deceleration_m_s2, -fading, limits.min_acceleration_m_s2)
-    last = state.acceleration_m_s2
+    # After service braking the measured deceleration lies outside the comfort limits.
+    last = max(state.acceleration_m_s2, limits.min_acceleration_m_s2)
     acceleration = min(max(wanted, last - jerk_step), last + jerk_step)
     power_step = limits.max_compressor_rate_w_s * duration_s
     compressor = max(limits.min_compressor_power_w, state.compressor_power_w - power_step)

@@ -194,6 +194,56 @@ class TickSettings(ClockSettings, SamplingSettings):
 
 
 @dataclass(frozen=True)
+class SafetyMonitorSettings(Settings):
+    """Safety monitor of the vehicle: what it assumes, and when it brakes and releases.
+
+    Raises:
+        ParameterError: a value is out of range, or the vehicle is assumed to brake harder than the one ahead.
+    """
+
+    safety_monitor: bool = parameter(
+        default=True, description="brake when the gap falls below the safe distance"
+    )
+    monitor_period_s: float = parameter(
+        0.1, "time between two checks of the gap, and between measurements of it", "s", 0.01, 1.0
+    )
+    monitor_lead_deceleration_m_s2: float = parameter(
+        9.0, "hardest deceleration assumed of the vehicle ahead", "m/s^2", 1.0, 12.0
+    )
+    monitor_own_deceleration_m_s2: float = parameter(
+        7.0, "own deceleration that is relied on with sound brakes", "m/s^2", 1.0, 12.0
+    )
+    monitor_reaction_s: float = parameter(
+        0.5,
+        "time assumed before the vehicle brakes, on top of the delay of its brakes",
+        "s",
+        0.0,
+        3.0,
+    )
+    monitor_margin_m: float = parameter(
+        1.0, "gap that is left when both vehicles stand", "m", 0.0, 20.0
+    )
+    monitor_release_reaction_s: float = parameter(
+        0.5,
+        "further reaction time for which the gap must suffice before brakes are released",
+        "s",
+        0.0,
+        3.0,
+    )
+    monitor_hold_s: float = parameter(
+        0.5, "shortest time for which the brakes stay applied", "s", 0.0, 10.0
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.monitor_own_deceleration_m_s2 > self.monitor_lead_deceleration_m_s2:
+            raise ParameterError(
+                f"monitor_own_deceleration_m_s2 is {self.monitor_own_deceleration_m_s2:g} m/s^2; allowed: up "
+                f"to monitor_lead_deceleration_m_s2, {self.monitor_lead_deceleration_m_s2:g} m/s^2"
+            )
+
+
+@dataclass(frozen=True)
 class FrameSettings(Settings):
     """Names of a vehicle's frames."""
 

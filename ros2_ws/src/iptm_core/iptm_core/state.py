@@ -123,6 +123,23 @@ class IntervalPowers:
 
 
 @dataclass(frozen=True)
+class SafetyRecord:
+    """What the safety monitor of the vehicle did and measured over an interval.
+
+    Attributes:
+        service_braking_s: part of the interval in which it braked, from the request to the return of the
+            acceleration into the limits of comfort.
+        smallest_gap_m: smallest gap that the range sensor measured after the start of the interval and before
+            its end; NaN where it measured none.
+        brake_share: share of the requested deceleration that the brakes deliver, as estimated.
+    """
+
+    service_braking_s: float = 0.0
+    smallest_gap_m: float = math.nan
+    brake_share: float = 1.0
+
+
+@dataclass(frozen=True)
 class PlantObservation:
     """What others learn of the plant at one instant.
 
@@ -132,12 +149,14 @@ class PlantObservation:
             trip, where no interval has ended.
         coolant_inlet_temperature_k: coolant entering the channels (T_c,in).
         coolant_outlet_temperature_k: coolant leaving the channels (T_c,out).
+        safety: what the safety monitor did over the interval that ended now.
     """
 
     state: VehicleState
     powers: IntervalPowers
     coolant_inlet_temperature_k: float
     coolant_outlet_temperature_k: float
+    safety: SafetyRecord
 
 
 @dataclass(frozen=True)

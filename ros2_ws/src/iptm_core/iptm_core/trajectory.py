@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 
@@ -38,6 +39,8 @@ class Trajectory:
         chiller_heat_w: mean heat taken from the coolant (Q_co).
         leader_position_m: rear bumper of the preceding vehicle.
         leader_speed_m_s: speed of the preceding vehicle.
+        service_braking_s: part of the interval in which the safety monitor braked.
+        smallest_gap_m: smallest gap known of the interval, its end included; in row 0 the gap.
 
     Raises:
         StateError: arrays of different length, none at all, values that are not finite, or times
@@ -61,6 +64,8 @@ class Trajectory:
     chiller_heat_w: FloatArray
     leader_position_m: FloatArray
     leader_speed_m_s: FloatArray
+    service_braking_s: FloatArray
+    smallest_gap_m: FloatArray
 
     def __post_init__(self) -> None:
         rows = np.size(self.time_s)
@@ -142,6 +147,7 @@ class Trajectory:
 
 
 def _row(observed: PlantObservation, leader: LeaderState) -> dict[str, float]:
+    gap_m, inside_m = leader.position_m - observed.state.position_m, observed.safety.smallest_gap_m
     return {
         # The compressor power stands in powers and state; that of the state was commanded.
         **vars(observed.powers),
@@ -150,6 +156,8 @@ def _row(observed: PlantObservation, leader: LeaderState) -> dict[str, float]:
         "coolant_outlet_temperature_k": observed.coolant_outlet_temperature_k,
         "leader_position_m": leader.position_m,
         "leader_speed_m_s": leader.speed_m_s,
+        "service_braking_s": observed.safety.service_braking_s,
+        "smallest_gap_m": gap_m if math.isnan(inside_m) else min(gap_m, inside_m),
     }
 
 

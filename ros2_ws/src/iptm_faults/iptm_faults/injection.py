@@ -86,6 +86,10 @@ class FaultInjection:
         ticks = round(sum(fault.magnitude for fault in self._delays if fault.hits(now_ns)))
         return self._past[max(len(self._past) - 1 - ticks, 0)]
 
+    def sampled(self, own: LeaderPreview, host_position_m: float) -> LeaderPreview:
+        """Return what a range sensor measures of the leader that counts; see `Traffic.sampled`."""
+        return own if self._traffic.is_quiet else self._traffic.sampled(own, host_position_m)
+
     def _told_slope(self, now_ns: int, slope: SlopePreview) -> SlopePreview:
         if not self._road:
             return slope

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 from iptm_core.state import Command, VehicleState
 from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
-from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 
 
 class FaultyPlant(Plant):
@@ -39,8 +39,7 @@ class FaultyPlant(Plant):
         now_ns = round(state.time_s * NS_PER_S)
         command = self._delayed(state.time_s, now_ns, command)
         shares = (fault.magnitude for fault in self._weaknesses if fault.hits(now_ns))
-        hardest_m_s2 = min(shares, default=1.0) * self.parameters.limits.min_acceleration_m_s2
-        command = replace(command, acceleration_m_s2=max(command.acceleration_m_s2, hardest_m_s2))
+        self.brake_strength = min(shares, default=1.0)
         return super().advance(state, command, duration_s)
 
     def _delayed(self, time_s: float, now_ns: int, command: Command) -> Command:

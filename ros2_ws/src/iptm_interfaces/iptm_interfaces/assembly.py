@@ -104,7 +104,7 @@ def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:
     Ticks at the very start and end of which a message is missing are left out.
 
     Args:
-        messages: those of `TICK_TOPICS`, by topic and stamp.
+        messages: those of `TICK_TOPICS`, by topic and stamp; those of `Topic.PLANT_SAFETY` if there are any.
 
     Raises:
         MessageError: no tick is complete, or a message breaks its promise.
@@ -120,7 +120,12 @@ def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:
     if not complete:
         counts = ", ".join(f"{topic.value} {len(known)}" for topic, known in found.items())
         raise MessageError(f"no tick is complete; messages per topic: {counts}")
-    ticks = ({topic: known[stamp] for topic, known in found.items()} for stamp in complete)
+    safety = messages.get(Topic.PLANT_SAFETY, {})
+    ticks = (
+        {topic: known[stamp] for topic, known in found.items()}
+        | ({Topic.PLANT_SAFETY: safety[stamp]} if stamp in safety else {})
+        for stamp in complete
+    )
     return AssembledRun(
         trajectory=Trajectory.from_ticks(
             (decode_observation(tick), decode_leader(tick[Topic.LEADER])) for tick in ticks

@@ -55,6 +55,7 @@ class Topic(Enum):
     PLANT_COOLANT_OUTLET_TEMPERATURE = "plant/coolant_outlet_temperature"
     PLANT_POWERS = "plant/powers"
     PLANT_CAPACITY_LOSS = "plant/capacity_loss"
+    PLANT_SAFETY = "plant/safety_monitor"
     LEADER = "v2x/leader"
     LEADER_PREVIEW = "v2x/leader_preview"
     SLOPE = "v2x/slope"
@@ -178,6 +179,12 @@ _SPECS = (
         {"cell_1_capacity_loss": "1", "cell_n_capacity_loss": "1"},
     ),
     TopicSpec(
+        Topic.PLANT_SAFETY, JointState, PLANT, HOST_FRAME, "see fields",
+        "safety monitor over the interval that ended at the stamp: how long it braked; smallest gap measured "
+        "inside the interval, NaN for none; share of the requested deceleration that the brakes deliver",
+        {"service_braking_s": "s", "smallest_gap_m": "m", "brake_share": "1"},
+    ),
+    TopicSpec(
         Topic.LEADER, Odometry, BRIDGE, f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",
         "preceding vehicle now (range sensor): pose.position.x = rear bumper along the road, "
         "twist.linear.x = speed; covariances are not estimated (0)",
@@ -269,7 +276,7 @@ OBSERVATION_TOPICS = (
 """Topics that make up an observation of the plant: the state and the coolant."""
 
 TICK_TOPICS = (*OBSERVATION_TOPICS, Topic.LEADER)
-"""Topics that make up one row of a trajectory."""
+"""Topics that make up one row of a trajectory, together with `PLANT_SAFETY`, which older recordings lack."""
 
 PEER_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
 """Topics by whose subscribers the plant counts its peers. Who only listens subscribes to them last, in this

@@ -76,6 +76,8 @@ def limit_command(
         The report; its ``actuated`` command lies inside all limits.
     """
     clamps: list[Clamp] = []
+    # After service braking the deceleration lies outside the comfort limits; a command starts at their edge.
+    last_m_s2 = max(state.acceleration_m_s2, limits.min_acceleration_m_s2)
     wanted = command
     if not (math.isfinite(command.acceleration_m_s2) and math.isfinite(command.compressor_power_w)):
         clamps.append(Clamp.NON_FINITE)
@@ -84,7 +86,7 @@ def limit_command(
     acceleration = _limit(
         wanted.acceleration_m_s2,
         (limits.min_acceleration_m_s2, limits.max_acceleration_m_s2),
-        (state.acceleration_m_s2, limits.max_jerk_m_s3 * duration_s),
+        (last_m_s2, limits.max_jerk_m_s3 * duration_s),
         (Clamp.ACCELERATION_BOUND, Clamp.JERK),
         ACCELERATION_RESOLUTION_M_S2,
         clamps,

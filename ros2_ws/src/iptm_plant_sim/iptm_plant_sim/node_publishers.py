@@ -16,6 +16,7 @@ from iptm_interfaces.codecs import (
     encode_capacity_loss,
     encode_host_odometry,
     encode_powers,
+    encode_safety,
     encode_temperature,
     time_from_ns,
     time_from_s,
@@ -23,7 +24,7 @@ from iptm_interfaces.codecs import (
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import OBSERVATION_TOPICS, PEER_TOPICS, STATE_TOPICS, Topic
 from iptm_plant_sim.integrator import cell_voltage_v
-from iptm_plant_sim.plant import PlantStep
+from iptm_plant_sim.plant_step import PlantStep
 
 
 class PlantPublishers:
@@ -42,7 +43,7 @@ class PlantPublishers:
         self._design_capacity_ah = cell.nominal_capacity_ah * pack.parallel
         self._publishers = {
             topic: node.advertise(topic)
-            for topic in (*OBSERVATION_TOPICS, Topic.PLANT_BATTERY, Topic.CLOCK)
+            for topic in (*OBSERVATION_TOPICS, Topic.PLANT_SAFETY, Topic.PLANT_BATTERY, Topic.CLOCK)
         }
 
     def missing_subscribers(
@@ -80,6 +81,7 @@ class PlantPublishers:
         self._publishers[Topic.PLANT_BATTERY].publish(encode_battery(self._reading(step)))
         for topic, data in (
             (Topic.PLANT_POWERS, encode_powers.data(prefix, state.time_s, step.powers)),
+            (Topic.PLANT_SAFETY, encode_safety.data(prefix, state.time_s, step.safety)),
             (Topic.PLANT_CAPACITY_LOSS, encode_capacity_loss.data(prefix, state)),
             (Topic.PLANT_ACCELERATION, encode_acceleration.data(prefix, state)),
             (Topic.PLANT_ODOMETRY, encode_host_odometry.data(prefix, state)),

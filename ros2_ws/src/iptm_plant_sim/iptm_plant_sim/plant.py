@@ -4,27 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.power_thermal import CellPair
-from iptm_core.settings import IntegrationSettings, ThermalModel
+from iptm_core.settings import IntegrationSettings, SafetyMonitorSettings, ThermalModel
 from iptm_core.state import (
     ChannelCells,
     Command,
     FloatArray,
     FullChannelState,
     IntervalPowers,
-    PlantObservation,
+    SafetyRecord,
     VehicleState,
 )
 from iptm_plant_sim.actuators import ActuatorReport, Clamp, limit_command
 from iptm_plant_sim.channel_integrator import ChannelIntegrator
 from iptm_plant_sim.integrator import IntervalIntegrator, IntervalResult
 from iptm_plant_sim.motion import Motion, plan_motion
+from iptm_plant_sim.plant_step import PlantStep
+from iptm_plant_sim.safety_monitor import MonitorMemory, SafetyMonitor
+from iptm_plant_sim.service_braking import MonitoredInterval, RangeSensor, ServiceBrakes
 
 DEFAULT_STEP_S = IntegrationSettings.integration_step_s
 """Keeps each interval's energies and capacity loss within 0.1 %; the kinks set the error, not the order."""
@@ -33,42 +36,18 @@ _TEMPERATURES = ("cell_1_temperature_k", "cell_n_temperature_k", "cells.temperat
 _CAPACITY_LOSSES = ("cell_1_capacity_loss", "cell_n_capacity_loss", "cells.capacity_losses")
 
 
-@dataclass(frozen=True)
-class PlantStep(PlantObservation):
-    """What is observed at the end of an interval, and what only a simulated plant knows.
-
-    Powers are means over the interval; currents are positive when discharging.
-
-    Attributes:
-        regenerative_power_w: negative part of the traction power, before the regenerative efficiency.
-        battery_heat_w: heat generated in all cells.
-        charge_c: charge drawn from the pack during the interval.
-        cell_current_a: cell current at the end.
-        pack_current_a: pack current at the end.
-        pack_voltage_v: terminal voltage at the end.
-        cell_1_voltage_v: terminal voltage of cell 1 at the end.
-        cell_n_voltage_v: terminal voltage of cell N_c at the end.
-        report: what the actuators made of the command.
-        standstill: the vehicle stands at the end, held by its brakes.
-    """
-
-    regenerative_power_w: float
-    battery_heat_w: float
-    charge_c: float
-    cell_current_a: float
-    pack_current_a: float
-    pack_voltage_v: float
-    cell_1_voltage_v: float
-    cell_n_voltage_v: float
-    report: ActuatorReport
-    standstill: bool
-
-
 class Plant:
     """The vehicle with its pack, exact kinks included, integrated finely over each interval.
 
-    Instances keep no trip state: the same state and command give the same result, always. They own
-    evaluation buffers and are not meant to be shared between threads.
+    Without a range sensor instances keep no trip state: the same state and command give the same result,
+    always. With one, see `watch`, the safety monitor acts in every interval, and its memory, which is part of
+    each step, is that of the interval before. Instances own evaluation buffers and are not meant to be shared
+    between threads.
+
+    Attributes:
+        parameters: the model parameters.
+        monitor: the safety monitor; it acts only with a range sensor.
+        brake_strength: share of every requested deceleration that the brakes deliver.
     """
 
     def __init__(
@@ -77,6 +56,7 @@ class Plant:
         slope_at: Callable[[FloatArray], FloatArray],
         step_s: float = DEFAULT_STEP_S,
         thermal_model: ThermalModel = IntegrationSettings.thermal_model,
+        safety: SafetyMonitorSettings | None = None,
     ) -> None:
         """Set up a vehicle on a road.
 
@@ -86,6 +66,7 @@ class Plant:
             step_s: longest integration step inside an interval.
             thermal_model: which cells of a coolant channel are integrated. With all of them, states are
                 `FullChannelState`.
+            safety: assumptions of the safety monitor; by default those of the settings.
 
         Raises:
             StateError: the step is not a positive number.
@@ -93,12 +74,30 @@ class Plant:
         if not (math.isfinite(step_s) and step_s > 0.0):
             raise StateError(f"integration step is {step_s} s; allowed: positive numbers")
         self.parameters = parameters
+        self.monitor = SafetyMonitor(safety or SafetyMonitorSettings(), parameters.brakes)
+        self.brake_strength = 1.0
+        self._sensor: RangeSensor | None = None
+        self._memory = MonitorMemory()
         self._slope_at = slope_at
         self._step_s = step_s
         self._integrators: dict[int, IntervalIntegrator] = {}
         self._channel: ChannelIntegrator | None = None
         if thermal_model is ThermalModel.FULL_CHANNEL:
             self._channel = ChannelIntegrator(parameters)
+
+    def watch(self, sensor: RangeSensor, memory: MonitorMemory | None = None) -> None:
+        """Let the safety monitor watch the vehicle ahead from now on.
+
+        Args:
+            sensor: called once at the start of every interval, in order.
+            memory: what the monitor remembers; by default nothing.
+        """
+        self._sensor = sensor
+        self.resume(memory or MonitorMemory())
+
+    def resume(self, memory: MonitorMemory) -> None:
+        """Let the safety monitor go on with a memory, that of the step from which the next one starts."""
+        self._memory = memory
 
     def initial_state(
         self,
@@ -162,7 +161,8 @@ class Plant:
         """Carry out a command for one interval.
 
         The command passes the actuator limits, the vehicle moves at constant acceleration until it stops
-        or meets its top speed, and the pack follows. If the pack cannot deliver the power, the drive gives
+        or meets its top speed, and the pack follows. Where the safety monitor brakes, the acceleration
+        follows the service brakes instead. If the pack cannot deliver the power, the drive gives
         way: the acceleration is cut to what is possible, whatever the jerk limit says.
 
         Args:
@@ -174,13 +174,17 @@ class Plant:
             StateError: the state leads nowhere (not finite or out of range).
         """
         report = limit_command(command, state, self.parameters.limits, duration_s)
-        motion, result = self._drive(state, report.actuated, duration_s)
-        if not result.finite:
-            self.check(state)
-            report, motion, result = self._give_way(state, report, duration_s)
-        if motion.top_speed_reached:
-            report = replace(report, clamps=(*report.clamps, Clamp.TOP_SPEED))
-        return self._step(state, report, motion, result, duration_s)
+        brakes = ServiceBrakes(self.parameters, self.brake_strength)
+        if self._sensor is None or not self.monitor.settings.safety_monitor:
+            delivered = brakes.delivered_m_s2(report.actuated.acceleration_m_s2)
+            actuated = replace(report.actuated, acceleration_m_s2=delivered)
+            return self._drive_interval(state, replace(report, actuated=actuated), duration_s)
+        interval = MonitoredInterval(
+            self.monitor, brakes, self._drive_interval, state, report, duration_s
+        )
+        step = interval.drive(self._memory, self._sensor(state))
+        self._memory = step.memory
+        return step
 
     def observe(self, state: VehicleState) -> PlantStep:
         """What can be observed in a state before any interval has been driven from it."""
@@ -195,10 +199,27 @@ class Plant:
         step = self._step(state, ActuatorReport(command, command), motion, result, 0.0)
         return replace(step, state=state)
 
+    def _drive_interval(
+        self, state: VehicleState, report: ActuatorReport, duration_s: float
+    ) -> PlantStep:
+        """Drive at the actuated acceleration, as far as the pack can supply it."""
+        motion, result = self._drive(state, report.actuated, duration_s)
+        if not result.finite:
+            self.check(state)
+            report, motion, result = self._give_way(state, report, duration_s)
+        if motion.top_speed_reached:
+            report = replace(report, clamps=(*report.clamps, Clamp.TOP_SPEED))
+        return self._step(state, report, motion, result, duration_s)
+
     def _sub_steps(self, duration_s: float) -> int:
         return max(2, math.ceil(duration_s / self._step_s - 1e-9))
 
     def _integrate(self, state: VehicleState, command: Command, motion: Motion) -> IntervalResult:
+        # Friction brakes supply what the motor does not take; it costs no power.
+        least_m_s2 = -self.parameters.brakes.regenerative_deceleration_m_s2
+        if motion.accelerations_m_s2.min() < least_m_s2:
+            by_motor = np.maximum(motion.accelerations_m_s2, least_m_s2)
+            motion = replace(motion, accelerations_m_s2=by_motor)
         slopes = np.asarray(self._slope_at(motion.positions_m), dtype=float)
         power_w = command.compressor_power_w
         if self._channel is not None:
@@ -295,6 +316,8 @@ class Plant:
             cell_n_voltage_v=result.cell_n_voltage_v,
             coolant_inlet_temperature_k=result.coolant_inlet_k,
             coolant_outlet_temperature_k=result.coolant_outlet_k,
+            safety=SafetyRecord(),
             report=report,
             standstill=motion.end_speed_m_s == 0.0,
+            memory=self._memory,
         )

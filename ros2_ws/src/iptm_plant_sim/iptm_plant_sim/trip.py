@@ -11,7 +11,8 @@ from iptm_core.errors import StateError
 from iptm_core.state import Command, VehicleState
 from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.actuators import Clamp
-from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 
 RECENT_TICKS = 10
 """A limited command stays worth mentioning for so many ticks."""
@@ -77,6 +78,7 @@ class Trip:
             if isinstance(start, PlantStep)
             else plant.observe(plant.initial_state() if start is None else start)
         )
+        plant.resume(self.step.memory)
         self.clamps: Counter[Clamp] = Counter()
         self.limited_ticks = 0
         self.last_reason = ""
@@ -104,6 +106,7 @@ class Trip:
     def warm_up(self) -> None:
         """Let the plant build its integrator now instead of in the first interval."""
         self._plant.advance(self.step.state, self.stop_command(), self._period_s)
+        self._plant.resume(self.step.memory)
 
     def stop_command(self) -> Command:
         """Next command of the controlled stop from here."""

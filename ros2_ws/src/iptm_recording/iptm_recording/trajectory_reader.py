@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,7 @@ def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
             message breaks its promise.
     """
     with BagReader(path) as reader, _named_after(path):
-        run = assemble_run(_messages(reader, TICK_TOPICS, namespace))
+        run = assemble_run(_messages(reader, TICK_TOPICS, namespace, (Topic.PLANT_SAFETY,)))
         pauses = stored_pauses(reader.run_information())
     first_s, last_s = run.trajectory.time_s[0], run.trajectory.time_s[-1]
     for after_s, until_s in pauses:
@@ -108,9 +108,12 @@ def topic_name(reader: BagReader, topic: Topic, namespace: str | None) -> str:
 
 
 def _messages(
-    reader: BagReader, topics: Iterable[Topic], namespace: str | None
+    reader: BagReader,
+    topics: Iterable[Topic],
+    namespace: str | None,
+    optional: Iterable[Topic] = (),
 ) -> dict[Topic, dict[int, Any]]:
-    """Return the messages of stamped topics that count, by topic and stamp (ns)."""
+    """Return the messages of stamped topics that count, by topic and stamp (ns); some may be missing."""
     if reader.message_count == 0:
         raise BagError(f"{reader.path} holds no messages")
     known = vehicles(reader)
@@ -119,6 +122,9 @@ def _messages(
             f"{reader.path} holds {len(known)} vehicles; name one: --namespace {' or '.join(known)}"
         )
     keys = {topic_name(reader, topic, namespace): topic for topic in topics}
+    for topic in optional:
+        with suppress(BagError):
+            keys[topic_name(reader, topic, namespace)] = topic
     found: dict[Topic, list[tuple[int, Any]]] = {topic: [] for topic in keys.values()}
     for item in reader.messages(list(keys)):
         stamp_ns = ns_from_time(item.message.header.stamp)

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from iptm_core.state import FloatArray, FullChannelState, VehicleState
-from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 
 PROFILES = 5
 """Instants at which all temperatures are kept, evenly over the trip, beside that of the largest error."""

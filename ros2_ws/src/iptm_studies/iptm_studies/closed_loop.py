@@ -12,15 +12,25 @@ from iptm_controller.controller import Controller, Decision, Measurements
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import LeaderState, VehicleState
+from iptm_core.state import LeaderPreview, LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_core.trip_time import NS_PER_S
-from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 from iptm_v2x_bridge.bridge import TickBridge, V2xBridge
-from iptm_v2x_bridge.source import CycleSource, PreviewSource
+from iptm_v2x_bridge.source import (
+    CycleSource,
+    PreviewSource,
+    sampling_times_s,
+    single_sample,
+)
 
 Disturb = Callable[[Measurements], tuple[LeaderState, Measurements]]
 """From what is true to the leader that counts and what the controller is told."""
+
+Sampled = Callable[[LeaderPreview, float], LeaderPreview]
+"""From the leader of the route at the instants of an interval, and the position of the host at its start, to
+the leader that counts at these instants."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +58,7 @@ def run_closed_loop(
     bridge: TickBridge | None = None,
     leader: PreviewSource | None = None,
     start_position_m: float = 0.0,
+    sampled: Sampled | None = None,
 ) -> ClosedLoopRun:
     """Drive a route from standstill.
 
@@ -63,6 +74,8 @@ def run_closed_loop(
             of its own.
         leader: who drives ahead, where it is not the leader of the route.
         start_position_m: where the host starts, along the road.
+        sampled: with ``disturb``, the leader that counts between two ticks, for the sensor of the safety
+            monitor. Without it, a leader that counts and is not that of the source is measured once per tick.
 
     Returns:
         The trajectory and the controller's answers.
@@ -81,17 +94,31 @@ def run_closed_loop(
         # What happened is told by the leader itself, not by what is believed of it.
         return (source.leader_at(time_ns), measured) if disturb is None else disturb(measured)
 
+    leader_now, measured = measure(step.state, 0)
+    tick = 0
+
+    def range_sensor(state: VehicleState) -> LeaderPreview:
+        """Measure the leader that counts: what the vehicle has, whatever the controller is told."""
+        now_ns = round(tick * tick_s * NS_PER_S)
+        own = source.sampled(sampling_times_s(now_ns, tick_s, period_s))
+        if disturb is None:
+            return own
+        if sampled is not None:
+            return sampled(own, state.position_m)
+        return own if source.leader_at(now_ns) == leader_now else single_sample(leader_now)
+
+    plant.watch(range_sensor)
+    period_s = plant.monitor.settings.monitor_period_s
     observed: list[tuple[PlantStep, LeaderState]] = []
     records: list[DecisionRecord] = []
     for tick in range(ticks):
-        leader_now, measured = measure(step.state, tick)
         decision = controller.decide(measured)
         observed.append((step, leader_now))
         records.append(decision.record)
         if on_tick is not None:
             on_tick(tick, measured, decision)
         step = plant.advance(step.state, decision.command, tick_s)
-    leader_now, _ = measure(step.state, ticks)
+        leader_now, measured = measure(step.state, tick + 1)
     observed.append((step, leader_now))
     trajectory = Trajectory.from_ticks(observed)
     return ClosedLoopRun(

@@ -120,7 +120,7 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
     began = time.perf_counter()
     plant = Plant(inputs.parameters, route.slope.slope_at, spec.plant_step_s, spec.thermal_model)
     controller = Controller(inputs.parameters, controller_options(spec, route.duration_s))
-    disturb = None
+    disturb = sampled = None
     if spec.faults:
         controller = FaultyController(inputs.parameters, controller, spec.faults, lambda _: None)
         plant = FaultyPlant(
@@ -130,9 +130,16 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
             spec.plant_step_s,
             spec.thermal_model,
         )
-        disturb = FaultInjection(spec.faults).disturb
+        injection = FaultInjection(spec.faults)
+        disturb, sampled = injection.disturb, injection.sampled
     loop = run_closed_loop(
-        route, plant, controller, spec.bridge_settings(), on_tick=progress, disturb=disturb
+        route,
+        plant,
+        controller,
+        spec.bridge_settings(),
+        on_tick=progress,
+        disturb=disturb,
+        sampled=sampled,
     )
     trajectory: Trajectory = loop.trajectory
     decisions: DecisionSeries | None = loop.decisions

@@ -23,7 +23,8 @@ from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory
-from iptm_plant_sim.plant import Plant, PlantStep
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
 from iptm_traffic.events import Director, LeaderWatch, LineWatch

@@ -23,6 +23,13 @@ class PreviewSource(Protocol):
         """Return the prediction made at the first of its node times, where it is `leader_at`."""
         ...
 
+    def sampled(self, times_s: FloatArray) -> LeaderPreview:
+        """Return what a range sensor measures of the leader at the given instants of an interval.
+
+        The source must know the true motion at the first instant; later ones it does not know are left out.
+        """
+        ...
+
 
 def preview_times_s(settings: PreviewSettings, generated_ns: int) -> FloatArray:
     """Return the node times of a prediction: its generation, and steps from there up to its length.
@@ -39,6 +46,32 @@ def preview_times_s(settings: PreviewSettings, generated_ns: int) -> FloatArray:
     nodes = generated_ns + step_ns * np.arange(count, dtype=np.int64)
     times: FloatArray = nodes / 1e9
     return times
+
+
+def sampling_times_s(time_ns: int, interval_s: float, period_s: float) -> FloatArray:
+    """Return the instants at which a range sensor measures in an interval, its start included.
+
+    Args:
+        time_ns: start of the interval in integer nanoseconds of trip time.
+        interval_s: its length.
+        period_s: time between two measurements.
+    """
+    period_ns = round(period_s * NS_PER_S)
+    nodes = np.arange(0, round(interval_s * NS_PER_S), period_ns, dtype=np.int64)
+    times: FloatArray = (time_ns + nodes) / NS_PER_S
+    return times
+
+
+def single_sample(leader: LeaderState | None) -> LeaderPreview:
+    """Return one measurement of the leader as what a range sensor measures; none for no leader."""
+    if leader is None:
+        return LeaderPreview.empty()
+    return LeaderPreview(
+        leader.time_s,
+        np.array([leader.time_s]),
+        np.array([leader.position_m]),
+        np.array([leader.speed_m_s]),
+    )
 
 
 class CycleSource:
@@ -59,6 +92,10 @@ class CycleSource:
             positions_m=self.route.leader.positions_at(times_s),
             speeds_m_s=self.route.leader.speeds_at(times_s),
         )
+
+    def sampled(self, times_s: FloatArray) -> LeaderPreview:
+        """Return the leader at all of the instants; see `PreviewSource`."""
+        return self.predict(times_s)
 
     def slope_ahead(self) -> SlopePreview:
         """Return the slope of the whole road, as a map holds it."""

@@ -10,6 +10,7 @@ from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 from iptm_core.trip_time import NS_PER_S
 from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
 from iptm_v2x_bridge.prediction.predictor import Knowledge
+from iptm_v2x_bridge.source import single_sample
 from iptm_v2x_bridge.stations.station import Observation
 
 T = TypeVar("T")
@@ -96,6 +97,10 @@ class VehicleAhead:
         return LeaderState(
             time_ns / NS_PER_S, float(braking.positions_m[0]), float(braking.speeds_m_s[0])
         )
+
+    def sampled(self, times_s: FloatArray) -> LeaderPreview:
+        """Return the vehicle at the first instant; what it does then is planned, not measured."""
+        return single_sample(self.leader_at(round(float(times_s[0]) * NS_PER_S)))
 
     def predict(self, times_s: FloatArray) -> LeaderPreview:
         """Return the plan of a tick as a prediction, at the nodes of the plan; see `PreviewSource`.

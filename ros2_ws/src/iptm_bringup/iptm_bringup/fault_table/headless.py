@@ -62,8 +62,15 @@ class HeadlessDriver:
             rungs[float(tick)] = decision.rung
 
         plant = FaultyPlant(chosen, PARAMETERS, plan.route.slope.slope_at)
-        disturb = FaultInjection(chosen).disturb
-        run = run_closed_loop(plan.route, plant, controller, on_tick=note, disturb=disturb)
+        injection = FaultInjection(chosen)
+        run = run_closed_loop(
+            plan.route,
+            plant,
+            controller,
+            on_tick=note,
+            disturb=injection.disturb,
+            sampled=injection.sampled,
+        )
         return ObservedTrip(
             plan,
             PARAMETERS,

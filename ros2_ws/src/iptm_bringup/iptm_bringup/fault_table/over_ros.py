@@ -88,7 +88,7 @@ def drive_over_ros(plan: PlannedTrip, folder: Path, stop: StopRequest) -> Observ
 
 def _observed(plan: PlannedTrip, driven: Driven) -> ObservedTrip:
     heard = driven.monitor.recorded
-    by_stamp = heard_by_stamp(heard, TICK_TOPICS)
+    by_stamp = heard_by_stamp(heard, (*TICK_TOPICS, Topic.PLANT_SAFETY))
     complete = set.intersection(*(set(by_stamp[topic]) for topic in OBSERVATION_TOPICS))
     # A bridge that is away or deaf tells no leader; it is on the road all the same.
     traffic, leaders = Traffic(plan.faults), {}

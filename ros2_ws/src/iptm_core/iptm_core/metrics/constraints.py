@@ -59,7 +59,8 @@ def check_constraints(
 
     Rates are checked from row to row, so that row 0 counts as the input before the run. Where a vehicle comes
     to rest its deceleration ends with the motion, and where it meets its top speed its acceleration: no
-    command does that, and it breaks no limit.
+    command does that, and it breaks no limit. Service braking keeps to the brakes of the vehicle, not to the
+    limits of comfort. Collisions are looked for inside the intervals as well.
 
     Args:
         trajectory: the run.
@@ -71,13 +72,15 @@ def check_constraints(
     limits, gap = parameters.limits, parameters.gap
     run = trajectory
     intervals = np.diff(run.time_s, prepend=run.time_s[:1])
-    acceleration = _outside(
-        run.acceleration_m_s2, limits.min_acceleration_m_s2, limits.max_acceleration_m_s2
+    braked = run.service_braking_s > 0.0
+    hardest = np.where(
+        braked, -parameters.brakes.max_deceleration_m_s2, limits.min_acceleration_m_s2
     )
+    acceleration = _outside(run.acceleration_m_s2, hardest, limits.max_acceleration_m_s2)
     jerk = _steps(run.acceleration_m_s2) - limits.max_jerk_m_s3 * intervals
-    jerk = np.where(
-        _speed_ends_acceleration(run, limits.max_speed_m_s), -limits.max_jerk_m_s3 * intervals, jerk
-    )
+    free = _speed_ends_acceleration(run, limits.max_speed_m_s)
+    free |= braked | np.concatenate(([False], braked[:-1]))
+    jerk = np.where(free, -limits.max_jerk_m_s3 * intervals, jerk)
     compressor = _outside(
         run.compressor_power_w, limits.min_compressor_power_w, limits.max_compressor_power_w
     )
@@ -98,7 +101,7 @@ def check_constraints(
         ("acceleration_step", "change of acceleration in one interval", "m/s^2", jerk, m_s2),
         ("compressor_power", "compressor power", "W", compressor, watt),
         ("compressor_power_step", "change of compressor power in one interval", "W", ramp, watt),
-        ("collision", "collision", "m", -run.gap_m, 0.0),
+        ("collision", "collision", "m", -np.minimum(run.gap_m, run.smallest_gap_m), 0.0),
     )
     soft: tuple[_Row, ...] = (
         ("speed", "speed", "m/s", speed, SPEED_TOLERANCE_M_S),
@@ -164,7 +167,7 @@ def _speed_ends_acceleration(run: Trajectory, top_speed_m_s: float) -> NDArray[n
     return ends
 
 
-def _outside(values: FloatArray, lower: float, upper: float) -> FloatArray:
+def _outside(values: FloatArray, lower: float | FloatArray, upper: float) -> FloatArray:
     """Return the distance to the permitted interval, negative inside."""
     return np.maximum(lower - values, values - upper)
 

@@ -121,6 +121,8 @@ class RunMetrics:
         gap: spacing.
         temperature: temperatures.
         constraints: one check per limit.
+        interventions: how often the safety monitor braked.
+        service_braking_s: how long it braked.
         longest_s: for how long in a row each concern of an operator lasted at most.
         decisions: how the decisions came about; None where none were taken or recorded.
     """
@@ -132,6 +134,8 @@ class RunMetrics:
     gap: GapMetrics
     temperature: TemperatureMetrics
     constraints: tuple[ConstraintCheck, ...]
+    interventions: int
+    service_braking_s: float
     longest_s: Mapping[Concern, float]
     decisions: DecisionStatistics | None = None
 
@@ -180,6 +184,8 @@ def compute_metrics(
         gap=_gap(trajectory, parameters),
         temperature=_temperature(trajectory),
         constraints=check_constraints(trajectory, parameters),
+        interventions=_interventions(trajectory),
+        service_braking_s=float(trajectory.service_braking_s.sum()),
         longest_s=longest_times_s(trajectory, parameters),
         decisions=None if decisions is None else DecisionStatistics.of(decisions),
     )
@@ -230,6 +236,12 @@ def _temperature(run: Trajectory) -> TemperatureMetrics:
         spread_k=_range(run, cell_n - cell_1),
         coolant_outlet_k=_range(run, run.coolant_outlet_temperature_k),
     )
+
+
+def _interventions(run: Trajectory) -> int:
+    """Return the number of times at which service braking began."""
+    braked = run.service_braking_s > 0.0
+    return int(np.count_nonzero(braked & ~np.concatenate(([False], braked[:-1]))))
 
 
 def _duration_s(run: Trajectory) -> float:

@@ -34,6 +34,12 @@ def _check_order(values: ModelParameters, origin: str) -> None:
                 f"{origin}: {group}.{low_name} is {low!r}; "
                 f"allowed: below {group}.{high_name} = {high!r}"
             )
+    if values.brakes.max_deceleration_m_s2 < -values.limits.min_acceleration_m_s2:
+        raise ParameterError(
+            f"{origin}: brakes.max_deceleration_m_s2 is {values.brakes.max_deceleration_m_s2!r}; allowed: "
+            f"from the comfort limit, -limits.min_acceleration_m_s2 = "
+            f"{-values.limits.min_acceleration_m_s2!r} m/s^2"
+        )
     gap = values.gap
     if not gap.standstill_gap_m <= gap.initial_gap_m <= gap.max_gap_m:
         raise ParameterError(

@@ -133,6 +133,16 @@ class LimitParameters:
 
 
 @dataclass(frozen=True)
+class BrakeParameters:
+    """Service brakes of the vehicle; ordinary commands keep to the comfort limits of `LimitParameters`."""
+
+    max_deceleration_m_s2: float = quantity("b_max", "m/s^2", 0.5, 12.0)
+    build_up_m_s3: float = quantity("db/dt", "m/s^3", 0.5, 100.0)
+    delay_s: float = quantity("t_b", "s", 0.0, 2.0)
+    regenerative_deceleration_m_s2: float = quantity("b_reg", "m/s^2", 0.0, 12.0)
+
+
+@dataclass(frozen=True)
 class GapParameters:
     """Car-following limits: intelligent driver model below, traffic efficiency above."""
 
@@ -155,4 +165,5 @@ class ModelParameters:
     chiller: ChillerParameters
     environment: EnvironmentParameters
     limits: LimitParameters
+    brakes: BrakeParameters
     gap: GapParameters

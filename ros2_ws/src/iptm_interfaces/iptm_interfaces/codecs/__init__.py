@@ -35,12 +35,14 @@ from iptm_interfaces.codecs.time import (
 from iptm_interfaces.codecs.vehicle import (
     decode_leader,
     decode_observation,
+    decode_safety,
     decode_temperature,
     decode_vehicle_state,
     encode_acceleration,
     encode_capacity_loss,
     encode_host_odometry,
     encode_leader,
+    encode_safety,
     encode_temperature,
 )
 
@@ -56,6 +58,7 @@ __all__ = [
     "decode_plan",
     "decode_powers",
     "decode_raw_datagram",
+    "decode_safety",
     "decode_slope",
     "decode_temperature",
     "decode_vehicle_state",
@@ -72,6 +75,7 @@ __all__ = [
     "encode_plan_bytes",
     "encode_powers",
     "encode_raw_datagram",
+    "encode_safety",
     "encode_slope",
     "encode_temperature",
     "ns_from_s",

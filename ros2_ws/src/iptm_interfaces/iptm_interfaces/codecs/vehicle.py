@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Header
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_core.state import LeaderState, PlantObservation, VehicleState
+from iptm_core.state import LeaderState, PlantObservation, SafetyRecord, VehicleState
 from iptm_interfaces.codecs._checks import finite, not_negative, reject
 from iptm_interfaces.codecs.battery import decode_powers
 from iptm_interfaces.codecs.fixed_layout import Numbers, encoder
@@ -111,6 +111,28 @@ def decode_capacity_loss(message: JointState) -> tuple[float, float]:
     return cell_1, cell_n
 
 
+@named_values(Topic.PLANT_SAFETY)
+def encode_safety(time_s: float, record: SafetyRecord) -> Numbers:
+    """Return what the safety monitor did over the interval that ended at a time."""
+    values = (record.service_braking_s, record.smallest_gap_m, record.brake_share)
+    return ns_from_s(time_s), values
+
+
+def decode_safety(message: JointState) -> SafetyRecord:
+    """Return what the safety monitor did over the interval that ended at the stamp.
+
+    Raises:
+        MessageError: a value is missing, or the time or the share not finite or out of range.
+    """
+    record = SafetyRecord(
+        *decode_named_values(Topic.PLANT_SAFETY, message, frozenset({"smallest_gap_m"}))
+    )
+    not_negative(Topic.PLANT_SAFETY, "service_braking_s", record.service_braking_s)
+    if not 0.0 <= record.brake_share <= 1.0:
+        reject(Topic.PLANT_SAFETY, f"brake_share is {record.brake_share}; allowed: 0 to 1")
+    return record
+
+
 def decode_vehicle_state(messages: Mapping[Topic, Any]) -> VehicleState:
     """Put the host's state together from the messages of one stamp.
 
@@ -146,17 +168,20 @@ def decode_observation(messages: Mapping[Topic, Any]) -> PlantObservation:
     """Put an observation of the plant together from the messages of one stamp.
 
     Args:
-        messages: at least those of `OBSERVATION_TOPICS`.
+        messages: at least those of `OBSERVATION_TOPICS`. Without one of `Topic.PLANT_SAFETY` no service
+            braking is known.
 
     Raises:
         MessageError: the stamps differ or one of the messages breaks its promise.
     """
+    safety = messages.get(Topic.PLANT_SAFETY)
     _common_stamp_ns(OBSERVATION_TOPICS, messages)
     return PlantObservation(
         state=decode_vehicle_state(messages),
         powers=decode_powers(messages[Topic.PLANT_POWERS]),
         coolant_inlet_temperature_k=_temperature(Topic.PLANT_COOLANT_INLET_TEMPERATURE, messages),
         coolant_outlet_temperature_k=_temperature(Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, messages),
+        safety=SafetyRecord() if safety is None else decode_safety(safety),
     )
 
 

@@ -1,0 +1,270 @@
+"""Safety monitor of the vehicle: worst-case reasoning from what is measured now, without any prediction.
+
+The rule is the safe longitudinal distance of responsibility-sensitive safety (RSS): S. Shalev-Shwartz,
+S. Shammah, A. Shashua, "On a formal model of safe and scalable self-driving cars", arXiv:1708.06374 (2017),
+definition 1, with the assumptions that IEEE 2846-2022 names: the vehicle ahead may brake with its hardest
+deceleration from now on; the ego vehicle continues at its present acceleration for the reaction time and
+brakes then. UN R157 has the same form. Other than in definition 1 the brakes have a delay and build up.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from iptm_core.parameters.model import BrakeParameters
+from iptm_core.settings import SafetyMonitorSettings
+from iptm_core.state import LeaderPreview, LeaderState
+
+SHARE_TIME_CONSTANT_S = 0.3
+"""Of the estimate of what the brakes deliver: it has settled within 1 s of braking."""
+LEAST_SHARE = 0.1
+JUDGED_FROM_M_S2 = 0.3
+JUDGED_FROM_M_S = 0.5
+"""Brakes are judged by requests harder and speeds above these."""
+ANOTHER_LEAD_M = 3.0
+"""A vehicle ahead that moves by so much more or less than its speeds say is another one."""
+LARGEST_MEASURING_INTERVAL_S = 5.0
+"""Two measurements further apart say nothing about the acceleration of the vehicle ahead."""
+
+
+@dataclass(frozen=True)
+class MonitorMemory:
+    """What monitor and brakes carry from one instant to the next.
+
+    Attributes:
+        braking: the monitor brakes.
+        since_s: trip time of its request to brake; of the last one while it does not brake.
+        reason: the numbers behind that request, empty before the first one.
+        requested_m_s2: acceleration that is requested at present, after delay and build-up of the brakes.
+        brake_share: share of the requested deceleration that the brakes deliver, as estimated.
+        lead: latest measurement of the vehicle ahead; None for none.
+        lead_acceleration_m_s2: its acceleration between the last two measurements.
+    """
+
+    braking: bool = False
+    since_s: float = 0.0
+    reason: str = ""
+    requested_m_s2: float = 0.0
+    brake_share: float = 1.0
+    lead: LeaderState | None = None
+    lead_acceleration_m_s2: float = 0.0
+
+
+def stopping_distance_m(
+    speed_m_s: float,
+    acceleration_m_s2: float,
+    wait_s: float,
+    deceleration_m_s2: float,
+    build_up_m_s3: float,
+) -> float:
+    """Return the distance to standstill of a vehicle that brakes after a while.
+
+    Args:
+        speed_m_s: speed now.
+        acceleration_m_s2: acceleration now, kept until the brakes act.
+        wait_s: time until the brakes act.
+        deceleration_m_s2: deceleration of the brakes, positive.
+        build_up_m_s3: rate at which it builds up.
+    """
+    a, speed = acceleration_m_s2, speed_m_s
+    if speed + a * wait_s <= 0.0:
+        return speed * speed / (-2.0 * a) if a < 0.0 else 0.0
+    distance = wait_s * (speed + 0.5 * a * wait_s)
+    speed += a * wait_s
+    if a > -deceleration_m_s2:
+        rise_s = (a + deceleration_m_s2) / build_up_m_s3
+        after = speed + rise_s * (a - 0.5 * build_up_m_s3 * rise_s)
+        if after <= 0.0:
+            rise_s = (a + math.sqrt(a * a + 2.0 * build_up_m_s3 * speed)) / build_up_m_s3
+        distance += rise_s * (speed + rise_s * (0.5 * a - build_up_m_s3 * rise_s / 6.0))
+        speed = max(after, 0.0)
+    return distance + speed * speed / (2.0 * deceleration_m_s2)
+
+
+class SafetyMonitor:
+    """The rule with its parameters; pure, what changes is in `MonitorMemory`.
+
+    Attributes:
+        settings: assumptions and times.
+    """
+
+    def __init__(self, settings: SafetyMonitorSettings, brakes: BrakeParameters) -> None:
+        """Set up a monitor.
+
+        Args:
+            settings: assumptions and times.
+            brakes: stated service brakes of the vehicle.
+        """
+        self.settings = settings
+        self._brakes = brakes
+        self._own_m_s2 = min(settings.monitor_own_deceleration_m_s2, brakes.max_deceleration_m_s2)
+
+    def safe_distance_m(
+        self,
+        speed_m_s: float,
+        acceleration_m_s2: float,
+        lead_speed_m_s: float,
+        brake_share: float = 1.0,
+        further_reaction_s: float = 0.0,
+    ) -> float:
+        """Return the smallest gap from which a collision can be avoided whatever the vehicle ahead does.
+
+        As the ego vehicle is not assumed to brake harder than the one ahead, the gap is smallest either now
+        or when both stand.
+
+        Args:
+            speed_m_s: speed of the ego vehicle.
+            acceleration_m_s2: its acceleration, which lasts during the reaction.
+            lead_speed_m_s: speed of the vehicle ahead.
+            brake_share: share of its deceleration that the ego vehicle still has.
+            further_reaction_s: added to the reaction time.
+
+        Returns:
+            Distance in m. 0 for a vehicle that stands and does not accelerate.
+        """
+        settings = self.settings
+        own_m = stopping_distance_m(
+            speed_m_s,
+            acceleration_m_s2,
+            settings.monitor_reaction_s + further_reaction_s + self._brakes.delay_s,
+            self._own_m_s2 * brake_share,
+            self._brakes.build_up_m_s3 * brake_share,
+        )
+        if own_m <= 0.0:
+            return 0.0
+        lead_m = lead_speed_m_s * lead_speed_m_s / (2.0 * settings.monitor_lead_deceleration_m_s2)
+        return max(own_m - lead_m, 0.0) + settings.monitor_margin_m
+
+    def is_unsafe(
+        self,
+        gap_m: float,
+        speed_m_s: float,
+        acceleration_m_s2: float,
+        lead_speed_m_s: float,
+        brake_share: float,
+    ) -> bool:
+        """Return whether the vehicle has to brake now; arguments as for `safe_distance_m`."""
+        needed = self.safe_distance_m(speed_m_s, acceleration_m_s2, lead_speed_m_s, brake_share)
+        return gap_m < needed
+
+    def judge(
+        self,
+        memory: MonitorMemory,
+        time_s: float,
+        ego: tuple[float, float, float],
+        lead: LeaderState | None,
+    ) -> MonitorMemory:
+        """Decide at one instant whether to brake.
+
+        Args:
+            memory: of the instant before.
+            time_s: now.
+            ego: position, speed and the acceleration that the vehicle has if the monitor does not brake.
+            lead: the vehicle ahead now; None for a free road, on which brakes are released.
+        """
+        position_m, speed_m_s, acceleration_m_s2 = ego
+        share = memory.brake_share
+        held = time_s - memory.since_s >= self.settings.monitor_hold_s - 1e-9
+        if lead is None:
+            return replace(memory, braking=memory.braking and not held)
+        gap_m = lead.position_m - position_m
+        if memory.braking:
+            enough_m = self.safe_distance_m(
+                speed_m_s,
+                max(acceleration_m_s2, 0.0),
+                lead.speed_m_s,
+                share,
+                self.settings.monitor_release_reaction_s,
+            )
+            return replace(memory, braking=not held or gap_m < enough_m)
+        if not self.is_unsafe(gap_m, speed_m_s, acceleration_m_s2, lead.speed_m_s, share):
+            return memory
+        safe_m = self.safe_distance_m(speed_m_s, acceleration_m_s2, lead.speed_m_s, share)
+        reason = (
+            f"gap {gap_m:.1f} m is below the safe distance of {safe_m:.1f} m at {speed_m_s:.1f} m/s behind "
+            f"{lead.speed_m_s:.1f} m/s"
+        )
+        return replace(memory, braking=True, since_s=time_s, reason=reason)
+
+
+def with_delivery(
+    memory: MonitorMemory,
+    requested_m_s2: float,
+    delivered_m_s2: float,
+    speed_m_s: float,
+    duration_s: float,
+) -> MonitorMemory:
+    """Return a memory that has learned from what the brakes made of a request.
+
+    Args:
+        memory: what is known so far.
+        requested_m_s2: acceleration requested over an interval, delay and build-up of the brakes allowed for.
+        delivered_m_s2: acceleration measured.
+        speed_m_s: speed at the end of the interval; standing vehicles show nothing.
+        duration_s: length of the interval.
+    """
+    if requested_m_s2 > -JUDGED_FROM_M_S2 or speed_m_s < JUDGED_FROM_M_S:
+        return memory
+    seen = min(max(delivered_m_s2 / requested_m_s2, LEAST_SHARE), 1.0)
+    gain = -math.expm1(-duration_s / SHARE_TIME_CONSTANT_S)
+    return replace(memory, brake_share=memory.brake_share + gain * (seen - memory.brake_share))
+
+
+class LeadMeasurements:
+    """The vehicle ahead at any instant of an interval, from what the range sensor measured.
+
+    At the instant of a measurement it is that; behind it, a motion that goes on with the measured
+    deceleration. A measured acceleration is not relied on.
+    """
+
+    def __init__(self, memory: MonitorMemory, samples: LeaderPreview | None) -> None:
+        """Take the measurements of an interval.
+
+        Args:
+            memory: with the measurement before.
+            samples: measurements of the interval in order; none at all for a free road. None if the sensor is
+                silent.
+        """
+        if samples is None:
+            self._known = [] if memory.lead is None else [memory.lead]
+        else:
+            rows = zip(samples.times_s, samples.positions_m, samples.speeds_m_s, strict=True)
+            self._known = [LeaderState(*map(float, row)) for row in rows]
+        self._accelerations = []
+        before, acceleration = memory.lead, memory.lead_acceleration_m_s2
+        for state in self._known:
+            interval_s = math.inf if before is None else state.time_s - before.time_s
+            if before is not None and 0.0 < interval_s <= LARGEST_MEASURING_INTERVAL_S:
+                foreseen_m = 0.5 * (before.speed_m_s + state.speed_m_s) * interval_s
+                other = abs(state.position_m - before.position_m - foreseen_m) > ANOTHER_LEAD_M
+                change_m_s = 0.0 if other else state.speed_m_s - before.speed_m_s
+                acceleration = change_m_s / interval_s
+            elif interval_s != 0.0:
+                acceleration = 0.0
+            self._accelerations.append(acceleration)
+            before = state
+
+    def at(self, time_s: float) -> tuple[LeaderState | None, bool]:
+        """Return the vehicle ahead at an instant, and whether it is measured then; None for a free road."""
+        index = len(self._known) - 1
+        while index > 0 and self._known[index].time_s > time_s + 1e-9:
+            index -= 1
+        if index < 0:
+            return None, False
+        known = self._known[index]
+        ahead_s = time_s - known.time_s
+        if abs(ahead_s) <= 1e-9:
+            return known, True
+        slowing = min(self._accelerations[index], 0.0)
+        if known.speed_m_s + slowing * ahead_s <= 0.0 and slowing < 0.0:
+            ahead_s = known.speed_m_s / -slowing
+        moved_m = ahead_s * (known.speed_m_s + 0.5 * slowing * ahead_s)
+        speed_m_s = max(known.speed_m_s + slowing * ahead_s, 0.0)
+        return LeaderState(time_s, known.position_m + moved_m, speed_m_s), False
+
+    def noted(self, memory: MonitorMemory) -> MonitorMemory:
+        """Return a memory with the latest measurement."""
+        if not self._known:
+            return replace(memory, lead=None, lead_acceleration_m_s2=0.0)
+        return replace(memory, lead=self._known[-1], lead_acceleration_m_s2=self._accelerations[-1])

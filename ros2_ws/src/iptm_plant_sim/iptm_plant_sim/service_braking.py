@@ -1,0 +1,224 @@
+"""An interval of the vehicle under its safety monitor: checked at its instants, braked where that is needed.
+
+Service braking overrides the command: after the delay of the brakes the deceleration builds up to what they
+can, and the compressor goes on as commanded. Released, it falls at the same rate back into the comfort
+limits, where the command acts again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import Command, LeaderPreview, SafetyRecord, VehicleState
+from iptm_plant_sim.actuators import ActuatorReport
+from iptm_plant_sim.motion import STANDSTILL_ACCELERATION_M_S2, STANDSTILL_SPEED_M_S
+from iptm_plant_sim.plant_step import PlantStep, joined
+from iptm_plant_sim.safety_monitor import (
+    LeadMeasurements,
+    MonitorMemory,
+    SafetyMonitor,
+    with_delivery,
+)
+
+RangeSensor = Callable[[VehicleState], "LeaderPreview | None"]
+"""From the state at the start of an interval to the measurements of the vehicle ahead in it, in order; see
+`LeadMeasurements`."""
+DriveInterval = Callable[[VehicleState, ActuatorReport, float], PlantStep]
+RAMP_STEP_S = 0.05
+"""While brakes build up or are released, the acceleration is constant over so much time, at its mean."""
+_RESOLUTION_S = 1e-9
+
+
+@dataclass(frozen=True)
+class ServiceBrakes:
+    """The brakes of a vehicle as actuators.
+
+    Attributes:
+        parameters: of the vehicle.
+        strength: share of every requested deceleration that is delivered.
+    """
+
+    parameters: ModelParameters
+    strength: float
+
+    def delivered_m_s2(self, requested_m_s2: float) -> float:
+        """Return the acceleration that follows from a requested one."""
+        return requested_m_s2 * self.strength if requested_m_s2 < 0.0 else requested_m_s2
+
+    def target_m_s2(self, memory: MonitorMemory, time_s: float, command_m_s2: float) -> float:
+        """Return the acceleration that is asked for at an instant."""
+        brakes = self.parameters.brakes
+        if memory.braking and time_s >= memory.since_s + brakes.delay_s - _RESOLUTION_S:
+            return -brakes.max_deceleration_m_s2
+        return command_m_s2
+
+    def ramp(self, start_m_s2: float, target_m_s2: float, duration_s: float) -> tuple[float, float]:
+        """Return the mean and the last acceleration of a time in which the requested one nears its target.
+
+        Within the comfort limits requests act at once.
+        """
+        comfort_m_s2 = self.parameters.limits.min_acceleration_m_s2
+        if start_m_s2 >= comfort_m_s2 and target_m_s2 >= comfort_m_s2:
+            return target_m_s2, target_m_s2
+        rate = math.copysign(self.parameters.brakes.build_up_m_s3, target_m_s2 - start_m_s2)
+        ramp_s = min((target_m_s2 - start_m_s2) / rate, duration_s)
+        last = target_m_s2 if ramp_s < duration_s else start_m_s2 + rate * duration_s
+        mean = (
+            0.5 * (start_m_s2 + last) * ramp_s + target_m_s2 * (duration_s - ramp_s)
+        ) / duration_s
+        return mean, last
+
+
+class MonitoredInterval:
+    """One interval: `drive` is the way into it."""
+
+    def __init__(
+        self,
+        monitor: SafetyMonitor,
+        brakes: ServiceBrakes,
+        drive_interval: DriveInterval,
+        state: VehicleState,
+        report: ActuatorReport,
+        duration_s: float,
+    ) -> None:
+        """Set up an interval.
+
+        Args:
+            monitor: decides when to brake.
+            brakes: what follows from that.
+            drive_interval: integrates a part of the interval at constant acceleration.
+            state: state at the start.
+            report: the command after the limits of comfort; its acceleration is the requested one.
+            duration_s: length of the interval.
+        """
+        self._monitor, self._brakes, self._drive_interval = monitor, brakes, drive_interval
+        self._state, self._report, self._duration_s = state, report, duration_s
+        period_s = monitor.settings.monitor_period_s
+        count = max(1, math.ceil((duration_s - _RESOLUTION_S) / period_s))
+        self._instants_s = [index * period_s for index in range(count)]
+        self._requested_m_s2 = report.actuated.acceleration_m_s2
+
+    def drive(self, memory: MonitorMemory, samples: LeaderPreview | None) -> PlantStep:
+        """Drive the interval.
+
+        Args:
+            memory: of the monitor.
+            samples: measurements of the vehicle ahead; see `LeadMeasurements`.
+        """
+        leads = LeadMeasurements(memory, samples)
+        memory = leads.noted(memory)
+        calm = not memory.braking and self._is_comfort(memory.requested_m_s2)
+        if calm and not self._is_ever_unsafe(memory, leads):
+            step = self._piece(self._state, self._requested_m_s2, self._duration_s)
+            memory = replace(
+                self._learned(memory, self._requested_m_s2, step, self._duration_s),
+                requested_m_s2=self._requested_m_s2,
+            )
+            gap_m = self._smallest_gap_m(leads)
+            return replace(step, memory=memory, safety=SafetyRecord(0.0, gap_m, memory.brake_share))
+        return self._drive_in_pieces(memory, leads)
+
+    def _is_comfort(self, acceleration_m_s2: float) -> bool:
+        return acceleration_m_s2 >= self._brakes.parameters.limits.min_acceleration_m_s2
+
+    def _piece(self, state: VehicleState, requested_m_s2: float, duration_s: float) -> PlantStep:
+        actuated = self._report.actuated
+        delivered = self._brakes.delivered_m_s2(requested_m_s2)
+        if delivered != actuated.acceleration_m_s2:
+            actuated = Command(delivered, actuated.compressor_power_w)
+        return self._drive_interval(state, replace(self._report, actuated=actuated), duration_s)
+
+    @staticmethod
+    def _learned(
+        memory: MonitorMemory, requested_m_s2: float, step: PlantStep, duration_s: float
+    ) -> MonitorMemory:
+        end = step.state
+        return with_delivery(
+            memory, requested_m_s2, end.acceleration_m_s2, end.speed_m_s, duration_s
+        )
+
+    # --- an interval without braking, in closed form
+
+    def _motion_at(self, after_s: float) -> tuple[float, float]:
+        """Return position and speed if the command is carried out; the top speed is not looked at."""
+        state, a = self._state, self._brakes.delivered_m_s2(self._requested_m_s2)
+        if state.speed_m_s < STANDSTILL_SPEED_M_S and a < STANDSTILL_ACCELERATION_M_S2:
+            return state.position_m, 0.0
+        if state.speed_m_s + a * after_s <= 0.0 and a < 0.0:
+            after_s = state.speed_m_s / -a
+        position_m = state.position_m + after_s * (state.speed_m_s + 0.5 * a * after_s)
+        return position_m, max(state.speed_m_s + a * after_s, 0.0)
+
+    def _is_ever_unsafe(self, memory: MonitorMemory, leads: LeadMeasurements) -> bool:
+        for after_s in self._instants_s:
+            lead, _ = leads.at(self._state.time_s + after_s)
+            if lead is None:
+                return False
+            position_m, speed_m_s = self._motion_at(after_s)
+            if self._monitor.is_unsafe(
+                lead.position_m - position_m,
+                speed_m_s,
+                self._requested_m_s2,
+                lead.speed_m_s,
+                memory.brake_share,
+            ):
+                return True
+        return False
+
+    def _smallest_gap_m(self, leads: LeadMeasurements) -> float:
+        gaps = []
+        for after_s in self._instants_s[1:]:
+            lead, measured = leads.at(self._state.time_s + after_s)
+            if lead is not None and measured:
+                gaps.append(lead.position_m - self._motion_at(after_s)[0])
+        return min(gaps, default=math.nan)
+
+    # --- an interval with braking, piece by piece
+
+    def _drive_in_pieces(self, memory: MonitorMemory, leads: LeadMeasurements) -> PlantStep:
+        start_s, command_m_s2 = self._state.time_s, self._requested_m_s2
+        pieces: list[tuple[PlantStep, float]] = []
+        state, braking_s, smallest_m = self._state, 0.0, math.nan
+        requested = memory.requested_m_s2
+        for begin_s, end_s in zip(
+            self._instants_s, [*self._instants_s[1:], self._duration_s], strict=True
+        ):
+            lead, measured = leads.at(start_s + begin_s)
+            if lead is not None and measured and begin_s > 0.0:
+                gap_m = lead.position_m - state.position_m
+                smallest_m = gap_m if math.isnan(smallest_m) else min(smallest_m, gap_m)
+            ego = (state.position_m, state.speed_m_s, command_m_s2)
+            memory = self._monitor.judge(memory, start_s + begin_s, ego, lead)
+            for length_s, target in self._parts(memory, begin_s, end_s):
+                if memory.braking or not self._is_comfort(requested):
+                    braking_s += length_s
+                mean, requested = self._brakes.ramp(requested, target, length_s)
+                step = self._piece(state, mean, length_s)
+                memory = self._learned(memory, mean, step, length_s)
+                pieces.append((step, length_s))
+                state = step.state
+        memory = replace(memory, requested_m_s2=requested)
+        record = SafetyRecord(braking_s, smallest_m, memory.brake_share)
+        step = joined(pieces, self._report, start_s + self._duration_s)
+        return replace(step, memory=memory, safety=record)
+
+    def _parts(
+        self, memory: MonitorMemory, begin_s: float, end_s: float
+    ) -> list[tuple[float, float]]:
+        """Return lengths and targets of the parts of the time between two instants."""
+        cuts = [begin_s, end_s]
+        acts_s = memory.since_s + self._brakes.parameters.brakes.delay_s - self._state.time_s
+        if memory.braking and begin_s + _RESOLUTION_S < acts_s < end_s - _RESOLUTION_S:
+            cuts.insert(1, acts_s)
+        parts = []
+        for start, stop in pairwise(cuts):
+            target = self._brakes.target_m_s2(
+                memory, self._state.time_s + start, self._requested_m_s2
+            )
+            count = max(1, math.ceil((stop - start) / RAMP_STEP_S - 1e-6))
+            parts += [((stop - start) / count, target)] * count
+        return parts
