@@ -144,7 +144,8 @@ KINDS: Mapping[FaultKind, KindSpec] = MappingProxyType({
         FaultPlace.VEHICLE, "the vehicle carries out the command of the size earlier", 1.0, "ticks", 1.0,
         20.0, whole=True),
     FaultKind.BRAKES_WEAK: KindSpec(
-        FaultPlace.VEHICLE, "the brakes deliver this share of every requested deceleration", 0.7, "1", 0.05, 1.0),
+        FaultPlace.VEHICLE, "the brakes deliver this share of each requested deceleration", 0.7, "1", 0.05,
+        1.0),
     FaultKind.PREVIEW_LOST: KindSpec(FaultPlace.PREVIEW, "no preview arrives", effect=effects.lost_preview),
     FaultKind.PREVIEW_FROZEN: KindSpec(
         FaultPlace.PREVIEW, "the preview of the beginning again and again, with fresh stamps",

@@ -59,7 +59,11 @@ class ActuatorReport:
 
 
 def limit_command(
-    command: Command, state: VehicleState, limits: LimitParameters, duration_s: float
+    command: Command,
+    state: VehicleState,
+    limits: LimitParameters,
+    duration_s: float,
+    last_acceleration_m_s2: float | None = None,
 ) -> ActuatorReport:
     """Bring a command inside bounds and rates, relative to the values last actuated.
 
@@ -71,13 +75,17 @@ def limit_command(
         state: present state; its inputs are the values last actuated.
         limits: bounds and rates.
         duration_s: length of the interval over which the command will be held; the rates scale with it.
+        last_acceleration_m_s2: acceleration last requested where that is not the one of the state.
 
     Returns:
         The report; its ``actuated`` command lies inside all limits.
     """
     clamps: list[Clamp] = []
     # After service braking the deceleration lies outside the comfort limits; a command starts at their edge.
-    last_m_s2 = max(state.acceleration_m_s2, limits.min_acceleration_m_s2)
+    last_m_s2 = (
+        state.acceleration_m_s2 if last_acceleration_m_s2 is None else last_acceleration_m_s2
+    )
+    last_m_s2 = max(last_m_s2, limits.min_acceleration_m_s2)
     wanted = command
     if not (math.isfinite(command.acceleration_m_s2) and math.isfinite(command.compressor_power_w)):
         clamps.append(Clamp.NON_FINITE)

@@ -47,7 +47,7 @@ class Plant:
     Attributes:
         parameters: the model parameters.
         monitor: the safety monitor; it acts only with a range sensor.
-        brake_strength: share of every requested deceleration that the brakes deliver.
+        brake_strength: share of every requested deceleration that the brakes deliver, above 0.
     """
 
     def __init__(
@@ -173,8 +173,11 @@ class Plant:
         Raises:
             StateError: the state leads nowhere (not finite or out of range).
         """
-        report = limit_command(command, state, self.parameters.limits, duration_s)
         brakes = ServiceBrakes(self.parameters, self.brake_strength)
+        last_m_s2 = brakes.requested_m_s2(state.acceleration_m_s2)
+        report = limit_command(
+            command, state, self.parameters.limits, duration_s, last_acceleration_m_s2=last_m_s2
+        )
         if self._sensor is None or not self.monitor.settings.safety_monitor:
             delivered = brakes.delivered_m_s2(report.actuated.acceleration_m_s2)
             actuated = replace(report.actuated, acceleration_m_s2=delivered)

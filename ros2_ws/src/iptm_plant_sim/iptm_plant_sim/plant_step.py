@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
-from iptm_core.state import IntervalPowers, PlantObservation
+from iptm_core.state import PlantObservation
 from iptm_plant_sim.actuators import ActuatorReport
 from iptm_plant_sim.safety_monitor import MonitorMemory
 
@@ -58,18 +58,16 @@ def joined(
     """
     duration_s = sum(length_s for _, length_s in pieces)
     last = pieces[-1][0]
-    powers = {
-        entry.name: sum(getattr(step.powers, entry.name) * part_s for step, part_s in pieces)
-        / duration_s
-        for entry in fields(IntervalPowers)
+    means = {
+        name: sum(getattr(step.powers, name) * part_s for step, part_s in pieces) / duration_s
+        for name in ("traction_power_w", "battery_power_w", "chiller_heat_w")
     }
-    powers["compressor_power_w"] = last.powers.compressor_power_w
     clamps = dict.fromkeys(clamp for step, _ in pieces for clamp in step.report.clamps)
     regenerated_j = sum(step.regenerative_power_w * part_s for step, part_s in pieces)
     return replace(
         last,
         state=replace(last.state, time_s=end_s),
-        powers=IntervalPowers(**powers),
+        powers=replace(last.powers, **means),
         regenerative_power_w=regenerated_j / duration_s,
         battery_heat_w=sum(step.battery_heat_w * part_s for step, part_s in pieces) / duration_s,
         charge_c=sum(step.charge_c for step, _ in pieces),

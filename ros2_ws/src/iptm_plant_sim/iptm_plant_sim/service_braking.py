@@ -39,7 +39,7 @@ class ServiceBrakes:
 
     Attributes:
         parameters: of the vehicle.
-        strength: share of every requested deceleration that is delivered.
+        strength: share of every requested deceleration that is delivered, above 0.
     """
 
     parameters: ModelParameters
@@ -48,6 +48,10 @@ class ServiceBrakes:
     def delivered_m_s2(self, requested_m_s2: float) -> float:
         """Return the acceleration that follows from a requested one."""
         return requested_m_s2 * self.strength if requested_m_s2 < 0.0 else requested_m_s2
+
+    def requested_m_s2(self, delivered_m_s2: float) -> float:
+        """Return the request from which an acceleration followed."""
+        return delivered_m_s2 / self.strength if delivered_m_s2 < 0.0 else delivered_m_s2
 
     def target_m_s2(self, memory: MonitorMemory, time_s: float, command_m_s2: float) -> float:
         """Return the acceleration that is asked for at an instant."""
