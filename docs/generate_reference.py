@@ -168,8 +168,10 @@ def _table(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
 def services_page() -> str:
     """Every service and what it does."""
     return (
-        f"# Services\n\n{NOTICE}All are `std_srvs/srv/Trigger`. Names are relative, so that a namespace "
-        "moves them with the vehicle. The answer says in a sentence what was done, or why it was not. "
+        f"# Services\n\n{NOTICE}All are `std_srvs/srv/Trigger`, with private names: `~/pause` of the "
+        "node `/car_1/plant` is `/car_1/plant/pause`. The table has the names of nodes that keep their "
+        "default names; these are unchanged. The answer says in a sentence what was done, or why it was "
+        "not. "
         "How to use them: [pause, step and reset](../how-to/README.md#pause-step-and-repeat-a-trip).\n\n"
         + _table(
             ("service", "what it does"),

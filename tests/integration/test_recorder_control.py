@@ -71,6 +71,26 @@ def trip(peer: Any) -> Trip:
     return Trip(peer)
 
 
+def test_two_recorders_of_one_namespace_are_controlled_apart(
+    launcher: Any, peer: Any, tmp_path: Path
+) -> None:
+    for name in ("recorder", "second"):
+        arguments = (tmp_path / name, "--ros-args", "-r", f"__node:={name}")
+        launcher.start_module("iptm_recording.recorder_cli", *arguments)
+    statuses = {name: peer.statuses(f"/{name}") for name in ("recorder", "second")}
+    client = peer.node.create_client(Trigger, "/second/pause")
+    peer.wait_until(client.service_is_ready, 60.0, "the service of the second recorder")
+    future = client.call_async(Trigger.Request())
+    peer.wait_until(future.done, 60.0, "its answer")
+    assert future.result().success
+    paused = "paused: nothing is recorded"
+    peer.wait_until(
+        lambda: statuses["second"] and statuses["second"][-1].message == paused, 60.0, "the pause"
+    )
+    peer.wait_until(lambda: statuses["recorder"], 60.0, "the first recorder")
+    assert not any(status.message == paused for status in statuses["recorder"])
+
+
 def test_pause_resume_and_split(launcher: Any, peer: Any, trip: Trip, tmp_path: Path) -> None:
     (tmp_path / "qos.yaml").write_text("/spare: {reliability: best_effort}\n/else: {depth: 3}\n")
     recorder = launcher.start_module(

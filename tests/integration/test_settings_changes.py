@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
 from typing import Any
 from unittest import mock
 
@@ -16,11 +17,17 @@ from tests.integration.node_bench import NodeBench, S, node_bench
 from iptm_controller.node import ControllerNode
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.errors import BagError, SolverSetupError
+from iptm_core.trajectory import Trajectory
 from iptm_interfaces.codecs import decode_command, encode_slope, serialized, time_from_ns
 from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, Level, build_status
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.changed_settings import read_settings_changes, refuse_changed_settings
+from iptm_recording.changed_settings import (
+    SettingsChange,
+    changes_in_words,
+    read_settings_changes,
+    refuse_changed_settings,
+)
 
 pytestmark = pytest.mark.usefixtures("ros_environment")
 OPTIONS: dict[str, Any] = {**SMALL, "compile_code": False, "strategy": "reference"}
@@ -117,6 +124,34 @@ def test_a_horizon_is_built_while_the_node_decides_on(controller: NodeBench) -> 
     assert set_all(controller, speed_weight=2.0).successful
 
 
+def test_a_horizon_in_preparation_does_not_delay_a_weight(controller: NodeBench) -> None:
+    """Both are set between two decisions, as of a paused trip."""
+    tell(controller, 0)
+    building = Event()
+    build = ControllerNodeParameters.build_controller
+
+    def build_later(options: ControllerNodeParameters) -> Any:
+        assert building.wait(60.0)
+        return build(options)
+
+    with mock.patch.object(ControllerNodeParameters, "build_controller", build_later):
+        assert set_all(controller, speed_weight=2.0).successful
+        assert set_all(controller, horizon="3x1+3x5").successful
+        tell(controller, 1)
+        assert controller.values[SETTINGS_SINCE] == "1"
+        assert controller.values[CHANGED_SETTINGS] == "speed_weight=2.0 (was -1.0)"
+        building.set()
+        ticks = iter(range(2, 10_000))
+
+        def has_the_horizon() -> bool:
+            tell(controller, next(ticks))
+            return plan_steps(controller) == 6
+
+        controller.spin_until(has_the_horizon)
+    assert "horizon=3x1+3x5" in controller.values[CHANGED_SETTINGS]
+    assert "speed_weight" not in controller.values[CHANGED_SETTINGS]
+
+
 def test_a_problem_that_cannot_be_built_leaves_the_settings_as_they_are(
     controller: NodeBench,
 ) -> None:
@@ -160,3 +195,42 @@ def test_a_bag_tells_of_changes_inside_it(tmp_path: Path) -> None:
     assert read_settings_changes(tmp_path / "bag", "car_2") == []
     refuse_changed_settings(tmp_path / "bag", "car_2")
     assert len(read_settings_changes(tmp_path / "bag")) == 1
+
+
+def test_figures_of_the_last_trip_come_with_its_own_changes(
+    tick_messages: Any, trajectory: Trajectory, tmp_path: Path
+) -> None:
+    """What was changed in an earlier trip holds for all of the last one."""
+    said = {
+        0: {3: ("3", "horizon=2x1 (was 1x1)"), 7: ("7", "speed_weight=2.0 (was 1.0)")},
+        1: {5: ("5", "deadline_ms=9.0 (was 0.0)")},
+    }
+    with BagWriter(tmp_path / "bag") as writer:
+        ids: dict[Topic, int] = {}
+        since = ("start", "none")
+        for trip, changes in said.items():
+            for row in range(len(trajectory)):
+                since = changes.get(row, since)
+                values = dict(zip((SETTINGS_SINCE, CHANGED_SETTINGS), since, strict=True))
+                status = build_status("/controller: optimal control", Level.OK, "", values)
+                told = tick_messages(trajectory, row)
+                told[Topic.DIAGNOSTICS] = DiagnosticArray(status=[status])
+                for topic, message in told.items():
+                    if topic not in ids:
+                        spec = TOPICS[topic]
+                        ids[topic] = writer.add_topic(f"/{spec.name.strip('/')}", spec.type_name)
+                    at_ns = (trip * len(trajectory) + row) * S
+                    writer.write(ids[topic], serialized(message), at_ns)
+    earlier, during = changes_in_words(read_settings_changes(tmp_path / "bag"))
+    assert earlier == (
+        "changed in an earlier trip: horizon=2x1 (was 1x1); speed_weight=2.0 (was 1.0)"
+    )
+    assert during == "changed while driving: from 5 s on deadline_ms=9.0 (was 0.0)"
+
+
+def test_many_changes_are_summed_up() -> None:
+    many = [SettingsChange(float(k), f"speed_weight={k}.0 (was 1.0)") for k in range(40)]
+    (text,) = changes_in_words(many)
+    assert "40 times" in text
+    assert "from 39 s on speed_weight=39.0" in text
+    assert len(text) < 200

@@ -14,7 +14,8 @@ from iptm_interfaces.codecs import decode_command, ns_from_time
 from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.services import Service
 from iptm_interfaces.topics import Topic
-from iptm_recording.trajectory_reader import count_trips, read_trajectory
+from iptm_recording.bag_reader import BagReader
+from iptm_recording.trajectory_reader import read_trajectory, trip_starts_ns
 
 PAUSED = "paused by request"
 RING: dict[str, dict[str, object]] = {
@@ -142,7 +143,8 @@ def test_the_ring_sits_out_a_pause_and_repeats_a_trip_after_a_reset(
     peer.wait_until(lambda: len(commands) > 25, 120.0, "the new trip under way")
     assert all(commands[tick * S] == first[tick * S] for tick in range(25))
     assert recorder.stop() == 0
-    assert count_trips(tmp_path / "bag") == 2
+    with BagReader(tmp_path / "bag") as reader:
+        assert len(trip_starts_ns(reader)) == 2
     trajectory = read_trajectory(tmp_path / "bag")
     assert trajectory.time_s[0] == 0.0
     assert len(trajectory) >= 25

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import runpy
 import sys
 from pathlib import Path
@@ -29,6 +30,23 @@ NODES: dict[str, type[Any]] = {
 }
 
 needs_sources = pytest.mark.skipif(not LAUNCH.is_dir(), reason="installed without its sources")
+
+
+@needs_sources
+def test_the_aggregator_sorts_every_status_into_one_group() -> None:
+    path = CONFIG.parent / "diagnostic_aggregator.yaml"
+    parameters = yaml.safe_load(path.read_text(encoding="utf-8"))["analyzers"]["ros__parameters"]
+    groups = [entry["contains"] for entry in parameters.values() if isinstance(entry, dict)]
+    found = re.compile(r"DiagnosticsReporter\.of_node\(self, (?:\"([^\"]+)\"|NAME)\)")
+    components = {
+        match[1] or "traffic"
+        for source in SOURCE.rglob("*node*.py")
+        for match in found.finditer(source.read_text(encoding="utf-8"))
+    }
+    assert {"vehicle", "preview", "optimal control"} <= components
+    for component in components:
+        name = f"/car_1/any_node: {component}"
+        assert [any(part in name for part in parts) for parts in groups].count(True) == 1, name
 
 
 @pytest.mark.parametrize("node", NODES)

@@ -3,6 +3,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 
 from iptm_interfaces.diagnostics import (
@@ -28,6 +29,7 @@ class Bench:
             "/car/node: part",
             steady_time_s=lambda: self.now_s,
             health=self.health,
+            now=lambda: Time(sec=1_700_000_000),
             on_change=lambda level, reason: self.changes.append((level, reason)),
         )
 
@@ -39,7 +41,8 @@ def test_first_status_goes_out_at_once() -> None:
     bench = Bench()
     assert bench.report(Level.OK, "running", gap_m=12.3456789, ticks=3, active=True)
     message = bench.sent[0]
-    assert message.header.stamp.sec == 5
+    assert message.header.stamp.sec == 1_700_000_000  # as other nodes of ROS stamp theirs
+    assert status_values(message.status[0])["trip_time_s"] == "5"
     status = message.status[0]
     assert (status.name, status.message) == ("/car/node: part", "running")
     values = {"gap_m": "12.3457", "ticks": "3", "active": "true"}

@@ -21,6 +21,7 @@ setup(
         (f"share/{PACKAGE}/launch", files("launch", "*.launch.py")),
         # The launch files look for them here, as every ROS 2 package does.
         (f"share/{PACKAGE}/config/nodes", files(f"{PACKAGE}/config/nodes", "*.yaml")),
+        (f"share/{PACKAGE}/config", files(f"{PACKAGE}/config", "*.yaml")),
         (f"share/{PACKAGE}/config/scenarios", files(f"{PACKAGE}/config/scenarios", "*.yaml")),
     ],
     install_requires=["setuptools", "numpy>=1.24", "PyYAML>=6.0", "matplotlib>=3.8", "rich>=13"],

@@ -25,10 +25,10 @@ from iptm_interfaces.assembly import last_trip
 from iptm_interfaces.codecs import (
     decode_decision_record,
     decode_temperature,
-    ns_from_time,
+    ns_from_s,
     stamp_ns_of,
 )
-from iptm_interfaces.diagnostics import Level, find_status
+from iptm_interfaces.diagnostics import TRIP_TIME, Level, find_status, status_values
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import (
     BRIDGE,
@@ -259,7 +259,8 @@ class RunMonitor(SuiteNode):
             if status is None:
                 continue
             # A node that has just been started does not know the time yet.
-            about_ns = ns_from_time(message.header.stamp) or self.time_ns or 0
+            about_s = float(status_values(status).get(TRIP_TIME, 0.0))
+            about_ns = ns_from_s(about_s) or self.time_ns or 0
             self.statements.append(HeardStatus(about_ns, node, status, self.clocks))
             # Before the first tick everybody waits for somebody, which is worth no word.
             if self.first_clock_s is not None and status.level != Level.OK.value:

@@ -1,7 +1,7 @@
 """Changes of the controller's settings while it drives: checked, prepared beside the node, then taken over.
 
 Weights and strategy are numbers of a problem and hold from the next decision on. Another horizon or deadline
-is another problem, which a thread builds and compiles while the node decides on with the present one.
+is another problem, which a thread builds and compiles while the node goes on with the present one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE
 from iptm_interfaces.suite_node import SuiteNode
 
-_NUMBERS_OF_A_PROBLEM = frozenset(("strategy", *WEIGHTS))
+_NUMBERS_OF_A_PROBLEM = ("strategy", *WEIGHTS)
 
 
 class SettingsChanges:
@@ -72,7 +72,7 @@ class SettingsChanges:
             return
         self._wanted = replace(self._wanted, **changes)
         different = set(self._different())
-        if different and not different <= _NUMBERS_OF_A_PROBLEM:
+        if not different.issubset(_NUMBERS_OF_A_PROBLEM):
             self._node.get_logger().info(f"prepares {self._difference()}")
             self._prepared = Future()
             # A daemon, so that a node that is told to stop does not wait for a compiler.
@@ -87,11 +87,13 @@ class SettingsChanges:
         """
         if self._wanted == self.options:
             return controller
-        if self._prepared is None:
-            controller.use_strategy(self._wanted.controller_options().strategy)
-            self._note(stamp_ns, "")
-            return controller
-        if not self._prepared.done():
+        if self._prepared is None or not self._prepared.done():
+            # A horizon in preparation does not delay the numbers.
+            numbers = {name: getattr(self._wanted, name) for name in _NUMBERS_OF_A_PROBLEM}
+            options = replace(self.options, **numbers)
+            if options != self.options:
+                controller.use_strategy(options.controller_options().strategy)
+                self._note(options, stamp_ns, "")
             return controller
         prepared, self._prepared = self._prepared, None
         try:
@@ -104,14 +106,15 @@ class SettingsChanges:
             # A plan on another grid is no start for this one.
             memory = replace(memory, ladder=LadderMemory(None, memory.ladder.failures))
         ready.memory = memory
-        self._note(stamp_ns, f", prepared in {took_s:.2g} s")
+        self._note(self._wanted, stamp_ns, f", prepared in {took_s:.2g} s")
         return ready
 
-    def _note(self, stamp_ns: int, how: str) -> None:
+    def _note(self, options: ControllerNodeParameters, stamp_ns: int, how: str) -> None:
         since = f"{stamp_ns / NS_PER_S:.9g}"
-        self.values = {CHANGED_SETTINGS: self._difference(), SETTINGS_SINCE: since}
-        self._node.get_logger().info(f"from {since} s on: {self._difference()}{how}")
-        self.options = self._wanted
+        difference = self._difference(options)
+        self.values = {CHANGED_SETTINGS: difference, SETTINGS_SINCE: since}
+        self._node.get_logger().info(f"from {since} s on: {difference}{how}")
+        self.options = options
 
     def _give_up(self, error: Exception) -> None:
         """Keep the present settings, and say so in the parameters as well."""
@@ -124,17 +127,15 @@ class SettingsChanges:
         finally:
             self._is_giving_up = False
 
-    def _different(self) -> list[str]:
-        return [
-            name
-            for name in CHANGEABLE
-            if getattr(self._wanted, name) != getattr(self.options, name)
-        ]
+    def _different(self, wanted: ControllerNodeParameters | None = None) -> list[str]:
+        wanted = wanted or self._wanted
+        return [name for name in CHANGEABLE if getattr(wanted, name) != getattr(self.options, name)]
 
-    def _difference(self) -> str:
+    def _difference(self, wanted: ControllerNodeParameters | None = None) -> str:
+        wanted = wanted or self._wanted
         return ", ".join(
-            f"{name}={plain(getattr(self._wanted, name))} (was {plain(getattr(self.options, name))})"
-            for name in self._different()
+            f"{name}={plain(getattr(wanted, name))} (was {plain(getattr(self.options, name))})"
+            for name in self._different(wanted)
         )
 
 

@@ -1,7 +1,8 @@
 """One diagnostic status per node: published on change of level or reason, else at most once a second.
 
 The reason is a short sentence without numbers, so that it changes only when the situation does;
-numbers go into the key values. Levels follow ROS: STALE means that the data a node needs has stopped
+numbers go into the key values. Messages are stamped by the node's clock, as `diagnostic_aggregator` expects;
+the trip time is a key value. Levels follow ROS: STALE means that the data a node needs has stopped
 coming.
 """
 
@@ -12,9 +13,10 @@ import time
 from collections.abc import Callable, Mapping
 from enum import Enum
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from iptm_interfaces.codecs.time import time_from_ns
+from iptm_interfaces.codecs.time import s_from_ns
 from iptm_interfaces.node_health import NodeHealth
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
@@ -25,6 +27,8 @@ CHANGED_SETTINGS = "changed_settings"
 """Key: settings that were changed last while the node runs, with their former values."""
 SETTINGS_SINCE = "settings_since_s"
 """Key: trip time of the first tick with them, or `start`."""
+TRIP_TIME = "trip_time_s"
+"""Key: trip time of the status, 0 before the trip."""
 REPORT_PERIOD_S = 1.0
 """Interval at which nodes report, and the least between two messages of the same level and reason."""
 
@@ -96,6 +100,7 @@ class DiagnosticsReporter:
         name: str,
         on_change: Callable[[Level, str], None],
         health: NodeHealth,
+        now: Callable[[], Time],
         hardware_id: str = HARDWARE_ID,
         steady_time_s: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -106,6 +111,7 @@ class DiagnosticsReporter:
             name: name of the status.
             on_change: told about every new level or reason, for the log.
             health: what the node survived; errors go before every reason, warnings before what is well.
+            now: returns the time of the node's clock, for the stamps.
             hardware_id: the vehicle.
             steady_time_s: clock in seconds, replaceable in tests.
         """
@@ -114,6 +120,7 @@ class DiagnosticsReporter:
         self._steady_time_s = steady_time_s
         self._on_change = on_change
         self._health = health
+        self._now = now
         self._hardware_id = hardware_id
         self._last: tuple[Level, str] | None = None
         self._last_time_s = -math.inf
@@ -135,15 +142,16 @@ class DiagnosticsReporter:
 
         name = f"{node.get_fully_qualified_name()}: {component}"
         vehicle = node.get_namespace().strip("/") or HARDWARE_ID
-        return cls(publisher.publish, name, log, node.health, vehicle)
+        clock = node.get_clock()
+        return cls(publisher.publish, name, log, node.health, lambda: clock.now().to_msg(), vehicle)
 
     def report(
-        self, stamp_ns: int, level: Level, reason: str, values: Mapping[str, object]
+        self, trip_time_ns: int, level: Level, reason: str, values: Mapping[str, object]
     ) -> bool:
         """Publish the status if it is due; return whether it was.
 
         Args:
-            stamp_ns: trip time of the status.
+            trip_time_ns: trip time of the status.
             level: severity.
             reason: the situation in one short sentence, without numbers.
             values: numbers and texts behind it.
@@ -156,10 +164,11 @@ class DiagnosticsReporter:
         changed = (level, reason) != self._last
         if not changed and now_s - self._last_time_s < REPORT_PERIOD_S:
             return False
-        values = {**values, **self._health.values}
+        time_s = f"{s_from_ns(trip_time_ns):.9g}"
+        values = {TRIP_TIME: time_s, **values, **self._health.values}
         status = build_status(self._name, level, reason, values, self._hardware_id)
         message = DiagnosticArray(status=[status])
-        message.header.stamp = time_from_ns(stamp_ns)
+        message.header.stamp = self._now()
         self._publish(message)
         if changed:
             self._on_change(level, reason)

@@ -1,7 +1,8 @@
 """Every service of the suite, as data: names and what they do.
 
-Names are relative like those of the topics, so that a namespace moves them with the vehicle. Those of player
-and recorder are named as those of `ros2 bag`, whose types are in `rosbag2_interfaces`: no wheel has it.
+Names are private, `~/pause`, as in rosbag2 and nav2: they follow name and namespace of the node, so that
+two nodes of one kind can share a namespace. Those of player and recorder are named as those of `ros2 bag`,
+whose types are in `rosbag2_interfaces`: no wheel has it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from iptm_core.trip_time import NS_PER_S
 
 
 class Service(Enum):
-    """Key of a service; the value is its name, which begins with the node that offers it."""
+    """Key of a service; the value is its name where the node that offers it has its default name."""
 
     PAUSE = "plant/pause"
     RESUME = "plant/resume"
@@ -32,6 +33,11 @@ class Service(Enum):
     RECORDER_PAUSE = "recorder/pause"
     RECORDER_RESUME = "recorder/resume"
     RECORDER_SPLIT = "recorder/split_bagfile"
+
+    @property
+    def private_name(self) -> str:
+        """Name with which a node offers it."""
+        return f"~/{self.value.partition('/')[2]}"
 
 
 MEANINGS: Mapping[Service, str] = MappingProxyType(

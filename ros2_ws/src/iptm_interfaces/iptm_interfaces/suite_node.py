@@ -130,7 +130,7 @@ class SuiteNode(Node):
             except IptmError as error:
                 response.message = " ".join(str(error).split())
 
-        return self.create_service(Trigger, service.value, answer)
+        return self.create_service(Trigger, service.private_name, answer)
 
     def _let_in(
         self, topic: Topic, kind: type[Any] | None, callback: Callable[[Any], None], data: bytes

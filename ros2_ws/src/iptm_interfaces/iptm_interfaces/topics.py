@@ -249,7 +249,8 @@ _SPECS = (
     ),
     TopicSpec(
         Topic.DIAGNOSTICS, DiagnosticArray, "every node", "-", "-",
-        "one DiagnosticStatus per node: level, one reason, key values", rate="on change, else 1 Hz",
+        "one DiagnosticStatus per node: level, one reason, key values; stamped by the node's clock, the trip "
+        "time is the value trip_time_s", rate="on change, else 1 Hz",
     ),
 )
 # fmt: on

@@ -68,11 +68,14 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
         BagError: the bag does not hold a complete run of the suite.
     """
     # Decoding to the suite's messages needs ROS, everything else here does not.
-    from iptm_recording.changed_settings import read_settings_changes  # noqa: PLC0415
+    from iptm_recording.changed_settings import (  # noqa: PLC0415
+        changes_in_words,
+        read_settings_changes,
+    )
     from iptm_recording.trajectory_reader import (  # noqa: PLC0415
-        count_trips,
         read_decisions,
         read_trajectory,
+        trip_starts_ns,
     )
 
     parameters, is_stored = read_model_parameters(path)
@@ -81,12 +84,11 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
         decisions = read_decisions(path, namespace)
     except BagError:  # a controller that does not report them
         decisions = None
-    trips = count_trips(path, namespace)
+    with BagReader(path) as reader:
+        trips = len(trip_starts_ns(reader, namespace))
     notes = [] if is_stored else ["limits of the default parameter set: the bag names no other"]
     notes += [f"the last of {trips} trips"] if trips > 1 else []
-    notes += [
-        f"changed while driving: {change}" for change in read_settings_changes(path, namespace)
-    ]
+    notes += changes_in_words(read_settings_changes(path, namespace))
     caption = "; ".join(notes) or None
     table = Table("figure", title=f"{path.name}: results", title_justify="left", caption=caption)
     table.add_column("value", justify="right")

@@ -26,7 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="replay",
         description="Play a bag onto the ROS 2 graph with its recorded timing. While it plays, the services"
-        " /player/pause, resume, toggle_paused and play_next (std_srvs/srv/Trigger) and the parameters rate"
+        " ~/pause, ~/resume, ~/toggle_paused and ~/play_next (std_srvs/srv/Trigger) and the parameters rate"
         " and seek_s of /player control it. ROS arguments (namespace, remaps) follow after --ros-args.",
     )
     parser.add_argument("bag", type=Path, help="bag folder or file")

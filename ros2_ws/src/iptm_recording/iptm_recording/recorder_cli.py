@@ -27,7 +27,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="record",
         description="Record a run as a rosbag2 bag (MCAP). Ends on Ctrl-C; a kill loses almost nothing:"
-        " see recover_bag. The services /recorder/pause, resume and split_bagfile (std_srvs/srv/Trigger)"
+        " see recover_bag. The services ~/pause, ~/resume and ~/split_bagfile (std_srvs/srv/Trigger)"
         " control it. ROS arguments (namespace, remaps) follow after --ros-args.",
     )
     parser.add_argument(

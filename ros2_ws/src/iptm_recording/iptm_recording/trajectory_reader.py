@@ -18,20 +18,20 @@ from iptm_recording.run_information import stored_pauses
 from iptm_recording.timeline import read_stamp_ns
 
 
-def count_trips(path: Path, namespace: str | None = None) -> int:
-    """Return how many trips a bag holds, one after the other.
+def trip_starts_ns(reader: BagReader, namespace: str | None = None) -> list[int]:
+    """Return the log times at which the trips in a bag start, one entry at least.
 
     Args:
-        path: bag folder or file.
+        reader: the bag.
         namespace: namespace of the vehicle; needed only if the bag holds several.
 
     Raises:
         BagError: the bag cannot be read, or lacks the plant's odometry.
     """
-    with BagReader(path) as reader:
-        name = topic_name(reader, Topic.PLANT_ODOMETRY, namespace)
-        stamps = (read_stamp_ns(raw.data) for raw in reader.raw_messages([name]))
-        return len(split_trips((stamp, None) for stamp in stamps if stamp is not None))
+    name = topic_name(reader, Topic.PLANT_ODOMETRY, namespace)
+    raw = ((read_stamp_ns(each.data), each.log_time_ns) for each in reader.raw_messages([name]))
+    trips = split_trips((stamp, at_ns) for stamp, at_ns in raw if stamp is not None)
+    return [min(trip.values(), default=0) for trip in trips]
 
 
 def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
