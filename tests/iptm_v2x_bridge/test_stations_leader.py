@@ -90,3 +90,22 @@ def test_the_leader_ends_where_its_length_says(length_m: float) -> None:
     """The reference position is the middle of the front."""
     known = Station(station(1, 0, 80.0, 0.0, length_m=length_m), 0, ROAD)
     assert known.last.position_m == pytest.approx(84.5 - length_m, abs=0.02)
+
+
+@pytest.mark.parametrize(("station_type", "longest_m"), [(5, 4.5), (8, 18.75), (11, 75.0)])
+def test_a_vehicle_without_length_is_as_long_as_its_kind_may_be(
+    station_type: int, longest_m: float
+) -> None:
+    """A truck is not published as far away as a car, and leads also where it would overlap the host."""
+    message = station(1, 0, 80.0, 0.0, length_m=None, station_type=station_type)
+    known = Station(message, 0, ROAD)
+    assert known.last.position_m == pytest.approx(84.5 - longest_m, abs=0.02)
+    assert LeaderSelector().select([known], 70.0, 0.0) is known
+    assert LeaderSelector().select([known], 90.0, 0.0) is None
+
+
+def test_a_truck_without_length_does_not_hide_the_car_behind_it() -> None:
+    """The truck has been known for longer; were it the longest, the car would be inside of it."""
+    truck = Station(station(1, 0, 90.0, 0.0, length_m=None, station_type=8), 0, ROAD)
+    car = Station(station(2, 100, 74.0, 0.0), 100, ROAD)
+    assert LeaderSelector().select([truck, car], HOST_M, 0.1) is car

@@ -18,7 +18,10 @@ VEHICLE_TYPES = range(3, 12)
 """Station types of motor vehicles: moped 3, motorcycle, car, bus, trucks, trailer, special, tram 11."""
 
 ASSUMED_LENGTH_M = VEHICLE_LENGTH_M
-"""Length of a vehicle that does not tell it."""
+"""Length of a car that does not state it."""
+LONGEST_M = {6: 18.75, 7: 12.0, 8: 18.75, 9: 18.75, 10: 18.75, 11: 75.0}
+"""Length of other vehicles that do not state it, by station type: the longest bus, motor vehicle and road
+train of directive 96/53/EC (annex I), and the longest tram of BOStrab (section 34)."""
 ASSUMED_TRAILER_M = 14.0
 """Length added for a trailer of unknown length: the rear bumper is rather taken too near than too far."""
 
@@ -94,5 +97,15 @@ class CamMessage:
     @property
     def front_to_rear_m(self) -> float:
         """Distance from the reference position back to the rear end, trailers included."""
-        length_m = ASSUMED_LENGTH_M if self.length_m is None else self.length_m
-        return length_m + (ASSUMED_TRAILER_M if self.trailer_of_unknown_length else 0.0)
+        return self._least_length_m + self.uncertain_length_m
+
+    @property
+    def uncertain_length_m(self) -> float:
+        """How much of this distance is an assumption on the safe side: the vehicle may be shorter."""
+        longest_m = LONGEST_M.get(self.station_type, ASSUMED_LENGTH_M)
+        uncertain_m = longest_m - ASSUMED_LENGTH_M if self.length_m is None else 0.0
+        return uncertain_m + (ASSUMED_TRAILER_M if self.trailer_of_unknown_length else 0.0)
+
+    @property
+    def _least_length_m(self) -> float:
+        return ASSUMED_LENGTH_M if self.length_m is None else self.length_m

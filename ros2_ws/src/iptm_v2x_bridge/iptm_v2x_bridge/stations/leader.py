@@ -53,22 +53,26 @@ class LeaderSelector:
         if not (station.in_lane and station.drives_along):
             return False
         distance_m = station.last.moved_on_m(now_s) - host_position_m
-        return -BEHIND_M <= distance_m <= MAX_DISTANCE_M
+        # A vehicle of unknown length that would overlap the host is ahead, only shorter.
+        least_m = -BEHIND_M - station.message.uncertain_length_m
+        return least_m <= distance_m <= MAX_DISTANCE_M
 
     @staticmethod
     def _stands_inside(station: Station, others: Iterable[Station]) -> bool:
         """Return whether a station would be inside another one that has been known for longer."""
-        rear, front = station.last.position_m, station.fix.position_m
-        now_s = station.last.time_s
+        rear = station.last.position_m + station.message.uncertain_length_m
+        front, now_s = station.fix.position_m, station.last.time_s
         for other in others:
             if other.first_ms >= station.first_ms:
                 continue
             if other.message.station_id == station.message.station_id:
                 continue  # hypotheses of a contested identity
-            other_rear = other.last.moved_on_m(now_s)
-            other_front = other_rear + other.message.front_to_rear_m
+            moved_m = other.last.moved_on_m(now_s) - other.last.position_m
+            other_front = other.fix.position_m + moved_m
+            other_rear = other_front - other.message.front_to_rear_m
+            other_rear += other.message.uncertain_length_m
             # The older the other one's message, the less is known of where it is.
-            margin = 1.0 + 0.5 * abs(other_rear - other.last.position_m)
+            margin = 1.0 + 0.5 * abs(moved_m)
             shared = min(front, other_front) - max(rear, other_rear)
             if shared > margin:
                 return True
