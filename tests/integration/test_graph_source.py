@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +16,7 @@ from iptm_recording.bag_reader import BagReader
 from iptm_recording.rclpy_types import message_class, to_profile
 from iptm_recording.recorded_topics import offer_for
 from iptm_recording.storage import RawMessage
-from iptm_view.bag_source import AT_ONCE, BagSource
+from iptm_view.bag_source import BagSource
 from iptm_view.graph_source import GraphSource
 from iptm_view.page_feed import Cursor, PageFeed
 
@@ -66,8 +65,8 @@ def reader() -> Iterator[BagReader]:
 def test_every_vehicle_has_a_page_with_the_values_of_its_bag(peer: Any, reader: BagReader) -> None:
     """Two vehicles in one graph, the second some ticks ahead of the first."""
     feed = PageFeed()
-    with BagSource(BAG, AT_ONCE) as bag_source:
-        bag_source.play(feed, bag_source.facts, None, threading.Event().wait)
+    with BagSource(BAG) as bag_source:
+        bag_source.load(feed, bag_source.facts)
     expected = told(feed)
 
     ahead = {"/car_1": 0, "/car_2": 10}
@@ -97,7 +96,7 @@ def test_every_vehicle_has_a_page_with_the_values_of_its_bag(peer: Any, reader: 
         found = told(feeds[namespace])
         assert found["rows"] == expected["rows"][first : first + TICKS]
         assert found["facts"]["limits"] == expected["facts"]["limits"]
-        assert found["plan"]["time_s"][0] == found["rows"][-1][0]
+        assert [plan["time_s"][0] for plan in found["plans"]] == [row[0] for row in found["rows"]]
     assert told(feeds["/car_1"])["road"] == expected["road"]
     for node in nodes:
         node.destroy_node()

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import pty
 import re
 import signal
+import subprocess
+import sys
 import threading
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +31,7 @@ class Browser:
     def __init__(self, url: str, path: str = "events") -> None:
         self.documents: dict[str, Any] = {}
         self.rows: list[list[float]] = []
+        self.plans: list[dict[str, list[float]]] = []
         threading.Thread(target=self._follow, args=(url + path,), daemon=True).start()
 
     def _follow(self, url: str) -> None:
@@ -37,8 +42,11 @@ class Browser:
                     name, _, text = line.decode().rstrip("\n").partition(": ")
                     if name == "event":
                         kind = text
-                    elif name == "data" and kind == "rows":
-                        self.rows += json.loads(text)
+                    elif name == "data" and kind == "trip":
+                        self.rows, self.plans = [], []
+                        self.documents.pop("end", None)
+                    elif name == "data" and kind in {"rows", "plans"}:
+                        getattr(self, kind).extend(json.loads(text))
                     elif name == "data":
                         self.documents[kind] = json.loads(text)
         except OSError:
@@ -64,7 +72,7 @@ def view(launcher: Any, wait_until: Callable[..., None]) -> Callable[..., tuple[
     """Start a view and follow its page."""
 
     def start(*arguments: str) -> tuple[Any, Browser]:
-        process = launcher.start_module("iptm_view.cli", "--against", "none", *arguments)
+        process = launcher.start_module("iptm_bringup.view", "--against", "none", *arguments)
         address = re.compile(r"http://\S+")
         wait_until(lambda: address.search(process.stdout), what="address of the page")
         found = address.search(process.stdout)
@@ -94,52 +102,105 @@ def test_a_replay_drives_the_view_as_the_bag_does(
     assert process.stop(signal.SIGINT) == 0
 
 
-def test_a_run_with_a_view_is_whole_and_seen(
-    launcher: Any, wait_until: Callable[..., None], tmp_path: Path
-) -> None:
-    """In lock-step, in a namespace, with a view there from before the start until after the end."""
-    output = tmp_path / "run"
-    # Long enough that a fast machine cannot be through before the view has joined.
-    trip = ["wltc", "--duration-s", "600", "--mode", "lock_step", "--namespace", "car_1"]
-    options = [*trip, "--view", "--no-picture", "--output", str(output)]
-    runner = launcher.start_module("iptm_bringup.run_closed_loop", *options)
-    address = re.compile(r"live view: (http://\S+)")
-    wait_until(lambda: address.search(runner.stdout), what="address of the page")
-    found = address.search(runner.stdout)
+class Terminal:
+    """A program that a user started on a terminal."""
+
+    def __init__(self, launcher: Any, module: str, *arguments: str) -> None:
+        self._controller, terminal = pty.openpty()
+        self._read: list[bytes] = []
+        self.popen = subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            stdin=terminal, stdout=terminal, stderr=terminal,
+            env=launcher.environment, cwd=launcher.directory, start_new_session=True,
+        )  # fmt: skip
+        os.close(terminal)
+        threading.Thread(target=self._follow, daemon=True).start()
+
+    def _follow(self) -> None:
+        with suppress(OSError):  # the program has ended
+            while data := os.read(self._controller, 4096):
+                self._read.append(data)
+
+    @property
+    def text(self) -> str:
+        return re.sub(
+            r"\x1b\[[0-9;?]*[A-Za-z]|\r", "", b"".join(self._read).decode(errors="replace")
+        )
+
+    def close(self) -> None:
+        if self.popen.poll() is None:
+            os.killpg(self.popen.pid, signal.SIGKILL)
+        self.popen.wait()
+        os.close(self._controller)
+
+
+@pytest.fixture
+def terminal(launcher: Any) -> Iterator[Callable[..., Terminal]]:
+    with ExitStack() as stack:
+
+        def start(module: str, *arguments: str) -> Terminal:
+            return stack.enter_context(closing(Terminal(launcher, module, *arguments)))
+
+        yield start
+
+
+def followed(runner: Terminal, wait_until: Callable[..., None], *paths: str) -> list[Browser]:
+    """Return browsers that follow the view of a run, one for each path."""
+    address = re.compile(r"live view: (http://[\w.:]+/)")
+    wait_until(lambda: address.search(runner.text), 60.0, "address of the page")
+    found = address.search(runner.text)
     assert found is not None
-    browser = Browser(found.group(1))
-    assert runner.wait(180.0) == 0, runner.stdout
+    return [Browser(found.group(1), path) for path in paths]
+
+
+def test_the_page_of_a_run_has_every_tick_and_stays_until_ctrl_c(
+    terminal: Callable[..., Terminal], wait_until: Callable[..., None], tmp_path: Path
+) -> None:
+    """In lock-step, in a namespace, on a terminal: the view outlives the trip, however fast that was."""
+    output = tmp_path / "run"
+    trip = ["wltc", "--duration-s", "300", "--mode", "lock_step", "--namespace", "car_1"]
+    options = ["--view", "--no-picture", "--against", "none", "--output", str(output)]
+    runner = terminal("iptm_bringup.run_closed_loop", *trip, *options)
+    (browser,) = followed(runner, wait_until, "events")
+    wait_until(lambda: browser.has_ended and len(browser.rows) == 301, 180.0, "every tick")
     driven = read_trajectory(output, "car_1")
-    assert len(driven) == 601
     browser.assert_rows_are_those_of(driven)
+    assert [plan["time_s"][0] for plan in browser.plans] == driven.time_s.tolist()
     assert browser.documents["facts"]["limits"]["max_gap_m"] == 120.0
     assert browser.documents["facts"]["title"].startswith("cycle wltc_class3b, strategy")
     assert browser.documents["road"]["height_m"][0] == 0.0
+    wait_until(lambda: "until Ctrl-C" in runner.text, 60.0, "the end of the report")
+    assert f"scripts/view {output}" in runner.text.replace("\n", "")
+    assert runner.popen.poll() is None
+    runner.popen.send_signal(signal.SIGINT)
+    assert runner.popen.wait(60.0) == 0
+    wait_until(lambda: "closing" in browser.documents, what="the last word of the server")
 
 
 def test_every_vehicle_of_a_string_can_be_watched(
-    launcher: Any, wait_until: Callable[..., None], tmp_path: Path
+    terminal: Callable[..., Terminal], wait_until: Callable[..., None], tmp_path: Path
 ) -> None:
     output = tmp_path / "string"
-    trip = ["--vehicles", "2", "--cycle", "wltc_class3b", "--duration-s", "300", "--no-picture"]
-    runner = launcher.start_module(
-        "iptm_bringup.run_string", *trip, "--view", "--output", str(output)
-    )
-    address = re.compile(r"live view: (http://\S+)")
-    wait_until(lambda: address.search(runner.stdout), what="address of the page")
-    found = address.search(runner.stdout)
-    assert found is not None
+    trip = ["--vehicles", "2", "--cycle", "wltc_class3b", "--duration-s", "120", "--no-picture"]
+    runner = terminal("iptm_bringup.run_string", *trip, "--view", "--output", str(output))
     names = ["car_1", "car_2"]
-    browsers = {name: Browser(found.group(1), f"events?vehicle={name}") for name in names}
-    assert runner.wait(240.0) == 0, runner.stdout + runner.stderr
+    paths = [f"events?vehicle={name}" for name in names]
+    browsers = dict(zip(names, followed(runner, wait_until, *paths), strict=True))
     for name, browser in browsers.items():
+        wait_until(lambda b=browser: b.has_ended and len(b.rows) == 121, 240.0, "every tick")  # type: ignore[misc]
         browser.assert_rows_are_those_of(read_trajectory(output / name, name))
         assert browser.documents["vehicles"] == {"names": names, "shown": name}
-        assert browser.documents["facts"]["source"] == f"ROS graph, namespace /{name}"
+        domain = re.search(r"ROS_DOMAIN_ID=(\d+)", runner.text)
+        assert domain is not None
+        source = f"ROS graph, domain {domain.group(1)}, namespace /{name}, {name}"
+        assert browser.documents["facts"]["source"] == source
         assert browser.documents["facts"]["limits"]["max_gap_m"] == 120.0
         told = {status["name"] for status in browser.documents["statuses"]["statuses"]}
         assert f"/{name}/plant: vehicle" in told
         assert all(status.startswith(f"/{name}/") for status in told)
+    wait_until(lambda: "until Ctrl-C" in runner.text, 60.0, "the end of the report")
+    runner.popen.send_signal(signal.SIGINT)
+    assert runner.popen.wait(60.0) == 0
 
 
 def test_the_view_is_not_counted_as_a_peer(
@@ -180,5 +241,5 @@ def test_mistakes_are_told_in_one_line(launcher: Any, tmp_path: Path) -> None:
         (["--namespace", "1 car"], "1 car"),
         ([str(BAG), "--rate", "-1"], "rate is -1; allowed"),
     ):
-        process = launcher.start_module("iptm_view.cli", "--no-foxglove", *arguments)
+        process = launcher.start_module("iptm_bringup.view", "--no-foxglove", *arguments)
         process.assert_refused(message)

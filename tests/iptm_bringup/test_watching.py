@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import io
 import json
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from rich.console import Console
 
-from iptm_bringup import reference_drive
+from iptm_bringup import reference_drive, viewer
 from iptm_bringup.comparison import drive_other
 from iptm_bringup.run_closed_loop import WATCHING_RATE, build_parser, prepared_from
 from iptm_bringup.scenario import Scenario, prepare
+from iptm_bringup.supervisor import Supervisor
+from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.settings import LoopMode
+from iptm_interfaces.process import StopRequest
 
 
 @pytest.mark.parametrize(
@@ -38,11 +43,34 @@ def test_the_reference_car_drives_the_same_trip(
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("cycle: nycc\nduration_s: 20.0\n"))
     assert reference_drive.main(["--strategy", "reference"]) == 0
-    told: dict[str, Any] = json.loads(capsys.readouterr().out)
+    header, *rows = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (header["strategy"], header["duration_s"]) == ("reference", 20.0)
+    columns: dict[str, Any] = dict(zip(header["columns"], np.transpose(rows), strict=True))
     run = drive_other(prepare(Scenario(cycle="nycc", duration_s=20.0)), "reference").trajectory
-    assert told["time_s"] == run.time_s.tolist()
-    np.testing.assert_array_equal(
-        told["capacity_loss"], run.cell_1_capacity_loss + run.cell_n_capacity_loss
+    expected = {
+        **{name: getattr(run, name) for name in columns if hasattr(run, name)},
+        "cell_1_temperature_c": run.cell_1_temperature_k - CELSIUS_ZERO_K,
+        "cell_n_temperature_c": run.cell_n_temperature_k - CELSIUS_ZERO_K,
+        "capacity_loss": run.cell_1_capacity_loss + run.cell_n_capacity_loss,
+    }
+    assert expected.keys() == columns.keys()
+    for name, values in expected.items():
+        np.testing.assert_array_equal(columns[name], values, err_msg=name)
+
+
+class RunningView:
+    def is_running(self, name: str) -> bool:
+        return name == viewer.VIEW
+
+
+def test_without_a_terminal_the_view_ends_with_the_run() -> None:
+    """A script that drives runs comes to its end, and its output names the way to see them again."""
+    console = Console(file=io.StringIO(), width=200)
+    bags = [Path("bags/my run")]
+    supervisor = cast("Supervisor", RunningView())
+    viewer._stay_open(supervisor, StopRequest(), "http://127.0.0.1:8780/", bags, console)
+    assert cast("io.StringIO", console.file).getvalue() == (
+        "the live view ends with the run (no terminal); to see it again: scripts/view 'bags/my run'\n"
     )
 
 

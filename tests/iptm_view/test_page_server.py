@@ -115,16 +115,28 @@ def test_events_arrive_as_they_happen(server: PageServer, feed: PageFeed) -> Non
     feed.put("facts", {"title": "Fahrt, 35 °C"})
     with listening(server, "/events") as next_event:
         assert next_event("facts") == {"title": "Fahrt, 35 °C"}
-        feed.add_row([1.0, 0.1 + 0.2])
+        feed.append("rows", [1.0, 0.1 + 0.2])
         assert next_event("rows") == [[1.0, 0.1 + 0.2]]
         assert server.browsers == 1
+
+
+def test_browsers_are_told_when_the_server_closes(feed: PageFeed) -> None:
+    """They stop then, instead of asking a closed port for ever."""
+    server = PageServer({"": feed}, 0)
+    with listening(server, "/events") as next_event:
+        next_event("trip")
+        closing = threading.Thread(target=server.close)
+        closing.start()
+        assert next_event("closing") == {}
+        closing.join(TIMEOUT_S)
+    assert not closing.is_alive()
 
 
 def test_of_several_vehicles_the_one_that_is_named_is_told_of() -> None:
     feeds = {"car_1": PageFeed(), "car_2": PageFeed()}
     server = PageServer(feeds, 0)
     for number, feed in enumerate(feeds.values(), start=1):
-        feed.add_row([float(number)])
+        feed.append("rows", [float(number)])
     names = list(feeds)
     for path, shown in (("/events", "car_1"), ("/events?vehicle=car_2", "car_2")):
         with listening(server, path) as next_event:
@@ -143,7 +155,7 @@ def test_a_browser_that_stops_reading_holds_up_nobody(server: PageServer, feed: 
         # Far more than the kernel buffers for a socket, while nobody reads.
         plan = {"speed_m_s": [0.123456789] * 2000}
         for k in range(3000):
-            feed.add_row([float(k)] * 22)
+            feed.append("rows", [float(k)] * 22)
             feed.put("plan", {**plan, "k": k})
         assert get(server, "/")[0] == 200
         assert feed.row_count == 3000

@@ -24,6 +24,7 @@ ALLOWED = {
         "iptm_controller",
         "iptm_faults",
         "iptm_recording",
+        "iptm_view",
         "iptm_studies",
     },
     "iptm_studies": {

@@ -37,11 +37,13 @@ setup(
             "drive_file = iptm_core.program:main",
             "run_closed_loop = iptm_core.program:main",
             "run_string = iptm_core.program:main",
+            "view = iptm_core.program:main",
         ],
         "iptm.programs": [
             "drive_file = iptm_bringup.recorded_drive:main",
             "run_closed_loop = iptm_bringup.run_closed_loop:main",
             "run_string = iptm_bringup.run_string:main",
+            "view = iptm_bringup.view:main",
         ],
     },
 )

@@ -27,10 +27,7 @@ setup(
     description="A live view of a run or a bag in the browser, and layouts for other viewers",
     license="Apache-2.0",
     entry_points={
-        "console_scripts": ["view = iptm_core.program:main", "visualize = iptm_core.program:main"],
-        "iptm.programs": [
-            "view = iptm_view.cli:main",
-            "visualize = iptm_view.visualizer_node:main",
-        ],
+        "console_scripts": ["visualize = iptm_core.program:main"],
+        "iptm.programs": ["visualize = iptm_view.visualizer_node:main"],
     },
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -14,8 +14,10 @@ from iptm_core.declaration import Settings, parameter_specs
 from iptm_core.metrics import RunMetrics, compute_metrics, figure_values
 from iptm_core.metrics.figures import NO_VALUE
 from iptm_core.settings import IntegrationSettings, PreviewSettings, SamplingSettings
+from iptm_core.state import LeaderState
 from iptm_interfaces.topics import PLANT
 from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 
 S = TypeVar("S", bound=Settings)
@@ -62,12 +64,17 @@ def given_settings(group: type[S], given: Mapping[str, Any]) -> S:
     return group(**{name: given[name] for name in names if name in given})
 
 
-def drive_other(prepared: PreparedScenario, strategy: str) -> ClosedLoopRun:
+def drive_other(
+    prepared: PreparedScenario,
+    strategy: str,
+    on_step: Callable[[PlantStep, LeaderState], None] | None = None,
+) -> ClosedLoopRun:
     """Drive the trip of a scenario once more, with the plant and the sampling time that it asks for.
 
     Args:
         prepared: leader, road, vehicle and preview of the run.
         strategy: name of the other strategy; it plans on the paper's single horizon.
+        on_step: called with every row, see `run_closed_loop`.
 
     Raises:
         IptmError: the strategy is not known, or the problem cannot be compiled.
@@ -77,6 +84,7 @@ def drive_other(prepared: PreparedScenario, strategy: str) -> ClosedLoopRun:
         plant_for(prepared),
         controller_for(prepared, strategy),
         preview_for(prepared),
+        on_step=on_step,
     )
 
 

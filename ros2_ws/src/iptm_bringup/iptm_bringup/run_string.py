@@ -148,6 +148,7 @@ def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
                     environment_of_run(domain.number, output / LOGS / "ros"),
                     prepared,
                     [vehicle.namespace for vehicle in vehicles],
+                    [output / vehicle.name for vehicle in vehicles],
                     NO_COMPARISON,
                     console,
                     Console(stderr=True),

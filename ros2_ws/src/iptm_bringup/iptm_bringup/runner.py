@@ -103,17 +103,26 @@ def run(prepared: PreparedScenario, options: RunOptions, console: Console, error
         if options.view:
             environment = environment_of_run(domain.number, folder.logs / "ros")
             namespaces = [scenario.namespace]
+            bags = [folder.output] if options.record else []
             view = live_view(
-                folder.logs, environment, prepared, namespaces, options.against, console, errors
+                folder.logs,
+                environment,
+                prepared,
+                namespaces,
+                bags,
+                options.against,
+                console,
+                errors,
             )
             stay_open = stack.enter_context(view)
         progress = make_progress(console, prepared.route.duration_s)
         driven = drive_processes(folder, prepared, options, domain, progress, stop)
         result = driven.result
-        if result.outcome is not DriveOutcome.FINISHED:
-            return _report_failure(result, folder, stop, errors)
-        code = _report(folder, prepared, options, driven, console, errors)
-        if stay_open is not None:
+        if result.outcome is DriveOutcome.FINISHED:
+            code = _report(folder, prepared, options, driven, console, errors)
+        else:
+            code = _report_failure(result, folder, stop, errors)
+        if stay_open is not None and result.outcome is not DriveOutcome.REFUSED:
             stay_open(stop)
         return code
 

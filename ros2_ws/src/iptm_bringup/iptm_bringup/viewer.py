@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,8 +19,7 @@ from iptm_bringup.supervisor import Supervisor
 from iptm_interfaces.process import StopRequest
 
 VIEW = "view"
-MODULE = "iptm_view.cli"
-"""Known by name only, as the nodes are."""
+MODULE = "iptm_bringup.view"
 _START_TIMEOUT_S = 20.0
 _POLL_S = 0.05
 _ADDRESS = re.compile(r"http://\S+")
@@ -31,6 +31,7 @@ def live_view(
     environment: Mapping[str, str],
     prepared: PreparedScenario,
     namespaces: Sequence[str],
+    bags: Sequence[Path],
     against: str,
     console: Console,
     errors: Console,
@@ -38,23 +39,26 @@ def live_view(
     """Show a run in the browser until the context ends.
 
     Args:
-        logs: folder for its log, and for what it is told about the run.
+        logs: folder for its log and the information about the run.
         environment: of the processes of the run.
         prepared: what is driven.
         namespaces: of the vehicles, "" for none.
+        bags: of the vehicles, read when they are complete; empty if nothing is recorded.
         against: strategy of the reference car, "none" for no such car.
-        console: told the address.
-        errors: told if there is no view; the run goes on without.
+        console: for the address.
+        errors: for the reason if there is no view; the run goes on without.
 
     Yields:
-        What to call at the end of the run: it keeps the view open while someone may look, until Ctrl-C.
+        To be called at the end of the run: on a terminal it keeps the view open until Ctrl-C.
     """
     supervisor = Supervisor(environment, lambda name: logs / f"{name}.log")
     known = run_information(prepared, node_parameters(prepared, Listeners()))
     file = logs / "view_information.yaml"
     file.write_text(yaml.safe_dump(known, sort_keys=False), encoding="utf-8")
     command = [sys.executable, "-m", MODULE, "--against", against, "--run-information", str(file)]
-    supervisor.start(VIEW, [*command, *(f"--namespace={name}" for name in namespaces)])
+    command += [f"--namespace={name}" for name in namespaces]
+    command += [f"--afterwards={bag}" for bag in bags]
+    supervisor.start(VIEW, command)
     try:
         address = _address(supervisor)
         if address:
@@ -62,7 +66,7 @@ def live_view(
         else:
             said = (supervisor.log_text(VIEW).strip().splitlines() or ["no reason given"])[-1]
             errors.print(f"no live view: {said}", markup=False, highlight=False, soft_wrap=True)
-        yield lambda stop: _stay_open(supervisor, stop, console)
+        yield lambda stop: _stay_open(supervisor, stop, address, bags, console)
     finally:
         supervisor.stop()
 
@@ -78,10 +82,19 @@ def _address(supervisor: Supervisor) -> str:
     return ""
 
 
-def _stay_open(supervisor: Supervisor, stop: StopRequest, console: Console) -> None:
-    # Only for someone at a terminal: a script that drives runs must come to its end.
-    if not (sys.stdin.isatty() and console.is_terminal and supervisor.is_running(VIEW)):
+def _stay_open(
+    supervisor: Supervisor,
+    stop: StopRequest,
+    address: str,
+    bags: Sequence[Path],
+    console: Console,
+) -> None:
+    if not supervisor.is_running(VIEW) or stop.is_set:
         return
-    console.print("the live view stays open until Ctrl-C", style="dim")
-    while supervisor.is_running(VIEW) and not stop.is_set:
+    again = f"; to see it again: scripts/view {shlex.quote(str(bags[0]))}" if bags else ""
+    # Only on a terminal: a script that drives runs must come to its end.
+    is_terminal = sys.stdin.isatty() and console.is_terminal
+    text = f"stays at {address} until Ctrl-C" if is_terminal else "ends with the run (no terminal)"
+    console.print(f"the live view {text}{again}", style="dim", highlight=False, soft_wrap=True)
+    while is_terminal and supervisor.is_running(VIEW) and not stop.is_set:
         time.sleep(_POLL_S)

@@ -59,6 +59,7 @@ def run_closed_loop(
     leader: PreviewSource | None = None,
     start_position_m: float = 0.0,
     sampled: Sampled | None = None,
+    on_step: Callable[[PlantStep, LeaderState], None] | None = None,
 ) -> ClosedLoopRun:
     """Drive a route from standstill.
 
@@ -76,6 +77,7 @@ def run_closed_loop(
         start_position_m: where the host starts, along the road.
         sampled: with ``disturb``, the leader that counts between two ticks, for the sensor of the safety
             monitor. Without it, a leader that counts and is not that of the source is measured once per tick.
+        on_step: called with vehicle and leader at every instant, the last one included.
 
     Returns:
         The trajectory and the controller's answers.
@@ -110,16 +112,22 @@ def run_closed_loop(
     plant.watch(range_sensor)
     period_s = plant.monitor.settings.monitor_period_s
     observed: list[tuple[PlantStep, LeaderState]] = []
+
+    def observe(step: PlantStep, leader_now: LeaderState) -> None:
+        observed.append((step, leader_now))
+        if on_step is not None:
+            on_step(step, leader_now)
+
     records: list[DecisionRecord] = []
     for tick in range(ticks):
         decision = controller.decide(measured)
-        observed.append((step, leader_now))
+        observe(step, leader_now)
         records.append(decision.record)
         if on_tick is not None:
             on_tick(tick, measured, decision)
         step = plant.advance(step.state, decision.command, tick_s)
         leader_now, measured = measure(step.state, tick + 1)
-    observed.append((step, leader_now))
+    observe(step, leader_now)
     trajectory = Trajectory.from_ticks(observed)
     return ClosedLoopRun(
         trajectory,

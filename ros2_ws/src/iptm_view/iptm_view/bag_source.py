@@ -1,9 +1,12 @@
-"""Shows a finished bag as if the run took place now, without ROS: same joining, same page."""
+"""A finished bag as the source of a view, without ROS: the whole trip on the page, to be played there.
+
+Foxglove, which has no player of its own for a live connection, is given the messages when they are due.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
@@ -11,51 +14,45 @@ from iptm_core.errors import BagError
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.playback import Playback, PlaybackOptions
-from iptm_recording.storage import RawMessage
 from iptm_view.foxglove_server import FoxgloveServer
-from iptm_view.page_feed import PageFeed
+from iptm_view.page_feed import END, PageFeed
 from iptm_view.run_facts import RunFacts, facts_of_information
 from iptm_view.run_follower import PAGE_TOPICS, RunFollower
 
 AT_ONCE = 0.0
-"""Rate that stands for "everything at once"."""
+"""Rate at which a bag is not played: the page shows its end, Foxglove gets all messages at once."""
 _LOOK_S = 0.05
 _MOST_UNSHOWN = 50
 """Messages after which to show what there is; the follower keeps more ticks than that."""
+
+Wait = Callable[[float], bool]
+"""Sleeps for a number of seconds; returns True to stop."""
 
 
 class BagSource(AbstractContextManager["BagSource"]):
     """A bag as the source of a view; use it as a context manager."""
 
     def __init__(
-        self,
-        bag: Path,
-        rate: float,
-        start_s: float = 0.0,
-        duration_s: float | None = None,
-        namespace: str | None = None,
+        self, bag: Path, rate: float = AT_ONCE, start_s: float = 0.0, namespace: str | None = None
     ) -> None:
         """Open a bag.
 
         Args:
             bag: bag folder or file.
-            rate: playback speed over recorded speed, 0 for everything at once.
-            start_s: offset into the bag at which to begin.
-            duration_s: length of the part to show, recorded time; None up to the end.
+            rate: playback speed over recorded speed, 0 for none.
+            start_s: where playback begins, recorded time since the start of the bag.
             namespace: of the vehicle; needed only if the bag holds several.
 
         Raises:
             BagError: it cannot be read, holds no run of the suite, or an option is out of range.
         """
-        options = PlaybackOptions(
-            bag, rate=1.0 if rate == AT_ONCE else rate, start_s=start_s, duration_s=duration_s
-        )
-        self._is_cut = duration_s is not None
+        played = PlaybackOptions(bag, rate=1.0 if rate == AT_ONCE else rate, start_s=start_s)
         self._namespace = f"/{(namespace or '').strip('/')}"
-        self._rate = rate
+        self._rate, self._start_s = rate, start_s
         self._reader = BagReader(bag)
         try:
-            self._playback = Playback(self._reader, options)
+            self._whole = Playback(self._reader, PlaybackOptions(bag))
+            self._played = Playback(self._reader, played)
             self._topics = self._find_topics(namespace)
             self.facts: RunFacts = facts_of_information(
                 f"bag {bag.resolve().name}", self._reader.run_information()
@@ -68,59 +65,47 @@ class BagSource(AbstractContextManager["BagSource"]):
         """Close the bag."""
         self._reader.close()
 
-    def play(
-        self,
-        feed: PageFeed,
-        facts: RunFacts,
-        foxglove: FoxgloveServer | None,
-        wait: Callable[[float], bool],
-    ) -> None:
-        """Play it once into a feed.
+    def load(self, feed: PageFeed, facts: RunFacts, wait: Wait = lambda _: False) -> None:
+        """Put the whole trip into a feed; the page plays it.
 
         Args:
             feed: of the page.
-            facts: what the page shall know of the run.
-            foxglove: server to pass all messages on to.
-            wait: sleeps for so many seconds; returns True to stop.
+            facts: what the page shows of the run.
+            wait: called with 0 now and then; True stops.
         """
         follower = RunFollower(feed, facts, self._namespace)
         follower.expect(self._topics.values())
-        latched = {record.name for record in self._playback.topics if record.is_latched}
-        if foxglove is not None:
-            for record in self._playback.topics:
-                foxglove.offer(record.name, record.type_name)
-
-        def rest(seconds: float) -> bool:
-            follower.show()
-            if foxglove is not None:
-                foxglove.serve_latecomers()
-            return wait(seconds)
-
-        for message in self._in_time(rest):
-            if foxglove is not None:
-                foxglove.take(message.topic, message.data, is_latched=message.topic in latched)
+        if self._rate != AT_ONCE:
+            feed.put("play", {"rate": self._rate, "start_s": self._start_s})
+        for number, message in enumerate(self._whole.messages()):
             topic = self._topics.get(message.topic)
             if topic is not None:
                 follower.take(topic, message.data)
-        follower.show(incomplete=True)
-        feed.put("end", {"ended": not self._is_cut, "paused": self._is_cut})
-
-    def _in_time(self, rest: Callable[[float], bool]) -> Iterator[RawMessage]:
-        """Yield the messages when they are due, until `rest` says to stop.
-
-        Without anything to wait for it rests for no time now and then, so that what was taken is shown.
-        """
-        begin_s, unshown = time.monotonic(), 0
-        for message in self._playback.messages():
-            due_s = 0.0 if self._rate == AT_ONCE else self._playback.due_s(message.log_time_ns)
-            while (early_s := begin_s + due_s - time.monotonic()) > 0.0:
-                unshown = 0
-                if rest(min(early_s, _LOOK_S)):
+            if number % _MOST_UNSHOWN == 0:
+                follower.show()
+                if wait(0.0):
                     return
-            unshown += 1
-            if unshown % _MOST_UNSHOWN == 0 and rest(0.0):
-                return
-            yield message
+        follower.show(incomplete=True)
+        feed.put(END, {"ended": True})
+
+    def play(self, foxglove: FoxgloveServer, wait: Wait) -> None:
+        """Pass all messages on to Foxglove once, each when it is due.
+
+        Args:
+            foxglove: server to pass them on to.
+            wait: see `Wait`.
+        """
+        latched = {record.name for record in self._played.topics if record.is_latched}
+        for record in self._played.topics:
+            foxglove.offer(record.name, record.type_name)
+        begin_s = time.monotonic()
+        for message in self._played.messages():
+            due_s = 0.0 if self._rate == AT_ONCE else self._played.due_s(message.log_time_ns)
+            while (early_s := begin_s + due_s - time.monotonic()) > 0.0:
+                foxglove.serve_latecomers()
+                if wait(min(early_s, _LOOK_S)):
+                    return
+            foxglove.take(message.topic, message.data, is_latched=message.topic in latched)
 
     def _find_topics(self, namespace: str | None) -> dict[str, Topic]:
         """Return the page's topics by their names in the bag.

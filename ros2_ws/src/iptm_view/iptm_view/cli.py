@@ -10,6 +10,7 @@ import webbrowser
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 
 import rclpy
@@ -29,18 +30,18 @@ from iptm_view.graph_source import NAME, GraphSource
 from iptm_view.graph_subscriptions import listening_node
 from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import DEFAULT_PORT, PageServer
-from iptm_view.reference_curve import NO_REFERENCE, ReferenceCurve
+from iptm_view.reference_car import NO_REFERENCE, ReferenceCar
 from iptm_view.run_facts import RunFacts
 from iptm_view.screenshot import Picture, take_screenshot
 
 PROGRAM = "view"
 DEFAULT_RATE = 10.0
-"""A bag is played so many times as fast as it was recorded: ten seconds of trip in one."""
+"""Default playback speed of a bag: ten seconds of trip in one."""
 _POLL_S = 0.1
 _FRAME_S = 0.1
 """Time between two looks at the graph: the page is not fed more often, however fast the run is."""
 _NICENESS = 10
-"""A run goes before whoever looks at it, where both want the processor."""
+"""Lowers the priority of the view below that of the run."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -64,16 +65,25 @@ def build_parser() -> argparse.ArgumentParser:
         "--rate",
         type=float,
         default=DEFAULT_RATE,
-        help="of a bag: times the recorded speed, 0 for all of it at once (default: %(default)g)",
+        help="of a bag: playback speed over recorded speed, 0 for its end at once (default: %(default)g)",
     )
     parser.add_argument(
-        "--start", type=float, default=0.0, metavar="S", help="begin so many seconds into the bag"
+        "--start", type=float, default=0.0, metavar="S", help="of a bag: where playback begins, s"
     )
     parser.add_argument(
         "--run-information",
         type=Path,
         metavar="FILE",
         help="YAML about the run on the graph, as a recorder takes it (default: its nodes are asked)",
+    )
+    parser.add_argument(
+        "--afterwards",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="BAG",
+        help="bag that the run on the graph is being recorded in, one for each --namespace; read when it is"
+        " complete, so that the page has every tick",
     )
     parser.add_argument(
         "--against",
@@ -108,8 +118,12 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Show a run until told to stop, or take a picture of one.
+def main(arguments: Sequence[str] | None = None, reference_command: Sequence[str] = ()) -> int:
+    """Show a run until a signal stops it, or take a picture of one.
+
+    Args:
+        arguments: command line with the program's name; None for that of the process.
+        reference_command: drives the reference car, see `ReferenceCar`; empty for no such car.
 
     Returns:
         0 when stopped or when the picture is there, 2 after a mistake of the user.
@@ -120,9 +134,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         stop = StopRequest()
         stop.install()
         if parsed.screenshot is not None:
-            _take_picture(parsed)
+            _take_picture(parsed, reference_command)
         else:
-            with _Servers(parsed, _vehicles(parsed)) as servers:
+            with _Servers(parsed, _vehicles(parsed), reference_command) as servers:
                 if parsed.bag is None:
                     _show_graph(parsed, command, servers, stop)
                 else:
@@ -141,20 +155,28 @@ def _vehicles(parsed: argparse.Namespace) -> list[str]:
     vehicles = list(dict.fromkeys(name.strip("/") for name in parsed.namespace)) or [""]
     if parsed.bag is not None and len(vehicles) > 1:
         raise ViewError(f"--namespace is {', '.join(vehicles)}; allowed: one with a bag")
+    if parsed.afterwards and len(parsed.afterwards) != len(vehicles):
+        given = ", ".join(map(str, parsed.afterwards))
+        raise ViewError(f"--afterwards is {given}; allowed: one for each --namespace")
     return vehicles
 
 
 class _Servers(AbstractContextManager["_Servers"]):
     """Page, Foxglove server and reference car of one view."""
 
-    def __init__(self, parsed: argparse.Namespace, vehicles: Sequence[str]) -> None:
+    def __init__(
+        self,
+        parsed: argparse.Namespace,
+        vehicles: Sequence[str],
+        reference_command: Sequence[str],
+    ) -> None:
         self.feeds = {vehicle: PageFeed() for vehicle in vehicles}
         self.feed = self.feeds[vehicles[0]]
-        self.foxglove = _start_foxglove(parsed)
+        self.foxglove, self._note = _start_foxglove(parsed)
         # The trip that a reference would drive is that behind the driving cycle.
-        self.reference = ReferenceCurve(parsed.against if len(vehicles) == 1 else NO_REFERENCE)
+        strategy = parsed.against if len(vehicles) == 1 else NO_REFERENCE
+        self._reference = ReferenceCar(self.feed, reference_command, strategy)
         self._page = PageServer(self.feeds, parsed.port)
-        self._facts = RunFacts("")
         print(f"{PROGRAM}: {self._page.url}", flush=True)
         if self.foxglove is not None:
             print(f"{PROGRAM}: Foxglove or Lichtblick: {self.foxglove.url}", flush=True)
@@ -162,38 +184,30 @@ class _Servers(AbstractContextManager["_Servers"]):
             webbrowser.open(self._page.url)
 
     def __exit__(self, *error: object) -> None:
-        self.reference.close()
+        self._reference.close()
         self._page.close()
         if self.foxglove is not None:
             self.foxglove.close()
 
     def complete(self, facts: RunFacts) -> RunFacts:
-        """Add what this view knows to the facts of a run, and have the reference driven once."""
+        """Add what this view knows to the facts of a run, and start the reference car once."""
         if self.foxglove is not None:
             facts = replace(facts, foxglove=self.foxglove.url)
-        if facts.is_complete:
-            facts = self.reference.start(facts)
-        self._facts = facts
-        return facts
-
-    def deliver(self) -> None:
-        """Tell the page about the reference car when it has arrived."""
-        fault = self.reference.deliver(self.feed)
-        if fault:
-            self._facts = self._facts.with_note(fault)
-            self.feed.put("facts", self._facts.document())
+        if self._note:
+            facts = facts.with_note(self._note)
+        return self._reference.start(facts) if facts.is_complete else facts
 
 
-def _start_foxglove(parsed: argparse.Namespace) -> FoxgloveServer | None:
+def _start_foxglove(parsed: argparse.Namespace) -> tuple[FoxgloveServer | None, str]:
+    """Return the server, or why there is none."""
     if parsed.no_foxglove:
-        return None
+        return None, ""
     try:
-        return FoxgloveServer("iptm", parsed.foxglove_port, parsed.foxglove_origin)
+        return FoxgloveServer("iptm", parsed.foxglove_port, parsed.foxglove_origin), ""
     except ViewError as error:
         if parsed.foxglove_port is not None:
             raise
-        print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
-        return None
+        return None, str(error)
 
 
 def _is_desktop() -> bool:
@@ -202,16 +216,18 @@ def _is_desktop() -> bool:
 
 def _show_bag(parsed: argparse.Namespace, servers: _Servers, stop: StopRequest) -> None:
     def wait(seconds: float) -> bool:
-        servers.deliver()
         time.sleep(seconds)
         return stop.is_set
 
     (namespace,) = servers.feeds
-    with BagSource(parsed.bag, parsed.rate, parsed.start, namespace=namespace or None) as source:
-        source.play(servers.feed, servers.complete(source.facts), servers.foxglove, wait)
+    foxglove = servers.foxglove
+    with BagSource(parsed.bag, parsed.rate, parsed.start, namespace or None) as source:
+        source.load(servers.feed, servers.complete(source.facts), wait)
+        if foxglove is not None:
+            source.play(foxglove, wait)
     while not wait(_POLL_S):
-        if servers.foxglove is not None:
-            servers.foxglove.serve_latecomers()
+        if foxglove is not None:
+            foxglove.serve_latecomers()
 
 
 def _show_graph(
@@ -228,15 +244,15 @@ def _show_graph(
                 servers.foxglove,
                 servers.complete,
                 information,
+                bag,
                 passes_global=feed is servers.feed,
             )
-            for namespace, feed in servers.feeds.items()
+            for (namespace, feed), bag in zip_longest(servers.feeds.items(), parsed.afterwards)
         ]
         while not stop.is_set:
             time.sleep(_FRAME_S)
             for source in sources:
                 source.look()
-            servers.deliver()
         for source in sources:
             source.close()
 
@@ -266,12 +282,8 @@ def _ros(command: list[str]) -> Iterator[None]:
         rclpy.try_shutdown()
 
 
-def _take_picture(parsed: argparse.Namespace) -> None:
+def _take_picture(parsed: argparse.Namespace, reference_command: Sequence[str]) -> None:
     if parsed.bag is None:
         raise ViewError("--screenshot is of a bag; allowed: scripts/view BAG --screenshot FILE")
     picture = Picture.of_text(parsed.size, is_dark=parsed.dark, at_s=parsed.at)
-    take_screenshot(parsed.bag, parsed.screenshot, picture, parsed.against)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    take_screenshot(parsed.bag, parsed.screenshot, picture, reference_command, parsed.against)

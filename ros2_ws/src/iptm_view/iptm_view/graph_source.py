@@ -8,16 +8,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 from rclpy.node import Node
 
+from iptm_core.errors import BagError
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_interfaces.visual_topics import VISUAL_TOPICS
 from iptm_recording.run_information import RunInformation
+from iptm_view.bag_source import BagSource
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.graph_subscriptions import OF_A_TRIP, GraphSubscriptions
 from iptm_view.node_questions import NodeQuestions
-from iptm_view.page_feed import PageFeed
+from iptm_view.page_feed import END, PageFeed
 from iptm_view.run_facts import RunFacts, facts_of_information, facts_of_nodes
 from iptm_view.run_follower import PAGE_TOPICS, RunFollower
 
@@ -28,7 +32,12 @@ _DEPTH = 16  # more than a slow run publishes between two looks
 _LOOK_S = 0.1
 _LOOK_WHILE_RUNNING_S = 0.5
 _IDLE_S = 3.0
-# So many ticks a second are decoded at most: all of a run that someone watches, few of one that flies by.
+_WAITING = (
+    "Listening in ROS domain {domain}, namespace {namespace}. scripts/run_demo drives in a domain of its own"
+    " and prints its number: start the view with ROS_DOMAIN_ID=NUMBER scripts/view, or the run with"
+    " --domain {domain}. scripts/run_demo --view needs neither."
+)
+# Ticks decoded per second at most: all of a run at a pace to be watched, few of one that is faster.
 _TICKS_PER_S = 12.0
 _TICKS_AT_ONCE = 3.0
 
@@ -43,6 +52,7 @@ class GraphSource:
         foxglove: FoxgloveServer | None,
         on_facts: Callable[[RunFacts], RunFacts],
         information: RunInformation | None = None,
+        bag: Path | None = None,
         *,
         passes_global: bool = True,
     ) -> None:
@@ -52,25 +62,31 @@ class GraphSource:
             node: takes part in the graph, in the namespace of the vehicle; see `listening_node`.
             feed: of the page.
             foxglove: server to pass messages on to.
-            on_facts: told what is known of a run; returns what the page is told.
+            on_facts: receives what is known of a run; returns what the page shows.
             information: of the run; None to ask its nodes.
+            bag: that the run is being recorded in, read when it is complete; None for none.
             passes_global: whether Foxglove is given the topics that all vehicles share, too.
         """
         self._feed = feed
         self._foxglove = foxglove
         self._on_facts = on_facts
         self._graph = GraphSubscriptions(node, _DEPTH, _SPECS)
-        self._source = f"ROS graph, namespace {node.get_namespace()}"
+        domain = node.context.get_domain_id()
+        self._about = RunFacts(
+            f"ROS graph, domain {domain}, namespace {node.get_namespace()}",
+            waiting=_WAITING.format(domain=domain, namespace=node.get_namespace()),
+        )
         self._questions = NodeQuestions(node) if information is None else None
-        facts = RunFacts(self._source)
+        facts = self._about
         if information is not None:
-            facts = facts_of_information(self._source, information)
+            facts = self._described(facts_of_information(facts.source, information))
         self._follower = RunFollower(feed, on_facts(facts), node.get_namespace())
         self._passed_on = {
             topic: name
             for topic, name in self._graph.names.items()
             if passes_global or not _SPECS[topic].name.startswith("/")
         }
+        self._bag, self._namespace = bag, node.get_namespace()
         self._is_running = False
         self._looked_s = self._shown_s = time.monotonic() - _LOOK_S
         self._allowance = _TICKS_AT_ONCE
@@ -90,11 +106,15 @@ class GraphSource:
             return
         self._looked_s = now_s
         self._join_and_leave()
+        self._read_bag()
         if self._foxglove is not None:
             self._foxglove.serve_latecomers()
         if self._questions is not None and self._graph.joined and self._questions.ask():
-            facts = facts_of_nodes(self._source, self._questions.answers)
-            self._follower.show_facts(self._on_facts(facts))
+            facts = facts_of_nodes(self._about.source, self._questions.answers)
+            self._follower.show_facts(self._on_facts(self._described(facts)))
+
+    def _described(self, facts: RunFacts) -> RunFacts:
+        return replace(facts, waiting=self._about.waiting)
 
     def _join_and_leave(self) -> None:
         wanted = self._foxglove.wanted if self._foxglove is not None else ()
@@ -113,10 +133,22 @@ class GraphSource:
         if self._graph.is_running and not self._is_running:
             self._is_running = True
             self._looked_s = -_LOOK_S  # the gate is open: join at once
-            self._feed.put("end", {"ended": False})
+            self._feed.put(END, {"ended": False})
         self._follower.take(topic, data)
         if self._foxglove is not None and topic in self._passed_on:
             self._foxglove.take(self._passed_on[topic], data, is_latched=_SPECS[topic].latched)
+
+    def _read_bag(self) -> None:
+        """Show every tick once the bag of the run is complete; of a fast run some were skipped."""
+        if self._bag is None or self._is_running or not (self._bag / "metadata.yaml").is_file():
+            return
+        bag, self._bag = self._bag, None
+        try:
+            with BagSource(bag, namespace=self._namespace) as source:
+                facts = replace(self._follower.facts, source=f"{self._about.source}, {bag.name}")
+                source.load(self._feed, facts)
+        except BagError as error:
+            self._follower.show_facts(self._follower.facts.with_note(str(error)))
 
     def close(self) -> None:
         """Leave the graph."""
@@ -129,4 +161,4 @@ class GraphSource:
         self._follower.show(incomplete=True)
         if self._questions is not None:
             self._questions.forget()
-        self._feed.put("end", {"ended": True})
+        self._feed.put(END, {"ended": True})

@@ -1,8 +1,9 @@
-"""What the page is told: bounded, shared by all browsers, and never waiting for one of them.
+"""The data of the page: bounded, shared by all browsers, and never waiting for one of them.
 
-The feed keeps the rows of one trip and the newest document of each kind. A browser is a cursor into it and is
-told what has changed since it last listened. So one that stops reading costs neither memory nor time. When it
-reads again it goes on with what is left: of the rows those still kept, of each document the newest.
+The feed keeps streams, to which entries are appended (such as the rows of a trip), and the newest document of
+each kind. A browser is a cursor into it and receives what has changed since its last read. So one that stops
+reading costs neither memory nor time; when it reads again it continues with the entries still kept and the
+newest documents.
 """
 
 from __future__ import annotations
@@ -14,138 +15,151 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-ROW_CAPACITY = 20_000
-"""Rows kept; at one a second of trip time longer than the longest cycle."""
-_OF_ONE_TRIP = ("plan", "end")
-ROWS_AT_ONCE = 5_000
-"""Rows told in one event at most; a browser that joins late is told a long trip in several."""
+CAPACITY = 20_000
+"""Entries kept of each stream; at one a second of trip time longer than the longest cycle."""
+
+ROWS, PLANS, EVENTS, REFERENCE = STREAMS = ("rows", "plans", "events", "reference")
+"""Rows of the trip, plans of the controller, changes of the diagnostics, rows of the reference car."""
+END = "end"
 
 
 @dataclass(frozen=True)
 class Cursor:
-    """What a browser has been told.
+    """What a browser has received.
 
     Attributes:
-        trip: number of the trip, -1 for nothing yet.
-        row: number of the next row of that trip.
+        generation: changes whenever entries are discarded, -1 for nothing received yet.
         version: version of the newest document.
+        read: number of the next entry of each stream.
     """
 
-    trip: int = -1
-    row: int = 0
+    generation: int = -1
     version: int = 0
+    read: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class PageEvent:
-    """One thing to tell: its kind, and its content as JSON text."""
+    """One event for a browser: its kind, and its content as JSON text."""
 
     kind: str
     text: str
 
 
 @dataclass
-class _Trip:
-    number: int = 0
-    first_row: int = 0
-    rows: list[str] = field(default_factory=list)
-    documents: dict[str, tuple[int, str]] = field(default_factory=dict)
+class _Stream:
+    """Entries as JSON texts; `first` is the number of the oldest one that is kept."""
+
+    first: int = 0
+    entries: list[str] = field(default_factory=list)
+
+    @property
+    def next(self) -> int:
+        return self.first + len(self.entries)
 
 
 class PageFeed:
-    """Rows and documents of the trip under way; every method may be called from any thread."""
+    """Streams and documents of one vehicle; every method may be called from any thread."""
 
-    def __init__(self, capacity: int = ROW_CAPACITY) -> None:
-        """Begin with an empty trip.
+    def __init__(self, capacity: int = CAPACITY) -> None:
+        """Begin empty.
 
         Args:
-            capacity: rows kept; older ones are dropped.
+            capacity: entries kept of each stream; older ones are dropped.
         """
         self._capacity = capacity
-        self._trip = _Trip()
+        self._generation = 0
         self._version = 0
+        self._streams = {name: _Stream() for name in STREAMS}
+        self._documents: dict[str, tuple[int, str]] = {}
         self._changed = threading.Condition()
 
     @property
     def row_count(self) -> int:
-        """Rows of this trip so far, dropped ones included."""
+        """Rows of this trip, dropped ones included."""
         with self._changed:
-            return self._trip.first_row + len(self._trip.rows)
+            return self._streams[ROWS].next
 
     def begin_trip(self) -> None:
-        """Forget the rows and what belongs to one trip only, as a new one begins."""
+        """Discard what belongs to one trip only."""
+        self.discard(ROWS, PLANS, EVENTS, END)
+
+    def discard(self, *kinds: str) -> None:
+        """Discard streams and documents; every browser receives all the others again."""
         with self._changed:
-            kept = {
-                kind: known
-                for kind, known in self._trip.documents.items()
-                if kind not in _OF_ONE_TRIP
-            }
-            self._trip = _Trip(self._trip.number + 1, documents=kept)
+            for kind in kinds:
+                self._documents.pop(kind, None)
+                if kind in self._streams:
+                    self._streams[kind] = _Stream()
+            self._generation += 1
             self._changed.notify_all()
 
-    def add_row(self, values: Sequence[float]) -> None:
-        """Append a row; a value that is not finite becomes null."""
-        text = json_text(values)
+    def append(self, stream: str, content: Sequence[float] | Mapping[str, Any]) -> None:
+        """Append an entry; numbers that are not finite become null."""
+        self.append_text(stream, json_text(content))
+
+    def append_text(self, stream: str, text: str) -> None:
+        """Append an entry that is JSON text already."""
         with self._changed:
-            rows = self._trip.rows
-            rows.append(text)
-            # In blocks, so that dropping does not cost each row a shift of all others.
-            if len(rows) >= 2 * self._capacity:
-                self._trip.first_row += len(rows) - self._capacity
-                del rows[: -self._capacity]
+            kept = self._streams[stream]
+            kept.entries.append(text)
+            # In blocks, so that dropping does not cost each entry a shift of all others.
+            if len(kept.entries) >= 2 * self._capacity:
+                kept.first += len(kept.entries) - self._capacity
+                del kept.entries[: -self._capacity]
             self._changed.notify_all()
 
     def put(self, kind: str, document: Mapping[str, Any]) -> None:
-        """Replace the document of a kind; one that did not change is not told again."""
+        """Replace the document of a kind; an unchanged one is not sent again."""
         text = json_text(document)
         with self._changed:
-            known = self._trip.documents.get(kind)
+            known = self._documents.get(kind)
             if known is not None and known[1] == text:
                 return
             self._version += 1
-            self._trip.documents[kind] = (self._version, text)
+            self._documents[kind] = (self._version, text)
             self._changed.notify_all()
 
     def changes(self, cursor: Cursor, timeout_s: float) -> tuple[Cursor, list[PageEvent]]:
-        """Return what has happened since a cursor, and where that leaves it.
+        """Return what has changed since a cursor, and the new cursor.
 
         Args:
-            cursor: what was told already.
-            timeout_s: wait for a change at most so long.
+            cursor: what was received before.
+            timeout_s: maximum time to wait for a change.
 
         Returns:
-            The new cursor, and the events in the order to tell them, none after the timeout.
+            The new cursor, and the events in the order to send them, none after the timeout.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._is_news(cursor), timeout_s)
-            return self._news(cursor)
+            self._changed.wait_for(lambda: self._has_changed(cursor), timeout_s)
+            return self._changes(cursor)
 
-    def _is_news(self, cursor: Cursor) -> bool:
-        trip = self._trip
+    def _has_changed(self, cursor: Cursor) -> bool:
         return (
-            trip.number != cursor.trip
-            or trip.first_row + len(trip.rows) > cursor.row
+            self._generation != cursor.generation
             or self._version > cursor.version
+            or any(kept.next > cursor.read.get(name, 0) for name, kept in self._streams.items())
         )
 
-    def _news(self, cursor: Cursor) -> tuple[Cursor, list[PageEvent]]:
-        trip, events = self._trip, []
-        if trip.number != cursor.trip:
-            cursor = Cursor(trip.number)
-            events.append(PageEvent("trip", json_text({"trip": trip.number})))
+    def _changes(self, cursor: Cursor) -> tuple[Cursor, list[PageEvent]]:
+        events: list[PageEvent] = []
+        if self._generation != cursor.generation:
+            cursor = Cursor(self._generation)
+            events.append(PageEvent("trip", json_text({"trip": self._generation})))
         changed = [
             (version, kind)
-            for kind, (version, _) in trip.documents.items()
+            for kind, (version, _) in self._documents.items()
             if version > cursor.version
         ]
-        events += [PageEvent(kind, trip.documents[kind][1]) for _, kind in sorted(changed)]
-        begin = max(cursor.row, trip.first_row)
-        rows = trip.rows[begin - trip.first_row :][:ROWS_AT_ONCE]
-        if rows:
-            events.append(PageEvent("rows", f"[{','.join(rows)}]"))
-        # Whoever hears of the end has heard all before it.
-        events.sort(key=lambda event: event.kind == "end")
-        return Cursor(trip.number, begin + len(rows), self._version), events
+        events += [PageEvent(kind, self._documents[kind][1]) for _, kind in sorted(changed)]
+        for name, kept in self._streams.items():
+            new = kept.entries[max(0, cursor.read.get(name, 0) - kept.first) :]
+            if new:
+                events.append(PageEvent(name, f"[{','.join(new)}]"))
+        # The end comes after all that happened before it.
+        events.sort(key=lambda event: event.kind == END)
+        read = {name: kept.next for name, kept in self._streams.items()}
+        return Cursor(self._generation, self._version, read), events
 
 
 def json_text(content: Any) -> str:

@@ -26,7 +26,7 @@ from iptm_interfaces.codecs import (
     decode_temperature,
     s_from_ns,
 )
-from iptm_interfaces.codecs.vehicle import decode_capacity_loss
+from iptm_interfaces.codecs.vehicle import decode_capacity_loss, decode_safety
 from iptm_interfaces.topics import TOPICS, Topic
 
 _TEMPERATURES = {
@@ -42,6 +42,7 @@ ROW_TOPICS = (
     Topic.PLANT_POWERS,
     *_TEMPERATURES,
     Topic.PLANT_CAPACITY_LOSS,
+    Topic.PLANT_SAFETY,
     Topic.SOLVE,
 )
 """Topics of which a row is made; what a foreign suite does not publish stays empty."""
@@ -71,6 +72,7 @@ class PageRow:
         coolant_inlet_temperature_c: coolant entering the pack.
         coolant_outlet_temperature_c: coolant leaving the pack.
         capacity_loss: of both cells together, since they were new, as a fraction of nominal.
+        service_braking_s: time for which the safety monitor braked in the interval that ended now.
         status_code: number of `SolveStatus`.
         solve_time_s: wall time of the solve.
         iterations: of the solver.
@@ -95,6 +97,7 @@ class PageRow:
     coolant_inlet_temperature_c: float = math.nan
     coolant_outlet_temperature_c: float = math.nan
     capacity_loss: float = math.nan
+    service_braking_s: float = math.nan
     status_code: float = math.nan
     solve_time_s: float = math.nan
     iterations: float = math.nan
@@ -138,6 +141,7 @@ def page_row(
     take(Topic.LEADER, lambda m: _motion(m, "leader_"))
     take(Topic.PLANT_POWERS, lambda m: vars(decode_powers(m)))
     take(Topic.PLANT_CAPACITY_LOSS, lambda m: {"capacity_loss": sum(decode_capacity_loss(m))})
+    take(Topic.PLANT_SAFETY, lambda m: {"service_braking_s": decode_safety(m).service_braking_s})
     for topic, column in _TEMPERATURES.items():
         take(topic, partial(_temperature, topic, column))
     take(Topic.SOLVE, _decision)

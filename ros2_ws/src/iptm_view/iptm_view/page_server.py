@@ -31,6 +31,9 @@ REQUEST_TIMEOUT_S = 10.0
 SEND_TIMEOUT_S = 60.0
 """Disconnect browsers that have not read for this long; they reconnect when they read again."""
 
+_CLOSE_TIMEOUT_S = 2.0
+_CLOSE_POLL_S = 0.2
+
 PAGE = Path(__file__).parent / "page"
 _KINDS = {
     ".html": "text/html; charset=utf-8",
@@ -72,8 +75,11 @@ class PageServer:
         return self._server.browsers
 
     def close(self) -> None:
-        """Stop serving; browsers that listen are let go."""
+        """Stop serving; browsers are informed, so that they do not try to reconnect."""
         self._server.closing.set()
+        deadline_s = time.monotonic() + _CLOSE_TIMEOUT_S
+        while self.browsers and time.monotonic() < deadline_s:
+            time.sleep(_CLOSE_POLL_S)
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
@@ -206,7 +212,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(_as_text(PageEvent("vehicles", choice)).encode())
         said_s = time.monotonic()
         while not self.server.closing.is_set():
-            cursor, events = feeds[vehicle].changes(cursor, timeout_s=1.0)
+            cursor, events = feeds[vehicle].changes(cursor, _CLOSE_POLL_S)
             now_s = time.monotonic()
             if events:
                 self.wfile.write("".join(map(_as_text, events)).encode())
@@ -216,6 +222,7 @@ class _Handler(BaseHTTPRequestHandler):
                 continue
             said_s = now_s
             time.sleep(FRAME_S)
+        self.wfile.write(_as_text(PageEvent("closing", "{}")).encode())
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 - the name of the base class
         """Say nothing about requests."""

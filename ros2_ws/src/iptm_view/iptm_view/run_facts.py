@@ -15,6 +15,11 @@ import yaml
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.declaration import Settings, parameter_specs
 from iptm_core.errors import IptmError
+from iptm_core.metrics.constraints import (
+    GAP_TOLERANCE_M,
+    SPEED_TOLERANCE_M_S,
+    TEMPERATURE_TOLERANCE_K,
+)
 from iptm_core.parameters import ModelParameters
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.settings import (
@@ -53,6 +58,7 @@ class RunFacts:
         nodes: parameters of the nodes; empty where they are not known.
         notes: what is missing, in sentences for the reader of the page.
         foxglove: address of the Foxglove server, "" without one.
+        waiting: what to do while nothing is received, in sentences for the reader of the page.
         is_complete: whether no more will become known.
     """
 
@@ -61,6 +67,7 @@ class RunFacts:
     nodes: NodeParameters | None = None
     notes: tuple[str, ...] = ()
     foxglove: str = ""
+    waiting: str = "Reading ..."
     is_complete: bool = False
 
     @property
@@ -70,7 +77,7 @@ class RunFacts:
         trip, control = nodes.get(PLANT, {}), nodes.get(CONTROLLER, {})
         words = [f"cycle {Path(str(trip['cycle'])).name}"] if "cycle" in trip else []
         words += [f"{name} {control[name]}" for name in ASKED_OF_CONTROLLER[:2] if name in control]
-        return ", ".join(words) or "a run"
+        return ", ".join(words) or "iptm live view"
 
     def with_note(self, note: str) -> RunFacts:
         """Return the same facts with another sentence."""
@@ -90,6 +97,8 @@ class RunFacts:
             "rungs": {int(rung): _words(rung.name) for rung in Rung},
             "notes": list(self.notes),
             "foxglove": self.foxglove,
+            "waiting": self.waiting,
+            "duration_s": (self.nodes or {}).get(PLANT, {}).get("duration_s"),
         }
 
     def trip_scenario(self) -> str | None:
@@ -169,6 +178,9 @@ def _limits(parameters: ModelParameters | None) -> dict[str, float] | None:
         "min_temperature_c": limits.min_temperature_k - CELSIUS_ZERO_K,
         "max_temperature_c": limits.max_temperature_k - CELSIUS_ZERO_K,
         "max_compressor_power_w": limits.max_compressor_power_w,
+        "gap_tolerance_m": GAP_TOLERANCE_M,
+        "speed_tolerance_m_s": SPEED_TOLERANCE_M_S,
+        "temperature_tolerance_k": TEMPERATURE_TOLERANCE_K,
     }
 
 

@@ -1,11 +1,8 @@
-"""From the messages of a run to the feed of the page: joined by stamp, decoded as often as anyone can see.
-
-Where the messages come from, the graph or a bag, makes no difference here.
-"""
+"""From the messages of a run, on the graph or in a bag, to the feed of the page: joined by stamp."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -13,10 +10,11 @@ from rclpy.serialization import deserialize_message
 
 from iptm_core.errors import MessageError
 from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces.codecs import ns_from_time, s_from_ns
 from iptm_interfaces.diagnostics import Level, status_values
 from iptm_interfaces.topics import Topic
 from iptm_recording.timeline import read_stamp_ns
-from iptm_view.page_feed import PageFeed
+from iptm_view.page_feed import EVENTS, PLANS, ROWS, PageFeed
 from iptm_view.page_row import AHEAD_TOPICS, ROW_TOPICS, page_row, plan_ahead, road_height
 from iptm_view.run_facts import RunFacts
 
@@ -26,8 +24,8 @@ JOINED_TOPICS = (*ROW_TOPICS, *AHEAD_TOPICS, Topic.COMMAND)
 PAGE_TOPICS = (*JOINED_TOPICS, Topic.SLOPE, Topic.DIAGNOSTICS)
 """Topics that the page needs."""
 
-# All but the plan, of which there is none on a fallback; the command is the controller's last word in a tick.
-_ALWAYS = (*ROW_TOPICS, Topic.LEADER_PREVIEW, Topic.COMMAND)
+# Not the plan: a fallback has none. The command is the controller's last message in a tick.
+_OF_EVERY_TICK = frozenset((*ROW_TOPICS, Topic.LEADER_PREVIEW, Topic.COMMAND))
 _STAMPS_KEPT = 64
 _SET_BACK_NS = 10 * NS_PER_S
 _LEVELS = {level.value: level.name for level in Level}
@@ -44,14 +42,14 @@ class RunFollower:
         """Begin with an empty page.
 
         Args:
-            feed: what browsers are told from.
+            feed: of the page.
             facts: what is known of the run.
             namespace: of the nodes whose diagnostics count; those in namespaces within it do, too.
         """
         self._prefix = f"{namespace.rstrip('/')}/"
         self._feed = feed
         self._pending: dict[int, dict[Topic, bytes]] = {}
-        self._expected = frozenset(_ALWAYS)
+        self._expected = _OF_EVERY_TICK - {Topic.PLANT_SAFETY}  # bags of earlier releases have none
         self._last_ns = -1
         self._statuses: dict[str, dict[str, Any]] = {}
         self._road: bytes | None = None
@@ -62,7 +60,7 @@ class RunFollower:
 
     def expect(self, topics: Iterable[Topic]) -> None:
         """Tell which topics there are; a tick is complete when it has all of them."""
-        self._expected = frozenset(topics) & frozenset(_ALWAYS)
+        self._expected = _OF_EVERY_TICK.intersection(topics)
 
     def take(self, topic: Topic, data: bytes) -> None:
         """Take one message, given by its CDR bytes."""
@@ -95,8 +93,7 @@ class RunFollower:
             return 0
         shown = ready if most is None else ready[-most:]
         for stamp_ns in shown:
-            self._show_row(stamp_ns)
-        self._show_plan(ready[-1])
+            self._show_tick(stamp_ns)
         for stamp in [stamp for stamp in self._pending if stamp <= ready[-1]]:
             del self._pending[stamp]
         self._last_ns = ready[-1]
@@ -119,16 +116,18 @@ class RunFollower:
         if len(self._pending) > _STAMPS_KEPT:
             del self._pending[min(self._pending)]
 
-    def _show_row(self, stamp_ns: int) -> None:
-        row, faults = page_row(stamp_ns, self._pending[stamp_ns], self.facts.parameters)
+    def _show_tick(self, stamp_ns: int) -> None:
+        messages = self._pending[stamp_ns]
+        row, faults = page_row(stamp_ns, messages, self.facts.parameters)
         self._note(faults)
-        self._feed.add_row(row.values())
-
-    def _show_plan(self, stamp_ns: int) -> None:
+        self._feed.append(ROWS, row.values())
         try:
-            self._feed.put("plan", plan_ahead(self._pending[stamp_ns]))
+            plan = plan_ahead(messages)
         except MessageError as error:
             self._note([str(error)])
+        else:
+            if plan:
+                self._feed.append(PLANS, plan)
 
     def _show_road(self) -> None:
         if self._road is None:
@@ -148,13 +147,25 @@ class RunFollower:
         for status in message.status:
             if not status.name.startswith(self._prefix):
                 continue
-            self._statuses[status.name] = {
+            shown = {
                 "name": status.name,
                 "level": _LEVELS.get(status.level, "UNKNOWN"),
                 "reason": status.message,
                 "values": status_values(status),
             }
+            self._note_change(shown, ns_from_time(message.header.stamp))
+            self._statuses[status.name] = shown
         self._show_statuses()
+
+    def _note_change(self, status: Mapping[str, Any], stamp_ns: int) -> None:
+        """Append an event where a node changes its level or reason during the trip."""
+        keys = ("name", "level", "reason")
+        known = self._statuses.get(status["name"], {"level": Level.OK.name})
+        both_ok = status["level"] == known["level"] == Level.OK.name
+        is_news = any(status[key] != known.get(key) for key in keys)
+        if is_news and not both_ok and stamp_ns > 0:
+            event = {"time_s": s_from_ns(stamp_ns), **{key: status[key] for key in keys}}
+            self._feed.append(EVENTS, event)
 
     def _show_statuses(self) -> None:
         self._feed.put(

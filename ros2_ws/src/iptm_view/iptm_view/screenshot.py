@@ -5,18 +5,17 @@ from __future__ import annotations
 import importlib
 import re
 import shutil
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from iptm_core.errors import ViewError
-from iptm_view.bag_source import AT_ONCE, BagSource
+from iptm_view.bag_source import BagSource
 from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import PageServer
-from iptm_view.reference_curve import ReferenceCurve
+from iptm_view.reference_car import NO_REFERENCE, ReferenceCar
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = (
@@ -29,7 +28,7 @@ _FLAGS = (
     "--disable-sync",
 )
 _LARGEST_PIXELS = 4096
-_REFERENCE_TIMEOUT_S = 600.0
+_REFERENCE_TIMEOUT_MS = 600_000
 _PAGE_TIMEOUT_MS = 60_000
 _PHONE_WIDTH = 600
 
@@ -42,7 +41,7 @@ class Picture:
         width: of the window, pixels.
         height: of the window, pixels.
         is_dark: whether the browser prefers dark colours.
-        at_s: trip time to show, None for the end.
+        at_s: trip time of the cursor, None for the end.
     """
 
     width: int = 1280
@@ -83,12 +82,8 @@ def find_browser() -> str:
 
 
 @contextmanager
-def opened_page(url: str, picture: Picture) -> Iterator[Any]:
-    """Open a page in a Chromium without a window; yield Playwright's page.
-
-    Args:
-        url: of the page.
-        picture: size and colours.
+def started_browser() -> Iterator[Any]:
+    """Start a Chromium without a window; yield Playwright's browser.
 
     Raises:
         ViewError: Playwright or a browser is missing.
@@ -102,54 +97,64 @@ def opened_page(url: str, picture: Picture) -> Iterator[Any]:
         ) from None
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=find_browser(), args=list(_FLAGS))
-        try:
-            context = browser.new_context(
-                viewport={"width": picture.width, "height": picture.height},
-                color_scheme="dark" if picture.is_dark else "light",
-                device_scale_factor=2 if picture.width < _PHONE_WIDTH else 1,
-            )
-            page = context.new_page()
-            page.set_default_timeout(_PAGE_TIMEOUT_MS)
-            page.goto(url)
-            yield page
-        finally:
-            browser.close()
+        with closing(browser):
+            yield browser
 
 
 @contextmanager
-def served_bag(bag: Path, strategy: str, until_s: float | None = None) -> Iterator[PageServer]:
-    """Serve the page of a whole bag, with the reference car where its trip is known.
+def opened_page(browser: Any, picture: Picture) -> Iterator[Any]:
+    """Open an empty page; yield Playwright's page.
+
+    Args:
+        browser: see `started_browser`.
+        picture: size and colours.
+    """
+    context = browser.new_context(
+        viewport={"width": picture.width, "height": picture.height},
+        color_scheme="dark" if picture.is_dark else "light",
+        device_scale_factor=2 if picture.width < _PHONE_WIDTH else 1,
+    )
+    with closing(context):
+        page = context.new_page()
+        page.set_default_timeout(_PAGE_TIMEOUT_MS)
+        yield page
+
+
+@contextmanager
+def served_bag(
+    bag: Path, reference_command: Sequence[str] = (), strategy: str = NO_REFERENCE
+) -> Iterator[PageServer]:
+    """Serve the page of a whole bag.
 
     Args:
         bag: bag folder or file.
-        strategy: of the reference car, "none" for no such car.
-        until_s: where to stop, recorded time; None at the end.
+        reference_command: drives the reference car, see `ReferenceCar`; empty for no such car.
+        strategy: of the reference car.
 
     Raises:
         BagError: the bag cannot be read.
     """
-    feed, reference, never = PageFeed(), ReferenceCurve(strategy), threading.Event()
-    with BagSource(bag, AT_ONCE, duration_s=until_s) as source:
-        facts = reference.start(source.facts)
-        source.play(feed, facts, None, never.wait)
-    fault = reference.wait(feed, _REFERENCE_TIMEOUT_S)
-    if fault:
-        feed.put("facts", facts.with_note(fault).document())
-    server = PageServer({"": feed}, 0)
-    try:
+    feed = PageFeed()
+    with (
+        closing(ReferenceCar(feed, reference_command, strategy)) as reference,
+        closing(PageServer({"": feed}, 0)) as server,
+    ):
+        with BagSource(bag) as source:
+            source.load(feed, reference.start(source.facts))
         yield server
-    finally:
-        server.close()
 
 
-def take_screenshot(bag: Path, file: Path, picture: Picture, strategy: str) -> None:
+def take_screenshot(
+    bag: Path, file: Path, picture: Picture, reference_command: Sequence[str], strategy: str
+) -> None:
     """Write a picture of the page of a bag.
 
     Args:
         bag: bag folder or file.
         file: PNG file to write.
         picture: size, colours and instant.
-        strategy: of the reference car, "none" for no such car.
+        reference_command: drives the reference car, see `ReferenceCar`; empty for no such car.
+        strategy: of the reference car.
 
     Raises:
         BagError: the bag cannot be read.
@@ -157,10 +162,18 @@ def take_screenshot(bag: Path, file: Path, picture: Picture, strategy: str) -> N
     """
     find_browser()
     with (
-        served_bag(bag, strategy, picture.at_s) as server,
-        opened_page(server.url, picture) as page,
+        served_bag(bag, reference_command, strategy) as server,
+        started_browser() as browser,
+        opened_page(browser, picture) as page,
     ):
-        page.wait_for_selector("body[data-ended='true']")
+        page.goto(server.url)
+        page.wait_for_selector(
+            "body[data-ended='true']:not([data-reference='computing'])",
+            timeout=_REFERENCE_TIMEOUT_MS,
+        )
+        if picture.at_s is not None:
+            page.evaluate("(time) => window.iptmPlayer.seek(time)", picture.at_s)
+            page.wait_for_selector("body[data-player='paused']")
         try:
             page.screenshot(path=str(file))
         except OSError as error:

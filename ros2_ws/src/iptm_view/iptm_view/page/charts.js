@@ -2,12 +2,13 @@
 
 const FONT = "11px system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";
 const MARGIN = { left: 44, right: 8, top: 6, bottom: 18 };
+const FUTURE_ALPHA = 0.3;
 
 /** Colours of the page by name, as the style sheet has them at present. */
 export function themeColors() {
   const style = getComputedStyle(document.documentElement);
   const names = ["ink", "faint", "grid", "edge", "card", "blue", "orange", "green", "red", "purple",
-    "sky", "grey", "bad"];
+    "sky", "grey", "bad", "warn", "good", "band"];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
@@ -41,6 +42,22 @@ function ticksOf(low, high, count) {
   for (let k = Math.ceil(low / step); k * step <= high + 1e-9 * step; k += 1) ticks.push(k * step);
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   return ticks.map((value) => [value, value.toFixed(digits)]);
+}
+
+/** Size the drawing surface of a canvas as the screen has it; null where it is not visible. */
+export function surface(canvas) {
+  const ratio = window.devicePixelRatio || 1;
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  if (!width || !height) return null;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const context = canvas.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  context.font = FONT;
+  return { context, width, height };
 }
 
 /** Range of the y axis: what is to be seen, at least `span` high, with a little air. */
@@ -95,23 +112,17 @@ function drawLine(context, line, from, to, toX, toY, width) {
 }
 
 /**
- * Draw a panel.
+ * Draw a panel; returns its plot box for the pointer: {left, right}.
  *
- * spec: {low?, high?, span}: what the y axis must show; lines: [{xs, ys, color, dash?, width?}];
- * limits: [{value, label}]; marks: [{x, y, color, label, side}]; range: [from, to] of the x axis.
+ * spec: {low?, high?, span}: what the y axis must show. lines: [{xs, ys, color, dash?, width?, isAhead?}], drawn
+ * faintly behind `now` unless they are ahead of it by nature. band: {low, high, label}, each a number or {xs, ys}.
+ * limits: [{value, label, color}]; marks: [{x, y, color, label, side}]; range: [from, to] of the x axis;
+ * now, cursor: places of the two vertical lines.
  */
-export function drawChart(canvas, spec, { lines, limits = [], marks = [], range, now, xUnit }, colors) {
-  const ratio = window.devicePixelRatio || 1;
-  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-  if (!width || !height) return;
-  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
-  }
-  const context = canvas.getContext("2d");
-  context.setTransform(ratio, 0, 0, ratio, 0, 0);
-  context.clearRect(0, 0, width, height);
-  context.font = FONT;
+export function drawChart(canvas, spec, { lines, band, limits = [], marks = [], range, now, cursor, xUnit }, colors) {
+  const sized = surface(canvas);
+  if (!sized) return null;
+  const { context, width, height } = sized;
   const [from, to] = range;
   const [low, high] = rangeOf(spec, lines, from, to);
   const box = {
@@ -119,7 +130,53 @@ export function drawChart(canvas, spec, { lines, limits = [], marks = [], range,
   };
   const toX = (x) => box.left + ((x - from) / (to - from)) * (box.right - box.left);
   const toY = (y) => box.bottom - ((y - low) / (high - low)) * (box.bottom - box.top);
+  const scale = { from, to, low, high, toX, toY, box };
 
+  const clip = (left, right) => {
+    context.save();
+    context.beginPath();
+    context.rect(left, box.top - 2, Math.max(0, right - left), box.bottom - box.top + 4);
+    context.clip();
+  };
+  if (band) {
+    clip(box.left, box.right);
+    fillBand(context, band, scale, colors);
+    context.restore();
+  }
+  drawAxes(context, scale, { width, height, xUnit }, colors);
+
+  const present = now === undefined || now === null ? box.right : Math.min(Math.max(toX(now), box.left), box.right);
+  for (const [left, right, isFuture] of [[box.left, present, false], [present, box.right, true]]) {
+    clip(left, right);
+    for (const line of lines) {
+      if (line.isAhead && !isFuture) continue;
+      context.globalAlpha = isFuture && !line.isAhead ? FUTURE_ALPHA : 1;
+      context.strokeStyle = colors[line.color];
+      context.lineWidth = line.width ?? 1.7;
+      context.setLineDash(line.dash ?? []);
+      drawLine(context, line, from, to, toX, toY, box.right - box.left);
+    }
+    context.restore();
+  }
+  clip(box.left, box.right);
+  context.setLineDash([]);
+  for (const [at, color] of [[now, "edge"], [cursor, "ink"]]) {
+    if (at === undefined || at === null || at < from || at > to) continue;
+    context.strokeStyle = colors[color];
+    context.lineWidth = 1;
+    context.beginPath();
+    context.moveTo(toX(at), box.top);
+    context.lineTo(toX(at), box.bottom);
+    context.stroke();
+  }
+  context.restore();
+  if (band) drawEdges(context, band, scale, colors);
+  drawLimits(context, limits, scale, colors);
+  for (const mark of marks) drawMark(context, mark, scale, colors);
+  return box;
+}
+
+function drawAxes(context, { from, to, low, high, toX, toY, box }, { width, height, xUnit }, colors) {
   context.lineWidth = 1;
   context.textBaseline = "middle";
   context.textAlign = "right";
@@ -134,44 +191,63 @@ export function drawChart(canvas, spec, { lines, limits = [], marks = [], range,
   }
   context.textAlign = "center";
   context.textBaseline = "top";
-  const ticks = ticksOf(from, to, width / 80);
+  const ticks = ticksOf(from, to, width / 56);
   ticks.forEach(([value, text], index) => {
     const unit = index === ticks.length - 1 ? ` ${xUnit}` : "";
     const x = Math.min(toX(value), width - 4 - context.measureText(text + unit).width / 2);
     context.fillText(text + unit, x, box.bottom + 5);
   });
+}
 
-  context.save();
+/** Fill what is allowed: between two levels, or between a curve and a level. */
+function fillBand(context, { low, high }, { from, to, toX, toY, box }, colors) {
+  context.fillStyle = colors.band;
   context.beginPath();
-  context.rect(box.left, box.top - 2, box.right - box.left, box.bottom - box.top + 4);
-  context.clip();
-  if (now !== undefined && now > from && now < to) {
-    context.strokeStyle = colors.edge;
+  context.moveTo(box.left, toY(high));
+  context.lineTo(box.right, toY(high));
+  if (typeof low === "number") {
+    context.lineTo(box.right, toY(low));
+    context.lineTo(box.left, toY(low));
+  } else {
+    const begin = Math.max(0, lowerIndex(low.xs, from) - 1);
+    const end = Math.min(low.xs.length, lowerIndex(low.xs, to) + 1);
+    const known = [];
+    for (let k = begin; k < end; k += 1) if (low.ys[k] !== null) known.push([toX(low.xs[k]), toY(low.ys[k])]);
+    if (!known.length) return;
+    context.lineTo(box.right, known[known.length - 1][1]);
+    known.reverse().forEach(([x, y]) => context.lineTo(x, y));
+    context.lineTo(box.left, known[known.length - 1][1]);
+  }
+  context.fill();
+}
+
+/** The edges of a band that are levels, and its label. */
+function drawEdges(context, { low: bottom, high: top, label }, { low, high, toY, box }, colors) {
+  context.strokeStyle = colors.good;
+  context.lineWidth = 1;
+  context.setLineDash([3, 3]);
+  for (const edge of [bottom, top]) {
+    if (typeof edge !== "number" || edge < low || edge > high) continue;
     context.beginPath();
-    context.moveTo(toX(now), box.top);
-    context.lineTo(toX(now), box.bottom);
+    context.moveTo(box.left, toY(edge));
+    context.lineTo(box.right, toY(edge));
     context.stroke();
   }
-  for (const line of lines) {
-    context.strokeStyle = colors[line.color];
-    context.lineWidth = line.width ?? 1.7;
-    context.setLineDash(line.dash ?? []);
-    drawLine(context, line, from, to, toX, toY, box.right - box.left);
-  }
   context.setLineDash([]);
-  drawLimits(context, limits, { low, high, toY, box }, colors);
-  for (const mark of marks) drawMark(context, mark, toX(mark.x), mark.y === undefined ? box.top + 5 : toY(mark.y), colors);
-  context.restore();
+  context.textAlign = "right";
+  context.textBaseline = "top";
+  context.fillStyle = colors.good;
+  fillReadable(context, label, box.right - 4, Math.max(box.top, Math.min(toY(top), box.bottom - 16)) + 3, colors);
 }
 
 /** Limits inside the range are lines; one outside is named at the edge where it lies. */
 function drawLimits(context, limits, { low, high, toY, box }, colors) {
   context.textAlign = "left";
-  for (const { value, label } of limits) {
+  for (const { value, label, color } of limits) {
     const isBelow = value < low;
     const isInside = !isBelow && value <= high;
-    context.fillStyle = colors.bad;
-    context.strokeStyle = colors.bad;
+    context.fillStyle = colors[color];
+    context.strokeStyle = colors[color];
     if (isInside) {
       context.lineWidth = 1.2;
       context.setLineDash([7, 4]);
@@ -188,7 +264,9 @@ function drawLimits(context, limits, { low, high, toY, box }, colors) {
   }
 }
 
-function drawMark(context, { label, color, side }, x, y, colors) {
+function drawMark(context, { x: place, y: level, label, color, side }, { from, to, toX, toY, box }, colors) {
+  if (place < from || place > to) return;
+  const [x, y] = [toX(place), toY(level)];
   context.fillStyle = colors[color];
   context.beginPath();
   context.arc(x, y, label ? 6 : 3, 0, 2 * Math.PI);
@@ -197,11 +275,13 @@ function drawMark(context, { label, color, side }, x, y, colors) {
   context.strokeStyle = colors.card;
   context.lineWidth = 1.5;
   context.stroke();
-  // On the side away from the other mark, so that the names stay apart when the marks are close.
-  context.textAlign = side === "left" ? "right" : "left";
+  // On the side away from the other mark where there is room, so that the names stay apart.
+  const room = context.measureText(label).width + 6;
+  const isLeft = side === "left" ? x - room > box.left : x + room > box.right;
+  context.textAlign = isLeft ? "right" : "left";
   context.textBaseline = "bottom";
   context.fillStyle = colors.ink;
-  fillReadable(context, label, x + (side === "left" ? -5 : 5), y - 6, colors);
+  fillReadable(context, label, x + (isLeft ? -5 : 5), Math.max(y - 6, box.top + 12), colors);
 }
 
 /** Text with an edge in the colour of the card, so that no curve runs through it. */
@@ -211,4 +291,29 @@ function fillReadable(context, text, x, y, colors) {
   context.lineJoin = "round";
   context.strokeText(text, x, y);
   context.fillText(text, x, y);
+}
+
+/** Draw events as bars over time; returns the plot box. */
+export function drawEventRow(canvas, { events, range: [from, to], now, inset }, colors) {
+  const sized = surface(canvas);
+  if (!sized) return null;
+  const { context, width, height } = sized;
+  const box = { left: inset, right: width - inset };
+  const toX = (time) => box.left + ((time - from) / (to - from)) * (box.right - box.left);
+  context.fillStyle = colors.grid;
+  context.fillRect(box.left, 0, box.right - box.left, height);
+  // The bad ones last, so that nothing hides them.
+  for (const level of ["warn", "bad"]) {
+    context.fillStyle = colors[level];
+    for (const event of events) {
+      if (event.level !== level) continue;
+      const x = toX(event.from);
+      context.fillRect(x - 1, 0, Math.max(3, toX(event.to) - x + 2), height);
+    }
+  }
+  if (now !== null) {
+    context.fillStyle = colors.ink;
+    context.fillRect(toX(now) - 0.5, 0, 1, height);
+  }
+  return box;
 }

@@ -1,0 +1,100 @@
+"""The reference car on the same trip: computed by another process, shown as far as it has come."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+
+from iptm_view.page_feed import REFERENCE, PageFeed
+from iptm_view.run_facts import RunFacts
+
+NO_REFERENCE = "none"
+STATE = "reference_state"
+"""Kind of the document with columns, strategy and state (computing, done, failed) of the reference car."""
+
+
+class ReferenceCar:
+    """Starts the process that drives the reference car, and passes its rows on to a feed.
+
+    The process reads the trip as a YAML scenario from its standard input. It writes one JSON line with
+    ``strategy``, ``columns`` and ``duration_s``, then one JSON array per row.
+    """
+
+    def __init__(self, feed: PageFeed, command: Sequence[str], strategy: str) -> None:
+        """Set up; nothing is driven yet.
+
+        Args:
+            feed: of the page.
+            command: starts the process; empty for no reference car.
+            strategy: of the reference car, "none" for no such car.
+        """
+        self._feed = feed
+        self._command = list(command) if strategy != NO_REFERENCE else []
+        self._strategy = strategy
+        self._scenario = ""
+        self._process: subprocess.Popen[str] | None = None
+
+    def start(self, facts: RunFacts) -> RunFacts:
+        """Begin to drive the trip of a run, unless that has been started already.
+
+        Args:
+            facts: what is known of the run.
+
+        Returns:
+            The facts, with a note if the trip of a reference car cannot be known.
+        """
+        if not self._command:
+            return facts
+        scenario = facts.trip_scenario()
+        if scenario is None:
+            return facts.with_note(
+                "no reference car: cycle and duration of the plant are not known, "
+                "or the leader does not drive the cycle"
+            )
+        if scenario == self._scenario:
+            return facts
+        self.close()
+        self._scenario = scenario
+        self._feed.discard(REFERENCE)
+        self._feed.put(STATE, {"state": "computing", "strategy": self._strategy, "columns": []})
+        self._process = subprocess.Popen(  # noqa: S603 - the project's own module
+            [*self._command, "--strategy", self._strategy],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        threading.Thread(target=self._follow, args=(self._process, scenario), daemon=True).start()
+        return facts
+
+    def _follow(self, process: subprocess.Popen[str], scenario: str) -> None:
+        if process.stdin is None or process.stdout is None or process.stderr is None:
+            return
+        with process.stdout, process.stderr:
+            with suppress(BrokenPipeError), process.stdin:
+                process.stdin.write(scenario)
+            header = process.stdout.readline()
+            known = {"state": "computing", **json.loads(header)} if header else {"columns": []}
+            self._put(process, known)
+            for line in process.stdout:
+                if process is self._process:
+                    self._feed.append_text(REFERENCE, line.strip())
+            errors = process.stderr.read().strip().splitlines() or ["no reason given"]
+        if process.wait() == 0:
+            self._put(process, {**known, "state": "done"})
+        else:
+            self._put(process, {**known, "state": "failed", "reason": errors[-1]})
+
+    def _put(self, process: subprocess.Popen[str], state: dict[str, object]) -> None:
+        if process is self._process:
+            self._feed.put(STATE, state)
+
+    def close(self) -> None:
+        """End the process if it is still running."""
+        process, self._process = self._process, None
+        if process is not None and process.poll() is None:
+            process.kill()
+            process.wait()
