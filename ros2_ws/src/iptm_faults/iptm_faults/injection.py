@@ -6,6 +6,8 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from iptm_controller.measurements import Measurements
 from iptm_core.errors import ScenarioError
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview
@@ -46,6 +48,7 @@ class FaultInjection:
         check_headless(self._faults)
         self._traffic = Traffic(self._faults)
         self._previews = PreviewFaults(self._faults)
+        self._of_leader = at_places(self._faults, FaultPlace.LEADER)
         self._road = at_places(self._faults, FaultPlace.ROAD)
         self._slope: tuple[tuple[bool, ...], SlopePreview] | None = None
         delays = [fault for fault in self._faults if fault.kind is FaultKind.STATE_DELAYED]
@@ -86,9 +89,28 @@ class FaultInjection:
         ticks = round(sum(fault.magnitude for fault in self._delays if fault.hits(now_ns)))
         return self._past[max(len(self._past) - 1 - ticks, 0)]
 
-    def sampled(self, own: LeaderPreview, host_position_m: float) -> LeaderPreview:
-        """Return what a range sensor measures of the leader that counts; see `Traffic.sampled`."""
-        return own if self._traffic.is_quiet else self._traffic.sampled(own, host_position_m)
+    def sampled(self, own: LeaderPreview, host_position_m: float) -> LeaderPreview | None:
+        """Return what a range sensor measures of the leader that counts in an interval.
+
+        Args:
+            own: the leader of the route at the instants of the interval, the first of which is a tick.
+            host_position_m: where the host is at the first of them.
+
+        Returns:
+            The measurements that arrive, None for none.
+        """
+        true = own if self._traffic.is_quiet else self._traffic.sampled(own, host_position_m)
+        if not self._of_leader:
+            return true
+        columns = (values.tolist() for values in (true.times_s, true.positions_m, true.speeds_m_s))
+        told = (
+            told_leader(
+                self._of_leader, round(row[0] * NS_PER_S), LeaderState(*row), host_position_m
+            )
+            for row in zip(*columns, strict=True)
+        )
+        rows = [(one.time_s, one.position_m, one.speed_m_s) for one in told if one is not None]
+        return LeaderPreview(rows[0][0], *np.array(rows).T) if rows else None
 
     def _told_slope(self, now_ns: int, slope: SlopePreview) -> SlopePreview:
         if not self._road:

@@ -28,9 +28,9 @@ from iptm_v2x_bridge.source import (
 Disturb = Callable[[Measurements], tuple[LeaderState, Measurements]]
 """From what is true to the leader that counts and what the controller is told."""
 
-Sampled = Callable[[LeaderPreview, float], LeaderPreview]
+Sampled = Callable[[LeaderPreview, float], LeaderPreview | None]
 """From the leader of the route at the instants of an interval, and the position of the host at its start, to
-the leader that counts at these instants."""
+what is measured of the leader that counts; None where nothing arrives."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ def run_closed_loop(
     leader_now, measured = measure(step.state, 0)
     tick = 0
 
-    def range_sensor(state: VehicleState) -> LeaderPreview:
-        """Measure the leader that counts: what the vehicle has, whatever the controller is told."""
+    def range_sensor(state: VehicleState) -> LeaderPreview | None:
+        """Measure the leader that counts."""
         now_ns = round(tick * tick_s * NS_PER_S)
         own = source.sampled(sampling_times_s(now_ns, tick_s, period_s))
         if disturb is None:

@@ -8,12 +8,12 @@ fraction of a second.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from functools import cached_property
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
 from iptm_controller.horizon import Horizon
 from iptm_controller.solvers.factory import SolverOptions
 from iptm_core.decision_record import DecisionSeries
@@ -27,12 +27,18 @@ from iptm_faults.injection import FaultInjection
 from iptm_faults.solver import FaultyController
 from iptm_faults.vehicle import FaultyPlant
 from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.channel_record import ChannelRecord, channel_record
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
 from iptm_studies.whole_trip import WholeTripRecord, solve_whole_trip
+
+CONTROLLER, VEHICLE = "controller", "vehicle"
+NOTICED_SHARE = 0.95
+"""Brakes that deliver less of what is requested count as weak."""
+WEAK_BRAKES = "brakes deliver"
 
 _REPORTED_LIBRARIES = ("casadi", "numpy", "dask", "distributed", "pyarrow")
 
@@ -58,6 +64,21 @@ class RunRecord:
     fingerprint: str
 
 
+@dataclass(frozen=True)
+class Report:
+    """What controller or vehicle reported from an instant on, until it reported something else.
+
+    Attributes:
+        time_s: trip time.
+        source: `CONTROLLER` or `VEHICLE`.
+        text: reason of the decision, or what the vehicle did of its own accord; empty where all is well.
+    """
+
+    time_s: float
+    source: str
+    text: str
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """A finished run.
@@ -72,6 +93,7 @@ class Run:
         record: where the result comes from.
         channel: what all cells of a coolant channel went through; None where the plant has but two, and
             for a whole trip.
+        reports: what was reported during a closed loop, on every change.
     """
 
     key: str
@@ -82,6 +104,7 @@ class Run:
     whole_trip: WholeTripRecord | None
     record: RunRecord
     channel: ChannelRecord | None = None
+    reports: tuple[Report, ...] = ()
 
     @property
     def ticks(self) -> int:
@@ -112,9 +135,17 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
             f"with ({inputs.fingerprint[:12]}); allowed: the same versions on all machines"
         )
 
+    reports: list[Report] = []
+
     def progress(*_: object) -> None:
         if on_progress is not None:
             on_progress()
+
+    def note(tick: int, measured: Measurements, decision: Decision) -> None:
+        del measured
+        if decision.reason != (reports[-1].text if reports else ""):
+            reports.append(Report(tick * spec.tick_s, CONTROLLER, decision.reason))
+        progress()
 
     spec, route = inputs.spec, inputs.route
     began = time.perf_counter()
@@ -137,7 +168,7 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
         plant,
         controller,
         spec.bridge_settings(),
-        on_tick=progress,
+        on_tick=note,
         disturb=disturb,
         sampled=sampled,
     )
@@ -162,6 +193,7 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
         decisions=decisions,
         whole_trip=whole_trip,
         channel=channel,
+        reports=(*reports, *_vehicle_reports(loop.steps)),
         record=RunRecord(
             wall_time_s=time.perf_counter() - began,
             compiled=controller.backend.compiled,
@@ -171,6 +203,21 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
             fingerprint=inputs.fingerprint,
         ),
     )
+
+
+def _vehicle_reports(steps: Iterable[PlantStep]) -> Iterator[Report]:
+    """Return what the safety monitor and the brakes reported, on every change."""
+    last = ""
+    for step in steps:
+        texts = []
+        if step.safety.service_braking_s > 0.0:
+            texts.append(f"service braking: {step.memory.reason}")
+        if step.safety.brake_share < NOTICED_SHARE:
+            texts.append(f"{WEAK_BRAKES} {100.0 * step.safety.brake_share:.0f} %")
+        text = ", ".join(texts)
+        if text != last:
+            yield Report(step.state.time_s, VEHICLE, text)
+        last = text
 
 
 def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptions:

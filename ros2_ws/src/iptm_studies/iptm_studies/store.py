@@ -28,7 +28,7 @@ from iptm_core.metrics import figure_values
 from iptm_core.parameters import flat_to_parameters, to_flat_dict
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_studies.channel_record import ChannelRecord
-from iptm_studies.run import Run, RunRecord
+from iptm_studies.run import Report, Run, RunRecord
 from iptm_studies.run_inputs import KEY_LENGTH
 from iptm_studies.run_spec import RunSpec, canonical_json
 from iptm_studies.whole_trip import WholeTripRecord
@@ -36,7 +36,7 @@ from iptm_studies.whole_trip import WholeTripRecord
 LOGGER = logging.getLogger(__name__)
 DEFAULT_FOLDER = "results"
 ROOT_VARIABLE = "IPTM_ROOT"
-FORMAT = 5
+FORMAT = 6
 _METADATA = b"iptm"
 _DIGEST = b"iptm_digest"
 _DECISION_PREFIX = "decision_"
@@ -199,6 +199,7 @@ def write_run(path: Path, run: Run) -> None:
         "parameters": to_flat_dict(run.parameters),
         "whole_trip": None if run.whole_trip is None else asdict(run.whole_trip),
         "channel": None if run.channel is None else asdict(run.channel),
+        "reports": [asdict(report) for report in run.reports],
         "record": asdict(run.record),
         # For other readers of the file; here the figures are worked out anew.
         "figures": figure_values(run.metrics),
@@ -257,6 +258,7 @@ def _run(content: dict[str, Any], table: pa.Table) -> Run:
         whole_trip=whole_trip,
         channel=None if content["channel"] is None else ChannelRecord.from_dict(content["channel"]),
         record=RunRecord(**content["record"]),
+        reports=tuple(Report(**report) for report in content["reports"]),
     )
 
 

@@ -1,0 +1,1 @@
+"""Safety trials: leads that brake, disturbed measurements and previews, delays, and undisturbed driving."""

@@ -1,0 +1,192 @@
+"""Lead vehicles that brake at any instant of an undisturbed drive, while only the safety monitor knows.
+
+The ego vehicle goes on with the commands of the undisturbed drive; whatever it does otherwise, the monitor of
+the plant did. Each outcome stands beside what the stated brakes could do (`emergency_stop`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import distributed
+import numpy as np
+from numpy.typing import NDArray
+
+from iptm_core.state import Command, FloatArray, LeaderPreview, VehicleState
+from iptm_core.trajectory import Trajectory
+from iptm_plant_sim.plant import Plant
+from iptm_studies.cluster import ClusterOptions, connected
+from iptm_studies.run_inputs import RunInputs
+from iptm_studies.safety.emergency_stop import StatedBrakes, braking_leads, emergency_stops
+
+BoolArray = NDArray[np.bool_]
+GENTLEST_M_S2, HARDEST_M_S2 = 2.0, 9.0
+TICK_S = 0.1
+"""Of the trials; the commands of the undisturbed drive change at its own ticks."""
+MOST_S = 60.0
+EARLIEST_S = 5.0
+
+
+@dataclass(frozen=True)
+class BrakingOutcomes:
+    """Trials of one drive; all arrays of shape (n,).
+
+    Attributes:
+        time_s: trip time at which the lead vehicle begins to brake.
+        deceleration_m_s2: of the lead vehicle.
+        smallest_gap_m: up to standstill.
+        impact_m_s: speed difference when the gap closed, 0 where it did not.
+        braked: 1 where the monitor braked.
+        bound_m: smallest gap of stated brakes with the reaction of the sensor alone.
+        bound_impact_m_s: speed difference when that gap closes.
+    """
+
+    time_s: FloatArray
+    deceleration_m_s2: FloatArray
+    smallest_gap_m: FloatArray
+    impact_m_s: FloatArray
+    braked: FloatArray
+    bound_m: FloatArray
+    bound_impact_m_s: FloatArray
+
+    @property
+    def avoidable(self) -> BoolArray:
+        """Collisions that the stated brakes would have avoided."""
+        avoidable: BoolArray = (self.smallest_gap_m <= 0.0) & (self.bound_m > 0.0)
+        return avoidable
+
+
+def braking_trials(inputs: RunInputs, drive: Trajectory, trials: int, seed: int) -> BrakingOutcomes:
+    """Drive random trials from instants of an undisturbed drive.
+
+    Args:
+        inputs: of the drive.
+        drive: its rows.
+        trials: number of trials.
+        seed: of instants and decelerations.
+    """
+    random = np.random.default_rng([seed, trials])
+    rows = random.integers(round(EARLIEST_S / inputs.spec.tick_s), len(drive) - 1, trials)
+    decelerations = random.uniform(GENTLEST_M_S2, HARDEST_M_S2, trials)
+    plant = Plant(inputs.parameters, inputs.route.slope.slope_at, TICK_S, inputs.spec.thermal_model)
+    driven = np.array(
+        [
+            _drive_one(plant, drive, int(row), float(deceleration))
+            for row, deceleration in zip(rows, decelerations, strict=True)
+        ]
+    )
+    leads = braking_leads(
+        drive.leader_position_m[rows], drive.leader_speed_m_s[rows], decelerations
+    )
+    bound_m, bound_impact = emergency_stops(
+        leads,
+        drive.position_m[rows],
+        drive.speed_m_s[rows],
+        drive.acceleration_m_s2[rows + 1],
+        StatedBrakes.of(inputs.parameters, plant.monitor.settings.monitor_period_s),
+    )
+    return BrakingOutcomes(
+        drive.time_s[rows],
+        decelerations,
+        driven[:, 0],
+        driven[:, 1],
+        driven[:, 2],
+        bound_m,
+        bound_impact,
+    )
+
+
+def _drive_one(
+    plant: Plant, drive: Trajectory, row: int, deceleration_m_s2: float
+) -> tuple[float, float, bool]:
+    """Return smallest gap, speed of impact and whether the monitor braked."""
+    start_s, lead_m = float(drive.time_s[row]), float(drive.leader_position_m[row])
+    lead_m_s = float(drive.leader_speed_m_s[row])
+    halt_s = lead_m_s / deceleration_m_s2
+
+    def lead(time_s: float) -> tuple[float, float]:
+        elapsed_s = min(time_s - start_s, halt_s)
+        speed_m_s = lead_m_s - deceleration_m_s2 * elapsed_s
+        return lead_m + 0.5 * (lead_m_s + speed_m_s) * elapsed_s, max(speed_m_s, 0.0)
+
+    def sensor(state: VehicleState) -> LeaderPreview:
+        position_m, speed_m_s = lead(state.time_s)
+        now = (np.array([value]) for value in (state.time_s, position_m, speed_m_s))
+        return LeaderPreview(state.time_s, *now)
+
+    plant.watch(sensor)
+    state = state_at(drive, row)
+    smallest_m, impact_m_s, braked = float(drive.gap_m[row]), 0.0, False
+    for tick in range(1, round(MOST_S / TICK_S)):
+        driving = min(int(np.searchsorted(drive.time_s, state.time_s + 1e-6)), len(drive) - 1)
+        command = Command(
+            float(drive.acceleration_m_s2[driving]), float(drive.compressor_power_w[driving])
+        )
+        step = plant.advance(state, command, TICK_S)
+        state = VehicleState(**{**vars(step.state), "time_s": start_s + tick * TICK_S})
+        position_m, speed_m_s = lead(state.time_s)
+        gap_m = position_m - state.position_m
+        braked |= step.safety.service_braking_s > 0.0
+        if gap_m <= 0.0:
+            return gap_m, max(state.speed_m_s - speed_m_s, 0.0), braked
+        smallest_m = min(smallest_m, gap_m)
+        if state.time_s - start_s >= halt_s and (
+            step.standstill or state.time_s >= drive.time_s[-1]
+        ):
+            break
+    return smallest_m, impact_m_s, braked
+
+
+def state_at(drive: Trajectory, row: int) -> VehicleState:
+    """Return the ego vehicle in a row of a drive."""
+    names = VehicleState.__dataclass_fields__
+    values = {name: float(getattr(drive, name)[row]) for name in names}
+    return VehicleState(**values)
+
+
+class BrakingResults:
+    """Outcomes on disk, by the key of the drive: what is there is not driven again."""
+
+    def __init__(self, folder: Path) -> None:
+        """Name the folder; it is made with the first outcomes."""
+        self._folder = folder
+
+    def complete(
+        self,
+        drives: Mapping[str, tuple[RunInputs, Trajectory]],
+        trials: int,
+        seed: int,
+        cluster: ClusterOptions,
+        on_progress: Callable[[str], None],
+    ) -> dict[str, BrakingOutcomes]:
+        """Return the outcomes of some drives, and drive those that are missing.
+
+        Args:
+            drives: undisturbed drives by name.
+            trials: number of trials in all, shared alike.
+            seed: of all draws.
+            cluster: where to drive them.
+            on_progress: called with the name of each drive whose trials are done.
+        """
+        share = max(1, round(trials / len(drives))) if drives else 0
+        paths = {
+            name: self._folder / f"{inputs.key}_{share}_{seed}.npz"
+            for name, (inputs, _) in drives.items()
+        }
+        missing = {name: drives[name] for name, path in paths.items() if not path.is_file()}
+        if missing:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with connected(cluster) as client:
+                futures = {
+                    client.submit(braking_trials, *drive, share, seed, pure=False): name
+                    for name, drive in missing.items()
+                }
+                for future in distributed.as_completed(futures):
+                    name = futures[future]
+                    temporary = paths[name].with_suffix(".unfinished.npz")
+                    np.savez(temporary, **vars(future.result()))
+                    temporary.replace(paths[name])
+                    on_progress(name)
+        return {name: BrakingOutcomes(**np.load(path)) for name, path in paths.items()}

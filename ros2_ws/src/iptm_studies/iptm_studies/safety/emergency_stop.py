@@ -1,0 +1,149 @@
+"""What stated brakes can do, computed apart from plant, monitor and controller.
+
+An ego vehicle brakes as hard as it can a reaction time after the lead vehicle began to, in small steps of
+time, behind the lead vehicle as it moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
+
+STEP_S = 0.01
+LONGEST_S = 60.0
+ANOTHER_LEAD_M = 3.0
+"""A lead vehicle that moves by so much more or less than its speed is another one."""
+
+LeadPositions = Callable[[float], FloatArray]
+"""From the time in s since the beginning to positions of the lead vehicles, shape (n,)."""
+
+
+@dataclass(frozen=True)
+class StatedBrakes:
+    """Brakes and reaction that a judgement grants the ego vehicle.
+
+    Attributes:
+        deceleration_m_s2: hardest deceleration, positive.
+        build_up_m_s3: rate at which it builds up.
+        wait_s: time from the first deceleration of the lead vehicle to that of the ego vehicle: sampling of
+            the sensor and delay of the brakes.
+    """
+
+    deceleration_m_s2: float
+    build_up_m_s3: float
+    wait_s: float
+
+    @classmethod
+    def of(cls, parameters: ModelParameters, reaction_s: float, share: float = 1.0) -> StatedBrakes:
+        """Return the brakes of a vehicle after a reaction time, at a share of their strength."""
+        brakes = parameters.brakes
+        return cls(
+            share * brakes.max_deceleration_m_s2,
+            share * brakes.build_up_m_s3,
+            reaction_s + brakes.delay_s,
+        )
+
+
+def emergency_stops(
+    lead_m: LeadPositions,
+    positions_m: FloatArray,
+    speeds_m_s: FloatArray,
+    accelerations_m_s2: FloatArray,
+    brakes: StatedBrakes,
+) -> tuple[FloatArray, FloatArray]:
+    """Return smallest gap and speed of impact of ego vehicles that brake as hard as they can.
+
+    Args:
+        lead_m: rear bumpers of the lead vehicles.
+        positions_m: front bumpers of the ego vehicles at the beginning, shape (n,).
+        speeds_m_s: their speeds, shape (n,).
+        accelerations_m_s2: their accelerations, which last until they brake, shape (n,).
+        brakes: of the ego vehicles.
+
+    Returns:
+        Smallest gaps in m up to standstill, negative for an overlap; speed differences in m/s when the gap
+        closes, 0 where it does not. Shapes (n,).
+    """
+    position, speed = positions_m.astype(float), speeds_m_s.astype(float)
+    acceleration = accelerations_m_s2.astype(float)
+    lead = lead_m(0.0)
+    gap = lead - position
+    smallest, impact = gap.copy(), np.zeros(gap.shape)
+    for step in range(1, round(LONGEST_S / STEP_S) + 1):
+        if (step - 1) * STEP_S >= brakes.wait_s - 1e-9:
+            acceleration = np.maximum(
+                acceleration - brakes.build_up_m_s3 * STEP_S, -brakes.deceleration_m_s2
+            )
+        ahead = np.maximum(speed + acceleration * STEP_S, 0.0)
+        position = position + 0.5 * (speed + ahead) * STEP_S
+        lead_ahead = lead_m(step * STEP_S)
+        gap_ahead = lead_ahead - position
+        touched = (gap > 0.0) & (gap_ahead <= 0.0)
+        impact[touched] = np.maximum(ahead - (lead_ahead - lead) / STEP_S, 0.0)[touched]
+        gap, speed, lead = gap_ahead, ahead, lead_ahead
+        np.minimum(smallest, gap, out=smallest)
+        if not speed.any():
+            break
+    return smallest, impact
+
+
+def braking_leads(
+    positions_m: FloatArray, speeds_m_s: FloatArray, decelerations_m_s2: FloatArray
+) -> LeadPositions:
+    """Return lead vehicles that brake to a standstill from now on; arrays of shape (n,)."""
+    halts_s = speeds_m_s / decelerations_m_s2
+
+    def lead_m(elapsed_s: float) -> FloatArray:
+        moving_s = np.minimum(elapsed_s, halts_s)
+        moved_m: FloatArray = moving_s * (speeds_m_s - 0.5 * decelerations_m_s2 * moving_s)
+        return positions_m + moved_m
+
+    return lead_m
+
+
+def stop_from_row(run: Trajectory, row: int, brakes: StatedBrakes) -> tuple[float, float]:
+    """Return smallest gap and speed of impact of an emergency stop from a row of a run on.
+
+    The lead vehicle moves as it did; between two rows its motion is the cubic through positions and speeds.
+    """
+    times_s = run.time_s - run.time_s[row]
+
+    def lead_m(elapsed_s: float) -> FloatArray:
+        index = min(max(int(np.searchsorted(times_s, elapsed_s, "right")) - 1, 0), len(run) - 2)
+        length = float(times_s[index + 1] - times_s[index])
+        part = min((elapsed_s - float(times_s[index])) / length, 1.0)
+        start, end = run.leader_position_m[index : index + 2]
+        first, last = length * run.leader_speed_m_s[index : index + 2]
+        # A vehicle that jumped is another one, and was there all the time.
+        if is_another_lead(run, index + 1):
+            return np.array([end - (1.0 - part) * last])
+        cubic = (
+            start * (1.0 + 2.0 * part) * (1.0 - part) ** 2
+            + first * part * (1.0 - part) ** 2
+            + end * part**2 * (3.0 - 2.0 * part)
+            + last * part**2 * (part - 1.0)
+        )
+        return np.array([cubic])
+
+    next_row = min(row + 1, len(run) - 1)
+    smallest, impact = emergency_stops(
+        lead_m,
+        run.position_m[row : row + 1],
+        run.speed_m_s[row : row + 1],
+        run.acceleration_m_s2[next_row : next_row + 1],
+        brakes,
+    )
+    return float(smallest[0]), float(impact[0])
+
+
+def is_another_lead(run: Trajectory, row: int) -> bool:
+    """Return whether the lead vehicle of a row is another one than in the row before, by its jump."""
+    moved_m = run.leader_position_m[row] - run.leader_position_m[row - 1]
+    mean_m_s = 0.5 * (run.leader_speed_m_s[row] + run.leader_speed_m_s[row - 1])
+    return bool(abs(moved_m - mean_m_s * run.intervals_s[row - 1]) > ANOTHER_LEAD_M)

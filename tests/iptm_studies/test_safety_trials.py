@@ -1,0 +1,224 @@
+"""Safety trials: the independent bound by hand, measured lead vehicles, draws, verdicts, results on disk."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iptm_core.errors import RouteError
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import build_route
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_faults.fault import Fault
+from iptm_faults.kinds import FaultKind
+from iptm_studies.cluster import ClusterOptions
+from iptm_studies.run import VEHICLE, WEAK_BRAKES, Report, Run, perform_run
+from iptm_studies.run_inputs import RunInputs, resolve_inputs
+from iptm_studies.safety.braking import BrakingResults, braking_trials
+from iptm_studies.safety.emergency_stop import (
+    StatedBrakes,
+    braking_leads,
+    emergency_stops,
+    stop_from_row,
+)
+from iptm_studies.safety.findings import Findings, JudgedTrial
+from iptm_studies.safety.judging import judge_trial
+from iptm_studies.safety.lead_vehicles import ASTAZERO, BMW_I3, lead_cycles
+from iptm_studies.safety.page import safety_page
+from iptm_studies.safety.performing import BEFORE, read_before
+from iptm_studies.safety.trials import Extent, default_spec, disturbed_study
+
+PARAMETERS = load_parameters().values
+AT_ONCE = StatedBrakes(8.0, 1e9, 0.0)
+
+
+def stop(
+    gap_m: float,
+    speed_m_s: float,
+    lead_m_s: float,
+    deceleration_m_s2: float,
+    brakes: StatedBrakes,
+) -> tuple[float, float]:
+    one = np.ones(1)
+    gaps, impacts = emergency_stops(
+        braking_leads(gap_m * one, lead_m_s * one, deceleration_m_s2 * one),
+        0.0 * one,
+        speed_m_s * one,
+        0.0 * one,
+        brakes,
+    )
+    return float(gaps[0]), float(impacts[0])
+
+
+def test_stopping_distances_decide_the_smallest_gap() -> None:
+    """20 m/s behind 20 m/s: 400 / 16 = 25 m against 400 / 18 = 22.2 m."""
+    gap, impact = stop(10.0, 20.0, 20.0, 9.0, AT_ONCE)
+    assert gap == pytest.approx(10.0 - 25.0 + 400.0 / 18.0, abs=0.02)
+    assert impact == 0.0
+
+
+def test_reaction_and_build_up_cost_their_way() -> None:
+    """0.5 s at 20 m/s are 10 m; a ramp of 8 m/s^2 at 10 m/s^3 costs 0.4 s of braking, less its own share."""
+    late, _ = stop(60.0, 20.0, 0.0, 1.0, StatedBrakes(8.0, 1e9, 0.5))
+    assert late == pytest.approx(60.0 - 10.0 - 25.0, abs=0.02)
+    ramped, _ = stop(60.0, 20.0, 0.0, 1.0, StatedBrakes(8.0, 10.0, 0.0))
+    ramp_m = 20.0 * 0.8 - 10.0 * 0.8**3 / 6.0
+    assert ramped == pytest.approx(
+        60.0 - ramp_m - (20.0 - 0.5 * 10.0 * 0.8**2) ** 2 / 16.0, abs=0.1
+    )
+
+
+def test_an_impact_has_the_speed_that_is_left() -> None:
+    """From 20 m/s at 8 m/s^2 there are sqrt(400 - 160) m/s left after 10 m."""
+    gap, impact = stop(10.0, 20.0, 0.0, 1.0, AT_ONCE)
+    assert gap == pytest.approx(-15.0, abs=0.02)
+    assert impact == pytest.approx(240.0**0.5, abs=0.1)
+
+
+def trip(
+    speeds: list[float], gaps: list[float], leads: list[float], **columns: float
+) -> Trajectory:
+    """A trip at 1 Hz; positions follow from the speeds."""
+    rows = len(speeds)
+    speed, gap = np.array(speeds), np.array(gaps)
+    way = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))))
+    arrays = {name: np.zeros(rows) for name in TRAJECTORY_COLUMNS}
+    arrays |= {
+        "time_s": np.arange(rows, dtype=float),
+        "position_m": way,
+        "speed_m_s": speed,
+        "acceleration_m_s2": np.diff(speed, prepend=speed[:1]),
+        "leader_position_m": way + gap,
+        "leader_speed_m_s": np.array(leads),
+        "smallest_gap_m": gap,
+    }
+    return Trajectory.from_arrays(arrays | {name: np.full(rows, v) for name, v in columns.items()})
+
+
+def test_a_stop_from_a_row_follows_the_lead_vehicle_as_it_moved() -> None:
+    """10 m/s, lead vehicle stops with 5 m/s^2 from row 2 on: 10 m; 100 / 16 = 6.25 m of its own."""
+    leads = [10.0, 10.0, 10.0, 5.0, 0.0, 0.0, 0.0, 0.0]
+    way = np.concatenate(([0.0], np.cumsum([10.0, 10.0, 7.5, 2.5, 0.0, 0.0, 0.0])))
+    gaps = (5.0 + way - 10.0 * np.arange(8.0)).tolist()
+    run = trip([10.0] * 8, gaps, leads)
+    gap, _ = stop_from_row(run, 2, AT_ONCE)
+    assert gap == pytest.approx(min(5.0, 5.0 + 10.0 - 6.25), abs=0.05)
+    without, impact = stop_from_row(run, 2, StatedBrakes(0.01, 1e9, 0.0))
+    assert without < -5.0
+    assert impact > 5.0
+
+
+COLLISION = trip(
+    [10.0] * 8, [15.0, 15.0, 15.0, 12.5, 5.0, -5.0, -15.0, -25.0], [10, 10, 10, 5, 0, 0, 0, 0]
+)
+
+
+def test_a_collision_that_brakes_avoid_is_a_problem_and_stands_beside_its_bound() -> None:
+    verdict = judge_trial(COLLISION, PARAMETERS, (), ())
+    assert verdict.collided_at_s == 5.0
+    assert verdict.impact_m_s == pytest.approx(10.0)
+    assert verdict.bound_m > 0.0
+    assert verdict.problems == ("avoidable collision",)
+
+
+def test_a_lead_vehicle_that_cuts_in_too_close_cannot_be_avoided() -> None:
+    run = trip([20.0] * 6, [60.0, 60.0, 0.5, -14.5, -30.0, -50.0], [20, 20, 5, 5, 5, 5])
+    event = Fault(FaultKind.LEADER_CUT_IN, 2.0, 10.0, size=0.5)
+    verdict = judge_trial(run, PARAMETERS, (event,), ())
+    assert verdict.problems == ()
+    assert verdict.bound_m < 0.0
+    assert verdict.bound_impact_m_s > 10.0
+
+
+def test_weak_brakes_may_touch_gently_and_have_to_be_noticed() -> None:
+    weak = Fault(FaultKind.BRAKES_WEAK, size=0.6, duration_s=100.0)
+    hard = judge_trial(COLLISION, PARAMETERS, (weak,), ())
+    assert hard.problems == ("impact at 10.0 m/s with weak brakes",)
+    braking = trip([20.0, 18.0, 16.0, 14.0, 12.0], [50.0] * 5, [20.0] * 5)
+    silent = judge_trial(braking, PARAMETERS, (weak,), ())
+    assert silent.problems == ("weak brakes not reported within 1 s of braking",)
+    told = judge_trial(braking, PARAMETERS, (weak,), (Report(1.0, VEHICLE, f"{WEAK_BRAKES} 62 %"),))
+    assert (told.noticed_s, told.problems) == (1.0, ())
+
+
+def test_service_braking_has_to_be_reported_by_the_vehicle() -> None:
+    braked = trip([20.0, 15.0, 10.0], [20.0] * 3, [20.0] * 3, service_braking_s=0.5)
+    assert judge_trial(braked, PARAMETERS, (), ()).problems == (
+        "service braking not reported in time",
+    )
+    in_time = (Report(2.0, VEHICLE, "service braking: gap 3 m"),)
+    assert judge_trial(braked, PARAMETERS, (), in_time).report_ticks == 2.0
+
+
+# --- what is driven
+
+
+def test_measured_lead_vehicles_become_drives_that_end_at_standstill(tmp_path: Path) -> None:
+    astazero = [
+        f"run,{second},{place},CAR,{10.0 + place},240.0,"
+        for place in (1, 2, 3)
+        for second in range(40)
+    ]
+    i3 = [f"A01,{second},{36 + second}" for second in range(20)]
+    for name, head, rows in (
+        (ASTAZERO, "run,time_s,place,car,speed_m_s,altitude_m,gap_to_car_ahead_m", astazero),
+        (BMW_I3, "trip,time_s,speed_km_h", i3),
+    ):
+        with gzip.open(tmp_path / name, "wt") as file:
+            file.write("\n".join((head, *rows)) + "\n")
+    cycles = lead_cycles(tmp_path, tmp_path / "leads", 4)
+    assert [Path(cycle).stem for cycle in cycles] == ["astazero_run_1", "astazero_run_3", "i3_A01"]
+    leader = build_route(cycles[2], "flat", initial_gap_m=15.0).leader
+    assert leader.speeds_m_s.max() == pytest.approx(55.0 / 3.6, rel=0.02)
+    assert np.diff(leader.speeds_m_s).min() > -1.2
+    with pytest.raises(RouteError, match="cannot be read"):
+        lead_cycles(tmp_path / "nowhere", tmp_path / "leads", 4)
+
+
+def test_draws_repeat_and_disturb_in_pairs() -> None:
+    study = disturbed_study(Extent(trials=60))
+    assert study == disturbed_study(Extent(trials=60))
+    assert study.cases[:20] == disturbed_study(Extent(trials=20)).cases
+    disturbed = [str(case.labels["disturbed"]).split(", ") for case in study.cases]
+    assert {len(names) for names in disturbed} == {2, 3}
+    assert {name for names in disturbed for name in names} >= {
+        "preview", "delay", "noise", "bias", "brakes", "leader_surprise", "leader_cut_in",
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def short_drive() -> tuple[RunInputs, Run]:
+    inputs = resolve_inputs(default_spec("nycc", duration_s=60.0))
+    return inputs, perform_run(inputs)
+
+
+def test_the_monitor_alone_avoids_what_brakes_avoid(short_drive: tuple[RunInputs, Run]) -> None:
+    inputs, run = short_drive
+    found = braking_trials(inputs, run.trajectory, 12, seed=3)
+    assert found.smallest_gap_m.min() > 0.0
+    assert found.braked.any()
+    # A monitor that is not informed beforehand keeps no more than a vehicle that brakes at once.
+    assert (found.smallest_gap_m <= found.bound_m + 0.1).all()
+
+
+def test_braking_trials_are_driven_once(short_drive: tuple[RunInputs, Run], tmp_path: Path) -> None:
+    inputs, run = short_drive
+    results, driven = BrakingResults(tmp_path), list[str]()
+    drives = {"nycc": (inputs, run.trajectory)}
+    first, second = (
+        results.complete(drives, 2, 1, ClusterOptions(workers=1), driven.append) for _ in range(2)
+    )
+    assert driven == ["nycc"]
+    assert np.array_equal(first["nycc"].smallest_gap_m, second["nycc"].smallest_gap_m)
+
+
+def test_the_page_shows_what_did_not_hold() -> None:
+    verdict = judge_trial(COLLISION, PARAMETERS, (), ())
+    trial = JudgedTrial("0001", "leader_surprise, preview", "us06", (), verdict)
+    findings = Findings({}, [trial], [], [], [], read_before(BEFORE))
+    page = safety_page("scripts/safety", "abc", findings)
+    assert "- trial 0001: avoidable collision" in page
+    assert "| `leader_surprise` | 1 | 1 | 1 |" in page
