@@ -189,3 +189,9 @@ def test_the_rear_of_an_unknown_trailer_is_taken_to_be_near() -> None:
     assert cam(length_m=4.0).front_to_rear_m == 4.0
     assert replace(cam(length_m=4.0), trailer_of_unknown_length=True).front_to_rear_m > 15.0
     assert cam(length_m=None).front_to_rear_m > 3.0
+
+
+@pytest.mark.parametrize("speed_m_s", [0.0, 2.9, 3.0, 20.0])
+def test_a_heading_may_be_missing_at_low_speed(speed_m_s: float) -> None:
+    message = cam(heading_deg=None, speed_m_s=speed_m_s)
+    assert decode_cam(encode_cam(message)) == (message if speed_m_s < 3.0 else Rejection.INCOMPLETE)

@@ -109,3 +109,30 @@ def test_a_truck_without_length_does_not_hide_the_car_behind_it() -> None:
     truck = Station(station(1, 0, 90.0, 0.0, length_m=None, station_type=8), 0, ROAD)
     car = Station(station(2, 100, 74.0, 0.0), 100, ROAD)
     assert LeaderSelector().select([truck, car], HOST_M, 0.1) is car
+
+
+def stopping(headings_deg: list[float | None]) -> Station:
+    """A car that drives at 10 m/s, then stands and sends these headings."""
+    known = Station(station(1, 0, 80.0, 10.0), 0, ROAD)
+    for number, heading_deg in enumerate(headings_deg, start=1):
+        message = station(1, 1000 * number, 88.0, 0.0, heading_deg=heading_deg)
+        known.update(message, 1000 * number)
+    return known
+
+
+@pytest.mark.parametrize("heading_deg", [90.0, 180.0, None])
+def test_a_car_that_stands_keeps_its_heading(heading_deg: float | None) -> None:
+    """The course of a receiver that does not move is noise, or unavailable."""
+    assert LeaderSelector().select([stopping([0.0, heading_deg])], 70.0, 2.0) is not None
+
+
+def test_a_car_that_reverses_slowly_towards_the_host_leads_on() -> None:
+    """Its heading is that of the movement in EN 302 637-2."""
+    known = stopping([0.0])
+    known.update(station(1, 2000, 87.0, 1.0, heading_deg=180.0), 2000)
+    assert LeaderSelector().select([known], 70.0, 2.0) is known
+
+
+def test_a_car_that_was_never_heard_driving_stands_in_the_way_without_a_heading() -> None:
+    known = Station(station(1, 0, 80.0, 0.0, heading_deg=None), 0, ROAD)
+    assert LeaderSelector().select([known], 70.0, 0.0) is known

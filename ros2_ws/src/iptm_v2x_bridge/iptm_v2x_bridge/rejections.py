@@ -25,7 +25,8 @@ class Rejection(TextEnum):
     CONSTRAINT = "constraint"
     """A value outside the range of the standard."""
     INCOMPLETE = "incomplete"
-    """Not a vehicle, or position, speed or heading unavailable; phases without time, lanes without place."""
+    """Not a vehicle, or no position, speed or heading of a moving one; phases without time, lanes without
+    place."""
     ABSURD = "absurd"
     """A speed or acceleration that no road vehicle has."""
     TIMESTAMPS = "timestamps"

@@ -22,6 +22,8 @@ ASSUMED_LENGTH_M = VEHICLE_LENGTH_M
 LONGEST_M = {6: 18.75, 7: 12.0, 8: 18.75, 9: 18.75, 10: 18.75, 11: 75.0}
 """Length of other vehicles that do not state it, by station type: the longest bus, motor vehicle and road
 train of directive 96/53/EC (annex I), and the longest tram of BOStrab (section 34)."""
+SLOW_M_S = 3.0
+"""Below it, a heading from a satellite receiver is noise."""
 ASSUMED_TRAILER_M = 14.0
 """Length added for a trailer of unknown length: the rear bumper is rather taken too near than too far."""
 
@@ -63,7 +65,7 @@ class CamMessage:
         delta_time_ms: time of generation, TimestampIts modulo 65,536 ms.
         latitude_deg: reference position, centre of the front.
         longitude_deg: reference position.
-        heading_deg: direction of motion, clockwise from north.
+        heading_deg: direction of motion, clockwise from north; may be missing below `SLOW_M_S` only.
         speed_m_s: speed, never negative.
         reversing: whether it drives backwards.
         acceleration_m_s2: longitudinal acceleration.
@@ -81,7 +83,7 @@ class CamMessage:
     delta_time_ms: int
     latitude_deg: float
     longitude_deg: float
-    heading_deg: float
+    heading_deg: float | None
     speed_m_s: float
     reversing: bool = False
     acceleration_m_s2: float | None = None

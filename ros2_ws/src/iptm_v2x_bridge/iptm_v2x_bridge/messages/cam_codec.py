@@ -13,7 +13,7 @@ import asn1tools
 import numpy as np
 
 from iptm_core.errors import MessageError
-from iptm_v2x_bridge.messages.cam import VEHICLE_TYPES, CamMessage, PredictedPath
+from iptm_v2x_bridge.messages.cam import SLOW_M_S, VEHICLE_TYPES, CamMessage, PredictedPath
 from iptm_v2x_bridge.messages.its_pdu import PROTOCOL_VERSION, MessageKind, open_datagram
 from iptm_v2x_bridge.rejections import Rejection
 
@@ -87,9 +87,11 @@ def decode_cam(payload: bytes) -> CamMessage | Rejection:
         or basic["stationType"] not in VEHICLE_TYPES
         or position["lat"] == _LATITUDE
         or position["lon"] == _LONGITUDE
-        or vehicle["heading"]["value"] == _HEADING
         or vehicle["speed"]["value"] >= _SPEED - 1
     ):
+        return Rejection.INCOMPLETE
+    heading, speed_m_s = vehicle["heading"]["value"], vehicle["speed"]["value"] / 100.0
+    if heading == _HEADING and speed_m_s >= SLOW_M_S:
         return Rejection.INCOMPLETE
     path = _path(fields["params"].get("extensions", ()), position)
     if isinstance(path, Rejection):
@@ -101,8 +103,8 @@ def decode_cam(payload: bytes) -> CamMessage | Rejection:
         delta_time_ms=fields["deltaTime"],
         latitude_deg=position["lat"] / _SCALE_DEG,
         longitude_deg=position["lon"] / _SCALE_DEG,
-        heading_deg=vehicle["heading"]["value"] / 10.0,
-        speed_m_s=vehicle["speed"]["value"] / 100.0,
+        heading_deg=None if heading == _HEADING else heading / 10.0,
+        speed_m_s=speed_m_s,
         reversing=vehicle["direction"] == _BACKWARD,
         acceleration_m_s2=None if acceleration == _ACCELERATION else acceleration / 10.0,
         length_m=None if length["value"] >= _LENGTH_OVER else length["value"] / 10.0,
@@ -114,6 +116,10 @@ def decode_cam(payload: bytes) -> CamMessage | Rejection:
         station_type=basic["stationType"],
         path=path,
     )
+
+
+def _heading(heading_deg: float | None) -> int:
+    return _HEADING if heading_deg is None else round(heading_deg * 10.0) % 3600
 
 
 def _ellipse_m(value: int) -> float | None:
@@ -172,7 +178,7 @@ def encode_cam(message: CamMessage) -> bytes:
     trailer = _TRAILER_UNKNOWN_LENGTH if message.trailer_of_unknown_length else _NO_TRAILER
     unknown = {"value": _ACCELERATION, "confidence": 102}
     vehicle: dict[str, Any] = {
-        "heading": {"value": round(message.heading_deg * 10.0) % 3600, "confidence": 127},
+        "heading": {"value": _heading(message.heading_deg), "confidence": 127},
         "speed": {"value": round(message.speed_m_s * 100.0), "confidence": 127},
         "direction": _BACKWARD if message.reversing else _FORWARD,
         "length": {"value": _integer(message.length_m, 10.0, _LENGTH), "trailer": trailer},

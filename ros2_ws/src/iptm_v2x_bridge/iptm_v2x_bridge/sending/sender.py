@@ -148,7 +148,7 @@ class CamSender:
             latitude=round(message.latitude_deg * 1e7),
             longitude=round(message.longitude_deg * 1e7),
             speed_cm_s=round(message.speed_m_s * 100.0),
-            heading=round(message.heading_deg * 10.0) % 3600,
+            heading=round((message.heading_deg or 0.0) * 10.0) % 3600,
         )
         return wrap(payload, position, message.station_id, PASSENGER_CAR)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from iptm_core.routes.road_line import step_m
-from iptm_v2x_bridge.messages.cam import CamMessage
+from iptm_v2x_bridge.messages.cam import SLOW_M_S, CamMessage
 from iptm_v2x_bridge.messages.geonetworking import TIMESTAMP_MODULUS_MS
 from iptm_v2x_bridge.messages.its_time import DELTA_MODULUS_MS, resolve_delta_ms
 from iptm_v2x_bridge.rejections import Rejection
@@ -34,8 +34,6 @@ TURN_TOLERANCE_DEG = 15.0
 SAME_POSITION_M = 0.5
 SAME_SPEED_M_S = 0.1
 """Two messages of one sender with the same time of generation differ by their rounding at most."""
-SLOW_M_S = 3.0
-"""Below it, a heading from a satellite receiver is noise."""
 
 
 def generation_time_ms(
@@ -87,6 +85,8 @@ def contradiction(before: CamMessage, after: CamMessage, elapsed_s: float) -> Re
     farthest_m += 0.5 * MAX_ACCELERATION_M_S2 * elapsed_s**2 + bounds_m
     if moved_m > farthest_m:
         return Rejection.POSITION_JUMP
+    if after.heading_deg is None or before.heading_deg is None:
+        return None
     turned_deg = abs((after.heading_deg - before.heading_deg + 180.0) % 360.0 - 180.0)
     fast = min(before.speed_m_s, after.speed_m_s) > SLOW_M_S
     if fast and turned_deg > MAX_TURN_DEG_S * elapsed_s + TURN_TOLERANCE_DEG:
@@ -159,6 +159,6 @@ def deviation(before: CamMessage, after: CamMessage, elapsed_ms: int) -> float:
         after.latitude_deg, after.longitude_deg, (before.latitude_deg, before.longitude_deg)
     )
     way_m = 0.5 * (before.speed_m_s + after.speed_m_s) * elapsed_ms / 1000.0
-    heading = math.radians(before.heading_deg)
+    heading = math.radians(before.heading_deg or 0.0)  # without one it hardly moves
     aside_m = math.hypot(east - way_m * math.sin(heading), north - way_m * math.cos(heading))
     return aside_m + abs(after.speed_m_s - before.speed_m_s)

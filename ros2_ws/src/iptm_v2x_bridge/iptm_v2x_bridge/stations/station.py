@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from iptm_core.routes.road_line import RoadFix, RoadLine
-from iptm_v2x_bridge.messages.cam import CamMessage, PredictedPath
+from iptm_v2x_bridge.messages.cam import SLOW_M_S, CamMessage, PredictedPath
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.stations.plausibility import contradiction, lies_between, same_measurement
 
@@ -84,6 +84,7 @@ class Station:
         self.observations: deque[Observation] = deque(maxlen=HISTORY)
         self.path: tuple[int, PredictedPath, float] | None = None
         self._votes = LANE_VOTES - 1
+        self._driven_heading_deg: float | None = None
         self._take(message, generated_ms, heard_ms, near_m)
 
     def _take(
@@ -105,6 +106,8 @@ class Station:
                 bound_m=message.position_bound_m or 0.0,
             )
         )
+        if message.speed_m_s >= SLOW_M_S and not message.reversing:
+            self._driven_heading_deg = message.heading_deg
         if message.path is not None:
             self.path = (generated_ms, message.path, self.last.position_m)
         self._vote()
@@ -198,6 +201,15 @@ class Station:
 
     @property
     def drives_along(self) -> bool:
-        """Whether its heading is that of the road."""
-        apart = (self.message.heading_deg - self.fix.heading_deg + 180.0) % 360.0 - 180.0
+        """Whether its heading is that of the road.
+
+        Below `SLOW_M_S` that of its last driving counts, or its own if it was never heard driving. A station
+        without any heading stands in the way.
+        """
+        heading_deg = self._driven_heading_deg
+        if heading_deg is None:
+            heading_deg = self.message.heading_deg
+        if heading_deg is None:
+            return True
+        apart = (heading_deg - self.fix.heading_deg + 180.0) % 360.0 - 180.0
         return abs(apart) < MAX_HEADING_APART_DEG
