@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 
 from iptm_core.errors import BagError
@@ -19,7 +19,7 @@ from iptm_core.state import SafetyRecord
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.codecs import encode_safety
 from iptm_interfaces.codecs.time import time_from_s
-from iptm_interfaces.diagnostics import Level
+from iptm_interfaces.diagnostics import TRIP_TIME, Level
 from iptm_interfaces.topics import TOPICS, Topic, topic_of
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.trajectory_reader import read_decisions
@@ -197,14 +197,22 @@ def test_changes_of_the_diagnostics_are_events_of_the_trip() -> None:
     ]
     for time_s, level, reason in told:
         status = DiagnosticStatus(name="/controller: plans", level=level.value, message=reason)
+        status.values = [KeyValue(key=TRIP_TIME, value=str(time_s))]
         message = DiagnosticArray(status=[status])
-        message.header.stamp = time_from_s(time_s)
+        message.header.stamp = time_from_s(1.8e9)  # of the node's clock
         follower.take(Topic.DIAGNOSTICS, serialize_message(message))
     assert [tuple(event.values()) for event in documents(feed)["events"]] == [
         (time_s, "/controller: plans", level.name, reason)
         for time_s, level, reason in told
         if time_s in {1.0, 5.0, 7.0, 9.0}
     ]
+
+
+@pytest.mark.parametrize("namespace", [None, "", "/"])
+def test_a_bag_without_a_namespace_needs_none(bag: Path, namespace: str | None) -> None:
+    with BagSource(bag, namespace=namespace) as source:
+        source.load(feed := PageFeed(), source.facts)
+    assert feed.row_count == 121
 
 
 def test_a_bag_without_a_run_is_refused(tmp_path: Path) -> None:

@@ -46,8 +46,9 @@ class BagSource(AbstractContextManager["BagSource"]):
         Raises:
             BagError: it cannot be read, holds no run of the suite, or an option is out of range.
         """
+        namespace = (namespace or "").strip("/")
         played = PlaybackOptions(bag, rate=1.0 if rate == AT_ONCE else rate, start_s=start_s)
-        self._namespace = f"/{(namespace or '').strip('/')}"
+        self._namespace = f"/{namespace}"
         self._rate, self._start_s = rate, start_s
         self._reader = BagReader(bag)
         try:
@@ -107,7 +108,7 @@ class BagSource(AbstractContextManager["BagSource"]):
                     return
             foxglove.take(message.topic, message.data, is_latched=message.topic in latched)
 
-    def _find_topics(self, namespace: str | None) -> dict[str, Topic]:
+    def _find_topics(self, namespace: str) -> dict[str, Topic]:
         """Return the page's topics by their names in the bag.
 
         Raises:

@@ -10,8 +10,8 @@ from rclpy.serialization import deserialize_message
 
 from iptm_core.errors import MessageError
 from iptm_core.trip_time import NS_PER_S
-from iptm_interfaces.codecs import ns_from_time, s_from_ns
-from iptm_interfaces.diagnostics import Level, status_values
+from iptm_interfaces.codecs import s_from_ns
+from iptm_interfaces.diagnostics import TRIP_TIME, Level, status_values
 from iptm_interfaces.topics import Topic
 from iptm_recording.timeline import read_stamp_ns
 from iptm_view.page_feed import EVENTS, PLANS, ROWS, PageFeed
@@ -153,19 +153,26 @@ class RunFollower:
                 "reason": status.message,
                 "values": status_values(status),
             }
-            self._note_change(shown, ns_from_time(message.header.stamp))
+            self._note_change(shown)
             self._statuses[status.name] = shown
         self._show_statuses()
 
-    def _note_change(self, status: Mapping[str, Any], stamp_ns: int) -> None:
+    def _note_change(self, status: Mapping[str, Any]) -> None:
         """Append an event where a node changes its level or reason during the trip."""
         keys = ("name", "level", "reason")
         known = self._statuses.get(status["name"], {"level": Level.OK.name})
         both_ok = status["level"] == known["level"] == Level.OK.name
         is_news = any(status[key] != known.get(key) for key in keys)
-        if is_news and not both_ok and stamp_ns > 0:
-            event = {"time_s": s_from_ns(stamp_ns), **{key: status[key] for key in keys}}
-            self._feed.append(EVENTS, event)
+        time_s = self._trip_time_s(status["values"])
+        if is_news and not both_ok and time_s > 0.0:
+            self._feed.append(EVENTS, {"time_s": time_s, **{key: status[key] for key in keys}})
+
+    def _trip_time_s(self, values: Mapping[str, str]) -> float:
+        """Return the trip time of a status; where it names none, that of the newest row."""
+        try:
+            return float(values[TRIP_TIME])
+        except (KeyError, ValueError):
+            return s_from_ns(max(0, self._last_ns))
 
     def _show_statuses(self) -> None:
         self._feed.put(
