@@ -157,6 +157,19 @@ def test_a_run_can_be_paused_while_it_goes_on(visit: Any, feed: PageFeed) -> Non
     assert page.inner_text("#connection") == "live"
 
 
+def test_a_bag_is_played_from_where_it_was_asked_to(visit: Any, feed: PageFeed) -> None:
+    page = visit.page
+    feed.put("play", {"rate": 25.0, "start_s": 40.0})
+    drive(feed, range(101))
+    feed.put("end", {"ended": True})
+    page.wait_for_selector("body[data-player='playing']")
+    assert page.evaluate("window.iptmPlayer.now") >= 40.0
+    assert page.input_value("#speed") == "25"
+    assert page.inner_text("#connection") == "replay"
+    page.wait_for_selector("#clock:text-is('100.0 / 100 s')")
+    page.wait_for_selector("body[data-player='live']")
+
+
 def test_when_the_view_ends_the_page_stays_without_an_error(visitor: Any, feed: PageFeed) -> None:
     drive(feed, range(21))
     feed.put("end", {"ended": True})
