@@ -85,3 +85,9 @@ def test_amplification_is_the_ratio_to_the_member_ahead() -> None:
     ratios = Deviations(1.0, 0.5, 3.0, 2.0).amplification(Deviations(2.0, 0.5, 1.5, 8.0))
     assert (ratios.speed_m_s, ratios.acceleration_m_s2) == (0.5, 1.0)
     assert (ratios.peak_acceleration_m_s2, ratios.gap_m) == (2.0, 0.25)
+
+
+def test_a_ratio_to_a_member_that_stands_still_does_not_exist() -> None:
+    ratios = Deviations(1.0, 0.5, 3.0, 2.0).amplification(Deviations(0.0, 0.5, 0.0, 0.0))
+    assert ratios.acceleration_m_s2 == 1.0
+    assert np.isnan([ratios.speed_m_s, ratios.peak_acceleration_m_s2, ratios.gap_m]).all()

@@ -80,7 +80,8 @@ def build_parser() -> argparse.ArgumentParser:
         "--against",
         choices=[NO_COMPARISON, *STRATEGIES],
         default=NO_COMPARISON,
-        help="drive the same trip with this strategy, too, without ROS, and compare (default: %(default)s)",
+        help="drive the same trip with this strategy, too, without ROS, and compare "
+        "(default: %(default)s; of scripts/run_demo: reference)",
     )
     parser.add_argument(
         "--set",

@@ -48,7 +48,8 @@ Ends with a table and with a page (string.md) and picture beside the bags.
 """
 _EPILOG = """\
 All other arguments are those of scripts/run_demo (see its --help) and hold for every vehicle, for example
-scripts/run_string --vehicles 3 us06 --slope large.
+
+  scripts/run_string --vehicles 3 --cycle us06 --slope large
 
 exit code: 0 when all trips were finished, no hard limit was broken and all bags are complete; 1 when not;
 2 for a mistake in scenario or options; 130 after Ctrl-C.
@@ -85,7 +86,7 @@ def build_parser() -> argparse.ArgumentParser:
         choices=[NO_COMPARISON, *STRATEGIES],
         default=NO_COMPARISON,
         help="drive a string of vehicles with this strategy, too, without ROS, and compare place by place "
-        "(default: %(default)s)",
+        "(default: %(default)s; of scripts/run_string: reference)",
     )
     parser.add_argument(
         "--late",

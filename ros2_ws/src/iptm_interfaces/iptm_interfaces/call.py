@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _call(client: GraphClient, node: str, service: str | None) -> int:
-    offered = client.services(node, _TRIGGER)
+    offered = client.services(node, _TRIGGER, service)
     if service is None:
         if offered:
             print(*sorted(offered), sep="\n")

@@ -24,7 +24,7 @@ from iptm_interfaces.discovery import middleware_settings
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 LARGEST_DOMAIN = 232
 _POLL_S = 0.05
-_SETTLED_S = 0.6
+_SETTLED_S = 1.2
 """A list of names on the graph is complete once it has not changed for this long."""
 
 
@@ -106,10 +106,11 @@ class GraphClient(AbstractContextManager["GraphClient"]):
         absolute = "/" + name.strip("/")
         self.wait(lambda: any(full.endswith(absolute) for full in self._names()))
         # Another node whose name ends alike may be discovered a moment later.
-        names = self._names() if name.startswith("/") else self.nodes()
-        found = [full for full in names if full.endswith(absolute)]
-        if absolute in found:
+        names = self._names()
+        names = names if absolute in names else self._settled(self._names)
+        if absolute in names:
             return absolute
+        found = [full for full in names if full.endswith(absolute)]
         if len(found) == 1 and not name.startswith("/"):
             return found[0]
         if found:
@@ -121,12 +122,13 @@ class GraphClient(AbstractContextManager["GraphClient"]):
             + (there if names else f"allowed: none, no node runs there{hint}")
         )
 
-    def services(self, node: str, type_name: str) -> Mapping[str, str]:
+    def services(self, node: str, type_name: str, wanted: str | None = None) -> Mapping[str, str]:
         """Return the services of a type that a node offers, once discovery has settled.
 
         Args:
             node: full name.
             type_name: such as `std_srvs/srv/Trigger`.
+            wanted: base name of the only service that matters, if there is one; it need not settle.
 
         Returns:
             Full name by base name, `/plant/pause` by `pause`.
@@ -139,7 +141,8 @@ class GraphClient(AbstractContextManager["GraphClient"]):
 
         # A node is visible before its services are, a starting one for seconds.
         self.wait(listed)
-        names = self._settled(listed)
+        private = f"{node}/{wanted}"
+        names = [private] if private in listed() else self._settled(listed)
         # A private name (`~/pause`) takes precedence over an alias outside of the node.
         names.sort(key=lambda name: name.startswith(f"{node}/"))
         return {name.rpartition("/")[2]: name for name in names}

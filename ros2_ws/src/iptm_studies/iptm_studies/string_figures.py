@@ -35,12 +35,20 @@ class Deviations:
     largest_gap_m: float = math.nan
 
     def amplification(self, ahead: Deviations) -> Deviations:
-        """Return the ratios to the member ahead: below 1 a disturbance fades, above 1 it grows."""
+        """Return the ratios to the member ahead: below 1 a disturbance fades, above 1 it grows.
+
+        A ratio is NaN where the member ahead does not deviate at all.
+        """
         return Deviations(
-            self.speed_m_s / ahead.speed_m_s,
-            self.acceleration_m_s2 / ahead.acceleration_m_s2,
-            self.peak_acceleration_m_s2 / ahead.peak_acceleration_m_s2,
-            self.gap_m / ahead.gap_m,
+            *(
+                own / other if other else math.nan
+                for own, other in (
+                    (self.speed_m_s, ahead.speed_m_s),
+                    (self.acceleration_m_s2, ahead.acceleration_m_s2),
+                    (self.peak_acceleration_m_s2, ahead.peak_acceleration_m_s2),
+                    (self.gap_m, ahead.gap_m),
+                )
+            )
         )
 
 

@@ -1,0 +1,144 @@
+"""How each documented command line is executed, or why it is not."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Way(Enum):
+    """How a command line is executed."""
+
+    RUN = "to its end"
+    ASK = "beside running nodes"
+    RECORD = "until it is ready, then Ctrl-C"
+    SERVE = "likewise, by the slow tests"
+    DRIVE = "on a short trip"
+    ELSEWHERE = "by another test"
+    NOT = "not executed"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What is done with the command lines that match a pattern; the first rule that matches counts.
+
+    Attributes:
+        way: how they are executed.
+        pattern: of the whole command line.
+        extra: options behind the documented ones, {out} is a new path; or the reason or the other test.
+        node: of a command that ends with Ctrl-C: the node that is on the graph when the command is ready; ""
+            for a printed address.
+    """
+
+    way: Way
+    pattern: str
+    extra: str = ""
+    node: str = ""
+
+
+_SHORT = "--duration-s 3 --no-picture --against none"
+_INTERPRETED = "-p compile_code:=false"
+
+RULES = (
+    # Parts to be filled in, or names of programs in a sentence.
+    Rule(
+        Way.NOT,
+        r".*(\[|\.\.\.|\bFILE\b|FIRST| \| |/play).*",
+        "a pattern, with parts to be filled in",
+    ),
+    Rule(
+        Way.NOT,
+        r"(ros2|python3) (topic|bag|param|is)( record| play.*| .* needed)?",
+        "part of a sentence",
+    ),
+    Rule(
+        Way.NOT,
+        r"scripts/(replay --check( controller)?|drive_file example|traffic --fcd)",
+        "an option in a sentence",
+    ),
+    # What a test must not do, or what is not there.
+    Rule(
+        Way.NOT,
+        r"(ros2 (run|launch|security)|rviz2|rosdep|colcon build).*",
+        "a full ROS 2 installation",
+    ),
+    Rule(
+        Way.NOT,
+        r".*python3? -m pip install .*|scripts/update_locks.*",
+        "changes the environment, over the network",
+    ),
+    Rule(
+        Way.NOT,
+        r"scripts/test.*|.*pre_commit.*|IPTM_PYTHON=\S+ scripts/test",
+        "these tests themselves",
+    ),
+    Rule(
+        Way.NOT,
+        r"scripts/traffic.*|scripts/view bags/traffic|.*main_7",
+        "SUMO, requirements/traffic.txt",
+    ),
+    Rule(Way.NOT, r"scripts/drive_file can .*", "a log of a CAN bus and requirements/can.txt"),
+    Rule(Way.NOT, r".*--screenshot .*", "a browser"),
+    Rule(Way.NOT, r"dask .*|scripts/reproduce --scheduler .*", "a cluster of machines"),
+    Rule(Way.NOT, r".*(five_cars|my_bag#car_2|bags/radio).*", "a bag that takes a long run"),
+    Rule(Way.NOT, r".*(ROS_SECURITY|--enclave).*", "DDS security, which the wheels lack"),
+    Rule(
+        Way.NOT,
+        r".*(leader_source:?=cam|ROS_DOMAIN_ID=42 scripts/v2x_send|expected_peers=4).*",
+        "a sender or a receiver beside it",
+    ),
+    Rule(Way.NOT, r"scripts/benchmark .*", "minutes to hours; benchmarks are no part of a run"),
+    Rule(
+        Way.NOT,
+        r"scripts/(safety|faults|campaign|identify|reproduce)( (?!.*--dry-run|list|status|tables|prune).*)?",
+        "minutes to hours",
+    ),
+    Rule(Way.NOT, r"export .*", "sets a variable"),
+    Rule(
+        Way.NOT,
+        r".*start_state:=.*",
+        "files of a run; tests/integration/test_saved_states.py has them",
+    ),
+    Rule(Way.ELSEWHERE, r"colcon test|source ros2_ws/install.*", "tests/packaging/test_colcon.py"),
+    Rule(Way.ELSEWHERE, r"(IPTM_\w+=\S+ )?scripts/setup.*", "tests/packaging/test_setup.py"),
+    Rule(
+        Way.ELSEWHERE,
+        r"python docs/examples/.*|scripts/(controller|v2x_bridge)",
+        "tests/integration/test_own_nodes.py",
+    ),
+    # Seconds.
+    Rule(Way.ASK, r"(scripts/(call|param)|ros2 (service|param)) .*"),
+    Rule(Way.RUN, r"source scripts/env.sh"),
+    Rule(Way.RUN, r"scripts/(bag_info|compare_bags|recover_bag|export|drive_file) .*"),
+    Rule(Way.RUN, r"scripts/run_demo --list|scripts/reproduce list"),
+    Rule(
+        Way.RUN,
+        r"scripts/reproduce (.*--dry-run|status|tables|prune).*",
+        "--store {out}",
+    ),
+    # Longer.
+    Rule(Way.RECORD, r"scripts/record .*", node="recorder"),
+    Rule(Way.SERVE, r"scripts/replay (?!--check).*", node="player"),
+    Rule(Way.SERVE, r"scripts/view.*", "--no-browser"),
+    Rule(Way.SERVE, r"scripts/visualize.*", node="visualizer"),
+    Rule(Way.SERVE, r"scripts/plant .*", node="plant"),
+    Rule(Way.SERVE, r"scripts/v2x_bridge .*", node="v2x_bridge"),
+    Rule(Way.SERVE, r"scripts/controller .*", _INTERPRETED, node="controller"),
+    Rule(Way.SERVE, r"scripts/v2x_send .*", node="v2x_sender"),
+    Rule(Way.DRIVE, r"scripts/replay --check .*"),
+    Rule(Way.DRIVE, r"scripts/campaign --dry-run", "--store {out}"),
+    Rule(Way.DRIVE, r"scripts/run_demo .*--output.*", _SHORT),
+    Rule(Way.DRIVE, r"(IPTM_COMPILER=none )?scripts/run_demo.*", f"{_SHORT} --output {{out}}"),
+    Rule(
+        Way.DRIVE,
+        r"scripts/run_string.*--page docs/string.md",
+        "--duration-s 3 --against none --vehicles 2 --output {out}",
+    ),
+    Rule(Way.DRIVE, r"scripts/run_string.*", "--duration-s 3 --against none --output {out}"),
+)
+
+
+def rule_for(command: str) -> Rule | None:
+    """Return the rule of a command line, None where there is none."""
+    return next((rule for rule in RULES if re.fullmatch(rule.pattern, command)), None)
