@@ -74,8 +74,9 @@ def test_messages_that_nobody_heard_are_counted(prepared: PreparedScenario, hear
     del heard[Topic.PLANT_POWERS][4]
     del heard[Topic.LEADER][9]
     run = judge(prepared, heard, None)
-    assert run.problems == ("the runner missed messages of 2 ticks",)
-    assert len(run.trajectory) == 19
+    assert run.problems == ("the runner missed messages of 1 ticks",)
+    assert len(run.trajectory) == 20
+    assert any("v2x/leader is missing at 1 ticks" in note for note in run.warnings)
     heard[Topic.LEADER].clear()
     with pytest.raises(MessageError, match="no tick is complete"):
         judge(prepared, heard, None)

@@ -96,6 +96,26 @@ def test_gap_margin_follows_the_intelligent_driver_model() -> None:
     assert gap.smallest_margin_time_s == 2.0
 
 
+def test_gaps_are_those_of_the_ticks_with_a_leader() -> None:
+    """By hand: gaps of 20, 30, unknown, 10, 10 m; the known intervals have means of 25 and 10 m."""
+    run = make_run(
+        5,
+        leader_position_m=[20.0, 30.0, math.nan, 10.0, 10.0],
+        smallest_gap_m=[20.0, 20.0, math.nan, 9.0, 10.0],
+        compressor_power_w=[0.0, 100.0, 100.0, 100.0, 100.0],
+    )
+    metrics = _metrics(run)
+    assert (metrics.gap.smallest_m, metrics.gap.largest_m) == (10.0, 30.0)
+    assert metrics.gap.mean_m == pytest.approx(0.5 * (25.0 + 10.0))
+    assert metrics.gap.smallest_margin_m == pytest.approx(5.0)
+    assert metrics.gap.smallest_margin_time_s == 3.0
+    assert metrics.energy.cooling_j == pytest.approx(400.0)
+    checks = {check.key: check for check in metrics.constraints}
+    assert checks["smallest_gap"].violations == checks["collision"].violations == 0
+    hit = make_run(3, leader_position_m=[20.0, math.nan, 20.0], smallest_gap_m=[20.0, -0.5, 20.0])
+    assert {c.key: c for c in _metrics(hit).constraints}["collision"].violations == 1
+
+
 def test_temperatures_are_averaged_over_time() -> None:
     run = make_run(
         3,

@@ -8,6 +8,8 @@ import pytest
 from iptm_core.errors import StateError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 
+NOT_ALWAYS_MEASURED = {"leader_position_m", "leader_speed_m_s", "smallest_gap_m"}
+
 
 def _columns(rows: int = 4) -> dict[str, np.ndarray]:
     return {
@@ -81,12 +83,28 @@ def test_names_must_be_complete_and_known() -> None:
         Trajectory.from_arrays(columns)
 
 
-@pytest.mark.parametrize("name", TRAJECTORY_COLUMNS)
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        (name, value)
+        for name in TRAJECTORY_COLUMNS
+        for value in (np.nan, np.inf, -np.inf)
+        if np.isinf(value) or name not in NOT_ALWAYS_MEASURED
+    ],
+)
 def test_values_must_be_finite(name: str, value: float) -> None:
     columns = _columns()
     columns[name][2] = value
     with pytest.raises(StateError, match=f"{name} is {value} in row 2"):
+        Trajectory.from_arrays(columns)
+
+
+def test_a_leader_is_measured_once_at_least() -> None:
+    columns = _columns()
+    columns["leader_speed_m_s"][1:] = np.nan
+    assert Trajectory.from_arrays(columns).has_leader.tolist() == [True, False, False, False]
+    columns["leader_speed_m_s"][0] = np.nan
+    with pytest.raises(StateError, match="0 of 4 rows have a leader"):
         Trajectory.from_arrays(columns)
 
 

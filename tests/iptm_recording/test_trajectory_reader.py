@@ -9,9 +9,15 @@ import pytest
 from iptm_core.errors import BagError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
+from iptm_recording.bag_info import main as bag_info
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.trajectory_reader import read_decisions, read_trajectory, topic_name
+from iptm_recording.trajectory_reader import (
+    leader_remark,
+    read_decisions,
+    read_trajectory,
+    topic_name,
+)
 
 WriteRun = Callable[..., Path]
 
@@ -40,7 +46,7 @@ def test_partly_recorded_ends_are_left_out(
     trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
 ) -> None:
     last = len(trajectory) - 1
-    drop = frozenset({(Topic.LEADER, 0), (Topic.PLANT_POWERS, last)})
+    drop = frozenset({(Topic.PLANT_ACCELERATION, 0), (Topic.PLANT_POWERS, last)})
     read = read_trajectory(write_run(tmp_path / "bag", trajectory, drop=drop))
     np.testing.assert_array_equal(read.time_s, trajectory.time_s[1:-1])
 
@@ -48,9 +54,38 @@ def test_partly_recorded_ends_are_left_out(
 def test_lost_message_inside_the_run_is_an_error(
     trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
 ) -> None:
-    bag = write_run(tmp_path / "bag", trajectory, drop=frozenset({(Topic.PLANT_POWERS, 12)}))
-    with pytest.raises(BagError, match=r"lacks plant/powers at 12 s: messages were lost"):
+    drop = frozenset({(Topic.PLANT_POWERS, 12)})
+    bag = write_run(tmp_path / "bag", trajectory, drop=drop)
+    with pytest.raises(BagError, match=r"lacks plant/powers at 12 s: .* no lost message"):
         read_trajectory(bag)
+    counted = {"lost_messages": "{/plant/powers: 3}"}
+    bag = write_run(tmp_path / "counted", trajectory, drop=drop, custom_data=counted)
+    with pytest.raises(BagError, match=r"at 12 s: the recorder counted 3 lost messages"):
+        read_trajectory(bag)
+
+
+def test_ticks_without_a_leader_keep_the_rest(
+    trajectory: Trajectory,
+    write_run: WriteRun,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A sensor that is silent for some ticks leaves energies and ageing as they are."""
+    silent = [0, 7, 8, len(trajectory) - 1]
+    drop = frozenset((Topic.LEADER, row) for row in silent)
+    bag = write_run(tmp_path / "bag", trajectory, drop=drop)
+    read = read_trajectory(bag)
+    np.testing.assert_array_equal(read.time_s, trajectory.time_s)
+    np.testing.assert_array_equal(np.flatnonzero(~read.has_leader), silent)
+    np.testing.assert_array_equal(read.battery_power_w, trajectory.battery_power_w)
+    here = read.has_leader
+    np.testing.assert_array_equal(read.gap_m[here], trajectory.gap_m[here])
+    assert np.isnan(read.gap_m[~here]).all()
+    assert bag_info([str(bag)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "v2x/leader is missing at 4 ticks from 0 s to 20 s" in told
+    assert leader_remark(trajectory) == ""
+    assert "counted 2 lost messages of it" in leader_remark(read, {"/v2x/leader": 2})
 
 
 def test_namespaces(trajectory: Trajectory, write_run: WriteRun, tmp_path: Path) -> None:

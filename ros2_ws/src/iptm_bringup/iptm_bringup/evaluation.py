@@ -10,6 +10,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from iptm_bringup.comparison import Comparison
 from iptm_bringup.monitor import heard_by_stamp
 from iptm_bringup.scenario import PreparedScenario
@@ -21,8 +23,8 @@ from iptm_interfaces.assembly import assemble_decisions, assemble_run, split_tri
 from iptm_interfaces.codecs import s_from_ns, stamp_ns_of
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader, read_model_parameters
-from iptm_recording.run_information import RunInformation
-from iptm_recording.trajectory_reader import read_decisions, read_trajectory
+from iptm_recording.run_information import RunInformation, stored_losses
+from iptm_recording.trajectory_reader import leader_remark, read_decisions, read_trajectory
 
 Heard = Mapping[Topic, Sequence[bytes]]
 """Serialised messages by topic, in order of arrival."""
@@ -124,7 +126,9 @@ def evaluate(
             found.append(f"the bag lacks {lost} states that the runner heard")
         if missed:
             notes.append(f"the runner did not hear {missed} states; the bag holds them")
-    fastest_m_s = float(trajectory.leader_speed_m_s.max())
+    losses = None if bag is None else stored_losses(information)
+    notes += [remark] if (remark := leader_remark(trajectory, losses)) else []
+    fastest_m_s = float(np.nanmax(trajectory.leader_speed_m_s))
     if fastest_m_s > parameters.limits.max_speed_m_s:
         notes.append(
             f"the leader drives up to {fastest_m_s:.3g} m/s, the host at most"

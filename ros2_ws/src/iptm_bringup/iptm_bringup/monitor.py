@@ -7,12 +7,14 @@ few times a second, to show how far it is.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
@@ -26,6 +28,7 @@ from iptm_interfaces.codecs import (
     decode_decision_record,
     decode_temperature,
     ns_from_s,
+    ns_from_time,
     stamp_ns_of,
 )
 from iptm_interfaces.diagnostics import TRIP_TIME, Level, find_status, status_values
@@ -41,6 +44,7 @@ from iptm_interfaces.topics import (
 )
 
 NAME = "run_monitor"
+_RECENT_STATES = 20
 EARLY_TOPICS = (
     *(topic for topic in TICK_TOPICS if topic not in PEER_TOPICS),
     Topic.PLANT_SAFETY,
@@ -63,7 +67,7 @@ class Snapshot:
     Attributes:
         time_s: trip time.
         speed_m_s: of the host.
-        gap_m: to the leader.
+        gap_m: to the leader, NaN while it is not known.
         cell_1_temperature_c: of the first cell.
         cell_n_temperature_c: of the last cell.
         solve_time_s: wall time of the latest solve.
@@ -192,7 +196,7 @@ class RunMonitor(SuiteNode):
             if now_ns is None:
                 return None
             odometry = self._newest(Topic.PLANT_ODOMETRY)
-            leader = self._newest(Topic.LEADER)
+            gap_m = self._gap_m()
             solve = decode_decision_record(self._newest(Topic.SOLVE))
             cell_1_k, cell_n_k = (
                 decode_temperature(topic, self._newest(topic))
@@ -200,17 +204,26 @@ class RunMonitor(SuiteNode):
             )
         except (IndexError, MessageError):
             return None
-        position_m = odometry.pose.pose.position.x
         return Snapshot(
             time_s=now_ns * 1e-9,
             speed_m_s=odometry.twist.twist.linear.x,
-            gap_m=leader.pose.pose.position.x - position_m,
+            gap_m=gap_m,
             cell_1_temperature_c=cell_1_k - CELSIUS_ZERO_K,
             cell_n_temperature_c=cell_n_k - CELSIUS_ZERO_K,
             solve_time_s=solve.solve_time_s,
             iterations=solve.iterations,
             rung=solve.rung,
         )
+
+    def _gap_m(self) -> float:
+        """Return the gap at the stamp of the newest leader, NaN if no recent state has that stamp."""
+        leader = self._newest(Topic.LEADER)
+        stamp_ns = ns_from_time(leader.header.stamp)
+        for data in self.recorded[Topic.PLANT_ODOMETRY][: -1 - _RECENT_STATES : -1]:
+            if stamp_ns_of(data) == stamp_ns:
+                host = deserialize_message(data, Odometry)
+                return float(leader.pose.pose.position.x - host.pose.pose.position.x)
+        return math.nan
 
     def _newest(self, topic: Topic) -> Any:
         return deserialize_message(self.recorded[topic][-1], TOPICS[topic].message_type)

@@ -166,7 +166,7 @@ def _gap(axes: Axes, results: RunResults) -> None:
     axes.plot(run.time_s, floor, color=RED, lw=0.9, label="s_min (safety)")
     axes.axhline(largest, color=RED, lw=0.9, ls="--", label=f"s_max = {largest:g} m")
     axes.plot(run.time_s, run.gap_m, color=BLUE, label="gap")
-    top = 1.05 * max(largest, float(np.max(run.gap_m)), float(np.max(smallest)))
+    top = 1.05 * max(largest, float(np.nanmax(run.gap_m)), float(np.nanmax(smallest)))
     axes.set_ylim(0.0, top)
     _titled(axes, "Gap to the leader", "m")
 

@@ -72,7 +72,7 @@ class BarProgress:
             f"[bold]{_speed_up(snapshot, wall_s):.0f}[/] x real time",
             f"remaining [bold]{_remaining(snapshot, wall_s, self._duration_s)}[/]",
             f"speed [bold]{KM_H_PER_M_S * snapshot.speed_m_s:.1f}[/] km/h",
-            f"gap [bold]{snapshot.gap_m:.1f}[/] m",
+            f"gap [bold]{_gap(snapshot)}[/]",
         )
         details.add_row(
             f"solve [bold]{_milliseconds(snapshot)}[/]",
@@ -119,7 +119,7 @@ class LineProgress:
             f" ({_share(snapshot, self._duration_s):.0%}),"
             f" {_speed_up(snapshot, wall_s):.0f} x real time,"
             f" remaining {_remaining(snapshot, wall_s, self._duration_s)},"
-            f" speed {KM_H_PER_M_S * snapshot.speed_m_s:.1f} km/h, gap {snapshot.gap_m:.1f} m,"
+            f" speed {KM_H_PER_M_S * snapshot.speed_m_s:.1f} km/h, gap {_gap(snapshot)},"
             f" cells {snapshot.cell_1_temperature_c:.1f}/{snapshot.cell_n_temperature_c:.1f} °C,"
             f" solve {_milliseconds(snapshot)}, {snapshot.iterations} iterations{fallback}"
         )
@@ -152,6 +152,10 @@ def _remaining(snapshot: Snapshot, wall_s: float, duration_s: float) -> str:
         return "?"
     minutes, seconds = divmod(math.ceil((duration_s - snapshot.time_s) / speed_up), 60)
     return f"{minutes}:{seconds:02d} min" if minutes else f"{seconds} s"
+
+
+def _gap(snapshot: Snapshot) -> str:
+    return "unknown" if math.isnan(snapshot.gap_m) else f"{snapshot.gap_m:.1f} m"
 
 
 def _milliseconds(snapshot: Snapshot) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from iptm_core.errors import StateError
 from iptm_core.state import FloatArray, LeaderState, PlantObservation
@@ -37,14 +37,15 @@ class Trajectory:
         auxiliary_power_w: mean auxiliary power (P_aux).
         battery_power_w: mean pack power (P_b), positive when discharging.
         chiller_heat_w: mean heat taken from the coolant (Q_co).
-        leader_position_m: rear bumper of the preceding vehicle.
-        leader_speed_m_s: speed of the preceding vehicle.
+        leader_position_m: rear bumper of the preceding vehicle; NaN where it was not measured.
+        leader_speed_m_s: speed of the preceding vehicle; NaN likewise.
         service_braking_s: part of the interval in which the safety monitor braked.
-        smallest_gap_m: smallest gap known of the interval, its end included; in row 0 the gap.
+        smallest_gap_m: smallest gap known of the interval, its end included; in row 0 the gap; NaN if
+            none is known.
 
     Raises:
-        StateError: arrays of different length, none at all, values that are not finite, or times
-            that do not increase.
+        StateError: arrays of different length, none at all, values that are not finite where they must be,
+            no row with a leader, or times that do not increase.
     """
 
     time_s: FloatArray
@@ -76,13 +77,16 @@ class Trajectory:
                     f"trajectory: {name} has shape {values.shape}; allowed: one value per "
                     f"instant, ({rows},), and at least one"
                 )
-            if not np.all(np.isfinite(values)):
-                row = int(np.flatnonzero(~np.isfinite(values))[0])
+            bad = np.isinf(values) if name in _OF_LEADER else ~np.isfinite(values)
+            if np.any(bad):
+                row = int(np.flatnonzero(bad)[0])
                 raise StateError(
                     f"trajectory: {name} is {values[row]} in row {row}; allowed: a finite value"
                 )
             values.setflags(write=False)
             object.__setattr__(self, name, values)
+        if not np.any(self.has_leader):
+            raise StateError(f"trajectory: 0 of {rows} rows have a leader; allowed: 1 at least")
         steps = np.diff(self.time_s)
         if np.any(steps <= 0.0):
             row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
@@ -96,8 +100,14 @@ class Trajectory:
         return int(self.time_s.size)
 
     @property
+    def has_leader(self) -> NDArray[np.bool_]:
+        """Whether the leader was measured at an instant, shape (n,)."""
+        known: NDArray[np.bool_] = np.isfinite(self.leader_position_m + self.leader_speed_m_s)
+        return known
+
+    @property
     def gap_m(self) -> FloatArray:
-        """Distance from the host to the leader at every instant, shape (n,)."""
+        """Distance from the host to the leader at every instant, shape (n,); NaN without a leader."""
         gap: FloatArray = self.leader_position_m - self.position_m
         return gap
 
@@ -111,11 +121,11 @@ class Trajectory:
         return {name: getattr(self, name) for name in TRAJECTORY_COLUMNS}
 
     @classmethod
-    def from_ticks(cls, ticks: Iterable[tuple[PlantObservation, LeaderState]]) -> Trajectory:
+    def from_ticks(cls, ticks: Iterable[tuple[PlantObservation, LeaderState | None]]) -> Trajectory:
         """Build a trajectory from what was observed tick by tick; the one way into it from a loop or a bag.
 
         Args:
-            ticks: plant and leader at every instant, in order of time.
+            ticks: plant and leader, if measured, at every instant, in order of time.
 
         Raises:
             StateError: as for the constructor.
@@ -146,20 +156,23 @@ class Trajectory:
         return cls(**{name: np.asarray(columns[name], dtype=np.float64) for name in columns})
 
 
-def _row(observed: PlantObservation, leader: LeaderState) -> dict[str, float]:
-    gap_m, inside_m = leader.position_m - observed.state.position_m, observed.safety.smallest_gap_m
+def _row(observed: PlantObservation, leader: LeaderState | None) -> dict[str, float]:
+    leader_m, leader_m_s = (leader.position_m, leader.speed_m_s) if leader else (math.nan, math.nan)
+    gap_m = leader_m - observed.state.position_m
     return {
         # The compressor power stands in powers and state; that of the state was commanded.
         **vars(observed.powers),
         **vars(observed.state),
         "coolant_inlet_temperature_k": observed.coolant_inlet_temperature_k,
         "coolant_outlet_temperature_k": observed.coolant_outlet_temperature_k,
-        "leader_position_m": leader.position_m,
-        "leader_speed_m_s": leader.speed_m_s,
+        "leader_position_m": leader_m,
+        "leader_speed_m_s": leader_m_s,
         "service_braking_s": observed.safety.service_braking_s,
-        "smallest_gap_m": gap_m if math.isnan(inside_m) else min(gap_m, inside_m),
+        "smallest_gap_m": float(np.fmin(gap_m, observed.safety.smallest_gap_m)),
     }
 
+
+_OF_LEADER = frozenset(("leader_position_m", "leader_speed_m_s", "smallest_gap_m"))
 
 TRAJECTORY_COLUMNS = tuple(entry.name for entry in fields(Trajectory))
 """Names of the columns of a `Trajectory`."""

@@ -4,8 +4,9 @@ Used by whoever has the messages: a bag, or a listener beside the run. Times of 
 was heard, stamps say what instant it describes; only the latter join.
 
 One rule says which messages count where several of a topic have the same stamp. A plant that was started
-again begins another trip: the last trip counts. Within it, the last message of a stamp counts. Where a second
-plant drove beside the first one, the first message of a stamp counts: that one was answered.
+again begins another trip: the last trip counts. Stamps of another node that go back while those of the plant
+do not, because its clock jumped, begin none. Within a trip, the last message of a stamp counts. Where a
+second plant drove beside the first one, the first message of a stamp counts: that one was answered.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from iptm_interfaces.codecs import (
     s_from_ns,
 )
 from iptm_interfaces.stamp_gate import LEAST_REACH_NS
-from iptm_interfaces.topics import TICK_TOPICS, Topic
+from iptm_interfaces.topics import OBSERVATION_TOPICS, TICK_TOPICS, Topic
 
 M = TypeVar("M")
 
@@ -40,9 +41,9 @@ class AssembledRun:
     """A run put together from messages.
 
     Attributes:
-        trajectory: one row per tick of which every message is there.
-        incomplete: topics that are missing, by the stamp (ns) of each tick between the first and the
-            last complete one.
+        trajectory: one row per tick of which every message of the plant is there, with or without a leader.
+        incomplete: topics of the plant that are missing, by the stamp (ns) of each tick between the first and
+            the last complete one.
     """
 
     trajectory: Trajectory
@@ -94,6 +95,12 @@ def last_trip(messages: Mapping[Topic, Arrivals[M]]) -> dict[Topic, dict[int, M]
         They by topic and stamp (ns), in order of the stamps.
     """
     found = {topic: split_trips(stamped) for topic, stamped in messages.items()}
+    if Topic.PLANT_ODOMETRY in found:
+        trips = len(found[Topic.PLANT_ODOMETRY])
+        for of_topic in found.values():
+            while len(of_topic) > trips:
+                later = of_topic.pop()
+                of_topic[-1] = dict(sorted((of_topic[-1] | later).items()))
     last = min(map(len, found.values()), default=1) - 1
     return {topic: of_topic[last] for topic, of_topic in found.items()}
 
@@ -101,7 +108,8 @@ def last_trip(messages: Mapping[Topic, Arrivals[M]]) -> dict[Topic, dict[int, M]
 def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:
     """Put the trajectory of a run together.
 
-    Ticks at the very start and end of which a message is missing are left out.
+    Ticks at the very start and end of which a message of the plant is missing are left out. Rows without a
+    leader have NaN in its columns.
 
     Args:
         messages: those of `TICK_TOPICS`, by topic and stamp; those of `Topic.PLANT_SAFETY` if there are any.
@@ -110,26 +118,26 @@ def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:
         MessageError: no tick is complete, or a message breaks its promise.
         StateError: the rows make no trajectory.
     """
-    found = {topic: messages[topic] for topic in TICK_TOPICS}
+    found = {topic: messages[topic] for topic in OBSERVATION_TOPICS}
+    leaders = messages[Topic.LEADER]
     stamps = sorted(set().union(*found.values()))
     missing = {
         stamp: tuple(topic for topic, known in found.items() if stamp not in known)
         for stamp in stamps
     }
     complete = [stamp for stamp in stamps if not missing[stamp]]
-    if not complete:
-        counts = ", ".join(f"{topic.value} {len(known)}" for topic, known in found.items())
+    if leaders.keys().isdisjoint(complete):
+        counts = ", ".join(f"{topic.value} {len(messages[topic])}" for topic in TICK_TOPICS)
         raise MessageError(f"no tick is complete; messages per topic: {counts}")
     safety = messages.get(Topic.PLANT_SAFETY, {})
-    ticks = (
+    plant = (
         {topic: known[stamp] for topic, known in found.items()}
         | ({Topic.PLANT_SAFETY: safety[stamp]} if stamp in safety else {})
         for stamp in complete
     )
+    leader = (decode_leader(leaders[stamp]) if stamp in leaders else None for stamp in complete)
     return AssembledRun(
-        trajectory=Trajectory.from_ticks(
-            (decode_observation(tick), decode_leader(tick[Topic.LEADER])) for tick in ticks
-        ),
+        trajectory=Trajectory.from_ticks(zip(map(decode_observation, plant), leader, strict=True)),
         incomplete={
             stamp: topics
             for stamp, topics in missing.items()

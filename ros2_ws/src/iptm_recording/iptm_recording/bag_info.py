@@ -18,7 +18,7 @@ from iptm_core.metrics import FIGURES, compute_metrics, figure_values
 from iptm_core.program import refused
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.recorded_topics import TopicRecord
-from iptm_recording.run_information import RunInformation
+from iptm_recording.run_information import RunInformation, stored_losses
 
 _PIPE_WIDTH = 140
 
@@ -73,6 +73,7 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
         read_settings_changes,
     )
     from iptm_recording.trajectory_reader import (  # noqa: PLC0415
+        leader_remark,
         read_decisions,
         read_trajectory,
         trip_starts_ns,
@@ -86,8 +87,10 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
         decisions = None
     with BagReader(path) as reader:
         trips = len(trip_starts_ns(reader, namespace))
+        remark = leader_remark(trajectory, stored_losses(reader.run_information()))
     notes = [] if is_stored else ["limits of the default parameter set: the bag names no other"]
     notes += [f"the last of {trips} trips"] if trips > 1 else []
+    notes += [remark] if remark else []
     notes += changes_in_words(read_settings_changes(path, namespace))
     caption = "; ".join(notes) or None
     table = Table("figure", title=f"{path.name}: results", title_justify="left", caption=caption)

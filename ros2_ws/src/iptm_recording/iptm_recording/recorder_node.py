@@ -29,7 +29,7 @@ from iptm_recording.mcap_file import FileLimits
 from iptm_recording.node_parameters import ParameterCollector, with_model
 from iptm_recording.qos_overrides import QosOverrides
 from iptm_recording.recorded_topics import TopicSelection
-from iptm_recording.run_information import PAUSES_KEY, RunInformation
+from iptm_recording.run_information import LOST_KEY, PAUSES_KEY, RunInformation
 from iptm_recording.session import RecordingSession
 from iptm_recording.subscriptions import TopicSubscriber
 from iptm_recording.timeline import CLOCK_TYPE, Timeline, TimeSource
@@ -280,7 +280,7 @@ class RecorderNode(SuiteNode):
         lost = self._topics.lost_counts
         try:
             if lost:
-                self._writer.add_information({"lost_messages": yaml.safe_dump(lost)})
+                self._writer.add_information({LOST_KEY: yaml.safe_dump(lost)})
             if self._session.pauses:
                 self._store_pauses()
             self._session.close()

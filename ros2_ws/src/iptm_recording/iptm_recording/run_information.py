@@ -31,6 +31,7 @@ _BRAKES = "brakes."
 """Entry of the run's parameters that holds the model's, as `to_flat_dict` gives them."""
 PAUSES_KEY = "pauses"
 """Text of a bag that tells when nothing was recorded on purpose."""
+LOST_KEY = "lost_messages"
 _PACKAGES = ("numpy", "casadi", "ros-rclpy", "mcap", "rosbags", "iptm_core", "iptm_controller")
 
 
@@ -163,6 +164,22 @@ def stored_pauses(information: RunInformation) -> list[tuple[float, float]]:
     except (TypeError, KeyError, ValueError):
         raise BagError(
             f"pauses of the recording are {shown(text)}; allowed: after_s, until_s"
+        ) from None
+
+
+def stored_losses(information: RunInformation) -> dict[str, int]:
+    """Return how many messages never reached the recorder, by full name of the topic.
+
+    Raises:
+        BagError: the bag lists some, but malformed.
+    """
+    text = information.extra.get(LOST_KEY, "")
+    losses = parse_yaml(text, "messages lost by the recorder", BagError) or {}
+    try:
+        return {str(name): int(count) for name, count in losses.items()}
+    except (AttributeError, TypeError, ValueError):
+        raise BagError(
+            f"messages lost by the recorder are {shown(text)}; allowed: topic: number"
         ) from None
 
 

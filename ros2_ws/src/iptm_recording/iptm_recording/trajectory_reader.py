@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,10 @@ from iptm_interfaces.assembly import assemble_decisions, assemble_run, last_trip
 from iptm_interfaces.codecs import ns_from_time, s_from_ns
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
-from iptm_recording.run_information import stored_pauses
+from iptm_recording.run_information import stored_losses, stored_pauses
 from iptm_recording.timeline import read_stamp_ns
+
+_NONE_LOST = "the recorder counted no lost message"
 
 
 def trip_starts_ns(reader: BagReader, namespace: str | None = None) -> list[int]:
@@ -37,7 +39,8 @@ def trip_starts_ns(reader: BagReader, namespace: str | None = None) -> list[int]
 def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
     """Read the run of a bag; of several trips the last one, see `iptm_interfaces.assembly`.
 
-    Ticks at the very start and end that were recorded only in part are left out.
+    Ticks at the very start and end that were recorded only in part are left out. Where the leader alone is
+    missing, the row says so, and `leader_remark` says why.
 
     Args:
         path: bag folder or file.
@@ -51,6 +54,7 @@ def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
     with BagReader(path) as reader, _named_after(path):
         run = assemble_run(_messages(reader, TICK_TOPICS, namespace, (Topic.PLANT_SAFETY,)))
         pauses = stored_pauses(reader.run_information())
+        losses = stored_losses(reader.run_information())
     first_s, last_s = run.trajectory.time_s[0], run.trajectory.time_s[-1]
     for after_s, until_s in pauses:
         if first_s <= after_s < until_s < last_s:
@@ -60,11 +64,31 @@ def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
             )
     for stamp_ns, topics in run.incomplete.items():
         missing = ", ".join(topic.value for topic in topics)
+        counted = sum(losses.values())
         raise BagError(
-            f"{path} lacks {missing} at {s_from_ns(stamp_ns):g} s:"
-            " messages were lost during the recording"
+            f"{path} lacks {missing} at {s_from_ns(stamp_ns):g} s: "
+            + (f"the recorder counted {counted} lost messages" if counted else _NONE_LOST)
         )
     return run.trajectory
+
+
+def leader_remark(trajectory: Trajectory, losses: Mapping[str, int] | None = None) -> str:
+    """Return at which ticks the leader is missing, and why; "" if it is always there.
+
+    Args:
+        trajectory: the run.
+        losses: messages lost by the recorder, by topic; None without a recording.
+    """
+    missing_s = trajectory.time_s[~trajectory.has_leader]
+    if not missing_s.size:
+        return ""
+    name = TOPICS[Topic.LEADER].name
+    lost = sum(count for topic, count in (losses or {}).items() if topic.endswith(f"/{name}"))
+    reason = f"the recorder counted {lost} lost messages of it" if lost else _NONE_LOST
+    return (
+        f"{name} is missing at {missing_s.size} ticks from {missing_s[0]:g} s to {missing_s[-1]:g} s"
+        f"{'' if losses is None else f' ({reason})'}; gaps are those of the other ticks"
+    )
 
 
 def read_decisions(path: Path, namespace: str | None = None) -> DecisionSeries:

@@ -68,9 +68,9 @@ def deviations_along(
     vehicles = (
         Deviations(
             *_of_motion(run.speed_m_s, run.acceleration_m_s2[1:]),
-            gap_m=float(np.std(run.gap_m)),
-            smallest_margin_m=float(gap_margins_m(run, parameters).min()),
-            largest_gap_m=float(run.gap_m.max()),
+            gap_m=float(np.std(run.gap_m[run.has_leader])),
+            smallest_margin_m=float(np.nanmin(gap_margins_m(run, parameters))),
+            largest_gap_m=float(np.nanmax(run.gap_m)),
         )
         for run in trajectories
     )

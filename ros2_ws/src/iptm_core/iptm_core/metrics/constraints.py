@@ -101,7 +101,7 @@ def check_constraints(
         ("acceleration_step", "change of acceleration in one interval", "m/s^2", jerk, m_s2),
         ("compressor_power", "compressor power", "W", compressor, watt),
         ("compressor_power_step", "change of compressor power in one interval", "W", ramp, watt),
-        ("collision", "collision", "m", -np.minimum(run.gap_m, run.smallest_gap_m), 0.0),
+        ("collision", "collision", "m", -np.fmin(run.gap_m, run.smallest_gap_m), 0.0),
     )
     soft: tuple[_Row, ...] = (
         ("speed", "speed", "m/s", speed, SPEED_TOLERANCE_M_S),
@@ -126,7 +126,7 @@ def gap_margins_m(trajectory: Trajectory, parameters: ModelParameters) -> FloatA
         parameters: spacing policy and acceleration limits.
 
     Returns:
-        Margins in m, shape (n,); negative where the limit is violated.
+        Margins in m, shape (n,); negative where the limit is violated, NaN without a leader.
     """
     smallest = minimum_gap_m(
         trajectory.speed_m_s, trajectory.leader_speed_m_s, parameters.gap, parameters.limits
@@ -174,6 +174,9 @@ def _outside(values: FloatArray, lower: float | FloatArray, upper: float) -> Flo
 
 def _check(run: Trajectory, row: _Row, *, hard: bool) -> ConstraintCheck:
     key, label, unit, excess, tolerance = row
+    excess = np.where(
+        np.isnan(excess), -np.inf, excess
+    )  # without a leader nothing is known of the gap
     worst = int(np.argmax(excess))
     exceeded = bool(excess[worst] > 0.0)
     return ConstraintCheck(

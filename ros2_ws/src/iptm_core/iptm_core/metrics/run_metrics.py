@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -218,7 +219,7 @@ def _degradation(run: Trajectory) -> DegradationMetrics:
 def _gap(run: Trajectory, parameters: ModelParameters) -> GapMetrics:
     gaps = _range(run, run.gap_m)
     margins = gap_margins_m(run, parameters)
-    tightest = int(np.argmin(margins))
+    tightest = int(np.nanargmin(margins))
     return GapMetrics(
         smallest_m=gaps.minimum,
         mean_m=gaps.mean,
@@ -254,10 +255,21 @@ def _integral(run: Trajectory, means: FloatArray) -> float:
 
 
 def _range(run: Trajectory, states: FloatArray) -> ValueRange:
-    """Summarise a quantity recorded at the instants, taken as linear between them for its mean."""
-    integral = np.dot(0.5 * (states[1:] + states[:-1]), run.intervals_s)
+    """Summarise a quantity recorded at the instants, taken as linear between them for its mean.
+
+    Instants at which it is NaN are left out, and so are the intervals that they bound.
+    """
+    means, intervals_s, duration_s = (
+        0.5 * (states[1:] + states[:-1]),
+        run.intervals_s,
+        _duration_s(run),
+    )
+    known = np.isfinite(means)
+    if not known.all():
+        means, intervals_s = means[known], intervals_s[known]
+        duration_s = float(intervals_s.sum())
     return ValueRange(
-        minimum=float(np.min(states)),
-        mean=float(integral / _duration_s(run)),
-        maximum=float(np.max(states)),
+        minimum=float(np.nanmin(states)),
+        mean=float(np.dot(means, intervals_s) / duration_s) if duration_s > 0.0 else math.nan,
+        maximum=float(np.nanmax(states)),
     )
