@@ -238,6 +238,23 @@ def test_real_time_without_any_peer_just_runs(launcher: Any, peer: Any) -> None:
     assert process.wait() == EXIT_CONTROLLER_LOST
 
 
+def test_two_plants_in_real_time_both_report_it(launcher: Any, peer: Any) -> None:
+    """At once, not only when a killed process would have left the graph."""
+    names = ("plant", "other")
+    heard = {name: peer.statuses(f"/{name}") for name in names}
+    alone = {"mode": "real_time", "expected_peers": 0}
+    for name in names:
+        launcher.start_node("iptm_plant_sim.node", "-r", f"__node:={name}", parameters=alone)
+    for name in names:
+        peer.wait_until(
+            lambda name=name: any(
+                status.message == "more than one plant on this graph" for status in heard[name]
+            ),
+            20.0,
+            f"the report of {name}",
+        )
+
+
 def test_shorter_period(launcher: Any, peer: Any) -> None:
     driver = Driver(peer, lambda _: Command(0.2, 0.0))
     process = start(launcher, duration_s=1.0, period_s=0.1)

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
@@ -221,7 +220,7 @@ class RunMonitor(SuiteNode):
         stamp_ns = ns_from_time(leader.header.stamp)
         for data in self.recorded[Topic.PLANT_ODOMETRY][: -1 - _RECENT_STATES : -1]:
             if stamp_ns_of(data) == stamp_ns:
-                host = deserialize_message(data, Odometry)
+                host = deserialize_message(data, TOPICS[Topic.PLANT_ODOMETRY].message_type)
                 return float(leader.pose.pose.position.x - host.pose.pose.position.x)
         return math.nan
 

@@ -172,8 +172,8 @@ class ClockSettings(Settings):
 
     clock_hz: float = parameter(
         0.0,
-        "real_time: clock messages per second of wall time, for nodes with timers on trip time; 0 for one "
-        "per tick; plant, bridge and sender need the same",
+        "real_time: clock messages per second of wall time, for nodes with timers on trip time, on top "
+        "of one per tick; 0 for those alone; plant, bridge and sender need the same",
         "Hz",
         0.0,
         1000.0,

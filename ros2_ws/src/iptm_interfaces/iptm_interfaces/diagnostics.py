@@ -9,6 +9,7 @@ coming.
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Mapping
 from enum import Enum
@@ -29,6 +30,8 @@ SETTINGS_SINCE = "settings_since_s"
 """Key: trip time of the first tick with them, or `start`."""
 TRIP_TIME = "trip_time_s"
 """Key: trip time of the status, 0 before the trip."""
+PROCESS = "process"
+"""Key: process of the node, which tells two nodes of one name apart."""
 REPORT_PERIOD_S = 1.0
 """Interval at which nodes report, and the least between two messages of the same level and reason."""
 
@@ -145,6 +148,17 @@ class DiagnosticsReporter:
         clock = node.get_clock()
         return cls(publisher.publish, name, log, node.health, lambda: clock.now().to_msg(), vehicle)
 
+    def is_from_double(self, message: DiagnosticArray) -> bool:
+        """Return whether another process reports on the same component of the same vehicle."""
+        component = self._name.rpartition(": ")[2]
+        own = str(os.getpid())
+        return any(
+            status.hardware_id == self._hardware_id
+            and status.name.endswith(f": {component}")
+            and status_values(status).get(PROCESS, own) != own
+            for status in message.status
+        )
+
     def report(
         self, trip_time_ns: int, level: Level, reason: str, values: Mapping[str, object]
     ) -> bool:
@@ -165,7 +179,7 @@ class DiagnosticsReporter:
         if not changed and now_s - self._last_time_s < REPORT_PERIOD_S:
             return False
         time_s = f"{s_from_ns(trip_time_ns):.9g}"
-        values = {TRIP_TIME: time_s, **values, **self._health.values}
+        values = {TRIP_TIME: time_s, **values, **self._health.values, PROCESS: os.getpid()}
         status = build_status(self._name, level, reason, values, self._hardware_id)
         message = DiagnosticArray(status=[status])
         message.header.stamp = self._now()

@@ -59,9 +59,11 @@ class SuiteNode(Node):
         self.awake = AwakeClock()
         self.frame_prefix = self.get_namespace().strip("/")
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        # rclpy warns from 8 timers of one clock on, so those of this class have another one.
+        self._upkeep_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._known_defects: set[str] = set()
         self._sole: dict[Topic, str] = {}
-        self.create_timer(AwakeClock.PERIOD_S, self.awake.tick, clock=self._steady_clock)
+        self.create_timer(AwakeClock.PERIOD_S, self.awake.tick, clock=self._upkeep_clock)
 
     def advertise(self, topic: Topic) -> Publisher:
         """Return a publisher for a topic of the table, whose frames are those of the vehicle."""
@@ -178,16 +180,18 @@ class SuiteNode(Node):
                 text = f"callback of {name} failed again: {what}"
                 self.get_logger().error(text, throttle_duration_sec=_LOG_THROTTLE_S)
 
-    def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
+    def every(
+        self, period_s: float, callback: Callable[[], None], clock: Clock | None = None
+    ) -> Timer:
         """Return a timer on the steady clock, which trip time cannot stop or speed up."""
         name = f"the timer of {getattr(callback, '__name__', 'a callback')}"
         guarded = partial(self.guard, name, callback)
-        return self.create_timer(period_s, guarded, clock=self._steady_clock)
+        return self.create_timer(period_s, guarded, clock=clock or self._steady_clock)
 
     def watch_peers(self, *topics: Topic) -> None:
         """Look every second whether topics that one node of the graph publishes have several publishers."""
         self._sole = {topic: TOPICS[topic].publisher for topic in topics}
-        self.every(_GRAPH_PERIOD_S, self._count_publishers)
+        self.every(_GRAPH_PERIOD_S, self._count_publishers, self._upkeep_clock)
 
     def _count_publishers(self) -> None:
         for topic, who in self._sole.items():

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import sys
 
+from diagnostic_msgs.msg import DiagnosticArray
+
 from iptm_core.errors import ServiceError
 from iptm_core.saved_state import write_state
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.services import Service, state_path
-from iptm_interfaces.topics import PLANT
+from iptm_interfaces.topics import PLANT, Topic
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_plant_sim.node_trip import TripNode
 from iptm_plant_sim.trip import CommandHold, TripPhase
@@ -35,6 +37,7 @@ class PlantNode(TripNode):
         self.serve(Service.STEP, self._step)
         self.serve(Service.RESET, self._reset)
         self.serve(Service.SAVE_PLANT, self._save_state)
+        self.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
         self.every(REPORT_PERIOD_S, self._report)
         self._report()
 
@@ -111,6 +114,10 @@ class PlantNode(TripNode):
         return f"{self._trip.step.state.time_s:g} s"
 
     # --- diagnostics
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        if self._reporter.is_from_double(message):
+            self.health.note_contradiction(PLANT)
 
     def _report(self) -> None:
         trip = self._trip
