@@ -83,7 +83,9 @@ def test_panels_without_data_are_not_drawn(visit: Any, feed: PageFeed) -> None:
         "panel-temperature",
         "panel-driving",
     }
-    assert not visit.page.is_visible("#tile-compressor")
+    for missing in ("#tile-compressor", "#value-speed-leader", "#value-temperature-cell-1"):
+        assert not visit.page.is_visible(missing), missing
+    assert visit.page.inner_text("#figure-cooling") == "–"
 
 
 def test_broken_limits_and_interventions_have_a_colour_and_a_word(

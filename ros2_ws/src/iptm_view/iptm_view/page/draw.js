@@ -8,7 +8,8 @@ import { Run } from "./run.js";
 
 const PLAN_AHEAD_S = 30;
 const AUTO_WINDOW_S = 120;
-const THUMB_PX = 8;
+/** Half the width of the thumb of a slider: where its scale begins. */
+export const THUMB_PX = 8;
 const EVENTS_LISTED = 50;
 
 export const run = new Run();
@@ -97,7 +98,7 @@ function linesOf(panel, line, plan) {
   const table = run[line.table ?? "rows"];
   const curve = line.of ? line.of(run) : { xs: table.times, ys: table.column(line.column) };
   const ys = inUnit(curve.ys, line.factor);
-  line.item.hidden = !ys.length;
+  line.item.hidden = !ys.some((y) => y !== null);
   const lines = [{ xs: curve.xs, ys, color: line.color, width: line.width, dash: line.dash }];
   for (const limit of line.broken ?? []) {
     const rows = run.broken[limit] ?? [];

@@ -187,6 +187,7 @@ export class Run {
 
   /** Energy per distance since the start of a table, in kWh per 100 km; null on the first metres. */
   consumption(table, kind, time) {
+    if (!table.has(`${kind}_power_w`)) return null;
     const [energy, position] = [table.at(`${kind}_energy_j`, time), table.at("position_m", time)];
     const distance = position === null ? 0 : position - table.column("position_m")[0];
     return energy === null || distance < SHORTEST_DISTANCE_M ? null : energy / 36 / distance;

@@ -2,7 +2,7 @@
 
 import { themeColors } from "./charts.js";
 import { build, drawStatuses, element } from "./diagnostics.js";
-import { player, redraw, run, shownWith } from "./draw.js";
+import { player, redraw, run, shownWith, THUMB_PX } from "./draw.js";
 import { PANELS } from "./panels.js";
 
 const STEP_S = 1;
@@ -17,7 +17,7 @@ function say(text, level) {
 function sayState() {
   if (isClosed) say(run.end.ended ? "trip ended; view closed, replay works" : "view closed", "warn");
   else if (events.readyState !== EventSource.OPEN) say("not connected, trying again", "warn");
-  else if (run.rows.lastTime === null) say("waiting for a run", "warn");
+  else if (run.rows.lastTime === null) say(run.end.ended ? "trip ended, reading its bag" : "waiting for a run", "warn");
   else if (run.end.ended) say(player.mode === "playing" ? "replay" : "trip ended", "good");
   else say(player.mode === "live" ? "live" : "live, shown later", "good");
 }
@@ -113,6 +113,11 @@ for (const panel of PANELS) {
   });
   panel.canvas.addEventListener("click", (event) => player.seek(timeAt(event) ?? 0));
 }
+
+element("event-row").addEventListener("click", (event) => {
+  const share = (event.offsetX - THUMB_PX) / (event.target.clientWidth - 2 * THUMB_PX);
+  player.seek(player.first + share * (player.last - player.first));
+});
 
 const KEYS = {
   " ": () => player.toggle(),
