@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,11 +15,13 @@ from rich.console import Console
 from iptm_bringup import reference_drive, viewer
 from iptm_bringup.comparison import drive_other
 from iptm_bringup.run_closed_loop import WATCHING_RATE, build_parser, prepared_from
+from iptm_bringup.run_folder import REFERENCE
 from iptm_bringup.scenario import Scenario, prepare
 from iptm_bringup.supervisor import Supervisor
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.settings import LoopMode
 from iptm_interfaces.process import StopRequest
+from iptm_recording.export import ExportTable, write_parquet
 
 
 @pytest.mark.parametrize(
@@ -72,6 +75,34 @@ def test_without_a_terminal_the_view_ends_with_the_run() -> None:
     assert cast("io.StringIO", console.file).getvalue() == (
         "the live view ends with the run (no terminal); to see it again: scripts/view 'bags/my run'\n"
     )
+
+
+def test_a_run_that_keeps_its_reference_has_it_driven_no_second_time(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("cycle: nycc\nduration_s: 20.0\n"))
+    run = drive_other(prepare(Scenario(cycle="nycc", duration_s=20.0)), "reference").trajectory
+    table = ExportTable(run.to_arrays(), {"strategy": "reference"})
+    write_parquet(tmp_path / REFERENCE, table)
+    driven: list[str] = []
+    drive = partial(_note_strategy, driven)
+    monkeypatch.setattr(reference_drive, "drive_other", drive)
+    assert reference_drive.main([f"--run={tmp_path}"]) == 0
+    header, *rows = map(json.loads, capsys.readouterr().out.splitlines())
+    columns: dict[str, Any] = dict(zip(header["columns"], np.transpose(rows), strict=True))
+    for name in ("time_s", "position_m", "battery_power_w"):
+        assert columns[name].tolist() == getattr(run, name).tolist()
+    assert driven == []
+    # Of another strategy, or with a damaged file, it is driven.
+    for strategy in ("aging", "reference"):
+        monkeypatch.setattr("sys.stdin", io.StringIO("cycle: nycc\nduration_s: 20.0\n"))
+        assert reference_drive.main([f"--run={tmp_path}", f"--strategy={strategy}"]) == 0
+        (tmp_path / REFERENCE).write_bytes(b"PAR1 damaged")
+    assert driven == ["aging", "reference"]
+
+
+def _note_strategy(driven: list[str], prepared: object, strategy: str, on_step: object) -> None:  # noqa: ARG001
+    driven.append(strategy)
 
 
 def test_a_trip_that_cannot_be_driven_is_refused(

@@ -14,11 +14,12 @@ import yaml
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64
 
+from iptm_core.errors import BagError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_interfaces.codecs import serialized
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.export import main
+from iptm_recording.export import main, read_exported_trajectory
 from iptm_recording.run_information import RunInformation
 from iptm_recording.trajectory_reader import read_trajectory
 
@@ -67,6 +68,20 @@ def test_trajectory_comes_back_exactly(bag: Path, tmp_path: Path) -> None:
         values = getattr(expected, name)
         np.testing.assert_array_equal(table[name].to_numpy(), values, err_msg=name)
         np.testing.assert_array_equal([float(x) for x in text[name]], values, err_msg=name)
+
+
+def test_a_trajectory_is_read_back_from_parquet(bag: Path, tmp_path: Path) -> None:
+    file = tmp_path / "run.parquet"
+    assert main([str(bag), "-o", str(file)]) == 0
+    trajectory, metadata = read_exported_trajectory(file)
+    driven = read_trajectory(bag)
+    for name in TRAJECTORY_COLUMNS:
+        np.testing.assert_array_equal(getattr(trajectory, name), getattr(driven, name))
+    assert metadata["table"] == "trajectory"
+    for content in (b"", b"PAR1 damaged", file.read_bytes()[:-1]):
+        file.write_bytes(content)
+        with pytest.raises(BagError, match="cannot read a trajectory from"):
+            read_exported_trajectory(file)
 
 
 def test_parquet_tells_what_the_run_depended_on(bag: Path, tmp_path: Path) -> None:

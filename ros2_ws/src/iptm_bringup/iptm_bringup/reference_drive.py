@@ -2,6 +2,7 @@
 
 The live view runs it as a process of its own: `python -m iptm_bringup.reference_drive < scenario.yaml`. The
 first line of the output is a JSON object with strategy, columns and duration, the others are JSON arrays.
+Nothing is driven where the folder of the run keeps the trajectory of that strategy.
 """
 
 from __future__ import annotations
@@ -13,16 +14,19 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from iptm_bringup.comparison import drive_other
+from iptm_bringup.run_folder import REFERENCE
 from iptm_bringup.scenario import prepare
 from iptm_bringup.scenario_files import scenario_from
 from iptm_controller.strategy import STRATEGIES
-from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.errors import BagError, IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.program import EXIT_OK, refused
-from iptm_core.state import LeaderState
-from iptm_plant_sim.plant_step import PlantStep
+from iptm_core.trajectory import Trajectory
+from iptm_recording.export import read_exported_trajectory
 
 PROGRAM = "reference_drive"
 COLUMNS = (
@@ -48,6 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(prog=PROGRAM, description=__doc__)
     parser.add_argument("--strategy", choices=list(STRATEGIES), default="reference")
+    parser.add_argument("--run", type=Path, metavar="FOLDER", help="of the run, where it has ended")
     parsed = parser.parse_args(arguments)
     try:
         content = parse_yaml(sys.stdin.read(), "scenario", ScenarioError)
@@ -59,25 +64,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "duration_s": prepared.route.duration_s,
         }
         _write(header)
-        drive_other(prepared, parsed.strategy, lambda step, leader: _write(_row(step, leader)))
+        kept = None if parsed.run is None else _kept(parsed.run, parsed.strategy)
+        if kept is None:
+            drive_other(
+                prepared,
+                parsed.strategy,
+                lambda *tick: _write_rows(Trajectory.from_ticks([tick])),
+            )
+        else:
+            _write_rows(kept)
     except IptmError as error:
         return refused(PROGRAM, error)
     return EXIT_OK
 
 
-def _row(step: PlantStep, leader: LeaderState) -> list[float]:
-    state, powers = step.state, step.powers
-    return [
-        state.time_s,
-        state.position_m,
-        state.speed_m_s,
-        leader.position_m - state.position_m,
-        powers.battery_power_w,
-        powers.compressor_power_w,
-        state.cell_1_temperature_k - CELSIUS_ZERO_K,
-        state.cell_n_temperature_k - CELSIUS_ZERO_K,
-        state.cell_1_capacity_loss + state.cell_n_capacity_loss,
-    ]
+def _kept(run: Path, strategy: str) -> Trajectory | None:
+    """Return the trajectory of a strategy that a run was compared with, None where it keeps none."""
+    try:
+        trajectory, metadata = read_exported_trajectory(run / REFERENCE)
+    except BagError:
+        return None
+    return trajectory if metadata.get("strategy") == strategy else None
+
+
+def _write_rows(run: Trajectory) -> None:
+    columns = (
+        run.time_s,
+        run.position_m,
+        run.speed_m_s,
+        run.gap_m,
+        run.battery_power_w,
+        run.compressor_power_w,
+        run.cell_1_temperature_k - CELSIUS_ZERO_K,
+        run.cell_n_temperature_k - CELSIUS_ZERO_K,
+        run.cell_1_capacity_loss + run.cell_n_capacity_loss,
+    )
+    for row in np.transpose(columns).tolist():
+        _write(row)
 
 
 def _write(content: object) -> None:

@@ -13,6 +13,7 @@ from iptm_core.strict_mapping import shown
 
 PICTURE = "closed_loop.png"
 RESULTS = "results.json"
+REFERENCE = "reference.parquet"
 LOGS = "logs"
 LONGEST_NAME = 200
 """Bytes; file systems take 255, and the names of files inside are longer."""

@@ -13,9 +13,10 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from iptm_core.errors import BagError, IptmError
+from iptm_core.errors import BagError, IptmError, StateError
 from iptm_core.program import refused
 from iptm_core.strict_mapping import shown
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.message_table import message_columns
 from iptm_recording.trajectory_reader import read_trajectory
@@ -89,6 +90,22 @@ def write_parquet(path: Path, table: ExportTable) -> None:
     metadata = {_METADATA_PREFIX + name: text for name, text in table.metadata.items()}
     content = pa.table({name: pa.array(values) for name, values in table.columns.items()})
     _create(path, lambda: pq.write_table(content.replace_schema_metadata(metadata), path))
+
+
+def read_exported_trajectory(path: Path) -> tuple[Trajectory, dict[str, str]]:
+    """Return a trajectory from a Parquet file of `write_parquet`, with the metadata.
+
+    Raises:
+        BagError: the file cannot be read, or holds no trajectory.
+    """
+    try:
+        table = pq.read_table(path)
+        columns = {name: table[name].to_numpy() for name in TRAJECTORY_COLUMNS}
+        trajectory = Trajectory.from_arrays(columns)
+    except (OSError, KeyError, pa.ArrowException, StateError) as error:
+        raise BagError(f"cannot read a trajectory from {path}: {error}") from None
+    texts = {key.decode(): text.decode() for key, text in (table.schema.metadata or {}).items()}
+    return trajectory, {key.removeprefix(_METADATA_PREFIX): texts[key] for key in texts}
 
 
 def write_csv(path: Path, table: ExportTable) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 
 from iptm_core.errors import BagError
@@ -55,9 +56,10 @@ class BagSource(AbstractContextManager["BagSource"]):
             self._whole = Playback(self._reader, PlaybackOptions(bag))
             self._played = Playback(self._reader, played)
             self._topics = self._find_topics(namespace)
-            self.facts: RunFacts = facts_of_information(
+            facts = facts_of_information(
                 f"bag {bag.resolve().name}", self._reader.run_information()
             )
+            self.facts: RunFacts = replace(facts, run=bag)
         except BagError:
             self._reader.close()
             raise

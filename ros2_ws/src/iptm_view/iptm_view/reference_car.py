@@ -19,8 +19,9 @@ STATE = "reference_state"
 class ReferenceCar:
     """Starts the process that drives the reference car, and passes its rows on to a feed.
 
-    The process reads the trip as a YAML scenario from its standard input. It writes one JSON line with
-    ``strategy``, ``columns`` and ``duration_s``, then one JSON array per row.
+    The process is given ``--strategy`` and, of a bag, ``--run``. It reads the trip as a YAML scenario from
+    its standard input, and writes one JSON line with ``strategy``, ``columns`` and ``duration_s``, then one
+    JSON array per row.
     """
 
     def __init__(self, feed: PageFeed, command: Sequence[str], strategy: str) -> None:
@@ -61,7 +62,11 @@ class ReferenceCar:
         self._feed.discard(REFERENCE)
         self._feed.put(STATE, {"state": "computing", "strategy": self._strategy, "columns": []})
         self._process = subprocess.Popen(  # noqa: S603 - the project's own module
-            [*self._command, "--strategy", self._strategy],
+            [
+                *self._command,
+                f"--strategy={self._strategy}",
+                *([] if facts.run is None else [f"--run={facts.run}"]),
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

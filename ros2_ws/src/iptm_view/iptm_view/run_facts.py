@@ -59,6 +59,7 @@ class RunFacts:
         notes: what is missing, in sentences for the reader of the page.
         foxglove: address of the Foxglove server, "" without one.
         waiting: what to do while nothing is received, in sentences for the reader of the page.
+        run: folder of the run; None while it takes place.
         is_complete: whether no more will become known.
     """
 
@@ -68,6 +69,7 @@ class RunFacts:
     notes: tuple[str, ...] = ()
     foxglove: str = ""
     waiting: str = "Reading ..."
+    run: Path | None = None
     is_complete: bool = False
 
     @property
