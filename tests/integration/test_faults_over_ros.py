@@ -14,6 +14,7 @@ from iptm_bringup.fault_table.judge import judge_trip
 from iptm_bringup.fault_table.observed import ObservedTrip
 from iptm_bringup.fault_table.over_ros import drive_over_ros
 from iptm_core.routes import build_route
+from iptm_core.trajectory import TRAJECTORY_COLUMNS
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
 from iptm_interfaces.process import StopRequest
@@ -71,6 +72,28 @@ def test_faults_over_ros_are_those_without(over_ros: OverRos, headless: Headless
     names = ("time_s", "position_m", "acceleration_m_s2", "leader_position_m")
     for name, values in columns(without, names).items():
         np.testing.assert_array_equal(columns(with_ros, names)[name], values, err_msg=name)
+
+
+def test_the_safety_monitor_brakes_alike_with_and_without_ros(over_ros: OverRos) -> None:
+    """A lead vehicle that brakes with 8 m/s^2 against its previews: same bits, a reason, and no collision."""
+    surprise = Fault(FaultKind.LEADER_SURPRISE, 60.0, 20.0, size=8.0)
+    plan = planned(surprise)
+    with_ros, without = over_ros(plan), HeadlessDriver().drive(plan)
+    assert with_ros.ended == ""
+    for name in TRAJECTORY_COLUMNS:
+        here, there = (getattr(trip.trajectory, name) for trip in (without, with_ros))
+        if name.endswith("temperature_k"):  # degrees Celsius on the wire
+            np.testing.assert_allclose(there, here, rtol=0.0, atol=1e-9)
+        else:
+            np.testing.assert_array_equal(there, here, err_msg=name)
+    run = with_ros.trajectory
+    assert run.service_braking_s.sum() > 0.0
+    assert run.closest_m.min() > 0.0
+    assert run.acceleration_m_s2.min() < PARAMETERS.limits.min_acceleration_m_s2
+    told = [said for said in with_ros.statements if "the safety monitor brakes: gap" in said.reason]
+    assert told
+    first = float(run.time_s[np.flatnonzero(run.service_braking_s)[0]])
+    assert abs(told[0].time_s - first) <= 2.0
     assert with_ros.rungs.items() >= without.rungs.items()
 
 

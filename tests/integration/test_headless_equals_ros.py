@@ -68,8 +68,6 @@ def test_headless_run_equals_the_run_over_ros(spec: RunSpec, launcher: Any, tmp_
 def assert_same_trip(here: Trajectory, there: Trajectory) -> None:
     assert len(here) == len(there) == TICKS + 1
     for name in TRAJECTORY_COLUMNS:
-        if name == "smallest_gap_m":
-            continue  # the plant node has no range sensor yet
         one, other = getattr(here, name), getattr(there, name)
         scale = max(float(np.ptp(one)), 1e-3 * float(np.max(np.abs(one))), 1e-12)
         worst = float(np.max(np.abs(one - other))) / scale

@@ -150,7 +150,7 @@ def test_a_collision_counts_where_full_braking_avoids_it(observe: Observe) -> No
     assert any("collision that brakes avoid" in problem for problem in verdict.problems)
     # Three metres ahead nobody can stop, but braking less than possible is a fault of its own.
     near = leader - 27.0
-    late = observe(fault=stop, said=Said.NOTHING, apart=11, leader_position_m=near)
+    late = observe(fault=stop, said=Said.NOTHING, apart=14, leader_position_m=near)
     assert any("worse than full braking" in what for what in verdict_on(late, observe).problems)
 
 

@@ -13,7 +13,12 @@ from iptm_controller.strategy import strategy_by_name
 from iptm_core.declaration import Settings, parameter_specs
 from iptm_core.metrics import RunMetrics, compute_metrics, figure_values
 from iptm_core.metrics.figures import NO_VALUE
-from iptm_core.settings import IntegrationSettings, PreviewSettings, SamplingSettings
+from iptm_core.settings import (
+    IntegrationSettings,
+    PreviewSettings,
+    SafetyMonitorSettings,
+    SamplingSettings,
+)
 from iptm_core.state import LeaderState
 from iptm_interfaces.topics import PLANT
 from iptm_plant_sim.plant import Plant
@@ -97,6 +102,7 @@ def plant_for(prepared: PreparedScenario) -> Plant:
         prepared.route.slope.slope_at,
         integration.integration_step_s,
         integration.thermal_model,
+        given_settings(SafetyMonitorSettings, {**vars(prepared.scenario), **of_plant}),
     )
 
 

@@ -61,6 +61,7 @@ _REMAPPED: Mapping[str, Mapping[str, str]] = {
     BRIDGE: {
         Topic.CLOCK.value: told_name(Topic.CLOCK.value),
         Topic.LEADER.value: route_name(Topic.LEADER.value),
+        Topic.LEADER_SAMPLES.value: route_name(Topic.LEADER_SAMPLES.value),
         Topic.LEADER_PREVIEW.value: route_name(Topic.LEADER_PREVIEW.value),
     },
 }

@@ -30,7 +30,7 @@ Heard = Mapping[Topic, Sequence[bytes]]
 """Serialised messages by topic, in order of arrival."""
 
 _OF_PLANT = (Topic.CLOCK, *(topic for topic in Topic if topic.name.startswith("PLANT_")))
-_OF_BRIDGE = (Topic.LEADER, Topic.LEADER_PREVIEW)
+_OF_BRIDGE = (Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW)
 _OF_CONTROLLER = (
     Topic.COMMAND,
     Topic.ACCELERATION_COMMAND,

@@ -144,7 +144,7 @@ class _Feed:
         """Advertise the inputs, and wait until everything said will be heard on either side."""
         self._publishers = {
             topic: self._node.create_publisher(
-                TOPICS[topic].message_type, self._names[topic], TOPICS[topic].qos
+                TOPICS[topic].message_type, self._names[topic], TOPICS[topic].offered_qos
             )
             for topic in inputs
         }

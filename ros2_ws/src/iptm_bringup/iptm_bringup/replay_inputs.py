@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
     CONTROLLER: (
         Topic.SOLVE, Topic.PLAN, Topic.ACCELERATION_COMMAND, Topic.COMPRESSOR_POWER_COMMAND, Topic.COMMAND,
     ),
-    BRIDGE: (Topic.SLOPE, Topic.LEADER, Topic.LEADER_PREVIEW),
+    BRIDGE: (Topic.SLOPE, Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW),
     PLANT: (*OBSERVATION_TOPICS, Topic.PLANT_SAFETY, Topic.PLANT_BATTERY, Topic.CLOCK),
 }  # fmt: skip
 """What each node says; its diagnostics tell of the machine."""
@@ -39,10 +40,12 @@ OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
 INPUTS: Mapping[str, tuple[Topic, ...]] = {
     CONTROLLER: (Topic.SLOPE, *STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW),
     BRIDGE: (Topic.CLOCK,),
-    PLANT: (Topic.COMMAND,),
+    PLANT: (Topic.LEADER_SAMPLES, Topic.COMMAND),
 }
 """What each node is told; a bridge that listens to messages needs the place of the host, too."""
 
+_LATER = (Topic.PLANT_SAFETY, Topic.LEADER_SAMPLES)
+"""Topics that older bags lack."""
 _LAST_WORD = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
 _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
     # This program alone listens, and nobody is late.
@@ -93,7 +96,10 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
             inputs = (Topic.PLANT_ODOMETRY, *inputs)
             own_way |= {"recorded_packets": str(bag.resolve()), "publish_datagrams": False}
         wanted = dict.fromkeys((*inputs, *OUTPUTS[node]))
-        names = {topic: topic_name(reader, topic, namespace) for topic in wanted}
+        names = {}
+        for topic in wanted:
+            with suppress(BagError) if topic in _LATER else nullcontext():
+                names[topic] = topic_name(reader, topic, namespace)
         topics = {name: topic for topic, name in names.items()}
         heard: dict[Topic, dict[int, bytes]] = {topic: {} for topic in wanted}
         answered: list[tuple[int, None]] = []
@@ -136,7 +142,13 @@ def _steps(
                 " of the vehicle is known"
             )
         told: list[dict[Topic, bytes]] = [{}]
-        told += [{Topic.COMMAND: heard[Topic.COMMAND].get(stamp, b"")} for stamp in answers[:-1]]
+        told += [
+            {
+                **{topic: heard[topic][stamp] for topic in inputs if stamp in heard[topic]},
+                Topic.COMMAND: heard[Topic.COMMAND].get(stamp, b""),
+            }
+            for stamp in answers[:-1]
+        ]
     else:
         told = [
             {

@@ -33,7 +33,9 @@ from iptm_core.settings import (
     ModelSettings,
     PaceSettings,
     PreviewSettings,
+    RangeSensorSettings,
     RoadSettings,
+    SafetyMonitorSettings,
     SamplingSettings,
     TripSettings,
 )
@@ -46,8 +48,22 @@ AUTOMATIC_DOMAIN = -1
 MAX_DOMAIN = 232
 
 SETTINGS_OF_NODES: Mapping[str, tuple[type[Settings], ...]] = {
-    PLANT: (TripSettings, ModelSettings, PaceSettings, ClockSettings, FrameSettings),
-    BRIDGE: (RoadSettings, ModelSettings, PreviewSettings, ClockSettings, FrameSettings),
+    PLANT: (
+        TripSettings,
+        ModelSettings,
+        PaceSettings,
+        ClockSettings,
+        FrameSettings,
+        SafetyMonitorSettings,
+    ),
+    BRIDGE: (
+        RoadSettings,
+        ModelSettings,
+        PreviewSettings,
+        ClockSettings,
+        FrameSettings,
+        RangeSensorSettings,
+    ),
     CONTROLLER: (ControllerSettings, ModelSettings, FrameSettings),
 }
 """Which settings of a scenario each node of the loop takes, as parameters of the same names."""
@@ -60,6 +76,7 @@ _NO_PARAMETERS: Mapping[str, Mapping[str, Scalar]] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Scenario(
+    SafetyMonitorSettings,
     FrameSettings,
     ClockSettings,
     PaceSettings,

@@ -194,7 +194,16 @@ class TickSettings(ClockSettings, SamplingSettings):
 
 
 @dataclass(frozen=True)
-class SafetyMonitorSettings(Settings):
+class RangeSensorSettings(Settings):
+    """Range sensor of the vehicle."""
+
+    monitor_period_s: float = parameter(
+        0.1, "time between two checks of the gap, and between measurements of it", "s", 0.01, 1.0
+    )
+
+
+@dataclass(frozen=True)
+class SafetyMonitorSettings(RangeSensorSettings):
     """Safety monitor of the vehicle: what it assumes, and when it brakes and releases.
 
     Raises:
@@ -203,9 +212,6 @@ class SafetyMonitorSettings(Settings):
 
     safety_monitor: bool = parameter(
         default=True, description="brake when the gap falls below the safe distance"
-    )
-    monitor_period_s: float = parameter(
-        0.1, "time between two checks of the gap, and between measurements of it", "s", 0.01, 1.0
     )
     monitor_lead_deceleration_m_s2: float = parameter(
         9.0, "hardest deceleration assumed of the vehicle ahead", "m/s^2", 1.0, 12.0

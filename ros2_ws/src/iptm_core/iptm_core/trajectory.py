@@ -112,6 +112,11 @@ class Trajectory:
         return gap
 
     @property
+    def closest_m(self) -> FloatArray:
+        """Smallest gap that is known of the interval that ends at each row, its end included, shape (n,)."""
+        return np.fmin(self.gap_m, self.smallest_gap_m)
+
+    @property
     def intervals_s(self) -> FloatArray:
         """Length of the intervals that end at rows 1 to n - 1, shape (n - 1,)."""
         return np.diff(self.time_s)

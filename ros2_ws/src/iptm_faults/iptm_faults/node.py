@@ -75,6 +75,7 @@ class InjectorNode(SuiteNode):
         self._host_positions_m: dict[int, float] = {}
         self._waiting_leaders: dict[int, bytes] = {}
         self._waiting_previews: dict[int, bytes] = {}
+        self._waiting_samples: dict[int, bytes] = {}
         self._leader_ns = -1
         self._last_odometry: bytes | None = None
         self._delays = tuple(
@@ -91,7 +92,8 @@ class InjectorNode(SuiteNode):
         self._told = {topic: self._publisher(topic, told_name(topic.value)) for topic in told}
         self._newest: dict[Topic, bytes] = {}
         self._true = {
-            topic: self.advertise(topic) for topic in (Topic.LEADER, Topic.LEADER_PREVIEW)
+            topic: self.advertise(topic)
+            for topic in (Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW)
         }
         self._reporter = DiagnosticsReporter.of_node(self, "faults")
         self._matching_timer = self.every(MATCHING_PERIOD_S, self._release_if_matched)
@@ -99,6 +101,8 @@ class InjectorNode(SuiteNode):
         for topic in STATE_TOPICS:
             self._hear(topic, topic.value, partial(self._on_state, topic))
         self._hear(Topic.LEADER, route_name(Topic.LEADER.value), self._on_leader)
+        samples_name = route_name(Topic.LEADER_SAMPLES.value)
+        self._hear(Topic.LEADER_SAMPLES, samples_name, self._on_samples)
         self._hear(Topic.LEADER_PREVIEW, route_name(Topic.LEADER_PREVIEW.value), self._on_preview)
         self._hear(Topic.CLOCK, Topic.CLOCK.value, self._on_clock)
         self.every(REPORT_PERIOD_S, self._report)
@@ -111,7 +115,7 @@ class InjectorNode(SuiteNode):
     def _hear(self, topic: Topic, name: str, callback: Callable[[bytes], None]) -> None:
         spec = TOPICS[topic]
         guarded = partial(self.guard, name, callback)
-        self.create_subscription(spec.message_type, name, guarded, spec.qos, raw=True)
+        self.create_subscription(spec.message_type, name, guarded, spec.offered_qos, raw=True)
 
     # --- what is handed on
 
@@ -240,9 +244,26 @@ class InjectorNode(SuiteNode):
             told_data = true_data if told is true else _with_exact_stamp(encode_leader(told), data)
             self._tell(Topic.LEADER, told_data, changed=told is not true)
         self._leader_ns = stamp_ns
+        for waiting_ns in sorted(self._waiting_samples):
+            if waiting_ns <= stamp_ns:
+                self._on_samples(self._waiting_samples.pop(waiting_ns))
         for waiting_ns in sorted(self._waiting_previews):
             if waiting_ns <= stamp_ns:
                 self._on_preview(self._waiting_previews.pop(waiting_ns))
+
+    def _on_samples(self, data: bytes) -> None:
+        """Hand on what the range sensor measures: the leader that counts, whatever the controller is told."""
+        stamp_ns = stamp_ns_of(data)
+        publisher = self._true[Topic.LEADER_SAMPLES]
+        if self._traffic.is_quiet:
+            self._send(publisher, data)
+            return
+        if self._leader_ns < stamp_ns:
+            self._waiting_samples[stamp_ns] = data
+            return
+        stamp_ns, own = decode_leader_preview_bytes(data)
+        true = self._traffic.sampled(own, self._host_positions_m[stamp_ns])
+        self._send(publisher, encode_leader_preview_bytes(true, stamp_ns, self.frame(ROAD_FRAME)))
 
     def _on_preview(self, data: bytes) -> None:
         stamp_ns = stamp_ns_of(data)

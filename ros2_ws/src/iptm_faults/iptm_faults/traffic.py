@@ -48,6 +48,8 @@ class Traffic:
             own: the leader of the route at these instants, the first of which is the present tick.
             host_position_m: where the host is at the first of them.
         """
+        if not own.times_s.size:
+            return own
         now_s = float(own.times_s[0])
         # Copies: the next tick goes on from this one.
         events = [

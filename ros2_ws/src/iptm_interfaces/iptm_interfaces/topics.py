@@ -57,6 +57,7 @@ class Topic(Enum):
     PLANT_CAPACITY_LOSS = "plant/capacity_loss"
     PLANT_SAFETY = "plant/safety_monitor"
     LEADER = "v2x/leader"
+    LEADER_SAMPLES = "v2x/leader_samples"
     LEADER_PREVIEW = "v2x/leader_preview"
     SLOPE = "v2x/slope"
     DATAGRAMS = "v2x/datagrams"
@@ -188,6 +189,13 @@ _SPECS = (
         Topic.LEADER, Odometry, BRIDGE, f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",
         "preceding vehicle now (range sensor): pose.position.x = rear bumper along the road, "
         "twist.linear.x = speed; covariances are not estimated (0)",
+    ),
+    TopicSpec(
+        Topic.LEADER_SAMPLES, JointTrajectory, BRIDGE, ROAD_FRAME, "m, m/s",
+        "preceding vehicle as the range sensor measures it in the interval that begins at header.stamp, for "
+        "the safety monitor: positions [m], velocities [m/s] at header.stamp + time_from_start; no points: "
+        "a free road",
+        {"leader": "m, m/s"}, kept=True,
     ),
     TopicSpec(
         Topic.LEADER_PREVIEW, JointTrajectory, BRIDGE, ROAD_FRAME, "m, m/s",

@@ -20,6 +20,9 @@ from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_plant_sim.node_trip import TripNode
 from iptm_plant_sim.trip import CommandHold, TripPhase
 
+SOUND_BRAKES = 0.95
+"""Brakes that deliver a smaller share of what is requested are reported."""
+
 
 class PlantNode(TripNode):
     """Publishes the state of every tick and drives on when it has the command that answers it.
@@ -137,6 +140,11 @@ class PlantNode(TripNode):
             "limited_ticks": trip.limited_ticks,
             **{f"limited_{kind.value}": count for kind, count in trip.clamps.items()},
             "last_limit": trip.last_reason,
+            "interventions": trip.interventions,
+            "service_braking_s": trip.service_braking_s,
+            "last_intervention": trip.step.memory.reason or "none",
+            "brake_share": trip.step.safety.brake_share,
+            "intervals_without_range_sensor": self._range_sensor.silent_intervals,
         }
         if self._schedule is not None:
             values["overruns"] = self._schedule.overruns
@@ -158,9 +166,23 @@ class PlantNode(TripNode):
             return Level.ERROR, f"{lost}: controlled stop"
         if self._watchdog.is_silent:
             return Level.STALE, f"{lost}: waiting"
+        safety = self._safety_warning()
+        if safety:
+            return Level.WARN, safety
         if self._trip.is_limited:
             return Level.WARN, "commands exceed what the vehicle can do and are limited"
         return Level.OK, "running"
+
+    def _safety_warning(self) -> str:
+        """Return what there is to say of the safety monitor and the brakes, empty for nothing."""
+        step = self._trip.step
+        if step.memory.braking or step.safety.service_braking_s > 0.0:
+            return f"the safety monitor brakes: {step.memory.reason}"
+        if step.safety.brake_share < SOUND_BRAKES:
+            return f"the brakes deliver {step.safety.brake_share:.0%} of what is requested"
+        if self._range_sensor.is_silent:
+            return "the safety monitor lacks measurements of its range sensor"
+        return ""
 
     def _outcome(self) -> tuple[Level, str]:
         if self._failure:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iptm_core.declaration import Scalar, parameter, plain
+from iptm_core.declaration import Scalar, parameter, parameter_specs, plain
 from iptm_core.errors import StateError
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import (
@@ -14,6 +14,7 @@ from iptm_core.settings import (
     IntegrationSettings,
     ModelSettings,
     PaceSettings,
+    SafetyMonitorSettings,
     StringSettings,
     TickSettings,
     TripSettings,
@@ -35,11 +36,13 @@ _OF_A_STATE = (
     "period_s",
     "thermal_model",
     "integration_step_s",
+    *(spec.name for spec in parameter_specs(SafetyMonitorSettings)),
 )
 
 
 @dataclass(frozen=True)
 class PlantNodeParameters(
+    SafetyMonitorSettings,
     StringSettings,
     FrameSettings,
     IntegrationSettings,
@@ -103,7 +106,7 @@ class PlantNodeParameters(
         model = self.model().values
         route = self.trip_route(model.gap.initial_gap_m)
         plant = self.build_plant(
-            model, route.slope.slope_at, self.integration_step_s, self.thermal_model
+            model, route.slope.slope_at, self.integration_step_s, self.thermal_model, self
         )
         trip = Trip(plant, route.duration_s, self.period_s, *self._start(plant))
         trip.warm_up()

@@ -19,6 +19,7 @@ from iptm_interfaces.watchdog import Watchdog
 from iptm_plant_sim.node_neighbours import Neighbours
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.node_publishers import PlantPublishers
+from iptm_plant_sim.node_range_sensor import NodeRangeSensor
 from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
 from iptm_plant_sim.trip import CommandHold, TripPhase
 
@@ -70,7 +71,10 @@ class TripNode(SuiteNode):
         self._watchdog.attach(self)
         self.watch_peers(Topic.PLANT_ODOMETRY, Topic.COMMAND)
         self._neighbours = Neighbours(self, self._options)
-        self._commands = self.listen(Topic.COMMAND, self._neighbours.in_step(self._on_command))
+        self._range_sensor = NodeRangeSensor(self, self._options)
+        self._trip.watch(self._range_sensor.measure)
+        measured = self._range_sensor.in_step(self._on_command, lambda: self._trip.stamp_ns)
+        self._commands = self.listen(Topic.COMMAND, self._neighbours.in_step(measured))
         self._start_timer = self.every(MATCHING_PERIOD_S, self._start_when_matched)
 
     def _report(self) -> None:
@@ -101,6 +105,7 @@ class TripNode(SuiteNode):
 
     def _begin(self) -> None:
         """Begin the trip with its first state."""
+        self._range_sensor.begin_trip()
         self._phase = TripPhase.RUNNING
         self._publish()
         if self._phase is TripPhase.RUNNING:
@@ -230,7 +235,7 @@ class TripNode(SuiteNode):
 
     def _on_silence(self, _: float) -> None:
         """Lock-step: the controller does not answer."""
-        if self._neighbours.is_holding:
+        if self._neighbours.is_holding or self._range_sensor.is_holding:
             self._watchdog.feed()
             return
         if self._options.on_lost_controller == WAIT:

@@ -13,6 +13,7 @@ from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.actuators import Clamp
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
+from iptm_plant_sim.service_braking import RangeSensor
 
 RECENT_TICKS = 10
 """A limited command stays worth mentioning for so many ticks."""
@@ -38,6 +39,8 @@ class Trip:
         ticks: number of intervals of the whole trip.
         clamps: how often each limit changed a command.
         limited_ticks: number of intervals in which any did.
+        interventions: number of intervals in which the safety monitor began to brake.
+        service_braking_s: how long it braked.
         last_reason: the latest correction in words, empty if there was none.
     """
 
@@ -81,6 +84,8 @@ class Trip:
         plant.resume(self.step.memory)
         self.clamps: Counter[Clamp] = Counter()
         self.limited_ticks = 0
+        self.interventions = 0
+        self.service_braking_s = 0.0
         self.last_reason = ""
         self._last_limited_tick = -RECENT_TICKS
 
@@ -99,6 +104,10 @@ class Trip:
         """Whether a command was limited a short while ago."""
         return self.tick - self._last_limited_tick < RECENT_TICKS
 
+    def watch(self, sensor: RangeSensor) -> None:
+        """Let the safety monitor of the plant watch the vehicle ahead."""
+        self._plant.watch(sensor, self.step.memory)
+
     def anew(self) -> Trip:
         """Return the same trip at its start, driven by the same plant."""
         return Trip(self._plant, self._duration_s, self._period_s, self._start, self._first_tick)
@@ -115,9 +124,13 @@ class Trip:
     def advance(self, command: Command) -> PlantStep:
         """Drive one interval and return what is observed at its end."""
         step = self._plant.advance(self.step.state, command, self._period_s)
+        before = self.step.memory
         self.tick += 1
         exact_time = replace(step.state, time_s=self.stamp_ns / NS_PER_S)
         self.step = replace(step, state=exact_time)
+        self.service_braking_s += step.safety.service_braking_s
+        if (step.memory.since_s, step.memory.reason) != (before.since_s, before.reason):
+            self.interventions += 1
         if step.report.clamps:
             self.clamps.update(step.report.clamps)
             self.limited_ticks += 1

@@ -31,7 +31,7 @@ MATCHING_PERIOD_S = 0.02
 
 
 class BridgeNode(SuiteNode):
-    """Publishes `v2x/slope` once, then `v2x/leader` and `v2x/leader_preview` for every `/clock`.
+    """Publishes `v2x/slope` once, then leader, samples and preview of it for every `/clock`.
 
     The clock sets the pace in lock-step and in real time alike, so the node has no timer of its own
     but for its diagnostics and the wait for its peers. A stray clock is not answered: whoever followed the
@@ -49,6 +49,7 @@ class BridgeNode(SuiteNode):
         self._answer: BridgeAnswer | None = None
         self._unanswered_ns: int | None = None
         self._leader_publisher = self.advertise(Topic.LEADER)
+        self._samples_publisher = self.advertise(Topic.LEADER_SAMPLES)
         self._preview_publisher = self.advertise(Topic.LEADER_PREVIEW)
         self._slope_publisher = self.advertise(Topic.SLOPE)
         self._slope_publisher.publish(encode_slope(self._answers.slope_ahead()))
@@ -112,9 +113,12 @@ class BridgeNode(SuiteNode):
             # The stamp is that of the clock to the nanosecond, however late the hour.
             leader = encode_leader.data(self.frame_prefix, answer.leader, time_ns)
             self._leader_publisher.publish(leader)
-        self._preview_publisher.publish(
-            encode_leader_preview_bytes(answer.preview, time_ns, self.frame(ROAD_FRAME))
-        )
+        for publisher, motion in (
+            (self._samples_publisher, self._answers.samples(answer)),
+            (self._preview_publisher, answer.preview),
+        ):
+            data = encode_leader_preview_bytes(motion, time_ns, self.frame(ROAD_FRAME))
+            publisher.publish(data)
 
     def _report(self) -> None:
         answer = self._answer

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from iptm_core.state import SlopePreview
+from iptm_core.state import LeaderPreview, SlopePreview
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_v2x_bridge.bridge import BridgeAnswer, V2xBridge
 from iptm_v2x_bridge.node_cam_answers import CamAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, LeaderSource
 from iptm_v2x_bridge.node_vehicle_answers import VehicleAnswers
-from iptm_v2x_bridge.source import CycleSource
+from iptm_v2x_bridge.source import CycleSource, sampling_times_s
 
 
 class NodeAnswers(Protocol):
@@ -19,6 +19,10 @@ class NodeAnswers(Protocol):
 
     def answer(self, time_ns: int) -> BridgeAnswer | None:
         """Return the answer to a tick, None while something is missing."""
+        ...
+
+    def samples(self, answer: BridgeAnswer) -> LeaderPreview:
+        """Return what a range sensor measures of the leader from the tick of an answer to the next one."""
         ...
 
     def begin_trip(self) -> None:
@@ -92,6 +96,12 @@ class _CycleAnswers:
 
     def answer(self, time_ns: int) -> BridgeAnswer:
         return self._bridge.answer(time_ns)
+
+    def samples(self, answer: BridgeAnswer) -> LeaderPreview:
+        options = self._options
+        return self._source.sampled(
+            sampling_times_s(answer.time_ns, options.period_s, options.monitor_period_s)
+        )
 
     def missing(self) -> str:
         return ""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from nav_msgs.msg import Odometry
 
-from iptm_core.state import SlopePreview
+from iptm_core.state import LeaderPreview, SlopePreview
 from iptm_core.trip_time import NS_PER_MS
 from iptm_interfaces.codecs import encode_raw_datagram, ns_from_time
 from iptm_interfaces.suite_node import SuiteNode
@@ -21,7 +21,7 @@ from iptm_v2x_bridge.node_datagrams import open_source
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
-from iptm_v2x_bridge.source import CycleSource
+from iptm_v2x_bridge.source import CycleSource, single_sample
 
 READ_PERIOD_S = 0.005
 _KEPT_HOST_STATES = 16
@@ -146,6 +146,13 @@ class CamAnswers:
         if self._publisher is not None:
             its_ns = self._start_ms * NS_PER_MS + received_ns
             self._publisher.publish(encode_raw_datagram(datagram, its_ns))
+
+    def samples(self, answer: BridgeAnswer) -> LeaderPreview:
+        """Return the leader at the tick as its messages have it, without the rules of the road."""
+        host = self._host.get(answer.time_ns)
+        if self._rules is None or self._bridge is None or host is None:
+            return single_sample(answer.leader)
+        return single_sample(self._bridge.answer(answer.time_ns, host[0]).leader)
 
     def missing(self) -> str:
         """Return what is waited for, empty if nothing is."""

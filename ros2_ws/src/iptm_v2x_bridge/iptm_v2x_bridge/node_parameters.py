@@ -11,6 +11,7 @@ from iptm_core.settings import (
     FrameSettings,
     ModelSettings,
     PreviewSettings,
+    RangeSensorSettings,
     RoadSettings,
     StringSettings,
     TickSettings,
@@ -85,6 +86,7 @@ class CamSettings(Settings):
 
 @dataclass(frozen=True)
 class BridgeNodeParameters(
+    RangeSensorSettings,
     RoadKnowledgeSettings,
     CamSettings,
     FrameSettings,

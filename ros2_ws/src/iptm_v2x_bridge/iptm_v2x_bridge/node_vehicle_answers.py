@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from trajectory_msgs.msg import JointTrajectory
 
 from iptm_core.errors import ParameterError
-from iptm_core.state import SlopePreview
+from iptm_core.state import LeaderPreview, SlopePreview
 from iptm_interfaces.codecs import decode_plan, ns_from_time
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
@@ -18,7 +18,7 @@ from iptm_interfaces.vehicle_presence import VehiclePresence
 from iptm_v2x_bridge.bridge import BridgeAnswer, V2xBridge
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import PredictorName
-from iptm_v2x_bridge.source import CycleSource
+from iptm_v2x_bridge.source import CycleSource, single_sample
 from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
 
 _KEPT = 16
@@ -105,6 +105,10 @@ class VehicleAnswers:
             return answer
         self._assumed += 1
         return replace(answer, predictor=str(PredictorName.ASSUMED_BRAKING))
+
+    def samples(self, answer: BridgeAnswer) -> LeaderPreview:
+        """Return the state of the vehicle ahead at the tick; see `NodeAnswers`."""
+        return single_sample(answer.leader)
 
     def is_heard(self) -> bool:
         """Return whether somebody listens to what is published beside the answers: there is nothing."""

@@ -105,7 +105,7 @@ def _judge(
             problems.append(f"normal after {normal_after:g} ticks")
         if trip.ended and happened is trip.happened[-1]:
             problems.append(trip.ended)
-    smallest_m = float(run.gap_m[first : last + 1].min())
+    smallest_m = float(run.closest_m[first : last + 1].min())
     braking_m = _braking_gap_m(trip, fault, first, last)
     if smallest_m <= 0.0 < braking_m:
         problems.append(f"collision that brakes avoid (gap {smallest_m:.1f} m)")

@@ -101,7 +101,7 @@ def check_constraints(
         ("acceleration_step", "change of acceleration in one interval", "m/s^2", jerk, m_s2),
         ("compressor_power", "compressor power", "W", compressor, watt),
         ("compressor_power_step", "change of compressor power in one interval", "W", ramp, watt),
-        ("collision", "collision", "m", -np.fmin(run.gap_m, run.smallest_gap_m), 0.0),
+        ("collision", "collision", "m", -run.closest_m, 0.0),
     )
     soft: tuple[_Row, ...] = (
         ("speed", "speed", "m/s", speed, SPEED_TOLERANCE_M_S),

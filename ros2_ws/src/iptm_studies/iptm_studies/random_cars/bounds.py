@@ -1,4 +1,4 @@
-"""What a car could have done at best: with perfect brakes, and with full cooling.
+"""What a car could have done at best: with the brakes that it has, and with full cooling.
 
 A limit that a run broke says little by itself: a leader may brake harder than the host can, and cells may
 start too hot. Both functions tell what could have been avoided within the same limits of the inputs.
@@ -7,6 +7,7 @@ start too hot. Both functions tell what could have been avoided within the same 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,15 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.routes import Route
+from iptm_core.settings import SafetyMonitorSettings
 from iptm_core.state import Command, FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 
 BoolArray = NDArray[np.bool_]
+REACTION_S = SafetyMonitorSettings.monitor_reaction_s
+"""Time from the row in which braking is decided to the request to the brakes."""
+_FINE_STEP_S = 0.05
 ANOTHER_LEADER_M = 3.0
 """A leader that moves by so much more or less than its speed says is another car."""
 
@@ -87,22 +92,23 @@ def _kept_by_braking(run: Trajectory, parameters: ModelParameters, start: int, l
 def avoidable_collisions(
     run: Trajectory, parameters: ModelParameters, look_back_s: float, *, informed: bool
 ) -> BoolArray:
-    """Return which of the rows without a gap a car with perfect brakes within its limits could have avoided.
+    """Return which of the rows without a gap the stated service brakes could have avoided.
 
-    Rows without a break are one episode. A car that is told the truth about its leader could brake in any row
-    at most ``look_back_s`` before it; any other one from the row on in which it can see what the leader does:
-    the one behind the last in which the leader did not lose speed, or the one in which another car leads.
+    Rows without a break are one episode. Braking begins ``REACTION_S`` after the row in which it could have
+    been decided; see `gaps_when_braking`. An informed vehicle could decide that in any row at most
+    ``look_back_s`` before it; any other one from the row on in which it can see what the leader does: the one
+    behind the last in which the leader did not lose speed, or the one in which another car leads.
 
     Args:
         run: the run, n rows.
-        parameters: limits of the inputs.
+        parameters: brakes of the vehicle.
         look_back_s: how far ahead an informed host knows of an episode: its horizon.
         informed: the host is told all about its leader.
 
     Returns:
         The rows of avoidable episodes, shape (n,).
     """
-    touching: BoolArray = run.gap_m <= 0.0
+    touching: BoolArray = run.closest_m <= 0.0
     avoidable = np.zeros_like(touching)
     for first, last in episodes(touching):
         if informed:
@@ -132,25 +138,60 @@ def _seen_from(run: Trajectory, first: int) -> int:
 def gaps_when_braking(
     run: Trajectory, parameters: ModelParameters, start: int, last: int
 ) -> FloatArray:
-    """Return the gaps of a car that brakes as hard as it can from a row on.
+    """Return the gaps of a vehicle that applies its service brakes from a row on.
 
-    From its state in that row, the acceleration falls by the largest jerk in every interval down to its lower
-    bound and stays there until standstill. The leader moves as it did.
+    From its state in that row it goes on at its acceleration for ``REACTION_S`` and the delay of its brakes;
+    then the deceleration builds up to the largest one and stays there until standstill. The leader moves as
+    it did; between two rows its motion is the cubic of positions and speeds.
 
     Args:
         run: the run, n rows.
-        parameters: limits of the inputs.
+        parameters: brakes of the vehicle.
         start: row from which on it brakes.
         last: last row that counts.
 
     Returns:
-        Gaps in m of the rows from ``start`` to ``last``.
+        Gaps in m of the rows from ``start`` to ``last``: each the smallest one since the row before.
     """
-    positions, _ = _motion_when_braking(run, parameters, start, last)
-    gaps: FloatArray = run.leader_position_m[start : last + 1] - np.concatenate(
-        ([run.position_m[start]], positions)
+    brakes = parameters.brakes
+    times = run.time_s[start : last + 1] - run.time_s[start]
+    counts = np.ceil(np.diff(times) / _FINE_STEP_S).astype(int)
+    pieces = [
+        np.linspace(begin, end, count, endpoint=False)
+        for begin, end, count in zip(times[:-1], times[1:], counts, strict=True)
+    ]
+    fine = np.concatenate([*pieces, times[-1:]])
+    wait_s = REACTION_S + brakes.delay_s
+    present = float(run.acceleration_m_s2[start])
+    built_up = np.maximum(
+        present - brakes.build_up_m_s3 * np.maximum(fine - wait_s, 0.0),
+        -max(brakes.max_deceleration_m_s2, -present),
     )
-    return gaps
+    lengths = np.diff(fine)
+    gained = np.concatenate(([0.0], np.cumsum(0.5 * (built_up[1:] + built_up[:-1]) * lengths)))
+    speeds = np.maximum(float(run.speed_m_s[start]) + gained, 0.0)
+    moved = np.concatenate(([0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * lengths)))
+    gaps = _leader_positions_m(run, start, last, fine) - run.position_m[start] - moved
+    # Row 0 of the result is the start; the others end what lies since the row before.
+    ends = np.concatenate(([0], np.cumsum(counts)))
+    smallest = [gaps[0], *(gaps[a + 1 : b + 1].min() for a, b in pairwise(ends))]
+    return np.array(smallest)
+
+
+def _leader_positions_m(run: Trajectory, start: int, last: int, times_s: FloatArray) -> FloatArray:
+    """Return where the leader was at times since a row, by cubics between the rows."""
+    rows = slice(start, last + 1)
+    nodes = run.time_s[rows] - run.time_s[start]
+    positions, speeds = run.leader_position_m[rows], run.leader_speed_m_s[rows]
+    index = np.clip(np.searchsorted(nodes, times_s, side="right") - 1, 0, nodes.size - 2)
+    length = nodes[index + 1] - nodes[index]
+    part = (times_s - nodes[index]) / length
+    way = positions[index + 1] - positions[index]
+    first, second = speeds[index] * length, speeds[index + 1] * length
+    found: FloatArray = positions[index] + part * (
+        first + part * (3.0 * way - 2.0 * first - second + part * (first + second - 2.0 * way))
+    )
+    return found
 
 
 def _motion_when_braking(

@@ -181,7 +181,7 @@ def judge(run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judgemen
     spec = inputs.spec
     informed = not spec.faults and spec.preview == PreviewSpec()
     horizon_s = Horizon.parse(spec.horizon).duration_s
-    touching: BoolArray = trip.gap_m <= 0.0
+    touching: BoolArray = trip.closest_m <= 0.0
     avoidable = avoidable_collisions(trip, parameters, horizon_s, informed=informed)
     note_rows("collision", avoidable)
     note_rows("collision_leader", touching & ~avoidable)

@@ -1,0 +1,106 @@
+"""The range sensor of the plant node: measurements of the vehicle ahead, joined with commands by stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from sensor_msgs.msg import JointState
+
+from iptm_core.settings import LoopMode
+from iptm_core.state import LeaderPreview, VehicleState
+from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces.codecs import decode_leader_preview_bytes, ns_from_time
+from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import TOPICS, Topic
+from iptm_plant_sim.node_parameters import PlantNodeParameters
+
+WAIT_S = 1.0
+"""Lock-step: a command waits for the measurements of its stamp for so much wall time."""
+_KEPT = 16
+
+
+class NodeRangeSensor:
+    """Measurements by stamp; in lock-step a command is held until those of its stamp have arrived.
+
+    A sensor that does not answer in time is not waited for again before it has answered.
+
+    Attributes:
+        is_silent: there was no measurement of the present interval.
+        silent_intervals: how often there was none.
+    """
+
+    def __init__(self, node: SuiteNode, options: PlantNodeParameters) -> None:
+        """Listen to the measurements.
+
+        Args:
+            node: the plant node.
+            options: its parameters.
+        """
+        self._is_used = options.safety_monitor
+        self._waits = self._is_used and options.mode is LoopMode.LOCK_STEP
+        self._samples: dict[int, LeaderPreview] = {}
+        self._held: JointState | None = None
+        self._take: Callable[[JointState], None] = lambda _: None
+        self._now_ns: Callable[[], int] = lambda: -1
+        self.is_silent = False
+        self.silent_intervals = 0
+        # The first message must not be missed: the publisher keeps it.
+        qos = TOPICS[Topic.LEADER_SAMPLES].offered_qos
+        node.listen(Topic.LEADER_SAMPLES, self._on_samples, raw=True, qos=qos)
+        self._timer = node.every(WAIT_S, self._release)
+        self._timer.cancel()
+
+    @property
+    def is_holding(self) -> bool:
+        """Whether a command waits for measurements."""
+        return self._held is not None
+
+    def begin_trip(self) -> None:
+        """Forget the measurements of another trip."""
+        self._samples.clear()
+
+    def measure(self, state: VehicleState) -> LeaderPreview | None:
+        """Return the measurements of the interval that begins with a state; None if the sensor is silent."""
+        now_ns = round(state.time_s * NS_PER_S)
+        found = self._samples.get(now_ns)
+        for stamp_ns in [stamp_ns for stamp_ns in self._samples if stamp_ns <= now_ns]:
+            del self._samples[stamp_ns]
+        self.is_silent = self._is_used and found is None
+        self.silent_intervals += self.is_silent
+        return found
+
+    def in_step(
+        self, take: Callable[[JointState], None], now_ns: Callable[[], int]
+    ) -> Callable[[JointState], None]:
+        """Return a callback that hands commands on, the awaited one when its measurements are there.
+
+        Args:
+            take: takes a command.
+            now_ns: returns the stamp of the present state, whose command is awaited.
+        """
+        self._take, self._now_ns = take, now_ns
+        return self._on_command
+
+    def _on_command(self, message: JointState) -> None:
+        stamp_ns = ns_from_time(message.header.stamp)
+        measured = self.is_silent or stamp_ns in self._samples
+        if not self._waits or measured or stamp_ns != self._now_ns():
+            self._take(message)
+            return
+        self._held = message
+        self._timer.reset()
+
+    def _on_samples(self, data: bytes) -> None:
+        stamp_ns, samples = decode_leader_preview_bytes(data)
+        self._samples[stamp_ns] = samples
+        while len(self._samples) > _KEPT:
+            del self._samples[next(iter(self._samples))]
+        held = self._held
+        if held is not None and ns_from_time(held.header.stamp) == stamp_ns:
+            self._release()
+
+    def _release(self) -> None:
+        self._timer.cancel()
+        held, self._held = self._held, None
+        if held is not None:
+            self._take(held)
