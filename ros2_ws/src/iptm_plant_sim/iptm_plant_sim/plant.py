@@ -85,11 +85,11 @@ class Plant:
         if thermal_model is ThermalModel.FULL_CHANNEL:
             self._channel = ChannelIntegrator(parameters)
 
-    def watch(self, sensor: RangeSensor, memory: MonitorMemory | None = None) -> None:
+    def watch(self, sensor: RangeSensor | None, memory: MonitorMemory | None = None) -> None:
         """Let the safety monitor watch the vehicle ahead from now on.
 
         Args:
-            sensor: called once at the start of every interval, in order.
+            sensor: called once at the start of every interval, in order; None for no monitor.
             memory: what the monitor remembers; by default nothing.
         """
         self._sensor = sensor

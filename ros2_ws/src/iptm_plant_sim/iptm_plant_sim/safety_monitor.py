@@ -12,9 +12,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.settings import SafetyMonitorSettings
-from iptm_core.state import LeaderPreview, LeaderState
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 SHARE_TIME_CONSTANT_S = 0.3
 """Of the estimate of what the brakes deliver: it has settled within 1 s of braking."""
@@ -22,6 +24,7 @@ LEAST_SHARE = 0.1
 JUDGED_FROM_M_S2 = 0.3
 JUDGED_FROM_M_S = 0.5
 """Brakes are judged by requests harder and speeds above these."""
+_RESOLUTION_S = 1e-9
 ANOTHER_LEAD_M = 3.0
 """A vehicle ahead that moves by so much more or less than its speeds say is another one."""
 LARGEST_MEASURING_INTERVAL_S = 5.0
@@ -226,45 +229,75 @@ class LeadMeasurements:
             samples: measurements of the interval in order; none at all for a free road. None if the sensor is
                 silent.
         """
+        self._memory = memory
         if samples is None:
-            self._known = [] if memory.lead is None else [memory.lead]
-        else:
-            rows = zip(samples.times_s, samples.positions_m, samples.speeds_m_s, strict=True)
-            self._known = [LeaderState(*map(float, row)) for row in rows]
-        self._accelerations = []
-        before, acceleration = memory.lead, memory.lead_acceleration_m_s2
-        for state in self._known:
-            interval_s = math.inf if before is None else state.time_s - before.time_s
-            if before is not None and 0.0 < interval_s <= LARGEST_MEASURING_INTERVAL_S:
-                foreseen_m = 0.5 * (before.speed_m_s + state.speed_m_s) * interval_s
-                other = abs(state.position_m - before.position_m - foreseen_m) > ANOTHER_LEAD_M
-                change_m_s = 0.0 if other else state.speed_m_s - before.speed_m_s
-                acceleration = change_m_s / interval_s
-            elif interval_s != 0.0:
-                acceleration = 0.0
-            self._accelerations.append(acceleration)
-            before = state
+            samples = _NOTHING if memory.lead is None else _single(memory.lead)
+        self._samples = samples
+        self._last = samples.times_s.size - 1
+
+    def bounds(self) -> tuple[float, float] | None:
+        """Return smallest position and speed measured; None unless it is measured several times."""
+        if self._last < 1:
+            return None
+        return float(self._samples.positions_m.min()), float(self._samples.speeds_m_s.min())
 
     def at(self, time_s: float) -> tuple[LeaderState | None, bool]:
         """Return the vehicle ahead at an instant, and whether it is measured then; None for a free road."""
-        index = len(self._known) - 1
-        while index > 0 and self._known[index].time_s > time_s + 1e-9:
-            index -= 1
-        if index < 0:
+        if self._last < 0:
             return None, False
-        known = self._known[index]
+        index = int(np.searchsorted(self._samples.times_s, time_s + _RESOLUTION_S, "right")) - 1
+        index = max(index, 0)
+        known = self._state(index)
         ahead_s = time_s - known.time_s
-        if abs(ahead_s) <= 1e-9:
+        if abs(ahead_s) <= _RESOLUTION_S:
             return known, True
-        slowing = min(self._accelerations[index], 0.0)
+        slowing = min(self._acceleration_m_s2(index), 0.0)
         if known.speed_m_s + slowing * ahead_s <= 0.0 and slowing < 0.0:
             ahead_s = known.speed_m_s / -slowing
         moved_m = ahead_s * (known.speed_m_s + 0.5 * slowing * ahead_s)
         speed_m_s = max(known.speed_m_s + slowing * ahead_s, 0.0)
         return LeaderState(time_s, known.position_m + moved_m, speed_m_s), False
 
+    def measured_after(self, time_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return times and positions of the measurements after an instant, shape (n,) each."""
+        first = int(np.searchsorted(self._samples.times_s, time_s + _RESOLUTION_S, "right"))
+        return self._samples.times_s[first:], self._samples.positions_m[first:]
+
     def noted(self, memory: MonitorMemory) -> MonitorMemory:
         """Return a memory with the latest measurement."""
-        if not self._known:
+        if self._last < 0:
             return replace(memory, lead=None, lead_acceleration_m_s2=0.0)
-        return replace(memory, lead=self._known[-1], lead_acceleration_m_s2=self._accelerations[-1])
+        acceleration = self._acceleration_m_s2(self._last)
+        return replace(memory, lead=self._state(self._last), lead_acceleration_m_s2=acceleration)
+
+    def _state(self, index: int) -> LeaderState:
+        samples = self._samples
+        return LeaderState(
+            float(samples.times_s[index]),
+            float(samples.positions_m[index]),
+            float(samples.speeds_m_s[index]),
+        )
+
+    def _acceleration_m_s2(self, index: int) -> float:
+        """Return the acceleration from the measurement before to another one."""
+        now = self._state(index)
+        before = self._state(index - 1) if index > 0 else self._memory.lead
+        if before is None:
+            return 0.0
+        interval_s = now.time_s - before.time_s
+        if interval_s == 0.0:
+            return self._memory.lead_acceleration_m_s2
+        if not 0.0 < interval_s <= LARGEST_MEASURING_INTERVAL_S:
+            return 0.0
+        foreseen_m = 0.5 * (before.speed_m_s + now.speed_m_s) * interval_s
+        if abs(now.position_m - before.position_m - foreseen_m) > ANOTHER_LEAD_M:
+            return 0.0
+        return (now.speed_m_s - before.speed_m_s) / interval_s
+
+
+def _single(lead: LeaderState) -> LeaderPreview:
+    times, positions, speeds = (np.array([value]) for value in vars(lead).values())
+    return LeaderPreview(lead.time_s, times, positions, speeds)
+
+
+_NOTHING = LeaderPreview.empty()

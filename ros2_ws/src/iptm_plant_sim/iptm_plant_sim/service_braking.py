@@ -12,6 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import numpy as np
+
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, LeaderPreview, SafetyRecord, VehicleState
 from iptm_plant_sim.actuators import ActuatorReport
@@ -132,8 +134,9 @@ class MonitoredInterval:
     def _piece(self, state: VehicleState, requested_m_s2: float, duration_s: float) -> PlantStep:
         actuated = self._report.actuated
         delivered = self._brakes.delivered_m_s2(requested_m_s2)
-        if delivered != actuated.acceleration_m_s2:
-            actuated = Command(delivered, actuated.compressor_power_w)
+        if delivered == actuated.acceleration_m_s2:
+            return self._drive_interval(state, self._report, duration_s)
+        actuated = Command(delivered, actuated.compressor_power_w)
         return self._drive_interval(state, replace(self._report, actuated=actuated), duration_s)
 
     @staticmethod
@@ -158,6 +161,8 @@ class MonitoredInterval:
         return position_m, max(state.speed_m_s + a * after_s, 0.0)
 
     def _is_ever_unsafe(self, memory: MonitorMemory, leads: LeadMeasurements) -> bool:
+        if self._is_safe_throughout(memory, leads):
+            return False
         for after_s in self._instants_s:
             lead, _ = leads.at(self._state.time_s + after_s)
             if lead is None:
@@ -173,13 +178,36 @@ class MonitoredInterval:
                 return True
         return False
 
+    def _is_safe_throughout(self, memory: MonitorMemory, leads: LeadMeasurements) -> bool:
+        """Return whether even the worst values of all instants together are safe.
+
+        The safe distance grows with the own speed and falls with that of the vehicle ahead.
+        """
+        bounds = leads.bounds()
+        if bounds is None:
+            return False
+        position_m, speed_m_s = self._motion_at(self._duration_s)
+        return not self._monitor.is_unsafe(
+            bounds[0] - position_m,
+            max(speed_m_s, self._state.speed_m_s),
+            self._requested_m_s2,
+            bounds[1],
+            memory.brake_share,
+        )
+
     def _smallest_gap_m(self, leads: LeadMeasurements) -> float:
-        gaps = []
-        for after_s in self._instants_s[1:]:
-            lead, measured = leads.at(self._state.time_s + after_s)
-            if lead is not None and measured:
-                gaps.append(lead.position_m - self._motion_at(after_s)[0])
-        return min(gaps, default=math.nan)
+        """Return the smallest gap measured after the start, if the command is carried out."""
+        times_s, positions_m = leads.measured_after(self._state.time_s)
+        if not times_s.size:
+            return math.nan
+        state, a = self._state, self._brakes.delivered_m_s2(self._requested_m_s2)
+        speed = state.speed_m_s
+        if speed < STANDSTILL_SPEED_M_S and a < STANDSTILL_ACCELERATION_M_S2:
+            return float(positions_m.min()) - state.position_m
+        after_s = times_s - state.time_s
+        if a < 0.0:
+            after_s = np.minimum(after_s, speed / -a)
+        return float((positions_m - after_s * (speed + 0.5 * a * after_s)).min()) - state.position_m
 
     # --- an interval with braking, piece by piece
 

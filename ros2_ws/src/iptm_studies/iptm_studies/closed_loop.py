@@ -128,6 +128,7 @@ def run_closed_loop(
         step = plant.advance(step.state, decision.command, tick_s)
         leader_now, measured = measure(step.state, tick + 1)
     observe(step, leader_now)
+    plant.watch(None)  # its sensor belongs to this trip
     trajectory = Trajectory.from_ticks(observed)
     return ClosedLoopRun(
         trajectory,
