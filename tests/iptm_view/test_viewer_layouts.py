@@ -75,7 +75,12 @@ def test_foxglove() -> None:
     scene = layout["configById"]["3D!scene"]
     assert set(scene["topics"]) == {f"/{spec.name}" for spec in VISUAL_TOPICS.values()}
     assert values == NAMED_VALUES
-    assert SPECS.keys() - named == {"/clock", "/v2x/slope", "/v2x/datagrams"}
+    assert SPECS.keys() - named == {
+        "/clock",
+        "/v2x/slope",
+        "/v2x/datagrams",
+        "/v2x/leader_samples",
+    }
 
 
 def test_plotjuggler() -> None:

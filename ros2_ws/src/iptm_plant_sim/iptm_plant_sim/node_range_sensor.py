@@ -102,5 +102,5 @@ class NodeRangeSensor:
     def _release(self) -> None:
         self._timer.cancel()
         held, self._held = self._held, None
-        if held is not None:
+        if held is not None and ns_from_time(held.header.stamp) == self._now_ns():
             self._take(held)
