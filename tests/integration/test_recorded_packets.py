@@ -116,7 +116,7 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
         assert process.stop(signal.SIGINT) == 0
 
     # The pure parts, from the bag alone.
-    recording = read_recording(bag, port, 0)
+    recording = read_recording(bag, port, 0, "", pytest.fail)
     road = build_route("nycc", initial_gap_m=15.0).road_line
     pure = RecordedRadio(
         recording, CamBridge(road, start_timestamp_ms=recording.start_timestamp_ms)

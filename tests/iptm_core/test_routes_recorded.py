@@ -185,3 +185,18 @@ def test_the_example_is_the_cycle_that_it_was_made_from() -> None:
     truth = made_from.leader.speeds_at(trip.cycle.times_s)
     assert np.sqrt(np.mean((trip.cycle.speeds_m_s - truth) ** 2)) < 0.6
     assert trip.cycle.distance_m == pytest.approx(made_from.leader.positions_m[-1] - 15.0, rel=0.01)
+
+
+def test_a_track_that_is_too_long_is_refused_while_it_is_read(
+    write: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("iptm_core.routes.gpx.MAX_POINTS", 20)
+    with pytest.raises(RouteError, match=r"drive.gpx: more than 20 track points"):
+        read_user_trip(write(gpx(PLACES)))
+
+
+def test_a_refusal_shows_a_part_of_a_long_text(write: Callable[..., Path]) -> None:
+    text = gpx(PLACES).replace("<time>", "<time>" + "9" * 100_000, 1)
+    with pytest.raises(RouteError, match="track point 1: time is '999") as refusal:
+        read_user_trip(write(text))
+    assert len(str(refusal.value)) < 500

@@ -168,10 +168,29 @@ def test_packets_come_out_of_a_capture_as_they_went_in(
     frames = [(begin_s + 0.1 * k, framed(packet)) for k, packet in enumerate(packets)]
     foreign = other if link in {"ethernet", "udp", "vlan"} else framed(b"")[:-20]
     capture.write([(begin_s, foreign), *frames])
-    found = read_capture(path, PORT)
+    found = read_capture(path, PORT, str)
     assert [packet for _, packet in found] == packets
     expected_ns = [its_timestamp_ms(round(1e9 * unix_s)) * 10**6 for unix_s, _ in frames]
     np.testing.assert_allclose([at_ns for at_ns, _ in found], expected_ns, rtol=0, atol=2e6)
+
+
+@pytest.mark.parametrize("suffix", [".pcap", ".pcapng"])
+def test_a_capture_that_is_cut_or_malformed_is_reported(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"radio{suffix}"
+    capture = Capture(path, 1)
+    frames = [ETHERNET + b"\x08\x00" + capture.udp(bytes([k] * 9), PORT) for k in range(60)]
+    frames[7] = frames[7][:3]
+    capture.write([(1e9 + k, frame) for k, frame in enumerate(frames)])
+    warnings: list[str] = []
+    whole = read_capture(path, PORT, warnings.append)
+    assert len(whole) == 59
+    assert [text.rpartition(": ")[2] for text in warnings] == ["1 malformed frames are left out"]
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) * 2 // 3 + 5])
+    warnings.clear()
+    found = read_capture(path, PORT, warnings.append)
+    assert found == whole[: len(found)]
+    assert f"cut short within a packet; the {len(found)} before it" in warnings[0]
 
 
 def test_what_is_no_capture_ends_in_one_line(tmp_path: Path) -> None:
@@ -179,7 +198,7 @@ def test_what_is_no_capture_ends_in_one_line(tmp_path: Path) -> None:
     capture = Capture(path, 1)
     capture.write([(1.0, ETHERNET + b"\x08\x00" + capture.udp(b"of another service", 9999))])
     with pytest.raises(ParameterError, match=f"no UDP datagram to port {PORT}"):
-        read_capture(path, PORT)
+        read_capture(path, PORT, str)
     content = path.read_bytes()
     source = random.Random(5)  # noqa: S311 - no secret
     for number in range(300):
@@ -188,9 +207,9 @@ def test_what_is_no_capture_ends_in_one_line(tmp_path: Path) -> None:
             damaged[source.randrange(len(damaged))] = source.randrange(256)
         path.write_bytes(damaged[: source.randrange(1, len(damaged) + 1)])
         with pytest.raises(ParameterError, match="recorded_packets is"):
-            read_capture(path, PORT)
+            read_capture(path, PORT, str)
     with pytest.raises(ParameterError, match="recorded_packets is"):
-        read_capture(tmp_path / "none.pcap", PORT)
+        read_capture(tmp_path / "none.pcap", PORT, str)
 
 
 def test_an_empty_recording_leads_no_one(route: Route) -> None:

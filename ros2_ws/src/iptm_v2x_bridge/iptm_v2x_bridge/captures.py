@@ -23,17 +23,22 @@ GEONETWORKING_ETHERTYPE = 0x8947
 MAX_BYTES = 1_000_000_000
 _HOW_TO = ".venv/bin/python -m pip install --require-hashes -r requirements/capture.txt"
 _NG_MAGIC = b"\x0a\x0d\x0d\x0a"
+_PCAP_HEADER_BYTES = 24
+_LEAST_RECORD_BYTES = 12
+_LITTLE_ENDIAN_PCAP = (b"\xd4\xc3\xb2\xa1", b"\x4d\x3c\xb2\xa1")
+_LITTLE_ENDIAN_NG = 0x4D
 _SNAP = b"\xaa\xaa\x03\x00\x00\x00"
 _DATA_FRAME, _WITH_QOS = 2, 8
 _LINKTYPE_RAW = 101
 
 
-def read_capture(path: Path, port: int) -> list[tuple[int, bytes]]:
+def read_capture(path: Path, port: int, warn: Callable[[str], None]) -> list[tuple[int, bytes]]:
     """Return what a capture holds for the receiver: times of reception (ns of TimestampIts) and packets.
 
     Args:
         path: the file.
         port: UDP port of the receiver.
+        warn: called with a sentence if a part of the capture cannot be read.
 
     Raises:
         ParameterError: no such file, no capture, of an unknown link type or damaged, or nothing in it.
@@ -53,8 +58,10 @@ def read_capture(path: Path, port: int) -> list[tuple[int, bytes]]:
         ) from reason
     try:
         kind = dpkt.pcapng if content.startswith(_NG_MAGIC) else dpkt.pcap
-        reader = kind.Reader(io.BytesIO(content))
-        found = list(_packets(reader, _Frames(dpkt, port).reader_of(reader.datalink())))
+        whole = _whole_bytes(content)
+        reader = kind.Reader(io.BytesIO(content[:whole]))
+        frames = _Frames(dpkt, port)
+        found = list(_packets(reader, frames.reader_of(reader.datalink())))
     except (dpkt.Error, ValueError, struct.error, LookupError, TypeError) as reason:
         raise ParameterError(
             f"recorded_packets is {str(path)!r}, which cannot be read as a capture ({reason}); "
@@ -65,7 +72,30 @@ def read_capture(path: Path, port: int) -> list[tuple[int, bytes]]:
             f"recorded_packets is {str(path)!r}, which holds no GeoNetworking packet and no UDP datagram to "
             f"port {port}; allowed: a capture with one or more (cam_port says which port)"
         )
+    if whole < len(content):
+        warn(f"{path} was cut short within a packet; the {len(found)} before it are read")
+    if frames.malformed:
+        warn(f"{path}: {frames.malformed} malformed frames are left out")
     return found
+
+
+def _whole_bytes(content: bytes) -> int:
+    """Return where the last record that is complete ends."""
+    at, order = 0, ">"
+    is_ng = content.startswith(_NG_MAGIC)
+    if not is_ng:
+        at, order = _PCAP_HEADER_BYTES, "<" if content[:4] in _LITTLE_ENDIAN_PCAP else ">"
+    while at + _LEAST_RECORD_BYTES <= len(content):
+        if is_ng:
+            if content.startswith(_NG_MAGIC, at):  # a section, which states its byte order
+                order = "<" if content[at + 8] == _LITTLE_ENDIAN_NG else ">"
+            size = int(struct.unpack_from(f"{order}I", content, at + 4)[0])
+        else:
+            size = 16 + int(struct.unpack_from(f"{order}I", content, at + 8)[0])
+        if size < _LEAST_RECORD_BYTES or at + size > len(content):
+            break
+        at += size
+    return at
 
 
 def _packets(
@@ -85,9 +115,13 @@ class _Frames:
     Args:
         dpkt: the library.
         port: UDP port whose datagrams count.
+
+    Attributes:
+        malformed: frames that could not be read.
     """
 
     def __init__(self, dpkt: Any, port: int) -> None:
+        self.malformed = 0
         self._dpkt, self._port = dpkt, port
 
     def reader_of(self, link_type: int) -> Callable[[bytes], bytes | None]:
@@ -113,6 +147,7 @@ class _Frames:
             try:
                 return links[link_type](frame)
             except (self._dpkt.Error, struct.error, IndexError):
+                self.malformed += 1
                 return None
 
         return tolerant

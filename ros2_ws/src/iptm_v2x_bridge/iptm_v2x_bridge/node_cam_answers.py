@@ -50,7 +50,8 @@ class CamAnswers:
         self._rules: TickBridge | None = None
         self._before: tuple[CamBridge | None, TickBridge | None, int, int, int | None]
         self._before = (None, None, 0, 0, None)
-        self._datagrams = open_source(options, node.resolve_topic_name(Topic.DATAGRAMS.value))
+        topic = node.resolve_topic_name(Topic.DATAGRAMS.value)
+        self._datagrams = open_source(options, topic, node.get_logger().warning)
         self._host: dict[int, tuple[float, float]] = {}
         self._host_speed_m_s = 0.0
         self._start_ms = self._last_ns = 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -53,12 +53,13 @@ class DatagramSource(Protocol):
         ...
 
 
-def open_source(options: CamSettings, topic: str) -> DatagramSource:
+def open_source(options: CamSettings, topic: str, warn: Callable[[str], None]) -> DatagramSource:
     """Return the source that the parameters ask for.
 
     Args:
         options: of the node.
         topic: full name of the node's own topic of datagrams, which counts where a bag has several.
+        warn: called with a sentence if a part of the recording cannot be read.
 
     Raises:
         IptmError: the socket or the recording is not usable.
@@ -70,6 +71,7 @@ def open_source(options: CamSettings, topic: str) -> DatagramSource:
                 options.cam_port,
                 options.trip_start_timestamp_ms,
                 topic,
+                warn,
             )
         )
     return _SocketSource(
@@ -186,7 +188,7 @@ class _RecordedSource:
 
 
 def read_recording(
-    path: Path, port: int, start_timestamp_ms: int, topic: str = ""
+    path: Path, port: int, start_timestamp_ms: int, topic: str, warn: Callable[[str], None]
 ) -> RadioRecording:
     """Return the radio traffic in a bag or a capture.
 
@@ -194,13 +196,14 @@ def read_recording(
         path: bag folder, .mcap file, .pcap or .pcapng.
         port: UDP port whose datagrams count in a capture.
         start_timestamp_ms: TimestampIts at trip time 0; a bag knows its own.
-        topic: full name of the topic that counts where a bag has several.
+        topic: full name of the topic that counts where a bag has several; "" for any.
+        warn: called with a sentence if a part of a capture cannot be read.
 
     Raises:
         IptmError: there is none, or it cannot be read.
     """
     if path.suffix.lower() in CAPTURE_SUFFIXES:
-        captured = read_capture(path, port)
+        captured = read_capture(path, port, warn)
         start_ms = max(start_timestamp_ms, 0)
         marked = recording_with_marks(captured, str(path), start_ms)
         return marked or recording_by_time(captured, start_ms)

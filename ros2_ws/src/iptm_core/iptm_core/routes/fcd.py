@@ -20,6 +20,7 @@ FCD_SUFFIX = ".xml"
 MAX_BYTES = 1_000_000_000
 """Of one vehicle only its own rows are kept."""
 _KIND = "SUMO FCD"
+_LONGEST_ID = 200
 _DEGREES_PER_M = 1e-3
 """Places that move by less for each metre of way are degrees; by metres of a plane they move by 1."""
 
@@ -45,6 +46,10 @@ class _Vehicle(PlainXml):
             self._time = attributes.get("time", "")
         elif tag == "vehicle":
             name = attributes.get("id", "")
+            if len(name) > _LONGEST_ID:
+                raise RouteError(
+                    f"a vehicle's id has {len(name)} characters; allowed: up to {_LONGEST_ID}"
+                )
             self.names.setdefault(name)
             self.name = self.name or name
             if name == self.name:

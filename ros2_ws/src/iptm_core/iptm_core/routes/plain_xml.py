@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from iptm_core.errors import RouteError
+from iptm_core.strict_mapping import shown
 from iptm_core.user_input import number, read_bounded
 
 
@@ -67,5 +68,5 @@ def finite_number(where: str, name: str, text: str | None) -> float:
     except ValueError:
         value = float("nan")
     if not np.isfinite(value):
-        raise RouteError(f"{where}: {name} is {text!r}; allowed: a finite number")
+        raise RouteError(f"{where}: {name} is {shown(text)}; allowed: a finite number")
     return value
