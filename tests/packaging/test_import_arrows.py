@@ -35,6 +35,7 @@ ALLOWED = {
         "iptm_faults",
     },
     "iptm_reproduction": {"iptm_core", "iptm_controller", "iptm_studies"},
+    "iptm_validation": {"iptm_core"},
     "iptm_traffic": {
         "iptm_core",
         "iptm_interfaces",
@@ -55,6 +56,7 @@ PURE = {
     "iptm_studies",
     "iptm_reproduction",
     "iptm_traffic",
+    "iptm_validation",
 }
 
 # Nodes with faults inside are the nodes themselves but for that; the table of faults shows what the

@@ -32,6 +32,7 @@ LIBRARIES = {
     "pyarrow": ("python3-pyarrow-pip", "pyarrow"),
     "rich": ("python3-rich", "rich"),
     "rosbags": ("python3-rosbags-pip", "rosbags"),
+    "scipy": ("python3-scipy", "scipy"),
     "yaml": ("python3-yaml", "pyyaml"),
     "zstandard": ("python3-zstandard-pip", "zstandard"),
 }

@@ -52,3 +52,7 @@ class SolverSetupError(IptmError):
 
 class ViewError(IptmError):
     """The live view cannot be shown as asked: a port is taken, or a library or a browser is missing."""
+
+
+class MeasurementError(IptmError):
+    """A file of measured data is missing, damaged or lacks a column."""

@@ -51,6 +51,11 @@ def cos(value: Scalar) -> Scalar:
     return _unary(value, ca.cos, np.cos, math.cos)
 
 
+def asinh(value: Scalar) -> Scalar:
+    """Inverse hyperbolic sine."""
+    return _unary(value, ca.asinh, np.arcsinh, math.asinh)
+
+
 def where(condition: Scalar, if_true: Scalar, if_false: Scalar) -> Scalar:
     """Element-wise choice; both branches are evaluated for arrays and symbols."""
     if is_symbolic(condition, if_true, if_false):
@@ -81,6 +86,11 @@ def maximum(first: Scalar, second: Scalar, width: float = 0.0) -> Scalar:
     if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
         return np.maximum(first, second)
     return max(first, second)
+
+
+def minimum(first: Scalar, second: Scalar, width: float = 0.0) -> Scalar:
+    """Smaller of two values; with ``width`` > 0 the hyperbolic approximation from below."""
+    return -maximum(-first, -second, width)
 
 
 def absolute(value: Scalar, width: float = 0.0) -> Scalar:

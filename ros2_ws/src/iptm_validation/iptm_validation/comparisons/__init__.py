@@ -1,0 +1,1 @@
+"""Figures, curves and texts of each comparison with measurements."""

@@ -1,0 +1,1 @@
+"""Excerpts of public measurements; sources and licences stand in SOURCES.md."""

@@ -1,0 +1,1 @@
+"""Fitted parameters as YAML, with the data that they were fitted to."""

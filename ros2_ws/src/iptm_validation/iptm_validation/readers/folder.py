@@ -1,0 +1,111 @@
+"""All measurements in a folder: each file is recognised by its first lines, whatever it is called."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from iptm_core.errors import MeasurementError
+from iptm_validation.measurements import (
+    CellTest,
+    Drive,
+    Driver,
+    DynamometerTest,
+    MeasuredData,
+    Trip,
+)
+from iptm_validation.readers import bmw_i3, epa, openacc, panasonic
+from iptm_validation.readers.columns import head_of
+
+SUFFIXES = (".csv", ".csv.gz", ".mat")
+Named = TypeVar("Named", Trip, Drive, CellTest)
+_READERS: tuple[
+    tuple[
+        Callable[[list[str]], bool],
+        Callable[[Path], Sequence[Trip | Drive | CellTest | DynamometerTest]],
+    ],
+    ...,
+] = (
+    (bmw_i3.is_compact_i3, bmw_i3.compact_trips),
+    (bmw_i3.is_original_i3, bmw_i3.original_trips),
+    (openacc.is_compact_openacc, openacc.compact_drives),
+    (openacc.is_original_openacc, openacc.original_drives),
+    (panasonic.is_compact_panasonic, panasonic.compact_cell_tests),
+    (epa.is_epa, epa.dynamometer_tests),
+)
+
+
+def files_of(folder: Path) -> list[Path]:
+    """Return the files below a folder that may hold measurements.
+
+    Raises:
+        MeasurementError: there is no such folder, or nothing of use in it.
+    """
+    if not folder.is_dir():
+        raise MeasurementError(f"data is {str(folder)!r}; allowed: a folder")
+    found = sorted(path for path in folder.rglob("*") if path.name.lower().endswith(SUFFIXES))
+    if not found:
+        raise MeasurementError(f"{folder} holds no file that ends in {', '.join(SUFFIXES)}")
+    return found
+
+
+def read_files(paths: list[Path], tell: Callable[[str], None]) -> MeasuredData:
+    """Read files; one that is not recognised or damaged is reported and left out.
+
+    Args:
+        paths: files, originals and compact ones in any order.
+        tell: takes one line per file that was left out.
+
+    Returns:
+        All measurements; of those with the same name the first one.
+    """
+    found: list[Trip | Drive | CellTest | DynamometerTest] = []
+    for path in paths:
+        found += _read_or_tell(path, tell)
+    trips = _first_of_each([item for item in found if isinstance(item, Trip)])
+    drives = [item for item in found if isinstance(item, Drive)]
+    return MeasuredData(
+        trips=tuple(sorted(trips, key=lambda trip: trip.name)),
+        drives=tuple(_first_of_each([*drives, *map(_drive_of, trips)])),
+        cell_tests=tuple(_first_of_each([item for item in found if isinstance(item, CellTest)])),
+        dynamometer_tests=tuple(item for item in found if isinstance(item, DynamometerTest)),
+    )
+
+
+def _read_or_tell(
+    path: Path, tell: Callable[[str], None]
+) -> Sequence[Trip | Drive | CellTest | DynamometerTest]:
+    try:
+        return _read(path)
+    except (MeasurementError, OSError, ValueError, EOFError) as error:
+        tell(f"{path.name}: {error}; left out")
+        return []
+
+
+def _read(path: Path) -> Sequence[Trip | Drive | CellTest | DynamometerTest]:
+    """Return what a file holds.
+
+    Raises:
+        MeasurementError: it is of no known data set, or damaged.
+    """
+    if path.suffix.lower() == ".mat":
+        return panasonic.original_cell_tests(path)
+    head = head_of(path) or [""]
+    for recognises, read in _READERS:
+        if recognises(head):
+            return read(path)
+    raise MeasurementError("its first line is that of no known data set")
+
+
+def _first_of_each(items: Sequence[Named]) -> list[Named]:
+    return list({item.name: item for item in reversed(items)}.values())[::-1]
+
+
+def _drive_of(trip: Trip) -> Drive:
+    """Return the speed of a trip at steps of a second."""
+    grid = np.arange(0.0, trip.time_s[-1], 1.0)
+    speeds = np.interp(grid, trip.time_s, trip.speed_m_s)
+    return Drive(trip.name, trip.name, Driver.ROAD, 1.0, speeds)
