@@ -29,7 +29,7 @@ def test_models_meet_their_bars_on_the_excerpts(
     page = (tmp_path / "validation.md").read_text(encoding="utf-8")
     assert page.count("| met |") > 25
     pictures = sorted(path.name for path in (tmp_path / "validation").iterdir())
-    assert len(pictures) == 8
+    assert len(pictures) == 9
     for name in pictures:
         assert f"(validation/{name})" in page
 

@@ -12,12 +12,14 @@ from iptm_validation.outcome import Comparison, Figure, Outcome
 
 HEAD = """# Models beside measurements
 
-Measured cars, cells and drivers that nobody of this project recorded, beside the models. Errors count on
-trips, tests and cars that were not fitted; choices between models were made by cross-validation on the
-fitted part. Written by `scripts/validate --data FOLDER --page docs`; sources, licences and where to
-download the data: [SOURCES.md](../ros2_ws/src/iptm_validation/iptm_validation/data/SOURCES.md). The
-fitted parameters are in `ros2_ws/src/iptm_validation/iptm_validation/parameters`; `scripts/validate
---data FOLDER` tries them on any files of the same data sets, and `--fit FOLDER` fits them to others.
+Public measurements of cars, cells and drivers beside the models. Errors count on trips, tests and cars
+that were not fitted. Parameters and the choices named below come from the fitted part; the form of the
+models was developed with all of these data in view.
+
+Written by `scripts/validate --data FOLDER --page docs`. Sources, licences and where to download the data:
+[SOURCES.md](../ros2_ws/src/iptm_validation/iptm_validation/data/SOURCES.md). The fitted parameters are in
+`ros2_ws/src/iptm_validation/iptm_validation/parameters`. `scripts/validate --data FOLDER` tries them on
+any files of the same data sets, and `--fit FOLDER` fits them to others.
 
 Every third trip, run and car in alphabetical order is held out; of the cell, all cycles but US06 and the
 pulses are.
@@ -70,7 +72,7 @@ def draw(comparison: Comparison, path: Path) -> None:
         axis.plot(curve.x, curve.measured, color="#555555", linewidth=1.0, label="measured")
         axis.plot(curve.x, curve.modelled, color="#2a9d3a", linewidth=0.8, label="model")
         axis.set_title(
-            f"{rank}: {curve.name}, {comparison.error_label} {curve.error:.2f}", fontsize=9
+            f"{rank}: {curve.name}, {comparison.error_label}: {curve.error:.2f}", fontsize=9
         )
         axis.set_ylabel(comparison.y_label)
         axis.grid(alpha=0.3)

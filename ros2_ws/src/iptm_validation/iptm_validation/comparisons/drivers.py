@@ -12,6 +12,7 @@ from iptm_validation.models.lead_vehicle import (
     LEVELS,
     ONE_CURVE,
     Coverage,
+    LeadBound,
     LeadBounds,
     Observations,
     coverage,
@@ -42,7 +43,7 @@ def compare_drivers(
     Human drivers are few: where the fitted runs are among the data, each fifth of them is left out of a fit.
     """
     figures: list[Figure] = []
-    curves = []
+    comparisons = []
     for driver, name in NAMES.items():
         bound = bounds.of(driver)
         seen = [observations(drive) for drive in drives if drive.driver is driver]
@@ -68,7 +69,8 @@ def compare_drivers(
         figures += _coverage_figures(driver, part, kept)
         if one_curve is not None:
             figures.append(_width_figure(driver, part, kept, one_curve))
-        curves.append(_example(name, others or seen, bounds, driver))
+        if others:
+            comparisons.append(_picture(name, driver, others, bound))
     if not figures:
         return None
     return Outcome(
@@ -76,16 +78,7 @@ def compare_drivers(
         title="Lead vehicles: bounds of the predicted position",
         text=_TEXT.format(levels=", ".join(f"{100 * level:.1f} %" for level in LEVELS.values())),
         figures=tuple(figures),
-        comparisons=(
-            Comparison(
-                "drivers_bounds",
-                "Shortfall after 3 s (measured) and its bound (modelled), drive with the most samples",
-                "time in min",
-                "m",
-                "share within in %",
-                tuple(curves),
-            ),
-        ),
+        comparisons=tuple(comparisons),
     )
 
 
@@ -120,16 +113,26 @@ def _width_figure(driver: Driver, part: str, kept: Coverage, one_curve: Coverage
     return Figure("mean bound at 3 s, tighter than one curve by", label, gain, "%", lowest)
 
 
-def _example(name: str, seen: Sequence[Observations], bounds: LeadBounds, driver: Driver) -> Curve:
-    one = max(seen, key=lambda other: len(other.speed_m_s))
-    bound = bounds.of(driver)
-    assert bound is not None  # noqa: S101  # checked by the caller
-    limit = bound.at(LEAD_OF_WIDTH, one.speed_m_s, one.acceleration_m_s2)
-    shortfall = one.shortfall_m[:, LEAD_OF_WIDTH]
-    known = np.isfinite(shortfall)
-    share = 100.0 * float(np.mean(shortfall[known] <= limit[known]))
-    minutes = np.arange(len(limit)) / 60.0
-    return Curve(f"{name}: {one.drive.name}", share, minutes, shortfall, limit)
+def _picture(
+    name: str, driver: Driver, seen: Sequence[Observations], bound: LeadBound
+) -> Comparison:
+    curves = []
+    for one in seen:
+        limit = bound.at(LEAD_OF_WIDTH, one.speed_m_s, one.acceleration_m_s2)
+        shortfall = one.shortfall_m[:, LEAD_OF_WIDTH]
+        known = np.isfinite(shortfall)
+        if known.any():
+            outside = 100.0 * float(np.mean(shortfall[known] > limit[known]))
+            minutes = np.arange(len(limit)) / 60.0
+            curves.append(Curve(one.drive.name, outside, minutes, shortfall, limit))
+    return Comparison(
+        f"drivers_{driver}",
+        f"{name}: shortfall after 3 s (measured) and its bound (model)",
+        "time in motion in min",
+        "m",
+        "share outside in %",
+        tuple(curves),
+    )
 
 
 _TEXT = """The predicted position lets the acceleration of the last second decay with 4 s. Compared is
