@@ -7,6 +7,7 @@ import pytest
 from scipy.io import savemat
 
 from iptm_validation.measurements import Driver, MeasuredData
+from iptm_validation.models.i3_vehicle import Road
 from iptm_validation.readers.folder import files_of, read_files
 
 
@@ -55,6 +56,20 @@ def test_original_trip_of_the_i3(tmp_path: Path, told: list[str]) -> None:
     np.testing.assert_allclose(trip.heating_w, 1500.0)
     np.testing.assert_allclose(trip.cooling_w, 0.0)
     np.testing.assert_allclose(trip.ambient_k, 293.15)
+    np.testing.assert_allclose(trip.heat_exchanger_k, 295.15)
+
+
+def test_original_trip_without_optional_channels(tmp_path: Path, told: list[str]) -> None:
+    names = "Time [s];Velocity [km/h];Elevation [m];Motor Torque [Nm];Battery Voltage [V];"
+    names += "Battery Current [A];Battery Temperature [°C];Ambient Temperature [°C]"
+    rows = [f"{k};{30 + k};500;20;360;-10;21;20" for k in range(30)]
+    (tmp_path / "TripA98.csv").write_text("\n".join([names, *rows]), encoding="utf-8")
+    (trip,) = read(tmp_path, told).trips
+    assert told == []
+    assert trip.heating_w.max() == 0.0
+    assert np.isnan(trip.charge).all()
+    # Without the temperature that shows how long it was parked, the car counts as cold.
+    assert Road.of(trip).parked_difference_k == 0.0
 
 
 def platoon(path: Path, metadata: list[str], columns: dict[str, list[str]]) -> None:

@@ -34,7 +34,12 @@ COLUMNS = {
     "ambient_temperature_c": "Ambient Temperature [",
     "heat_exchanger_temperature_c": "Heat Exchanger Temperature [",
 }
-OPTIONAL = {"soc_percent", "heating_power_kw", "aircon_power_kw"}
+OPTIONAL = {
+    "soc_percent",
+    "heating_power_kw",
+    "aircon_power_kw",
+    "heat_exchanger_temperature_c",
+}
 
 
 def _filled(values: FloatArray) -> FloatArray:
