@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pyarrow.parquet import read_table
 from tests.foreign_readers import assert_read_by_all
 
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
@@ -95,7 +96,7 @@ def test_a_run_ends_with_bag_table_and_picture_and_can_be_repeated(
     )  # fmt: skip
     one, other = tmp_path / "one", tmp_path / "other"
     with reserve_domain() as domain:
-        first = start(one, *options)
+        first = start(one, *options, "--full", "--against", "reference")
         second = start(other, *options, "--no-picture", "--domain", str(domain))
         for runner in (first, second):
             assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
@@ -130,8 +131,13 @@ def test_a_run_ends_with_bag_table_and_picture_and_can_be_repeated(
     }
     assert results["good"] is True
     assert results["metrics"]["decisions"]["decisions"] == TICKS + 1
-    for text in ("Cooling energy", "Degradation inconsistency", "solve time (ms)", "collision"):
+    for text in ("Cooling energy", "Degradation inconsistency", "solve time (ms)"):
         assert text in first.stdout
+        assert text not in second.stdout
+    for text in results["summary"]["text"]:
+        assert text.partition(": ")[2][:40] in first.stdout
+    assert "strategy saved" not in second.stdout
+    assert len(read_table(one / "reference.parquet")) == TICKS + 1
     assert "no hard limit broken, bag complete" in first.stdout
 
     # The picture, and its absence where it was not wanted.

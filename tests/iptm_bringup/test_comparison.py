@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from iptm_bringup.comparison import Comparison, drive_comparison
@@ -11,6 +14,7 @@ from iptm_bringup.scenario import Scenario, prepare
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import ParameterError
 from iptm_core.metrics import FIGURES
+from iptm_core.trajectory import TRAJECTORY_COLUMNS
 from iptm_studies.run import perform_run
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunSpec
@@ -32,38 +36,35 @@ def test_it_is_the_run_that_a_study_makes(comparison: Comparison) -> None:
         assert figure.compute(comparison.metrics) == figure.compute(from_study)
 
 
-def test_changes_and_headline_by_hand(comparison: Comparison) -> None:
+def test_changes_by_hand(comparison: Comparison) -> None:
     base = comparison.metrics
     better = replace(
         base,
-        degradation=replace(
-            base.degradation,
-            cell_1=0.75 * base.degradation.cell_1,
-            cell_n=0.75 * base.degradation.cell_n,
-        ),
+        degradation=replace(base.degradation, cell_1=0.75 * base.degradation.cell_1),
         energy=replace(base.energy, cooling_j=1.1 * base.energy.cooling_j),
     )
     changes = comparison.changes(better)
     assert changes["cell_1_degradation"] == pytest.approx(-0.25)
     assert changes["cooling_energy"] == pytest.approx(0.1)
-    assert comparison.headline(better) == (
-        "against the reference: 25.0 % of battery aging saved, cooling energy +10.0 %, "
-        "traction energy +0.0 %"
-    )
-    worse = Comparison("aging", better).headline(base)
-    assert worse.startswith("against the aging: 33.3 % of battery aging lost")
+
+
+def test_the_other_trajectory_is_kept_as_a_file_for_other_tools(
+    comparison: Comparison, tmp_path: Path
+) -> None:
+    comparison.save(tmp_path / "reference.parquet", "demo: us06")
+    table = pq.read_table(tmp_path / "reference.parquet")
+    assert table.num_rows == 61
+    for name in TRAJECTORY_COLUMNS:
+        np.testing.assert_array_equal(
+            table[name].to_numpy(), getattr(comparison.trajectory, name), err_msg=name
+        )
+    assert table.schema.metadata[b"iptm_strategy"] == b"reference"
+    assert table.schema.metadata[b"iptm_compared_with"] == b"demo: us06"
 
 
 def test_an_unknown_strategy_is_refused() -> None:
     with pytest.raises(ParameterError, match="'ageing'; allowed: "):
         drive_comparison(prepare(SCENARIO), "ageing")
-
-
-def test_a_trip_without_traction_is_compared_as_far_as_it_goes(comparison: Comparison) -> None:
-    """A car that only stands takes no traction energy: there is nothing to divide by."""
-    base = comparison.metrics
-    standing = replace(base, energy=replace(base.energy, traction_j=0.0))
-    assert Comparison("reference", standing).headline(base).endswith("traction energy –")
 
 
 def test_the_plant_of_the_scenario_is_the_one_compared_with() -> None:

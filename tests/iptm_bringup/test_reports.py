@@ -12,14 +12,16 @@ from matplotlib.image import imread
 from rich.console import Console
 
 from iptm_bringup import progress as progress_module
+from iptm_bringup.comparison import Comparison
 from iptm_bringup.evaluation import RunResults, evaluate
 from iptm_bringup.monitor import Snapshot
 from iptm_bringup.picture import save_picture
 from iptm_bringup.progress import BarProgress, LineProgress, make_progress
-from iptm_bringup.scenario import PreparedScenario, prepare
+from iptm_bringup.run_folder import RunFolder
+from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
 from iptm_bringup.tables import TABLES_WIDTH, print_results
 from iptm_core.decision_record import DecisionSeries, Rung
-from iptm_core.metrics import FIGURES, TRIP_FIGURES
+from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.topics import Topic
 from iptm_recording.run_information import RunInformation
@@ -33,35 +35,88 @@ def results(prepared: PreparedScenario, heard: Heard) -> RunResults:
     return evaluate(prepared, heard, None, RunInformation(), 0.5)
 
 
-def printed(results: RunResults, width: int = TABLES_WIDTH) -> str:
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    return RunFolder(tmp_path / "short")
+
+
+def printed(
+    results: RunResults, folder: RunFolder, width: int = TABLES_WIDTH, *, full: bool = False
+) -> str:
     console = Console(file=io.StringIO(), width=width)
-    print_results(results, Path("bags/short"), console)
+    print_results(results, folder, console, full=full)
     return console.file.getvalue()  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("width", [TABLES_WIDTH, 80])
-def test_tables_show_every_figure(results: RunResults, width: int) -> None:
-    text = printed(results, width)
+def test_tables_show_every_figure(results: RunResults, folder: RunFolder, width: int) -> None:
+    text = printed(results, folder, width, full=True)
+    values = figure_values(results.metrics)
     for key in TRIP_FIGURES:
-        assert FIGURES[key].label[:24] in text
-    for check in results.metrics.constraints:
-        assert check.label in text
+        shown = FIGURES[key].label[:36] in text.replace("\n", "")
+        assert shown is (not key.startswith("longest_") or values[key] > 0.0), key
     for entry in ("solve time (ms)", "speed-up over real time", "shifted plan", "changed by the"):
         assert entry in text
-    assert "trip finished, no hard limit broken, not recorded" in text
-    assert "bags/short" in text
+    assert "none of 11 limits exceeded" in text
 
 
-def test_problems_and_warnings_are_printed(results: RunResults) -> None:
+def test_a_limit_that_was_exceeded_has_a_row(results: RunResults, folder: RunFolder) -> None:
+    first, *others = results.metrics.constraints
+    broken = dataclasses.replace(first, worst_excess=0.5, worst_time_s=7.0, violations=3)
+    metrics = dataclasses.replace(results.metrics, constraints=(broken, *others))
+    text = printed(dataclasses.replace(results, metrics=metrics), folder, full=True)
+    assert "0.5 m/s^2" in text
+    assert "collision" not in text
+
+
+@pytest.mark.parametrize("width", [TABLES_WIDTH, 80])
+def test_the_result_fits_on_the_last_screen(
+    results: RunResults, folder: RunFolder, width: int
+) -> None:
+    """Before, 75 lines of tables followed the saving; a terminal has 24."""
+    comparison = Comparison("reference", results.metrics, results.trajectory)
+    lines = printed(dataclasses.replace(results, comparison=comparison), folder, width).splitlines()
+    assert len(lines) < 22
+    text = "\n".join(lines)
+    for part in (
+        "against the reference strategy",
+        "kWh/100 km",
+        "smallest gap",
+        str(folder.output),
+    ):
+        assert part in text
+    assert lines[-1] == "trip finished, no hard limit broken, not recorded"
+
+
+def test_problems_and_warnings_are_printed(results: RunResults, folder: RunFolder) -> None:
     troubled = dataclasses.replace(
         results,
         problems=("the bag holds 3 messages",),
         warnings=("plant: too [fast]",),
     )
-    text = printed(troubled)
+    text = printed(troubled, folder)
     assert "PROBLEM  the bag holds 3 messages" in text
     assert "plant: too [fast]" in text
     assert "trip finished" not in text
+
+
+def test_the_heading_names_every_setting_that_is_no_default() -> None:
+    plain = prepare(Scenario(name="short", cycle="sc03", duration_s=20.0))
+    assert plain.heading.startswith("short: sc03, slope as_designed, 20 s, strategy aging_cost_to_go")
+    assert "=" not in plain.heading
+    changed = prepare(
+        Scenario(
+            name="short",
+            cycle="sc03",
+            duration_s=20.0,
+            latency_s=1.0,
+            parameter_overrides="gap.max_gap_m=80",
+            node_parameters={"controller": {"deadline_ms": 50}},
+        )
+    )
+    assert changed.heading == (
+        f"{plain.heading}, latency_s=1.0, gap.max_gap_m=80, controller.deadline_ms=50"
+    )
 
 
 def test_a_pipe_gets_plain_lines(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,6 +169,11 @@ def test_the_picture_is_drawn(
     bands = np.array_split(pixels[..., :3], 10, axis=0)
     assert all(float(np.ptp(band)) > 0.5 for band in bands)
     assert float(np.max(np.ptp(pixels[..., :3], axis=2))) > 0.3
+
+    # The curves of the run that it is compared with.
+    other = Comparison("reference", results.metrics, results.trajectory)
+    save_picture(tmp_path / "compared.png", dataclasses.replace(results, comparison=other))
+    assert not np.array_equal(imread(tmp_path / "compared.png")[: pixels.shape[0]], pixels)
 
     # A level road needs no panel for its grade.
     level = prepare(dataclasses.replace(prepared.scenario, slope="flat"))

@@ -202,7 +202,7 @@ def test_a_figure_that_does_not_exist_is_left_out() -> None:
     values = figure_values(compute_metrics(make_run(), PARAMETERS))
     assert "mean_cop" not in values, "the compressor never ran"
     assert "fallbacks" not in values, "no decisions are known"
-    assert set(TRIP_FIGURES) - set(values) == {"mean_cop"}
+    assert set(TRIP_FIGURES) - set(values) == {"mean_cop", "consumption"}, "it stands"
     assert values["cell_1_temperature_mean"] == pytest.approx(30.0)
 
 
@@ -212,7 +212,10 @@ def test_figures_are_printed_with_their_unit() -> None:
     assert FIGURES["cooling_energy"].with_unit(12345.678) == "12 345.68 kJ"
     assert cop.with_unit(2.5) == "2.50"
     assert cop.text(None) == cop.precise_text(math.nan) == "–"
-    assert degradation.precise_text(0.0062207) == "0.0062207"
+    assert degradation.precise_text(0.0062207) == "0.00622"
+    assert degradation.precise_text(35.0) == "35.0"
+    assert FIGURES["smallest_margin"].precise_text(1.2e-6) == "0"
+    assert FIGURES["fallbacks"].precise_text(12.0) == "12"
     assert FIGURES["battery_energy"].precise_text(123456.7) == "123457"
 
 

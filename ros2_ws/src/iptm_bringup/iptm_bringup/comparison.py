@@ -1,9 +1,10 @@
-"""The same trip under another strategy, driven without ROS, to tell what a run is worth."""
+"""The same trip under another strategy, driven without ROS, to compare a run with."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 from iptm_bringup.scenario import PreparedScenario
@@ -12,7 +13,6 @@ from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.declaration import Settings, parameter_specs
 from iptm_core.metrics import RunMetrics, compute_metrics, figure_values
-from iptm_core.metrics.figures import NO_VALUE
 from iptm_core.settings import (
     IntegrationSettings,
     PreviewSettings,
@@ -20,6 +20,7 @@ from iptm_core.settings import (
     SamplingSettings,
 )
 from iptm_core.state import LeaderState
+from iptm_core.trajectory import Trajectory
 from iptm_interfaces.topics import PLANT
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
@@ -30,37 +31,53 @@ S = TypeVar("S", bound=Settings)
 NO_COMPARISON = "none"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """What another strategy achieves on the trip of a run.
 
     Attributes:
         strategy: its name; it plans on the paper's single horizon.
         metrics: its figures.
+        trajectory: what happened.
     """
 
     strategy: str
     metrics: RunMetrics
+    trajectory: Trajectory
 
     def changes(self, metrics: RunMetrics) -> dict[str, float]:
         """Return the relative change of every figure of a run against this one, as fractions."""
-        own, others = figure_values(metrics), figure_values(self.metrics)
-        return {
-            key: value / others[key] - 1.0 for key, value in own.items() if others.get(key, 0.0)
-        }
+        return relative_changes(metrics, self.metrics)
 
-    def headline(self, metrics: RunMetrics) -> str:
-        """Say in one line what a run saves: battery life first, then energy."""
-        changes = self.changes(metrics)
-        texts = {key: f"{100.0 * change:+.1f} %" for key, change in changes.items()}
-        life = -100.0 * changes.get("total_degradation", 0.0)
-        said = "saved" if life >= 0.0 else "lost"
-        # A trip at standstill takes no traction energy that another could be compared with.
-        return (
-            f"against the {self.strategy}: {abs(life):.1f} % of battery aging {said}, cooling energy "
-            f"{texts.get('cooling_energy', NO_VALUE)}, traction energy "
-            f"{texts.get('traction_energy', NO_VALUE)}"
+    def save(self, path: Path, heading: str) -> None:
+        """Write the trajectory as a Parquet file with the columns of an exported run.
+
+        Args:
+            path: new file.
+            heading: of the run that this one is compared with.
+
+        Raises:
+            BagError: the file cannot be written.
+        """
+        # Loaded only now: it takes time that the nodes can use better.
+        from iptm_recording.export import (  # noqa: PLC0415
+            ExportTable,
+            trajectory_columns,
+            write_parquet,
         )
+
+        texts = {"table": "trajectory", "strategy": self.strategy, "compared_with": heading}
+        write_parquet(path, ExportTable(trajectory_columns(self.trajectory), texts))
+
+
+def relative_changes(own: RunMetrics, other: RunMetrics) -> dict[str, float]:
+    """Return the relative change of every figure of a run against another one, as fractions."""
+    others = figure_values(other)
+    return {
+        key: value / others[key] - 1.0
+        for key, value in figure_values(own).items()
+        if others.get(key, 0.0)
+    }
 
 
 def given_settings(group: type[S], given: Mapping[str, Any]) -> S:
@@ -128,6 +145,5 @@ def preview_for(prepared: PreparedScenario) -> PreviewSettings:
 def drive_comparison(prepared: PreparedScenario, strategy: str) -> Comparison:
     """Return what another strategy achieves on the trip of a scenario; see `drive_other`."""
     run = drive_other(prepared, strategy)
-    return Comparison(
-        strategy, compute_metrics(run.trajectory, prepared.model.values, run.decisions)
-    )
+    metrics = compute_metrics(run.trajectory, prepared.model.values, run.decisions)
+    return Comparison(strategy, metrics, run.trajectory)

@@ -236,6 +236,7 @@ def run_information(
     """
     return {
         "scenario": prepared.scenario.name,
+        "run": prepared.heading,
         "seed": prepared.scenario.seed,
         "parameters": {
             MODEL_KEY: to_flat_dict(prepared.model.values),

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,8 @@ from iptm_bringup.comparison import Comparison
 from iptm_bringup.monitor import heard_by_stamp
 from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.scenario_files import scenario_text
-from iptm_core.decision_record import DecisionSeries
+from iptm_bringup.summary import Summary, summarise
+from iptm_core.decision_record import DecisionSeries, DecisionStatistics
 from iptm_core.metrics import FIGURES, RunMetrics, compute_metrics, figure_values
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.assembly import assemble_decisions, assemble_run, split_trips
@@ -66,6 +68,13 @@ class RunResults:
     warnings: tuple[str, ...]
     information: RunInformation
     comparison: Comparison | None = None
+
+    @cached_property
+    def summary(self) -> Summary:
+        """Headline figures, against the other strategy if there is one."""
+        statistics = DecisionStatistics.of(self.decisions)
+        parameters = self.prepared.model.values
+        return summarise(self.metrics, parameters, statistics, self.comparison)
 
     @property
     def speed_up(self) -> float:
@@ -206,6 +215,11 @@ def results_json(results: RunResults) -> str:
     information = results.information
     document = {
         "scenario": scenario.name,
+        "run": results.prepared.heading,
+        "summary": {
+            "text": [f"{label}: {text}" for label, text in results.summary.lines],
+            **results.summary.values,
+        },
         "scenario_file": scenario_text(scenario),
         "good": not results.problems,
         "problems": list(results.problems),

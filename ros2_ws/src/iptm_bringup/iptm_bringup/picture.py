@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,11 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from iptm_bringup.evaluation import RunResults
+from iptm_bringup.summary import AGING_SAVED, PPM
 from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
 
 # Colours of Okabe and Ito, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
@@ -34,11 +37,10 @@ _WIDTH_INCHES = 12.0
 _INCHES_PER_HEIGHT = 1.72
 _HEADING_INCHES = 1.2
 _DOTS_PER_INCH = 100
+_HEADING_COLUMNS = 130
 # Below these spans a curve is flat for the eye, whatever its digits say.
 _LEAST_TEMPERATURE_SPAN_K = 2.0
 _LEAST_COOLING_KW = 0.5
-_LEAST_CAPACITY_LOSS = 1e-12
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 STYLE: Any = {
     "font.size": 9.5,
     "axes.titlesize": 10.5,
@@ -82,7 +84,7 @@ def save_picture(path: Path, results: RunResults) -> None:
             axes.margins(x=0.0)
         all_axes[-1].set_xlabel("time (s)")
         figure.align_ylabels(all_axes)
-        figure.suptitle(_headline(results), fontsize=13, fontweight="bold", x=0.01, ha="left")
+        figure.suptitle(_headline(results), fontsize=11, fontweight="bold", x=0.01, ha="left")
         figure.supxlabel(_footer(results), fontsize=9, color="#555555", x=0.01, ha="left")
         figure.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
 
@@ -103,21 +105,14 @@ def _panels(results: RunResults) -> list[tuple[_Draw, float]]:
 
 
 def _headline(results: RunResults) -> str:
-    scenario = results.prepared.scenario
-    energy, loss = results.metrics.energy, results.metrics.degradation
-    comparison = results.comparison
-    worth = "" if comparison is None else f"\n{comparison.headline(results.metrics)}"
-    return (
-        f"{results.prepared.route.name}: strategy {scenario.strategy}, horizon {scenario.horizon} s,"
-        f" {scenario.solver}\n"
-        f"cooling {1e-3 * energy.cooling_j:.0f} kJ, traction {1e-3 * energy.traction_j:.0f} kJ,"
-        f" degradation {1e5 * loss.cell_1:.4f} / {1e5 * loss.cell_n:.4f} ×10⁻⁵,"
-        f" inconsistency {1e7 * loss.inconsistency:.3f} ×10⁻⁷{worth}"
-    )
+    lines = dict(results.summary.lines)
+    shown = [f"{label}: {lines[label]}" for label in (AGING_SAVED, "energy") if label in lines]
+    heading = textwrap.wrap(results.prepared.heading, _HEADING_COLUMNS)
+    return "\n".join([*heading, *shown])
 
 
 def _footer(results: RunResults) -> str:
-    parts = [f"scenario {results.prepared.scenario.name}, model {results.prepared.model.name}"]
+    parts = [f"model {results.prepared.model.name}"]
     if math.isfinite(results.speed_up):
         mode = results.prepared.scenario.mode.replace("_", "-")
         parts.append(f"{mode} over ROS 2, {results.speed_up:.0f} × real time")
@@ -137,6 +132,7 @@ def _titled(axes: Axes, title: str, unit: str, *more: Axes) -> None:
 def _speed(axes: Axes, results: RunResults) -> None:
     run = results.trajectory
     axes.plot(run.time_s, KM_H_PER_M_S * run.leader_speed_m_s, color=GREY, label="leader")
+    _reference(axes, results, lambda other: KM_H_PER_M_S * other.speed_m_s)
     axes.plot(run.time_s, KM_H_PER_M_S * run.speed_m_s, color=BLUE, label="host")
     axes.set_ylim(bottom=0.0)
     _titled(axes, "Speed", "km/h")
@@ -165,6 +161,7 @@ def _gap(axes: Axes, results: RunResults) -> None:
     axes.fill_between(run.time_s, floor, largest, color=GREEN, alpha=0.10, lw=0)
     axes.plot(run.time_s, floor, color=RED, lw=0.9, label="s_min (safety)")
     axes.axhline(largest, color=RED, lw=0.9, ls="--", label=f"s_max = {largest:g} m")
+    _reference(axes, results, lambda other: other.gap_m)
     axes.plot(run.time_s, run.gap_m, color=BLUE, label="gap")
     top = 1.05 * max(largest, float(np.nanmax(run.gap_m)), float(np.nanmax(smallest)))
     axes.set_ylim(0.0, top)
@@ -193,6 +190,7 @@ def _cooling_power(axes: Axes, results: RunResults) -> None:
 
 def _temperature(axes: Axes, results: RunResults) -> None:
     run, limits = results.trajectory, results.prepared.model.values.limits
+    _reference(axes, results, _mean_temperature_c, "mean of the cells")
     for values, color, style, width, label in (
         (run.coolant_inlet_temperature_k, GREY, ":", 1.1, "coolant in"),
         (run.coolant_outlet_temperature_k, GREY, "--", 1.1, "coolant out"),
@@ -203,43 +201,48 @@ def _temperature(axes: Axes, results: RunResults) -> None:
         axes.plot(run.time_s, values_c, color=color, ls=style, lw=width, label=label)
     low, high = axes.get_ylim()
     lacking = max(0.0, _LEAST_TEMPERATURE_SPAN_K - (high - low))
-    low, high = low - 0.5 * lacking, high + 0.5 * lacking
-    axes.set_ylim(low, high + 0.06 * (high - low))  # room for the name of a limit
-    for limit_k in (limits.min_temperature_k, limits.max_temperature_k):
-        limit_c = limit_k - CELSIUS_ZERO_K
-        if low < limit_c < high:
-            axes.axhline(limit_c, color="black", lw=0.8, ls="-.")
-            axes.text(
-                0.005, limit_c, f"limit {limit_c:g} °C", va="bottom", fontsize=8,
-                transform=axes.get_yaxis_transform(),
-            )  # fmt: skip
+    axes.set_ylim(low - 0.5 * lacking, high + 0.5 * lacking)
+    least_c, most_c = (
+        limit_k - CELSIUS_ZERO_K for limit_k in (limits.min_temperature_k, limits.max_temperature_k)
+    )
+    band = f"cells and coolant out: {least_c:g} to {most_c:g} °C"
+    axes.axhspan(least_c, most_c, color=GREEN, alpha=0.10, lw=0, label=band)
     _titled(axes, "Temperatures", "°C")
+
+
+def _mean_temperature_c(run: Trajectory) -> FloatArray:
+    mean: FloatArray = 0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k) - CELSIUS_ZERO_K
+    return mean
 
 
 def _aging(axes: Axes, results: RunResults) -> None:
     run = results.trajectory
-    loss_1 = run.cell_1_capacity_loss - run.cell_1_capacity_loss[0]
-    loss_n = run.cell_n_capacity_loss - run.cell_n_capacity_loss[0]
-    unit, unit_text = _power_of_ten(loss_n)
-    axes.plot(run.time_s, loss_n / unit, color=RED, lw=2.2, label="cell N")
-    axes.plot(run.time_s, loss_1 / unit, color=BLUE, lw=1.2, label="cell 1")
-    axes.set_ylim(bottom=0.0)
-    difference = axes.twinx()
-    unit, difference_text = _power_of_ten(loss_n - loss_1)
-    difference.plot(
-        run.time_s, (loss_n - loss_1) / unit, color=PURPLE, ls="--", label="inconsistency (right)"
+    _reference(axes, results, _aging_ppm, "both cells")
+    axes.plot(run.time_s, _aging_ppm(run), color=BLUE, lw=2.0, label="both cells")
+    spread = run.cell_n_capacity_loss - run.cell_1_capacity_loss
+    axes.plot(
+        run.time_s, PPM * (spread - spread[0]), color=PURPLE, ls="--", label="cell N − cell 1"
     )
-    difference.set_ylabel(difference_text)
-    difference.grid(visible=False)
-    difference.spines["right"].set_visible(True)
-    _titled(axes, "Capacity lost since the start", f"{unit_text} of nominal", difference)
+    axes.set_ylim(bottom=0.0)
+    _titled(axes, "Capacity lost since the start", "ppm of nominal")
 
 
-def _power_of_ten(values: FloatArray) -> tuple[float, str]:
-    """Return a unit in which the largest value has one digit before the point, and its text."""
-    largest = float(np.max(np.abs(values)))
-    exponent = math.floor(math.log10(max(largest, _LEAST_CAPACITY_LOSS)))
-    return 10.0**exponent, f"10{str(exponent).translate(_SUPERSCRIPTS)}"
+def _aging_ppm(run: Trajectory) -> FloatArray:
+    loss = run.cell_1_capacity_loss + run.cell_n_capacity_loss
+    ppm: FloatArray = PPM * (loss - loss[0])
+    return ppm
+
+
+def _reference(
+    axes: Axes, results: RunResults, values: Callable[[Trajectory], FloatArray], what: str = ""
+) -> None:
+    """Draw a curve of the run that this one is compared with, if there is one."""
+    comparison = results.comparison
+    if comparison is None:
+        return
+    label = f"{comparison.strategy}, {what}" if what else comparison.strategy
+    other = comparison.trajectory
+    axes.plot(other.time_s, values(other), color=ORANGE, lw=1.3, label=label)
 
 
 def _solver(axes: Axes, results: RunResults) -> None:

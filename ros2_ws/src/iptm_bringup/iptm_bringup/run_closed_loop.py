@@ -31,7 +31,7 @@ WATCHING_RATE = 10.0
 """Seconds of trip time per second of wall time when someone watches: WLTC class 3b in three minutes."""
 _DESCRIPTION = """\
 Starts plant, V2X bridge, controller and recorder as processes of their own, drives one scenario, and ends
-with a table of results, a picture and results.json beside the bag.
+with a summary, a picture and results.json beside the bag.
 """
 _EPILOG = """\
 exit code: 0 when the trip was finished, no hard limit was broken and the bag is complete and equal to
@@ -70,6 +70,9 @@ def build_parser() -> argparse.ArgumentParser:
         f"wall clock, {WATCHING_RATE:g} times as fast (--rate-factor)",
     )
     parser.add_argument("--no-picture", action="store_true", help="do not draw a picture")
+    parser.add_argument(
+        "--full", action="store_true", help="print the tables of all figures before the summary"
+    )
     parser.add_argument(
         "--compression",
         choices=["none", "lz4", "zstd"],
@@ -158,6 +161,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             compression=parsed.compression,
             against=parsed.against,
             view=parsed.view,
+            full=parsed.full,
         )
         return run(prepared, options, console, Console(stderr=True))
     except IptmError as error:

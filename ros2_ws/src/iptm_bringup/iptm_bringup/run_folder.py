@@ -76,6 +76,11 @@ class RunFolder:
         """Path of the results."""
         return self.output / RESULTS
 
+    @property
+    def reference(self) -> Path:
+        """Path of the trajectory of the run that this one is compared with."""
+        return self.output / REFERENCE
+
     def log_path(self, name: str) -> Path:
         """Return the file for the output of a process."""
         return self.logs / f"{name}.log"

@@ -66,6 +66,7 @@ class RunOptions:
         compression: of the bag: none, lz4 or zstd.
         against: strategy to compare with, driven without ROS after the run; "none" for no comparison.
         view: whether to show it in the browser while it takes place.
+        full: whether to print the tables of all figures.
     """
 
     output: Path | None = None
@@ -74,6 +75,7 @@ class RunOptions:
     compression: str = "none"
     against: str = NO_COMPARISON
     view: bool = False
+    full: bool = False
 
 
 def run(prepared: PreparedScenario, options: RunOptions, console: Console, errors: Console) -> int:
@@ -284,13 +286,15 @@ def _report(
         text = "; ".join((str(error), *unclean))
         errors.print(f"run_closed_loop: {text}", markup=False, highlight=False, soft_wrap=True)
         return EXIT_RUN_FAILED
+    if results.comparison is not None:
+        results.comparison.save(folder.reference, prepared.heading)
     folder.results.write_text(results_json(results), encoding="utf-8")
     if options.picture:
         # Loaded only now: it takes half a second that the nodes can use better.
         from iptm_bringup.picture import save_picture  # noqa: PLC0415
 
         save_picture(folder.picture, results)
-    print_results(results, folder.output, console)
+    print_results(results, folder, console, full=options.full)
     return EXIT_RUN_FAILED if results.problems else EXIT_OK
 
 
@@ -311,14 +315,6 @@ def _report_failure(
     return EXIT_RUN_FAILED
 
 
-def _title(prepared: PreparedScenario) -> str:
-    scenario = prepared.scenario
-    return (
-        f"{prepared.route.name}, {prepared.route.duration_s:g} s: strategy {scenario.strategy},"
-        f" horizon {scenario.horizon}, {scenario.solver}, {scenario.mode.value.replace('_', '-')}"
-    )
-
-
 def _introduction(prepared: PreparedScenario, domain: int) -> Text:
     watch = (f"\nto watch: export ROS_DOMAIN_ID={domain}", "dim")
-    return Text.assemble((_title(prepared), "bold"), watch)
+    return Text.assemble((prepared.heading, "bold"), watch)

@@ -22,6 +22,7 @@ from iptm_core.declaration import (
     checked_value,
     parameter,
     parameter_specs,
+    plain,
 )
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import ParameterSet
@@ -70,6 +71,10 @@ SETTINGS_OF_NODES: Mapping[str, tuple[type[Settings], ...]] = {
 
 NODES = tuple(SETTINGS_OF_NODES)
 """Names of the nodes of the loop; extra parameters in a scenario are grouped by them."""
+
+_IN_HEADING = ("cycle", "slope", "duration_s", "strategy", "horizon", "solver", "mode")
+_NOT_CHANGES = frozenset((*_IN_HEADING, "parameter_overrides", "namespace", "domain"))
+"""Settings of a scenario that its heading shows otherwise, or that do not change what is driven."""
 
 _NO_PARAMETERS: Mapping[str, Mapping[str, Scalar]] = MappingProxyType({})
 
@@ -133,6 +138,31 @@ class PreparedScenario:
     scenario: Scenario
     model: ParameterSet
     route: Route
+
+    @property
+    def heading(self) -> str:
+        """What was driven, in one line: name, trip, strategy, and every setting that is not a default."""
+        scenario = self.scenario
+        return (
+            f"{scenario.name}: {self.route.name}, {self.route.duration_s:g} s, strategy {scenario.strategy}, "
+            f"horizon {scenario.horizon}, {scenario.solver}, {scenario.mode.value.replace('_', '-')}"
+            + "".join(f", {change}" for change in self._changes())
+        )
+
+    def _changes(self) -> list[str]:
+        """Return the settings that are no defaults and stand nowhere else in the heading."""
+        scenario = self.scenario
+        changes = [
+            f"{spec.name}={plain(getattr(scenario, spec.name))}"
+            for spec in parameter_specs(Scenario)
+            if spec.name not in _NOT_CHANGES and getattr(scenario, spec.name) != spec.default
+        ]
+        changes += filter(None, [scenario.parameter_overrides])
+        for node, values in scenario.node_parameters.items():
+            changes += [f"{node}.{name}={value}" for name, value in values.items()]
+        if scenario.faults:
+            changes.append(f"{len(scenario.faults)} faults")
+        return changes
 
     @property
     def is_lock_step(self) -> bool:

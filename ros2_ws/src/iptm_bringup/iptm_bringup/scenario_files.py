@@ -13,6 +13,7 @@ What a file does not state keeps its default. Relative paths in a file start at 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +29,8 @@ from iptm_core.user_input import is_path
 from iptm_faults.fault import faults_from, plain_faults
 
 DEFAULT_SCENARIO = "wltc"
+LONGEST_NAME = 100
+"""Characters of the name of a scenario, which become a part of file names."""
 _OVERRIDES = "parameter_overrides"
 _NODE_PARAMETERS = "node_parameters"
 _FAULTS = "faults"
@@ -80,7 +83,7 @@ def scenario_from(
     Args:
         content: what the YAML file holds.
         origin: what to call the file in a message.
-        name: name of the scenario.
+        name: name of the scenario; the default one is named after a cycle among the options.
         folder: where relative paths start.
         options: texts by field name.
     """
@@ -105,10 +108,18 @@ def scenario_from(
         option = specs[key]
         as_typed = replace(option, name=key.replace("_", "-"))
         values[key] = _checked("option --", as_typed, _typed(option, text))
+    if name == DEFAULT_SCENARIO and "cycle" in (options or {}):
+        values["name"] = _name_of(str(values["cycle"]))
     try:
         return Scenario(**values)
     except ParameterError as error:
         raise ScenarioError(f"scenario {name}: {error}") from None
+
+
+def _name_of(cycle: str) -> str:
+    """Return the name of a cycle without folder and suffix, as far as it fits into the name of a folder."""
+    stem = Path(cycle.partition("#")[0]).stem
+    return re.sub(r"[^\w.-]+", "_", stem)[:LONGEST_NAME] or DEFAULT_SCENARIO
 
 
 def with_node_parameters(scenario: Scenario, assignments: Iterable[str]) -> dict[str, Any]:

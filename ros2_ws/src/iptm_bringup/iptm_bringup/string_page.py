@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from iptm_bringup.comparison import NO_COMPARISON, Comparison
+from iptm_bringup.comparison import NO_COMPARISON, relative_changes
 from iptm_bringup.scenario import PreparedScenario
 from iptm_bringup.string_picture import save_string_picture
 from iptm_core.decision_record import DecisionSeries, Rung
@@ -84,7 +84,7 @@ class StringRun:
         other, here = self.others[place], self.trajectories[place]
         metrics = compute_metrics(other.trajectory, parameters, other.decisions)
         own = compute_metrics(here, parameters, self.decisions[place])
-        return Comparison(self.against, metrics).changes(own)
+        return relative_changes(own, metrics)
 
 
 _NO_RATIOS = Deviations(*[math.nan] * 3)

@@ -1,10 +1,9 @@
-"""The results of a run as tables on a terminal."""
+"""The results of a run on a terminal: a summary, and tables of everything."""
 
 from __future__ import annotations
 
 import math
 from enum import Enum
-from pathlib import Path
 
 from rich.console import Console
 from rich.padding import Padding
@@ -12,6 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from iptm_bringup.evaluation import RunResults
+from iptm_bringup.run_folder import LOGS, RunFolder
+from iptm_bringup.summary import AGING_SAVED
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import (
     FIGURES,
@@ -29,32 +30,56 @@ COMPARISON_WIDTH = 24
 """Columns that a comparison adds."""
 
 
-def print_results(results: RunResults, output: Path, console: Console) -> None:
-    """Print everything about a run: figures, solver, limits, and the verdict.
+def print_results(
+    results: RunResults, folder: RunFolder, console: Console, *, full: bool = False
+) -> None:
+    """Print the result of a run, its summary last.
 
     Args:
         results: of the run.
-        output: folder of the run.
+        folder: of the run.
         console: where to print.
+        full: print the tables of all figures, decisions and limits before the summary.
     """
     console.print()
-    if results.comparison is not None:
-        console.print(Text(results.comparison.headline(results.metrics), "bold green"))
+    if full:
+        print_tables(results, console)
+    for warning in results.warnings:
+        console.print(Text.assemble(("note  ", "yellow"), warning), soft_wrap=True)
+    console.print(Text(results.prepared.heading, "bold"))
+    lines = Table.grid(padding=(0, 2))
+    for label, text in results.summary.lines:
+        style = "bold green" if label == AGING_SAVED else ""
+        lines.add_row(Text(label, "dim"), Text(text, style))
+    console.print(lines)
+    # In one piece, so that the path can be copied.
+    console.print(
+        Text.assemble(("files          ", "dim"), _files(results, folder)), soft_wrap=True
+    )
+    console.print(_verdict(results))
+
+
+def print_tables(results: RunResults, console: Console) -> None:
+    """Print all figures, how the decisions came about, and the limits that were exceeded."""
     tables = (figures_table(results), details_table(results))
     if console.width >= TABLES_WIDTH + COMPARISON_WIDTH * (results.comparison is not None):
         console.print(_side_by_side(*tables))
     else:
         console.print(*tables)
     console.print(limits_table(results.metrics))
-    for warning in results.warnings:
-        console.print(Text.assemble(("note  ", "yellow"), warning), soft_wrap=True)
-    console.print(_verdict(results))
-    console.print(Text(str(output), "dim"), soft_wrap=True)
+
+
+def _files(results: RunResults, folder: RunFolder) -> str:
+    bag = [] if results.bag_messages is None else ["bag"]
+    others = [
+        path.name for path in (folder.picture, folder.reference, folder.results) if path.exists()
+    ]
+    return f"{folder.output} ({', '.join([*bag, *others, LOGS])})"
 
 
 def figures_table(results: RunResults) -> Table:
-    """Return the figures of the trip, the paper's rows first."""
-    table = Table(title=f"{results.prepared.scenario.name}: results", title_justify="left")
+    """Return the figures of the trip, the paper's rows first; times out of limits where there are any."""
+    table = Table(title=results.prepared.heading, title_justify="left")
     table.add_column("figure")
     table.add_column("value", justify="right")
     table.add_column("unit")
@@ -69,6 +94,8 @@ def figures_table(results: RunResults) -> Table:
     for section in (paper, [key for key in TRIP_FIGURES if key not in PAPER_TABLE]):
         for key in section:
             figure = FIGURES[key]
+            if key.startswith("longest_") and not values.get(key):
+                continue
             row = [figure.label, figure.precise_text(values.get(key)), figure.unit]
             if comparison:
                 change = (
@@ -93,28 +120,30 @@ def details_table(results: RunResults) -> Table:
     return table
 
 
-def limits_table(metrics: RunMetrics) -> Table:
-    """Return one row per limit: how often and how far it was exceeded."""
+def limits_table(metrics: RunMetrics) -> Table | Text:
+    """Return one row per limit that was exceeded: how often and how far."""
+    exceeded = [check for check in metrics.constraints if check.worst_time_s is not None]
+    if not exceeded:
+        return Text(f"none of {len(metrics.constraints)} limits exceeded")
     table = Table(title="limits", title_justify="left")
     table.add_column("limit")
     table.add_column("kind")
     table.add_column("rows beyond", justify="right")
     table.add_column("worst", justify="right")
     table.add_column("at", justify="right")
-    for check in metrics.constraints:
+    for check in exceeded:
         table.add_row(*_limit_row(check))
     return table
 
 
 def _limit_row(check: ConstraintCheck) -> tuple[str | Text, ...]:
     style = "" if not check.violations else ("bold red" if check.hard else "yellow")
-    exceeded = check.worst_time_s is not None
     return (
         check.label,
         "hard" if check.hard else "soft",
         Text(str(check.violations), style=style),
-        f"{check.worst_excess:.2g} {check.unit}" if exceeded else "-",
-        f"{check.worst_time_s:g} s" if exceeded else "-",
+        f"{check.worst_excess:.2g} {check.unit}",
+        f"{check.worst_time_s:g} s",
     )
 
 
@@ -140,8 +169,8 @@ def _counts(decisions: DecisionStatistics) -> dict[str, str]:
 def _verdict(results: RunResults) -> Text:
     if results.problems:
         return Text("\n".join(f"PROBLEM  {problem}" for problem in results.problems), "bold red")
-    said = "not recorded" if results.bag_messages is None else "bag complete"
-    return Text(f"trip finished, no hard limit broken, {said}", "bold green")
+    bag = "not recorded" if results.bag_messages is None else "bag complete"
+    return Text(f"trip finished, no hard limit broken, {bag}", "bold green")
 
 
 def _side_by_side(left: Table, right: Table) -> Table:

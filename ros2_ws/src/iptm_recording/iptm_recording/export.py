@@ -53,12 +53,14 @@ def trajectory_table(bag: Path, namespace: str | None = None) -> ExportTable:
     Raises:
         BagError: the bag cannot be read, holds no complete run, or several and none is named.
     """
-    trajectory = read_trajectory(bag, namespace)
+    columns = trajectory_columns(read_trajectory(bag, namespace))
+    return ExportTable(columns, _metadata(bag, TRAJECTORY, namespace))
+
+
+def trajectory_columns(trajectory: Trajectory) -> dict[str, list[float]]:
+    """Return the columns of a trajectory and the gap."""
     columns = {**trajectory.to_arrays(), "gap_m": trajectory.gap_m}
-    return ExportTable(
-        {name: values.tolist() for name, values in columns.items()},
-        _metadata(bag, TRAJECTORY, namespace),
-    )
+    return {name: values.tolist() for name, values in columns.items()}
 
 
 def topic_table(bag: Path, topic: str, namespace: str | None = None) -> ExportTable:

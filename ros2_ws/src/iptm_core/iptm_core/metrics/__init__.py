@@ -7,6 +7,7 @@ from iptm_core.metrics.constraints import (
     cold_compressor_energies_j,
     gap_margins_m,
 )
+from iptm_core.metrics.equal_end import EqualEnd, at_equal_end
 from iptm_core.metrics.figures import FIGURES, PAPER_TABLE, TRIP_FIGURES, Figure, figure_values
 from iptm_core.metrics.run_metrics import RunMetrics, compute_metrics
 
@@ -16,8 +17,10 @@ __all__ = [
     "TRIP_FIGURES",
     "Concern",
     "ConstraintCheck",
+    "EqualEnd",
     "Figure",
     "RunMetrics",
+    "at_equal_end",
     "check_constraints",
     "cold_compressor_energies_j",
     "compute_metrics",

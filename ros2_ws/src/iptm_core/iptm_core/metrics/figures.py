@@ -14,7 +14,7 @@ from operator import attrgetter
 from iptm_core.decision_record import DecisionStatistics, Rung, SolveStatus
 from iptm_core.metrics.concerns import Concern
 from iptm_core.metrics.run_metrics import RunMetrics
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 
 NO_VALUE = "–"
 
@@ -61,15 +61,26 @@ class Figure:
         return f"{value:,.{self.decimals}f}".replace(",", " ")
 
     def precise_text(self, value: float | None) -> str:
-        """Print a value without its unit, with five significant digits, for a run that stands alone."""
+        """Print a value without its unit, with three significant digits, for a run that stands alone."""
         if value is None or not math.isfinite(value):
             return NO_VALUE
-        return f"{value:.0f}" if abs(value) >= 1e5 else f"{value:.5g}"
+        if self.decimals == 0:
+            return f"{value:.0f}"
+        return significant(value, 10.0 ** -(self.decimals + 2))
 
     def with_unit(self, value: float | None) -> str:
         """Print a value with its unit."""
         joint = "·" if self.unit.startswith("10") else " "
         return f"{self.text(value)}{joint}{self.unit}" if self.unit else self.text(value)
+
+
+def significant(value: float, least: float = 0.0) -> str:
+    """Print a value with three significant digits, all before the point, and 0 where it is below `least`."""
+    if not math.isfinite(value):
+        return NO_VALUE
+    if value == 0.0 or abs(value) < least:
+        return "0"
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:#.3g}".rstrip(".")
 
 
 def figure_values(metrics: RunMetrics) -> dict[str, float]:
@@ -120,6 +131,15 @@ def _of_decisions(
         return None
     value = float(compute(metrics.decisions))
     return value if math.isfinite(value) else None
+
+
+J_PER_KWH = 3.6e6
+_LEAST_DISTANCE_M = 1.0
+
+
+def _per_distance(energy_j: float, distance_m: float) -> float | None:
+    """Return an energy in kWh per 100 km; None for a vehicle that stands."""
+    return energy_j / J_PER_KWH * 1e5 / distance_m if distance_m > _LEAST_DISTANCE_M else None
 
 
 _STATUS_LABELS = {
@@ -205,6 +225,13 @@ _TRIP_FIGURES = (
            lambda run: run.service_braking_s),
     *_concern_figures(),
     Figure("distance", "Distance", "km", 3, lambda run: 1e-3 * run.distance_m, "p"),
+    Figure("consumption", "Battery energy per distance", "kWh/100 km", 2,
+           lambda run: _per_distance(run.energy.battery_j, run.distance_m), "∫P_b dt / p", compared=True),
+    Figure("final_temperature", "Mean cell temperature at the end", "°C", 2,
+           lambda run: run.end.temperature_k - CELSIUS_ZERO_K),
+    Figure("final_speed", "Speed at the end", "km/h", 1, lambda run: KM_H_PER_M_S * run.end.speed_m_s),
+    Figure("final_kinetic_energy", "Kinetic energy at the end", "kJ", 1,
+           lambda run: 1e-3 * run.end.kinetic_energy_j, "δ m v² / 2"),
     Figure("duration", "Duration", "s", 0, lambda run: run.duration_s),
 )
 # fmt: on

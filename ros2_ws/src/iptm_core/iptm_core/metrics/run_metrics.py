@@ -111,6 +111,38 @@ class TemperatureMetrics:
 
 
 @dataclass(frozen=True)
+class EndState:
+    """The vehicle at the end of a run.
+
+    Attributes:
+        speed_m_s: speed.
+        kinetic_energy_j: energy of the motion, rotating parts included.
+        temperature_k: mean of the first and the last cell.
+        cell_1_capacity_loss: of the first cell, as a fraction of nominal.
+        cell_n_capacity_loss: of the last cell.
+    """
+
+    speed_m_s: float
+    kinetic_energy_j: float
+    temperature_k: float
+    cell_1_capacity_loss: float
+    cell_n_capacity_loss: float
+
+    @classmethod
+    def of(cls, run: Trajectory, parameters: ModelParameters) -> EndState:
+        """Return the end of a run."""
+        speed_m_s = float(run.speed_m_s[-1])
+        mass_kg = parameters.body.rotational_inertia_factor * parameters.body.mass_kg
+        return cls(
+            speed_m_s=speed_m_s,
+            kinetic_energy_j=0.5 * mass_kg * speed_m_s**2,
+            temperature_k=0.5 * float(run.cell_1_temperature_k[-1] + run.cell_n_temperature_k[-1]),
+            cell_1_capacity_loss=float(run.cell_1_capacity_loss[-1]),
+            cell_n_capacity_loss=float(run.cell_n_capacity_loss[-1]),
+        )
+
+
+@dataclass(frozen=True)
 class RunMetrics:
     """What a run achieved.
 
@@ -125,6 +157,7 @@ class RunMetrics:
         interventions: how often the safety monitor braked.
         service_braking_s: how long it braked.
         longest_s: for how long in a row each concern of an operator lasted at most.
+        end: the vehicle at the end.
         decisions: how the decisions came about; None where none were taken or recorded.
     """
 
@@ -138,6 +171,7 @@ class RunMetrics:
     interventions: int
     service_braking_s: float
     longest_s: Mapping[Concern, float]
+    end: EndState
     decisions: DecisionStatistics | None = None
 
     @property
@@ -188,6 +222,7 @@ def compute_metrics(
         interventions=_interventions(trajectory),
         service_braking_s=float(trajectory.service_braking_s.sum()),
         longest_s=longest_times_s(trajectory, parameters),
+        end=EndState.of(trajectory, parameters),
         decisions=None if decisions is None else DecisionStatistics.of(decisions),
     )
 

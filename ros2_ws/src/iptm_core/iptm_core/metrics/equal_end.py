@@ -1,0 +1,167 @@
+"""Two runs of one trip, compared as if they had ended alike.
+
+They end with different temperatures, speeds and distances, and each of these holds energy or ageing that the
+figures of the trip do not show. The corrected figures of a run are
+
+    E' = E_b + E_cool - E_kin,   E_kin = 1/2 delta m v^2,
+    Q' = Q_loss + Q_cool,
+
+with the battery energy E_b and the capacity loss Q_loss of the trip, and with delta, m and the final speed v.
+E_cool and Q_cool bring the warmer pack, of N cells with mean temperature T, to the final temperature T* of
+the other: at standstill, with a constant compressor power P, and with all rates at the middle temperature
+(T + T*) / 2,
+
+    t = N C_c (T - T*) / (Q_co - N q_bc),   E_cool = P_b t,   Q_cool = (dQ_loss/dt) t,
+
+where Q_co is the heat that the chiller takes, q_bc the heat that a cell makes, P_b = (P + P_aux) / eta_b the
+battery power, and P the power that takes the least energy. The kinetic energy counts as returned in full.
+Energies are compared per distance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_core.metrics.run_metrics import EndState, RunMetrics
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.cell_thermal import cell_heat_w
+from iptm_core.physics.chiller import largest_useful_power_w
+from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
+from iptm_core.physics.resistance import cell_resistance_ohm
+
+POWER_STEP_W = 10.0
+
+
+@dataclass(frozen=True)
+class CoolDown:
+    """What it takes to bring a pack to a lower temperature at standstill.
+
+    Attributes:
+        energy_j: from the battery.
+        capacity_loss: of the first and the last cell together.
+        duration_s: how long it takes.
+        compressor_power_w: with which power.
+    """
+
+    energy_j: float
+    capacity_loss: float
+    duration_s: float
+    compressor_power_w: float
+
+
+NO_COOLING = CoolDown(0.0, 0.0, 0.0, 0.0)
+
+
+def cool_down(end: EndState, temperature_k: float, parameters: ModelParameters) -> CoolDown | None:
+    """Return what it takes to bring the pack to a temperature after a run; see the module.
+
+    Args:
+        end: how the run ended.
+        temperature_k: mean temperature of the cells to reach.
+        parameters: the model.
+
+    Returns:
+        The cost, zero where the pack is no warmer; None where no compressor power cools it that far.
+    """
+    warmer_k = end.temperature_k - temperature_k
+    if warmer_k <= 0.0:
+        return NO_COOLING
+    middle_k = end.temperature_k - 0.5 * warmer_k
+    powers_w = np.arange(
+        POWER_STEP_W,
+        largest_useful_power_w(parameters.chiller, parameters.limits) + 1e-6,
+        POWER_STEP_W,
+    )
+    losses = end.cell_1_capacity_loss, end.cell_n_capacity_loss
+    rates = power_thermal_rates(
+        0.0,
+        0.0,
+        0.0,
+        powers_w,
+        CellPair(middle_k, middle_k, *losses),
+        parameters,
+        reduce_channel(parameters.cooling, parameters.pack),
+    )
+    cell, cells = parameters.cell, parameters.pack.cells_in_series * parameters.pack.parallel
+    resistance_ohm = cell_resistance_ohm(middle_k, 0.5 * sum(losses), cell)
+    heat_w = cells * cell_heat_w(rates.cell_current_a, resistance_ohm, middle_k, cell)
+    net_w = rates.coolant.cooling_rate_w - heat_w
+    loss_1_s = rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s
+    to_remove_j = cells * cell.heat_capacity_j_k * warmer_k
+    durations_s = np.full(powers_w.shape, np.inf)
+    np.divide(to_remove_j, net_w, out=durations_s, where=net_w > 0.0)
+    energies_j = rates.battery_power_w * durations_s
+    best = int(np.argmin(energies_j))
+    if not np.isfinite(energies_j[best]):
+        return None
+    return CoolDown(
+        energy_j=float(energies_j[best]),
+        capacity_loss=float(loss_1_s[best] * durations_s[best]),
+        duration_s=float(durations_s[best]),
+        compressor_power_w=float(powers_w[best]),
+    )
+
+
+@dataclass(frozen=True)
+class CorrectedFigures:
+    """What a run would have cost with the end of the other run; see the module.
+
+    Attributes:
+        capacity_loss: of both cells together.
+        energy_j: from the battery.
+        energy_per_distance_j_m: the same over the distance of the run; NaN for one that stands.
+    """
+
+    capacity_loss: float
+    energy_j: float
+    energy_per_distance_j_m: float
+
+
+@dataclass(frozen=True)
+class EqualEnd:
+    """Two runs corrected for their ends.
+
+    Attributes:
+        temperature_k: final temperature of both packs, that of the cooler one.
+        own: figures of the first run.
+        other: figures of the second run.
+    """
+
+    temperature_k: float
+    own: CorrectedFigures
+    other: CorrectedFigures
+
+
+def at_equal_end(
+    own: RunMetrics, other: RunMetrics, parameters: ModelParameters
+) -> EqualEnd | None:
+    """Return the figures of two runs corrected for their ends; None where they cannot be.
+
+    Args:
+        own: a run.
+        other: another run of the same trip and vehicle.
+        parameters: the model.
+    """
+    temperature_k = min(own.end.temperature_k, other.end.temperature_k)
+    corrected = [_corrected(run, temperature_k, parameters) for run in (own, other)]
+    if corrected[0] is None or corrected[1] is None:
+        return None
+    return EqualEnd(temperature_k, corrected[0], corrected[1])
+
+
+def _corrected(
+    run: RunMetrics, temperature_k: float, parameters: ModelParameters
+) -> CorrectedFigures | None:
+    cooling = cool_down(run.end, temperature_k, parameters)
+    if cooling is None:
+        return None
+    energy_j = run.energy.battery_j + cooling.energy_j - run.end.kinetic_energy_j
+    return CorrectedFigures(
+        capacity_loss=run.degradation.total + cooling.capacity_loss,
+        energy_j=energy_j,
+        energy_per_distance_j_m=energy_j / run.distance_m if run.distance_m > 0.0 else math.nan,
+    )
