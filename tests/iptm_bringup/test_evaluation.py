@@ -77,7 +77,7 @@ def test_messages_that_nobody_heard_are_counted(prepared: PreparedScenario, hear
     assert run.problems == ("the runner missed messages of 1 ticks",)
     assert len(run.trajectory) == 20
     assert any("v2x/leader is missing at 1 ticks" in note for note in run.warnings)
-    heard[Topic.LEADER].clear()
+    heard[Topic.PLANT_ODOMETRY].clear()
     with pytest.raises(MessageError, match="no tick is complete"):
         judge(prepared, heard, None)
 
@@ -90,6 +90,37 @@ def test_what_only_the_runner_missed_is_no_problem(
     results = judge(prepared, heard, bag)
     assert results.problems == ()
     assert any("did not hear 1 states" in note for note in results.warnings)
+
+
+def test_figures_are_those_of_what_was_published_and_the_rest_is_named(
+    prepared: PreparedScenario, heard: Heard
+) -> None:
+    """As from a plant of the user's; before, one missing topic left no figure at all."""
+    for topic in (Topic.PLANT_COOLANT_INLET_TEMPERATURE, Topic.PLANT_CAPACITY_LOSS, Topic.LEADER):
+        heard[topic].clear()
+    results = judge(prepared, heard, None)
+    values = figure_values(results.metrics)
+    assert values["battery_energy"] > 0.0
+    assert values["cell_1_temperature_mean"] > 20.0
+    absent = {"cell_1_degradation", "total_degradation", "smallest_gap", "smallest_margin"}
+    assert not absent & values.keys()
+    assert not any("gap" in key for key in values if key != "gap_violations")
+    assert [note.partition(" was not")[0] for note in results.warnings] == [
+        "plant/coolant_inlet_temperature", "plant/capacity_loss", "v2x/leader",
+    ]  # fmt: skip
+    assert json.loads(results_json(results))["summary"]["aging_ppm"] is None
+    assert dict(results.summary.lines)["margin"] == "smallest gap –"
+
+
+def test_a_tick_without_a_leader_is_counted_and_the_rest_has_figures(
+    prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
+) -> None:
+    results = judge(prepared, heard, write_bag(tmp_path / "bag", (Topic.LEADER, 9)))
+    assert any("v2x/leader is missing at 1 ticks" in note for note in results.warnings)
+    assert results.problems == ("the bag holds 20 messages of v2x/leader, 21 are needed",)
+    whole = judge(prepared, heard, None)
+    assert results.metrics.energy == whole.metrics.energy
+    assert results.metrics.gap.smallest_m == whole.metrics.gap.smallest_m
 
 
 def test_a_good_run_has_no_problems(

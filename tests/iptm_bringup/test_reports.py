@@ -53,7 +53,7 @@ def test_tables_show_every_figure(results: RunResults, folder: RunFolder, width:
     text = printed(results, folder, width, full=True)
     values = figure_values(results.metrics)
     for key in TRIP_FIGURES:
-        shown = FIGURES[key].label[:36] in text.replace("\n", "")
+        shown = FIGURES[key].label[:20] in text
         assert shown is (not key.startswith("longest_") or values[key] > 0.0), key
     for entry in ("solve time (ms)", "speed-up over real time", "shifted plan", "changed by the"):
         assert entry in text
@@ -102,7 +102,9 @@ def test_problems_and_warnings_are_printed(results: RunResults, folder: RunFolde
 
 def test_the_heading_names_every_setting_that_is_no_default() -> None:
     plain = prepare(Scenario(name="short", cycle="sc03", duration_s=20.0))
-    assert plain.heading.startswith("short: sc03, slope as_designed, 20 s, strategy aging_cost_to_go")
+    assert plain.heading.startswith(
+        "short: sc03, slope as_designed, 20 s, strategy aging_cost_to_go"
+    )
     assert "=" not in plain.heading
     changed = prepare(
         Scenario(

@@ -95,17 +95,22 @@ def test_names_must_be_complete_and_known() -> None:
 def test_values_must_be_finite(name: str, value: float) -> None:
     columns = _columns()
     columns[name][2] = value
+    if np.isnan(value) and name in {"leader_position_m", "leader_speed_m_s", "smallest_gap_m"}:
+        assert Trajectory.from_arrays(columns).unknown == {name: 1}
+        return
     with pytest.raises(StateError, match=f"{name} is {value} in row 2"):
         Trajectory.from_arrays(columns)
 
 
-def test_a_leader_is_measured_once_at_least() -> None:
+@pytest.mark.parametrize("name", TRAJECTORY_COLUMNS)
+def test_a_column_may_be_unknown_throughout_but_not_the_motion(name: str) -> None:
     columns = _columns()
-    columns["leader_speed_m_s"][1:] = np.nan
-    assert Trajectory.from_arrays(columns).has_leader.tolist() == [True, False, False, False]
-    columns["leader_speed_m_s"][0] = np.nan
-    with pytest.raises(StateError, match="0 of 4 rows have a leader"):
-        Trajectory.from_arrays(columns)
+    columns[name][:] = np.nan
+    if name in {"time_s", "position_m", "speed_m_s"}:
+        with pytest.raises(StateError, match=f"{name} is nan in row 0"):
+            Trajectory.from_arrays(columns)
+    else:
+        assert Trajectory.from_arrays(columns).unknown == {name: 4}
 
 
 @pytest.mark.parametrize("name", TRAJECTORY_COLUMNS[1:])

@@ -134,10 +134,30 @@ def test_empty_bag(tmp_path: Path) -> None:
 def test_bag_without_a_complete_tick(
     trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
 ) -> None:
-    drop = frozenset((Topic.LEADER, row) for row in range(len(trajectory)))
+    drop = frozenset((Topic.PLANT_ODOMETRY, row) for row in range(len(trajectory)))
     bag = write_run(tmp_path / "bag", trajectory, drop=drop)
-    with pytest.raises(BagError, match=r"no tick is complete.*v2x/leader 0"):
+    with pytest.raises(BagError, match=r"no tick is complete.*plant/odometry 0"):
         read_trajectory(bag)
+
+
+@pytest.mark.parametrize(
+    ("topic", "unknown"),
+    [
+        (Topic.PLANT_COOLANT_INLET_TEMPERATURE, {"coolant_inlet_temperature_k"}),
+        (Topic.PLANT_CAPACITY_LOSS, {"cell_1_capacity_loss", "cell_n_capacity_loss"}),
+        (Topic.LEADER, {"leader_position_m", "leader_speed_m_s"}),
+    ],
+)
+def test_what_was_never_published_is_unknown_and_the_rest_is_read(
+    trajectory: Trajectory, write_run: WriteRun, tmp_path: Path, topic: Topic, unknown: set[str]
+) -> None:
+    """As in the bag of a plant of one's own; before, it gave no figures at all."""
+    rows = len(trajectory)
+    drop = frozenset((topic, row) for row in range(rows))
+    found = read_trajectory(write_run(tmp_path / "bag", trajectory, drop=drop))
+    assert found.unknown == dict.fromkeys(unknown, rows)
+    for name in set(TRAJECTORY_COLUMNS) - unknown:
+        np.testing.assert_array_equal(getattr(found, name), getattr(trajectory, name))
 
 
 def test_broken_promise_names_bag_and_topic(

@@ -76,11 +76,13 @@ class Listeners:
         recorder: a recorder will join.
         foreign_to_state: others (a viewer, say) that listen to the state and the clock already.
         foreign_to_preview: others that listen to the leader and its preview already.
+        without: nodes that the user starts, who may be among the others already.
     """
 
     recorder: bool = True
     foreign_to_state: int = 0
     foreign_to_preview: int = 0
+    without: frozenset[str] = frozenset()
 
 
 def node_parameters(
@@ -97,7 +99,10 @@ def node_parameters(
         listeners: who else listens.
     """
     scenario = prepared.scenario
-    controller, recorder, runner = 1, int(listeners.recorder), 1
+    recorder, runner = int(listeners.recorder), 1
+    # A controller of the user's need not listen to previews; to the state, it may listen already.
+    is_foreign = CONTROLLER in listeners.without
+    controller = 1 - int(is_foreign and listeners.foreign_to_state > 0)
     # A bridge that hears messages listens to the odometry, too, and in lock-step their sender to the clock.
     told = scenario.node_parameters.get(BRIDGE, {})
     wireless = int(
@@ -112,7 +117,7 @@ def node_parameters(
         BRIDGE: {
             "initial_gap_m": prepared.model.values.gap.initial_gap_m,
             # The runner does not listen to previews.
-            "expected_peers": controller + recorder + listeners.foreign_to_preview,
+            "expected_peers": 1 - is_foreign + recorder + listeners.foreign_to_preview,
         },
         CONTROLLER: {"trip_duration_s": prepared.route.duration_s},
     }

@@ -75,6 +75,7 @@ class Drive(AbstractContextManager["Drive"]):
         progress: shows how far it is.
         stop: tells that the user wants to stop.
         process_faults: what is done to the processes on purpose.
+        foreign: nodes that the user starts.
         duration_s: length of the trip; a later clock is that of another run.
         least_gap_m: a smaller gap is one between the host and the leader of different runs.
     """
@@ -85,6 +86,7 @@ class Drive(AbstractContextManager["Drive"]):
     progress: Progress
     stop: StopRequest
     process_faults: ProcessFaults
+    foreign: frozenset[str] = frozenset()
     duration_s: float = math.inf
     least_gap_m: float = IMPOSSIBLE_GAP_M
 
@@ -185,6 +187,12 @@ class Drive(AbstractContextManager["Drive"]):
             return None
 
         def over() -> bool:
+            if PLANT in self.foreign:
+                now_ns = self.monitor.time_ns or 0
+                return (
+                    now_ns * 1e-9 >= self.duration_s - _TIME_TOLERANCE_S
+                    or PLANT in self.monitor.awaited_nodes
+                )
             running = self.supervisor.is_running(self.process_faults.current(PLANT))
             # What the others say about a plant that was killed on purpose is worth hearing.
             silent_s = time.monotonic() - self.monitor.last_sign_s

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from iptm_bringup.composition import INJECTOR, RECORDER
-from iptm_core.decision_record import Rung
+from iptm_core.decision_record import DecisionRecord, Rung
 from iptm_core.errors import MessageError
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_interfaces.assembly import last_trip
@@ -56,6 +56,8 @@ _SETTLE_S = 0.1  # time for the publishers to learn of the subscriptions made la
 _LOOK_PERIOD_S = 0.05
 # A node that was found a moment ago has no name yet; it may be one of the run.
 _NOT_FOREIGN = {PLANT, BRIDGE, CONTROLLER, RECORDER, INJECTOR, NAME, "_NODE_NAME_UNKNOWN_"}
+_NEEDED = (*PEER_TOPICS, Topic.LEADER, Topic.COMMAND)
+"""What a run cannot do without, whoever publishes it."""
 _ONLY_ONE_PUBLISHES = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
 
 
@@ -112,10 +114,18 @@ class RunMonitor(SuiteNode):
             OK, once each.
         statements: every status of the nodes, in order of arrival.
         plant_reason: latest reason of the plant's diagnostics.
+
+    Args:
+        namespace: of the run.
+        context: of the node.
+        foreign: nodes that the user starts; of what they publish, only `_NEEDED` is waited for.
     """
 
-    def __init__(self, namespace: str, context: Context) -> None:
+    def __init__(
+        self, namespace: str, context: Context, foreign: Collection[str] = frozenset()
+    ) -> None:
         super().__init__(NAME, namespace=namespace, context=context)
+        self._foreign = frozenset(foreign)
         self.recorded: dict[Topic, list[bytes]] = {
             topic: [] for topic in (*EARLY_TOPICS, *PEER_TOPICS)
         }
@@ -126,7 +136,7 @@ class RunMonitor(SuiteNode):
         self.statements: list[HeardStatus] = []
         self.plant_reason = ""
         self._diagnostics_count = 0
-        self._started: set[str] = set()
+        self._started: set[str] = set(foreign)
         self._subscribed: set[Topic] = set()
         self._complete_since_s: float | None = None
         self._prefix = self.get_namespace().rstrip("/")
@@ -137,9 +147,14 @@ class RunMonitor(SuiteNode):
     def awaited_nodes(self) -> tuple[str, ...]:
         """Nodes that do not publish all of their topics yet."""
         silent = (
-            topic for topic in (*EARLY_TOPICS, *PEER_TOPICS) if not self._publisher_count(topic)
+            topic
+            for topic in (*EARLY_TOPICS, *PEER_TOPICS)
+            if self._is_awaited(topic) and not self._publisher_count(topic)
         )
         return tuple(dict.fromkeys(TOPICS[topic].publisher for topic in silent))
+
+    def _is_awaited(self, topic: Topic) -> bool:
+        return topic in _NEEDED or TOPICS[topic].publisher not in self._foreign
 
     @property
     def crowded_topics(self) -> tuple[str, ...]:
@@ -196,9 +211,9 @@ class RunMonitor(SuiteNode):
                 return None
             odometry = self._newest(Topic.PLANT_ODOMETRY)
             gap_m = self._gap_m()
-            solve = decode_decision_record(self._newest(Topic.SOLVE))
+            solve = self._newest_solve()
             cell_1_k, cell_n_k = (
-                decode_temperature(topic, self._newest(topic))
+                decode_temperature(topic, self._newest(topic)) if self.recorded[topic] else math.nan
                 for topic in (Topic.PLANT_CELL_1_TEMPERATURE, Topic.PLANT_CELL_N_TEMPERATURE)
             )
         except (IndexError, MessageError):
@@ -209,9 +224,9 @@ class RunMonitor(SuiteNode):
             gap_m=gap_m,
             cell_1_temperature_c=cell_1_k - CELSIUS_ZERO_K,
             cell_n_temperature_c=cell_n_k - CELSIUS_ZERO_K,
-            solve_time_s=solve.solve_time_s,
-            iterations=solve.iterations,
-            rung=solve.rung,
+            solve_time_s=math.nan if solve is None else solve.solve_time_s,
+            iterations=0 if solve is None else solve.iterations,
+            rung=Rung.OPTIMAL if solve is None else solve.rung,
         )
 
     def _gap_m(self) -> float:
@@ -223,6 +238,12 @@ class RunMonitor(SuiteNode):
                 host = deserialize_message(data, TOPICS[Topic.PLANT_ODOMETRY].message_type)
                 return float(leader.pose.pose.position.x - host.pose.pose.position.x)
         return math.nan
+
+    def _newest_solve(self) -> DecisionRecord | None:
+        """Return the newest decision; None where a controller of the user's reports none."""
+        if CONTROLLER in self._foreign and not self.recorded[Topic.SOLVE]:
+            return None
+        return decode_decision_record(self._newest(Topic.SOLVE))
 
     def _newest(self, topic: Topic) -> Any:
         return deserialize_message(self.recorded[topic][-1], TOPICS[topic].message_type)
@@ -236,15 +257,17 @@ class RunMonitor(SuiteNode):
             is_due = topic not in self._subscribed and TOPICS[topic].publisher in self._started
             if is_due and self._publisher_count(topic):
                 self._subscribe(topic)
-        if len(self._subscribed) < len(EARLY_TOPICS):
+        if any(self._is_awaited(topic) and topic not in self._subscribed for topic in EARLY_TOPICS):
             return
         now_s = time.monotonic()
         if self._complete_since_s is None:
             self._complete_since_s = now_s
         if now_s - self._complete_since_s >= _SETTLE_S and not self.crowded_topics:
-            self._timer.cancel()
             for topic in PEER_TOPICS:
-                self._subscribe(topic)
+                if topic not in self._subscribed:
+                    self._subscribe(topic)
+            if not self._foreign:
+                self._timer.cancel()
 
     def _subscribe(self, topic: Topic) -> None:
         self._subscribed.add(topic)
@@ -287,10 +310,9 @@ def heard_by_stamp(
     heard: Mapping[Topic, Sequence[bytes]], topics: Iterable[Topic]
 ) -> dict[Topic, dict[int, Any]]:
     """Decode the messages of stamped topics that count, by topic and stamp (ns), see `last_trip`."""
-    counted = last_trip(
-        {topic: [(stamp_ns_of(entry), entry) for entry in heard[topic]] for topic in topics}
-    )
-    return {
+    arrivals = {topic: [(stamp_ns_of(entry), entry) for entry in heard[topic]] for topic in topics}
+    counted = last_trip({topic: stamped for topic, stamped in arrivals.items() if stamped})
+    return {topic: {} for topic in arrivals} | {
         topic: {
             stamp_ns: deserialize_message(entry, TOPICS[topic].message_type)
             for stamp_ns, entry in entries.items()

@@ -163,7 +163,7 @@ def _gap(axes: Axes, results: RunResults) -> None:
     axes.axhline(largest, color=RED, lw=0.9, ls="--", label=f"s_max = {largest:g} m")
     _reference(axes, results, lambda other: other.gap_m)
     axes.plot(run.time_s, run.gap_m, color=BLUE, label="gap")
-    top = 1.05 * max(largest, float(np.nanmax(run.gap_m)), float(np.nanmax(smallest)))
+    top = 1.05 * max(largest, float(np.fmax.reduce(run.gap_m)), float(np.fmax.reduce(smallest)))
     axes.set_ylim(0.0, top)
     _titled(axes, "Gap to the leader", "m")
 

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from iptm_bringup.comparison import NO_COMPARISON
 from iptm_bringup.runner import RunOptions, run
-from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
+from iptm_bringup.scenario import NODES, PreparedScenario, Scenario, prepare
 from iptm_bringup.scenario_files import (
     DEFAULT_SCENARIO,
     load_scenario,
@@ -22,7 +22,7 @@ from iptm_bringup.scenario_files import (
 from iptm_bringup.tables import TABLES_WIDTH
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
-from iptm_core.errors import IptmError
+from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.settings import LoopMode
 
@@ -68,6 +68,14 @@ def build_parser() -> argparse.ArgumentParser:
         action="store_true",
         help="show the run in the browser while it takes place; without another --mode it then follows the "
         f"wall clock, {WATCHING_RATE:g} times as fast (--rate-factor)",
+    )
+    parser.add_argument(
+        "--without",
+        action="append",
+        default=[],
+        choices=list(NODES),
+        help="do not start this node, but wait for one that you start in the same ROS domain; repeatable. "
+        "Figures are computed from what it publishes",
     )
     parser.add_argument("--no-picture", action="store_true", help="do not draw a picture")
     parser.add_argument(
@@ -153,7 +161,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         list_scenarios(console)
         return EXIT_OK
     try:
-        prepared = prepared_from(parsed)
+        prepared = replace(prepared_from(parsed), foreign=frozenset(parsed.without))
+        if parsed.without and prepared.scenario.faults:
+            raise ScenarioError(
+                f"--without is {parsed.without[0]} for a scenario with faults; allowed: without faults"
+            )
         options = RunOptions(
             output=parsed.output,
             record=not parsed.no_record,

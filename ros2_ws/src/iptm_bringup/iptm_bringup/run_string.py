@@ -203,7 +203,7 @@ def _prepared(rest: list[str]) -> PreparedScenario:
         ScenarioError: it is none, or nothing for a string.
     """
     options = build_run_parser().parse_args(rest)
-    unfit = [name for name in ("list", "no_record") if getattr(options, name)]
+    unfit = [name for name in ("list", "no_record", "without") if getattr(options, name)]
     if unfit:
         told = unfit[0].replace("_", "-")
         raise ScenarioError(f"--{told} is given for a string; allowed: with one vehicle")

@@ -47,7 +47,7 @@ from iptm_core.declaration import Scalar
 from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR
 from iptm_interfaces.process import StopRequest
-from iptm_interfaces.topics import CONTROLLER, Topic
+from iptm_interfaces.topics import CONTROLLER, PLANT, Topic
 from iptm_recording.run_information import collect_run_information
 
 EXIT_RUN_FAILED = 1
@@ -170,7 +170,7 @@ def drive_processes(
 
     with (
         process_environment(environment),  # the runner takes part in the graph itself
-        _monitor(prepared.scenario.full_namespace, domain) as (monitor, executor),
+        _monitor(prepared.scenario.full_namespace, domain, prepared.foreign) as (monitor, executor),
         Drive(
             supervisor,
             monitor,
@@ -178,6 +178,7 @@ def drive_processes(
             progress,
             stop,
             process_faults,
+            foreign=prepared.foreign,
             duration_s=prepared.route.duration_s,
             # A fault may show another leader than the one that is followed.
             least_gap_m=-math.inf if prepared.scenario.faults else IMPOSSIBLE_GAP_M,
@@ -205,10 +206,8 @@ class _ProcessStarter:
 
     def first(self) -> dict[str, list[str]]:
         """Return the commands that do not depend on who listens; they take longest to start."""
-        parameters = with_faults(
-            node_parameters(self._prepared, Listeners(self._options.record)), self._faults
-        )
-        commands = {CONTROLLER: self._node(CONTROLLER, parameters)}
+        parameters = self._parameters(Listeners(self._options.record))
+        commands = {node: self._node(node, parameters) for node in parameters if node == CONTROLLER}
         if self._options.record:
             text = yaml.safe_dump(run_information(self._prepared, parameters), sort_keys=False)
             path = self._folder.write_log("run_information.yaml", text)
@@ -224,10 +223,20 @@ class _ProcessStarter:
             self._options.record,
             foreign_to_state=monitor.foreign_listeners(Topic.PLANT_ODOMETRY, Topic.CLOCK),
             foreign_to_preview=monitor.foreign_listeners(Topic.LEADER, Topic.LEADER_PREVIEW),
+            without=self._prepared.foreign,
         )
-        parameters = with_faults(node_parameters(self._prepared, listeners), self._faults)
+        parameters = self._parameters(listeners)
         nodes = [node for node in parameters if node != CONTROLLER]
         return {node: self._node(node, parameters) for node in nodes}
+
+    def _parameters(self, listeners: Listeners) -> dict[str, dict[str, Scalar]]:
+        """Return the parameters of the nodes that are started here."""
+        parameters = with_faults(node_parameters(self._prepared, listeners), self._faults)
+        return {
+            node: values
+            for node, values in parameters.items()
+            if node not in self._prepared.foreign
+        }
 
     def _node(self, node: str, parameters: Mapping[str, Mapping[str, Scalar]]) -> list[str]:
         text = parameter_file_text(node, parameters[node])
@@ -236,7 +245,9 @@ class _ProcessStarter:
 
 
 @contextmanager
-def _monitor(namespace: str, domain: RunDomain) -> Iterator[tuple[RunMonitor, EventsExecutor]]:
+def _monitor(
+    namespace: str, domain: RunDomain, foreign: frozenset[str]
+) -> Iterator[tuple[RunMonitor, EventsExecutor]]:
     context = Context()
     rclpy.init(
         args=[],
@@ -245,7 +256,7 @@ def _monitor(namespace: str, domain: RunDomain) -> Iterator[tuple[RunMonitor, Ev
         signal_handler_options=SignalHandlerOptions.NO,
     )
     try:
-        monitor = RunMonitor(namespace, context)
+        monitor = RunMonitor(namespace, context, foreign)
         executor = EventsExecutor(context=context)
         executor.add_node(monitor)
         try:
@@ -278,7 +289,8 @@ def _report(
             unclean,
             tuple(driven.monitor.warnings),
         )
-        if options.against != NO_COMPARISON:
+        # The reference would drive the plant of the suite, not that of the user.
+        if options.against != NO_COMPARISON and PLANT not in prepared.foreign:
             with console.status(f"driving the same trip with strategy {options.against} ..."):
                 comparison = drive_comparison(prepared, options.against)
             results = replace(results, comparison=comparison)
@@ -316,5 +328,7 @@ def _report_failure(
 
 
 def _introduction(prepared: PreparedScenario, domain: int) -> Text:
-    watch = (f"\nto watch: export ROS_DOMAIN_ID={domain}", "dim")
+    without = prepared.foreign
+    purpose = f"waiting for your own {', '.join(sorted(without))}" if without else "to watch"
+    watch = (f"\n{purpose}: export ROS_DOMAIN_ID={domain}", "dim")
     return Text.assemble((prepared.heading, "bold"), watch)

@@ -133,21 +133,27 @@ class PreparedScenario:
         scenario: what was asked for.
         model: the vehicle.
         route: leader, road and length of the trip.
+        foreign: nodes that the user starts.
     """
 
     scenario: Scenario
     model: ParameterSet
     route: Route
+    foreign: frozenset[str] = frozenset()
 
     @property
     def heading(self) -> str:
         """What was driven, in one line: name, trip, strategy, and every setting that is not a default."""
-        scenario = self.scenario
-        return (
-            f"{scenario.name}: {self.route.name}, {self.route.duration_s:g} s, strategy {scenario.strategy}, "
-            f"horizon {scenario.horizon}, {scenario.solver}, {scenario.mode.value.replace('_', '-')}"
-            + "".join(f", {change}" for change in self._changes())
-        )
+        scenario, foreign = self.scenario, self.foreign
+        strategy = f"strategy {scenario.strategy}, horizon {scenario.horizon}, {scenario.solver}"
+        parts = [
+            f"{scenario.name}: {self.route.name}, {self.route.duration_s:g} s",
+            *([] if CONTROLLER in foreign else [strategy]),
+            *(f"own {node}" for node in NODES if node in foreign),
+            scenario.mode.value.replace("_", "-"),
+            *self._changes(),
+        ]
+        return ", ".join(parts)
 
     def _changes(self) -> list[str]:
         """Return the settings that are no defaults and stand nowhere else in the heading."""

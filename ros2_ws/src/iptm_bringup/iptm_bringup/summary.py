@@ -15,7 +15,8 @@ from iptm_core.parameters.units import CELSIUS_ZERO_K
 
 AGING_SAVED = "battery aging"
 PPM = 1e6
-WHAT_AGING_COUNTS = "both cells: cyclic aging by the paper's law while driving, not calendar aging"
+OWN_AGING = "both cells, as your plant reports it"
+PAPER_AGING = "both cells: cyclic aging by the paper's law while driving, not calendar aging"
 EQUAL_TEMPERATURE_K = 0.1
 EQUAL_SPEED_M_S = 0.1
 EQUAL_DISTANCE = 1e-3
@@ -40,6 +41,7 @@ def summarise(
     parameters: ModelParameters,
     decisions: DecisionStatistics,
     comparison: Comparison | None,
+    aging_counts: str = PAPER_AGING,
 ) -> Summary:
     """Return the headline of a run.
 
@@ -48,6 +50,7 @@ def summarise(
         parameters: the model, for the correction to equal ends.
         decisions: how its decisions came about.
         comparison: the same trip with another strategy, None without one.
+        aging_counts: what the capacity loss counts.
     """
     values = {**_of_run(metrics), **_of_decisions(decisions)}
     lines: list[tuple[str, str]] = []
@@ -66,7 +69,7 @@ def summarise(
             values |= _corrected(ends)
         lines.append((AGING_SAVED, _saved_text(values, comparison, ends)))
     name = comparison.strategy if comparison is not None else ""
-    lines.append(("capacity lost", _aging_text(values, other, name)))
+    lines.append(("capacity lost", f"{_aging_text(values, other, name)}, {aging_counts}"))
     lines.append(("energy", _energy_text(values, other, name)))
     lines.append(("at the end", _end_text(values, other, name)))
     if ends is not None:
@@ -144,7 +147,7 @@ def _saved_text(values: Mapping[str, float], comparison: Comparison, ends: Equal
 
 def _aging_text(values: Mapping[str, float], other: Mapping[str, float] | None, name: str) -> str:
     compared = f" ({name} {significant(other['aging_ppm'])})" if other else ""
-    return f"{significant(values['aging_ppm'])} ppm{compared}, {WHAT_AGING_COUNTS}"
+    return f"{significant(values['aging_ppm'])} ppm{compared}"
 
 
 def _energy_text(values: Mapping[str, float], other: Mapping[str, float] | None, name: str) -> str:

@@ -34,6 +34,10 @@ class BagError(IptmError):
     """A recorded bag is missing, truncated, foreign or lacks a topic."""
 
 
+class MissingTopicError(BagError):
+    """A bag lacks a topic."""
+
+
 class ScenarioError(IptmError):
     """A scenario or study description is malformed."""
 

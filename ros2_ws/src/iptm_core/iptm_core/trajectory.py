@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from iptm_core.errors import StateError
 from iptm_core.state import FloatArray, LeaderState, PlantObservation
 
+_ALWAYS_KNOWN = frozenset({"time_s", "position_m", "speed_m_s"})
+
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
@@ -20,6 +22,9 @@ class Trajectory:
     Row k holds the state at t_k and what happened over the interval that ended at t_k: the
     actuated commands and the mean powers. Row 0 ends no interval: its powers are zero by
     definition, and its acceleration and compressor power are those the run started from.
+
+    NaN stands for what is not known: the leader in any row, any other column throughout, but never time,
+    position and speed.
 
     Attributes:
         time_s: instants t_k, strictly increasing.
@@ -44,8 +49,8 @@ class Trajectory:
             none is known.
 
     Raises:
-        StateError: arrays of different length, none at all, values that are not finite where they must be,
-            no row with a leader, or times that do not increase.
+        StateError: arrays of different length, none at all, other values that are not finite, or times
+            that do not increase.
     """
 
     time_s: FloatArray
@@ -77,16 +82,16 @@ class Trajectory:
                     f"trajectory: {name} has shape {values.shape}; allowed: one value per "
                     f"instant, ({rows},), and at least one"
                 )
-            bad = np.isinf(values) if name in _OF_LEADER else ~np.isfinite(values)
-            if np.any(bad):
-                row = int(np.flatnonzero(bad)[0])
+            unknown = np.isnan(values)
+            allowed = name not in _ALWAYS_KNOWN and (name in _OF_LEADER or bool(np.all(unknown)))
+            wrong = np.flatnonzero(~np.isfinite(values) & ~(unknown & allowed))
+            if wrong.size:
+                row = int(wrong[0])
                 raise StateError(
                     f"trajectory: {name} is {values[row]} in row {row}; allowed: a finite value"
                 )
             values.setflags(write=False)
             object.__setattr__(self, name, values)
-        if not np.any(self.has_leader):
-            raise StateError(f"trajectory: 0 of {rows} rows have a leader; allowed: 1 at least")
         steps = np.diff(self.time_s)
         if np.any(steps <= 0.0):
             row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
@@ -104,6 +109,15 @@ class Trajectory:
         """Whether the leader was measured at an instant, shape (n,)."""
         known: NDArray[np.bool_] = np.isfinite(self.leader_position_m + self.leader_speed_m_s)
         return known
+
+    @property
+    def unknown(self) -> dict[str, int]:
+        """Rows in which a column is not known, by the names of such columns."""
+        counts = {
+            name: int(np.count_nonzero(np.isnan(column)))
+            for name, column in self.to_arrays().items()
+        }
+        return {name: count for name, count in counts.items() if count}
 
     @property
     def gap_m(self) -> FloatArray:

@@ -41,7 +41,8 @@ class AssembledRun:
     """A run put together from messages.
 
     Attributes:
-        trajectory: one row per tick of which every message of the plant is there, with or without a leader.
+        trajectory: one row per tick of which every message of the plant is there, with or without a leader;
+            NaN stands for what was never published.
         incomplete: topics of the plant that are missing, by the stamp (ns) of each tick between the first and
             the last complete one.
     """
@@ -109,25 +110,26 @@ def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:
     """Put the trajectory of a run together.
 
     Ticks at the very start and end of which a message of the plant is missing are left out. Rows without a
-    leader have NaN in its columns.
+    leader have NaN in its columns. A topic without any message counts as never published.
 
     Args:
-        messages: those of `TICK_TOPICS`, by topic and stamp; those of `Topic.PLANT_SAFETY` if there are any.
+        messages: those of `TICK_TOPICS` as far as they were published, at least the plant's odometry, by
+            topic and stamp; those of `Topic.PLANT_SAFETY` if there are any.
 
     Raises:
         MessageError: no tick is complete, or a message breaks its promise.
         StateError: the rows make no trajectory.
     """
-    found = {topic: messages[topic] for topic in OBSERVATION_TOPICS}
-    leaders = messages[Topic.LEADER]
+    found = {topic: messages[topic] for topic in OBSERVATION_TOPICS if messages.get(topic)}
+    leaders = messages.get(Topic.LEADER, {})
     stamps = sorted(set().union(*found.values()))
     missing = {
         stamp: tuple(topic for topic, known in found.items() if stamp not in known)
         for stamp in stamps
     }
     complete = [stamp for stamp in stamps if not missing[stamp]]
-    if leaders.keys().isdisjoint(complete):
-        counts = ", ".join(f"{topic.value} {len(messages[topic])}" for topic in TICK_TOPICS)
+    if not complete or Topic.PLANT_ODOMETRY not in found:
+        counts = ", ".join(f"{topic.value} {len(messages.get(topic, ()))}" for topic in TICK_TOPICS)
         raise MessageError(f"no tick is complete; messages per topic: {counts}")
     safety = messages.get(Topic.PLANT_SAFETY, {})
     plant = (
@@ -144,6 +146,29 @@ def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:
             if topics and complete[0] < stamp < complete[-1]
         },
     )
+
+
+def unpublished(trajectory: Trajectory) -> list[str]:
+    """Return a sentence for each topic of which a trajectory has nothing."""
+    rows = len(trajectory)
+    return [
+        f"{topic.value} was not published: figures that need it are missing"
+        for topic, column in _COLUMNS.items()
+        if trajectory.unknown.get(column) == rows
+    ]
+
+
+_COLUMNS = {
+    Topic.PLANT_ACCELERATION: "acceleration_m_s2",
+    Topic.PLANT_CELL_1_TEMPERATURE: "cell_1_temperature_k",
+    Topic.PLANT_CELL_N_TEMPERATURE: "cell_n_temperature_k",
+    Topic.PLANT_COOLANT_INLET_TEMPERATURE: "coolant_inlet_temperature_k",
+    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE: "coolant_outlet_temperature_k",
+    Topic.PLANT_POWERS: "battery_power_w",
+    Topic.PLANT_CAPACITY_LOSS: "cell_1_capacity_loss",
+    Topic.LEADER: "leader_position_m",
+}
+"""A column of a trajectory by the topic that it comes from, for all but the odometry."""
 
 
 def assemble_decisions(messages: ByStamp) -> DecisionSeries:

@@ -68,6 +68,7 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
         BagError: the bag does not hold a complete run of the suite.
     """
     # Decoding to the suite's messages needs ROS, everything else here does not.
+    from iptm_interfaces.assembly import unpublished  # noqa: PLC0415
     from iptm_recording.changed_settings import (  # noqa: PLC0415
         changes_in_words,
         read_settings_changes,
@@ -88,12 +89,15 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
     with BagReader(path) as reader:
         trips = len(trip_starts_ns(reader, namespace))
         remark = leader_remark(trajectory, stored_losses(reader.run_information()))
+        run = reader.run_information().extra.get("run", "")
     notes = [] if is_stored else ["limits of the default parameter set: the bag names no other"]
     notes += [f"the last of {trips} trips"] if trips > 1 else []
+    notes += unpublished(trajectory)
     notes += [remark] if remark else []
     notes += changes_in_words(read_settings_changes(path, namespace))
     caption = "; ".join(notes) or None
-    table = Table("figure", title=f"{path.name}: results", title_justify="left", caption=caption)
+    title = f"{path.name}: results" + (f" of {run}" if run else "")
+    table = Table("figure", title=title, title_justify="left", caption=caption)
     table.add_column("value", justify="right")
     table.add_column("unit")
     for key, value in figure_values(compute_metrics(trajectory, parameters, decisions)).items():

@@ -14,7 +14,7 @@ from heapq import merge
 from pathlib import Path
 from typing import Any, final
 
-from iptm_core.errors import BagError
+from iptm_core.errors import BagError, MissingTopicError
 from iptm_core.parameters import ModelParameters, load_parameters
 from iptm_core.strict_mapping import shown
 from iptm_recording.bag_files import check_exists, open_files
@@ -114,7 +114,8 @@ class BagReader(AbstractContextManager["BagReader"]):
             type_name: type it must have; any by default.
 
         Raises:
-            BagError: no such topic, several in different namespaces, or another type.
+            MissingTopicError: no such topic.
+            BagError: several in different namespaces, or another type.
         """
         if name in self.topics:
             found = [name]
@@ -123,7 +124,7 @@ class BagReader(AbstractContextManager["BagReader"]):
             found = [] if name.startswith("/") else [t for t in self.topics if t.endswith(suffix)]
         if not found:
             known = ", ".join(sorted(self.topics)) or "none"
-            raise BagError(f"{self.path} has no topic {name!r}; its topics are: {known}")
+            raise MissingTopicError(f"{self.path} has no topic {name!r}; its topics are: {known}")
         if len(found) > 1:
             raise BagError(
                 f"{self.path} has several topics {name!r}: {', '.join(sorted(found))};"

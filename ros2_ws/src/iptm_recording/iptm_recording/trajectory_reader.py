@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from iptm_core.decision_record import DecisionSeries
-from iptm_core.errors import BagError, IptmError
+from iptm_core.errors import BagError, IptmError, MissingTopicError
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.assembly import assemble_decisions, assemble_run, last_trip, split_trips
 from iptm_interfaces.codecs import ns_from_time, s_from_ns
@@ -40,19 +40,20 @@ def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
     """Read the run of a bag; of several trips the last one, see `iptm_interfaces.assembly`.
 
     Ticks at the very start and end that were recorded only in part are left out. Where the leader alone is
-    missing, the row says so, and `leader_remark` says why.
+    missing, the row says so, and `leader_remark` says why. What was never published is NaN throughout.
 
     Args:
         path: bag folder or file.
         namespace: namespace of the vehicle; needed only if the bag holds several.
 
     Raises:
-        BagError: the bag cannot be read, lacks a topic or has one of another type, holds no
-            complete tick, a tick inside the run is incomplete or the recording was paused there, or a
-            message breaks its promise.
+        BagError: the bag cannot be read, lacks the plant's odometry or has a topic of another type, holds no
+            complete tick, lacks messages of the plant at a tick inside the run, the recording was paused
+            there, or a message breaks its promise.
     """
     with BagReader(path) as reader, _named_after(path):
-        run = assemble_run(_messages(reader, TICK_TOPICS, namespace, (Topic.PLANT_SAFETY,)))
+        needed, *others = Topic.PLANT_ODOMETRY, *TICK_TOPICS, Topic.PLANT_SAFETY
+        run = assemble_run(_messages(reader, (needed,), namespace, others))
         pauses = stored_pauses(reader.run_information())
         losses = stored_losses(reader.run_information())
     first_s, last_s = run.trajectory.time_s[0], run.trajectory.time_s[-1]
@@ -73,14 +74,14 @@ def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
 
 
 def leader_remark(trajectory: Trajectory, losses: Mapping[str, int] | None = None) -> str:
-    """Return at which ticks the leader is missing, and why; "" if it is always there.
+    """Return at which ticks the leader is missing, and why; "" if it is always or never there.
 
     Args:
         trajectory: the run.
         losses: messages lost by the recorder, by topic; None without a recording.
     """
     missing_s = trajectory.time_s[~trajectory.has_leader]
-    if not missing_s.size:
+    if missing_s.size in (0, len(trajectory)):
         return ""
     name = TOPICS[Topic.LEADER].name
     lost = sum(count for topic, count in (losses or {}).items() if topic.endswith(f"/{name}"))
@@ -147,13 +148,13 @@ def _messages(
         )
     keys = {topic_name(reader, topic, namespace): topic for topic in topics}
     for topic in optional:
-        with suppress(BagError):
+        with suppress(MissingTopicError):
             keys[topic_name(reader, topic, namespace)] = topic
     found: dict[Topic, list[tuple[int, Any]]] = {topic: [] for topic in keys.values()}
     for item in reader.messages(list(keys)):
         stamp_ns = ns_from_time(item.message.header.stamp)
         found[keys[item.topic]].append((stamp_ns, item.message))
-    return last_trip(found)
+    return last_trip({topic: messages for topic, messages in found.items() if messages})
 
 
 @contextmanager

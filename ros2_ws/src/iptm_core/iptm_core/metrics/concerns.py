@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from iptm_core.metrics.constraints import (
     GAP_TOLERANCE_M,
     SPEED_TOLERANCE_M_S,
@@ -148,7 +150,7 @@ class FutileCooling:
 
 
 def longest_times_s(run: Trajectory, parameters: ModelParameters) -> Mapping[Concern, float]:
-    """Return for how long in a row each concern lasted at most, in s.
+    """Return for how long in a row each concern lasted at most, in s; NaN for what is not known in any row.
 
     That of the plans is missing: a trajectory does not hold them.
     """
@@ -161,6 +163,12 @@ def longest_times_s(run: Trajectory, parameters: ModelParameters) -> Mapping[Con
             streak.update(time_s, holds=holds)
             for time_s, holds in zip(times, broken.tolist(), strict=True)
         )
+    gap_concerns = (Concern.SHORT_GAP, Concern.LONG_GAP)
+    unknown = [*(gap_concerns if np.all(np.isnan(run.gap_m)) else ())]
+    if np.all(np.isnan(at.warmest_cell_k)):
+        unknown += [Concern.HOT_CELL, Concern.COOLING]
+    elif np.all(np.isnan(run.compressor_power_w)):
+        unknown.append(Concern.COOLING)
     futile = FutileCooling()
     rows = zip(
         times, at.warmest_cell_k.tolist(), cooling_at_limit(at, parameters).tolist(), strict=True
@@ -168,4 +176,4 @@ def longest_times_s(run: Trajectory, parameters: ModelParameters) -> Mapping[Con
     longest[Concern.COOLING] = max(
         futile.update(time_s, warmest_k, at_limit=at_limit) for time_s, warmest_k, at_limit in rows
     )
-    return longest
+    return {**longest, **dict.fromkeys(unknown, float("nan"))}

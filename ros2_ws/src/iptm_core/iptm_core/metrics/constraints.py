@@ -67,7 +67,7 @@ def check_constraints(
         parameters: limits and spacing policy.
 
     Returns:
-        One check per limit, hard ones first.
+        One check per limit, hard ones first; none of what is not known in any row.
     """
     limits, gap = parameters.limits, parameters.gap
     run = trajectory
@@ -112,9 +112,9 @@ def check_constraints(
         ("coolant_outlet_temperature", "coolant outlet temperature", "K", outlet, kelvin),
     )
     # fmt: on
-    return (
-        *(_check(run, row, hard=True) for row in hard),
-        *(_check(run, row, hard=False) for row in soft),
+    rows = [*((row, True) for row in hard), *((row, False) for row in soft)]
+    return tuple(
+        _check(run, row, hard=is_hard) for row, is_hard in rows if not np.all(np.isnan(row[3]))
     )
 
 
@@ -174,10 +174,7 @@ def _outside(values: FloatArray, lower: float | FloatArray, upper: float) -> Flo
 
 def _check(run: Trajectory, row: _Row, *, hard: bool) -> ConstraintCheck:
     key, label, unit, excess, tolerance = row
-    excess = np.where(
-        np.isnan(excess), -np.inf, excess
-    )  # without a leader nothing is known of the gap
-    worst = int(np.argmax(excess))
+    worst = int(np.nanargmax(excess))
     exceeded = bool(excess[worst] > 0.0)
     return ConstraintCheck(
         key=key,

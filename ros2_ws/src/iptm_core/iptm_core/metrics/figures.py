@@ -84,9 +84,11 @@ def significant(value: float, least: float = 0.0) -> str:
 
 
 def figure_values(metrics: RunMetrics) -> dict[str, float]:
-    """Return the figures of a run by key, in the unit of each; what does not exist is left out."""
+    """Return the figures of a run by key, in the unit of each, but those that do not exist or are unknown."""
     computed = {key: figure.compute(metrics) for key, figure in FIGURES.items()}
-    return {key: value for key, value in computed.items() if value is not None}
+    return {
+        key: value for key, value in computed.items() if value is not None and not math.isnan(value)
+    }
 
 
 def _temperature_figures() -> Iterator[Figure]:

@@ -254,7 +254,7 @@ def _degradation(run: Trajectory) -> DegradationMetrics:
 def _gap(run: Trajectory, parameters: ModelParameters) -> GapMetrics:
     gaps = _range(run, run.gap_m)
     margins = gap_margins_m(run, parameters)
-    tightest = int(np.nanargmin(margins))
+    tightest = int(np.argmin(np.where(np.isnan(margins), np.inf, margins)))
     return GapMetrics(
         smallest_m=gaps.minimum,
         mean_m=gaps.mean,
@@ -292,19 +292,16 @@ def _integral(run: Trajectory, means: FloatArray) -> float:
 def _range(run: Trajectory, states: FloatArray) -> ValueRange:
     """Summarise a quantity recorded at the instants, taken as linear between them for its mean.
 
-    Instants at which it is NaN are left out, and so are the intervals that they bound.
+    Instants at which it is NaN are left out, and so are the intervals that they bound; NaN where all are.
     """
-    means, intervals_s, duration_s = (
-        0.5 * (states[1:] + states[:-1]),
-        run.intervals_s,
-        _duration_s(run),
-    )
-    known = np.isfinite(means)
-    if not known.all():
-        means, intervals_s = means[known], intervals_s[known]
-        duration_s = float(intervals_s.sum())
+    means = 0.5 * (states[1:] + states[:-1])
+    known, intervals_s = np.isfinite(means), run.intervals_s
+    if not np.any(np.isfinite(states)):
+        return ValueRange(*[math.nan] * 3)
+    duration_s = _duration_s(run) if known.all() else float(intervals_s[known].sum())
+    integral = np.dot(means[known], intervals_s[known])
     return ValueRange(
         minimum=float(np.nanmin(states)),
-        mean=float(np.dot(means, intervals_s) / duration_s) if duration_s > 0.0 else math.nan,
+        mean=float(integral / duration_s) if duration_s > 0.0 else math.nan,
         maximum=float(np.nanmax(states)),
     )

@@ -8,6 +8,7 @@ Celsius on the wire, so kelvin values come back within one rounding step (6e-14 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from math import nan
 from typing import Any
 
 from geometry_msgs.msg import AccelStamped
@@ -16,7 +17,13 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Header
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_core.state import LeaderState, PlantObservation, SafetyRecord, VehicleState
+from iptm_core.state import (
+    IntervalPowers,
+    LeaderState,
+    PlantObservation,
+    SafetyRecord,
+    VehicleState,
+)
 from iptm_interfaces.codecs._checks import finite, not_negative, reject
 from iptm_interfaces.codecs.battery import decode_powers
 from iptm_interfaces.codecs.fixed_layout import Numbers, encoder
@@ -142,21 +149,25 @@ def decode_vehicle_state(messages: Mapping[Topic, Any]) -> VehicleState:
     Raises:
         MessageError: the stamps differ or one of the messages breaks its promise.
     """
-    stamp_ns = _common_stamp_ns(STATE_TOPICS, messages)
-    position_m, speed_m_s = _decode_motion(Topic.PLANT_ODOMETRY, messages[Topic.PLANT_ODOMETRY])
-    acceleration_m_s2 = finite(
-        Topic.PLANT_ACCELERATION,
-        "acceleration",
-        messages[Topic.PLANT_ACCELERATION].accel.linear.x,
-    )
-    powers = decode_powers(messages[Topic.PLANT_POWERS])
-    cell_1_loss, cell_n_loss = decode_capacity_loss(messages[Topic.PLANT_CAPACITY_LOSS])
+    _common_stamp_ns(STATE_TOPICS, messages)
+    return _known_state(messages)
+
+
+def _known_state(messages: Mapping[Topic, Any]) -> VehicleState:
+    """Return the state as far as there are messages of it, at least the odometry; the rest is NaN."""
+    odometry = messages[Topic.PLANT_ODOMETRY]
+    position_m, speed_m_s = _decode_motion(Topic.PLANT_ODOMETRY, odometry)
+    acceleration = messages.get(Topic.PLANT_ACCELERATION)
+    powers, losses = messages.get(Topic.PLANT_POWERS), messages.get(Topic.PLANT_CAPACITY_LOSS)
+    cell_1_loss, cell_n_loss = (nan, nan) if losses is None else decode_capacity_loss(losses)
     return VehicleState(
-        time_s=s_from_ns(stamp_ns),
+        time_s=s_from_ns(ns_from_time(odometry.header.stamp)),
         position_m=position_m,
         speed_m_s=speed_m_s,
-        acceleration_m_s2=acceleration_m_s2,
-        compressor_power_w=powers.compressor_power_w,
+        acceleration_m_s2=nan
+        if acceleration is None
+        else finite(Topic.PLANT_ACCELERATION, "acceleration", acceleration.accel.linear.x),
+        compressor_power_w=nan if powers is None else decode_powers(powers).compressor_power_w,
         cell_1_temperature_k=_temperature(Topic.PLANT_CELL_1_TEMPERATURE, messages),
         cell_n_temperature_k=_temperature(Topic.PLANT_CELL_N_TEMPERATURE, messages),
         cell_1_capacity_loss=cell_1_loss,
@@ -168,17 +179,17 @@ def decode_observation(messages: Mapping[Topic, Any]) -> PlantObservation:
     """Put an observation of the plant together from the messages of one stamp.
 
     Args:
-        messages: at least those of `OBSERVATION_TOPICS`. Without one of `Topic.PLANT_SAFETY` no service
-            braking is known.
+        messages: those of `OBSERVATION_TOPICS`, at least the odometry; values of missing ones are NaN.
+            Without one of `Topic.PLANT_SAFETY` no service braking is known.
 
     Raises:
         MessageError: the stamps differ or one of the messages breaks its promise.
     """
-    safety = messages.get(Topic.PLANT_SAFETY)
-    _common_stamp_ns(OBSERVATION_TOPICS, messages)
+    safety, powers = messages.get(Topic.PLANT_SAFETY), messages.get(Topic.PLANT_POWERS)
+    _common_stamp_ns((topic for topic in OBSERVATION_TOPICS if topic in messages), messages)
     return PlantObservation(
-        state=decode_vehicle_state(messages),
-        powers=decode_powers(messages[Topic.PLANT_POWERS]),
+        state=_known_state(messages),
+        powers=IntervalPowers(*[nan] * 5) if powers is None else decode_powers(powers),
         coolant_inlet_temperature_k=_temperature(Topic.PLANT_COOLANT_INLET_TEMPERATURE, messages),
         coolant_outlet_temperature_k=_temperature(Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, messages),
         safety=SafetyRecord() if safety is None else decode_safety(safety),
@@ -186,7 +197,8 @@ def decode_observation(messages: Mapping[Topic, Any]) -> PlantObservation:
 
 
 def _temperature(topic: Topic, messages: Mapping[Topic, Any]) -> float:
-    return decode_temperature(topic, messages[topic])
+    message = messages.get(topic)
+    return nan if message is None else decode_temperature(topic, message)
 
 
 def _common_stamp_ns(topics: Iterable[Topic], messages: Mapping[Topic, Any]) -> int:
