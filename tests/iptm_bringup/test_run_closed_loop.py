@@ -37,6 +37,24 @@ def test_options_reach_the_scenario() -> None:
     assert prepared.scenario.node_parameters == {"controller": {"tolerance": 1e-6}}
 
 
+def test_a_run_of_a_cycle_is_named_after_it(tmp_path: Path) -> None:
+    """Before, the folder, the results and the errors of any cycle were called wltc."""
+    (tmp_path / "my trip.csv").write_text("time_s,speed_kmh\n" + "".join(
+        f"{second},{min(second, 30)}\n" for second in range(40)
+    ))  # fmt: skip
+    own = prepared_from(build_parser().parse_args(["--cycle", str(tmp_path / "my trip.csv")]))
+    assert own.scenario.name == "my_trip"
+    assert own.heading.startswith("my_trip: my trip, ")
+    assert prepared_from(build_parser().parse_args(["--cycle", "nycc"])).scenario.name == "nycc"
+    named = prepared_from(build_parser().parse_args(["demo", "--cycle", "nycc"]))
+    assert named.scenario.name == "demo"
+
+
+def test_the_heading_shows_a_horizon_in_one_form() -> None:
+    arguments = build_parser().parse_args(["demo", "--horizon", "3*1"])
+    assert "horizon 3x1," in prepared_from(arguments).heading
+
+
 def test_the_list_names_every_scenario(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--list"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -48,6 +66,10 @@ def test_the_list_names_every_scenario(capsys: pytest.CaptureFixture[str]) -> No
     [
         (["wtlc"], "did you mean 'wltc'?"),
         (["--cycle", "moon"], "unknown driving cycle 'moon'"),
+        (["--cycle", "us6"], "did you mean 'us06'?"),
+        (["--cycle", "WLTC"], "did you mean 'wltc_class3b'?"),
+        (["--strategy", "agingg"], "option --strategy is 'agingg'; did you mean 'aging'?"),
+        (["--duration", "5"], "argument --duration is unknown; did you mean --duration-s?"),
         (["--duration-s", "-5"], "option --duration-s is -5"),
         (["--horizon", "long"], "horizon 'long' cannot be read"),
         (["--parameter-overrides", "body.mas=1"], "body.mas"),

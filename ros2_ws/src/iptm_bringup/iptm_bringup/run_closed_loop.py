@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -25,6 +26,7 @@ from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.settings import LoopMode
+from iptm_core.strict_mapping import nearest
 
 PROGRAM = "run_closed_loop"
 WATCHING_RATE = 10.0
@@ -114,6 +116,25 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def parsed_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line.
+
+    Args:
+        arguments: without the program's name; None takes those of the process.
+
+    Raises:
+        ScenarioError: an option is unknown.
+    """
+    parser = build_parser()
+    parsed, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        name = unknown[0].partition("=")[0]
+        near = nearest(name, re.findall(r"--[a-z][a-z0-9-]+", parser.format_help()))
+        hint = f"did you mean {near}?" if near else "allowed: those of --help"
+        raise ScenarioError(f"argument {name} is unknown; {hint}")
+    return parsed
+
+
 def prepared_from(arguments: argparse.Namespace) -> PreparedScenario:
     """Return the scenario that the arguments describe.
 
@@ -154,7 +175,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         Exit code of the process, see the epilog of ``--help``.
     """
-    parsed = build_parser().parse_args(arguments)
+    try:
+        parsed = parsed_options(arguments)
+    except ScenarioError as error:
+        return refused(PROGRAM, error)
     # A pipe has no width of its own.
     console = Console(width=None if sys.stdout.isatty() else TABLES_WIDTH)
     if parsed.list:

@@ -14,8 +14,7 @@ from rich.console import Console
 
 from iptm_bringup.comparison import NO_COMPARISON, controller_for, plant_for, preview_for
 from iptm_bringup.environment import domain_of_run, environment_of_run
-from iptm_bringup.run_closed_loop import build_parser as build_run_parser
-from iptm_bringup.run_closed_loop import prepared_from
+from iptm_bringup.run_closed_loop import parsed_options, prepared_from
 from iptm_bringup.run_folder import LOGS, RunFolder
 from iptm_bringup.runner import EXIT_RUN_FAILED
 from iptm_bringup.scenario import PreparedScenario
@@ -202,7 +201,7 @@ def _prepared(rest: list[str]) -> PreparedScenario:
     Raises:
         ScenarioError: it is none, or nothing for a string.
     """
-    options = build_run_parser().parse_args(rest)
+    options = parsed_options(rest)
     unfit = [name for name in ("list", "no_record", "without") if getattr(options, name)]
     if unfit:
         told = unfit[0].replace("_", "-")

@@ -145,7 +145,8 @@ class PreparedScenario:
     def heading(self) -> str:
         """What was driven, in one line: name, trip, strategy, and every setting that is not a default."""
         scenario, foreign = self.scenario, self.foreign
-        strategy = f"strategy {scenario.strategy}, horizon {scenario.horizon}, {scenario.solver}"
+        horizon = Horizon.parse(scenario.horizon)
+        strategy = f"strategy {scenario.strategy}, horizon {horizon}, {scenario.solver}"
         parts = [
             f"{scenario.name}: {self.route.name}, {self.route.duration_s:g} s",
             *([] if CONTROLLER in foreign else [strategy]),

@@ -16,7 +16,7 @@ from enum import Enum
 from typing import Any
 
 from iptm_core.errors import ParameterError
-from iptm_core.strict_mapping import shown
+from iptm_core.strict_mapping import nearest, shown
 
 Scalar = bool | int | float | str
 """A value as files and messages hold it."""
@@ -169,4 +169,8 @@ def _as_float(number: float) -> float:
 def _error(spec: ParameterSpec, given: object) -> ParameterError:
     kinds = {bool: "bool", int: "integer", float: "float", str: "text"}
     kind = kinds.get(type(given), type(given).__name__)
+    if spec.kind is str and isinstance(given, str):
+        near = nearest(given, spec.choices)
+        hint = f"did you mean {near!r}? " if near else ""
+        return ParameterError(f"{spec.name} is {shown(given)}; {hint}allowed: {spec.allowed}")
     return ParameterError(f"{spec.name} is {shown(given)} ({kind}); allowed: {spec.allowed}")

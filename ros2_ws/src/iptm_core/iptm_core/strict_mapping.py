@@ -38,13 +38,20 @@ def suggestion(name: object, known: Iterable[str]) -> str:
         Text such as ``did you mean 'cycle'? allowed: cycle, slope``.
     """
     names = list(known)
-    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
-    hint = [f"did you mean {near[0]!r}?"] if near else []
+    near = nearest(name, names)
+    hint = [f"did you mean {near!r}?"] if near else []
     if len(names) <= _FEW_NAMES or not near:
         more = ", ..." if len(names) > _MANY_NAMES else ""
         listed = names[:_FEW_NAMES] if more else names
         hint.append(f"allowed: {', '.join(listed) or 'none'}{more}")
     return " ".join(hint)
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """Return the name that an unknown one is nearest to, whatever its case; empty if it is near to none."""
+    by_lower = {each.lower(): each for each in known}
+    near = difflib.get_close_matches(str(name).lower(), by_lower, n=1, cutoff=0.5)
+    return by_lower[near[0]] if near else ""
 
 
 def check_known(

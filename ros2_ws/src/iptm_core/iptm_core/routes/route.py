@@ -16,6 +16,7 @@ from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.routes.user_csv import USER_FILES, USER_SUFFIXES, read_user_trip
+from iptm_core.strict_mapping import nearest
 from iptm_core.user_input import is_path
 
 ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", *composition_names())
@@ -117,8 +118,10 @@ def _designed(
     elif cycle in CYCLE_NAMES:
         trace = load_cycle(cycle)
     else:
+        near = nearest(cycle, ROUTE_CYCLES)
+        hint = f"did you mean {near!r}? " if near else ""
         raise RouteError(
-            f"unknown driving cycle {cycle!r}; allowed: {', '.join(ROUTE_CYCLES)}, "
+            f"unknown driving cycle {cycle!r}; {hint}allowed: {', '.join(ROUTE_CYCLES)}, "
             f"or the path of a drive: {USER_FILES}"
         )
     return trace, _single_segment(trace, "flat"), SlopeProfile.flat(), None
