@@ -81,8 +81,17 @@ def test_a_wrong_value_is_named_with_what_is_allowed(name: str, value: Any, allo
         with pytest.raises(ParameterError) as caught:
             build(**{name: value})
         message = str(caught.value)
-        assert message.startswith(f"{name} is {value!r} (")
-        assert message.endswith(f"; allowed: {allowed}")
+        assert message.startswith(f"{name} is {value!r}")
+        assert message.endswith(f" allowed: {allowed}")
+
+
+def test_the_nearest_choice_is_named() -> None:
+    with pytest.raises(
+        ParameterError, match=r"colour is 'Reed'; did you mean 'red'[?] allowed: one of"
+    ):
+        Paint(colour="Reed")
+    with pytest.raises(ParameterError, match="colour is 'green'; allowed: one of red, blue"):
+        Paint(colour="green")
 
 
 @pytest.mark.parametrize("value", [math.inf, -math.inf, 10**400])

@@ -51,14 +51,14 @@ def test_equal_runs_have_equal_text() -> None:
         (lambda: RunSpec(duration_s=float("inf")), "duration_s is inf"),
         (
             lambda: RunSpec(kind="half_trip"),
-            "kind is 'half_trip' .* one of closed_loop, whole_trip",
+            "kind is 'half_trip'.* one of closed_loop, whole_trip",
         ),  # type: ignore[arg-type]
-        (lambda: RunSpec(slope="steep"), "slope is 'steep' .* as_designed"),
+        (lambda: RunSpec(slope="steep"), "slope is 'steep'.* as_designed"),
         (lambda: RunSpec(preview=PreviewSpec(preview_step_s=90.0)), "preview_step_s is 90"),
-        (lambda: SolverSpec("simplex"), "name is 'simplex' .*; allowed: one of riccati, "),
+        (lambda: SolverSpec("simplex"), "name is 'simplex'.*; allowed: one of riccati, "),
         (lambda: SolverSpec(tolerance=0.0), "tolerance is 0.0 .*; allowed: "),
         (lambda: SolverSpec(max_iterations=0), "max_iterations is 0 .*; allowed: "),
-        (lambda: PreviewSpec(preview_mode="some"), "preview_mode is 'some' .* one of full, none"),  # type: ignore[arg-type]
+        (lambda: PreviewSpec(preview_mode="some"), "preview_mode is 'some'.* one of full, none"),  # type: ignore[arg-type]
         (lambda: PreviewSpec(dropout_probability=1.5), "dropout_probability is 1.5 .* 0 to 1"),
         (lambda: PreviewSpec(preview_length_s=0.5), "preview_length_s is 0.5 .* 1 to 3600"),
     ],

@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 from iptm_core.errors import IptmError, ParameterError, ScenarioError
 
 _MANY_NAMES = 30
+_LEAST_BEGINNING = 3
 _FEW_NAMES = 12
 _MAX_SHOWN = 80
 
@@ -50,7 +51,9 @@ def suggestion(name: object, known: Iterable[str]) -> str:
 def nearest(name: object, known: Iterable[str]) -> str:
     """Return the name that an unknown one is nearest to, whatever its case; empty if it is near to none."""
     by_lower = {each.lower(): each for each in known}
-    near = difflib.get_close_matches(str(name).lower(), by_lower, n=1, cutoff=0.5)
+    lower = str(name).lower()
+    begun = [each for each in by_lower if len(lower) >= _LEAST_BEGINNING and each.startswith(lower)]
+    near = begun or difflib.get_close_matches(lower, by_lower, n=1)
     return by_lower[near[0]] if near else ""
 
 
