@@ -35,7 +35,7 @@ def test_models_meet_their_bars_on_the_excerpts(
 
 
 @pytest.mark.usefixtures("output_width")
-def test_mistakes_are_told_in_one_line(
+def test_mistakes_are_reported_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert main(["--data", str(tmp_path / "nowhere")]) == 2
@@ -66,5 +66,5 @@ def test_shipped_parameters_name_their_source_and_their_data() -> None:
 
 
 def test_without_data_there_is_no_outcome() -> None:
-    told: list[str] = []
-    assert list(fitting.compare_all(MeasuredData(), fitting.load_fitted(), told.append)) == []
+    reports: list[str] = []
+    assert list(fitting.compare_all(MeasuredData(), fitting.load_fitted(), reports.append)) == []

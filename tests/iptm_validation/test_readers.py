@@ -12,15 +12,15 @@ from iptm_validation.readers.folder import files_of, read_files
 
 
 @pytest.fixture
-def told() -> list[str]:
+def reports() -> list[str]:
     return []
 
 
-def read(folder: Path, told: list[str]) -> MeasuredData:
-    return read_files(files_of(folder), told.append)
+def read(folder: Path, reports: list[str]) -> MeasuredData:
+    return read_files(files_of(folder), reports.append)
 
 
-def test_original_trip_of_the_i3(tmp_path: Path, told: list[str]) -> None:
+def test_original_trip_of_the_i3(tmp_path: Path, reports: list[str]) -> None:
     names = [
         "Time [s]",
         "Velocity [km/h]]]",
@@ -44,8 +44,8 @@ def test_original_trip_of_the_i3(tmp_path: Path, told: list[str]) -> None:
     rows.append([""] * len(names))
     text = "\n".join(";".join(row) for row in [names, *rows])
     (tmp_path / "TripA99.csv").write_bytes(text.encode("latin-1"))
-    (trip,) = read(tmp_path, told).trips
-    assert told == []
+    (trip,) = read(tmp_path, reports).trips
+    assert reports == []
     assert trip.name == "A99"
     assert not trip.is_winter
     np.testing.assert_allclose(trip.time_s, [0.0, 1.0, 2.0, 3.0])
@@ -59,13 +59,13 @@ def test_original_trip_of_the_i3(tmp_path: Path, told: list[str]) -> None:
     np.testing.assert_allclose(trip.heat_exchanger_k, 295.15)
 
 
-def test_original_trip_without_optional_channels(tmp_path: Path, told: list[str]) -> None:
+def test_original_trip_without_optional_channels(tmp_path: Path, reports: list[str]) -> None:
     names = "Time [s];Velocity [km/h];Elevation [m];Motor Torque [Nm];Battery Voltage [V];"
     names += "Battery Current [A];Battery Temperature [°C];Ambient Temperature [°C]"
     rows = [f"{k};{30 + k};500;20;360;-10;21;20" for k in range(30)]
     (tmp_path / "TripA98.csv").write_text("\n".join([names, *rows]), encoding="utf-8")
-    (trip,) = read(tmp_path, told).trips
-    assert told == []
+    (trip,) = read(tmp_path, reports).trips
+    assert reports == []
     assert trip.heating_w.max() == 0.0
     assert np.isnan(trip.charge).all()
     # Without the temperature that shows how long it was parked, the car counts as cold.
@@ -79,7 +79,7 @@ def platoon(path: Path, metadata: list[str], columns: dict[str, list[str]]) -> N
     path.write_text("\n".join(lines), encoding="utf-8")
 
 
-def test_original_platoons_of_openacc(tmp_path: Path, told: list[str]) -> None:
+def test_original_platoons_of_openacc(tmp_path: Path, reports: list[str]) -> None:
     times = [f"{0.1 * k:.1f}" for k in range(101)]
     speeds = [f"{10.0 + 0.1 * k:.2f}" for k in range(101)]
     gap = ["" if 40 <= k <= 60 else "12.0" for k in range(101)]
@@ -89,8 +89,8 @@ def test_original_platoons_of_openacc(tmp_path: Path, told: list[str]) -> None:
     by_hand = {**columns, "Driver3": ["Human"] * 101}
     platoon(tmp_path / "astazero" / "platoon3.csv", [*metadata, "Distance_setting,S"], by_hand)
     platoon(tmp_path / "no_ACC" / "part2.csv", [*metadata, "Distance_setting,-"], columns)
-    drives = {drive.name: drive for drive in read(tmp_path, told).drives}
-    assert told == []
+    drives = {drive.name: drive for drive in read(tmp_path, reports).drives}
+    assert reports == []
     leader, follower = drives["short__dynamic_part1/1"], drives["short__dynamic_part1/3"]
     assert leader.driver is Driver.PROVING_GROUND
     assert follower.driver is Driver.ADAPTIVE_CRUISE_CONTROL
@@ -103,7 +103,7 @@ def test_original_platoons_of_openacc(tmp_path: Path, told: list[str]) -> None:
     assert unknown.max() == pytest.approx(6.0)
 
 
-def test_original_cell_test(tmp_path: Path, told: list[str]) -> None:
+def test_original_cell_test(tmp_path: Path, reports: list[str]) -> None:
     time_s = 0.1 * np.arange(400)
     current = np.where(time_s < 10.0, 0.0, -2.0)
     charge = np.cumsum(current) * 0.1 / 3600.0
@@ -116,9 +116,9 @@ def test_original_cell_test(tmp_path: Path, told: list[str]) -> None:
     }
     savemat(tmp_path / "06-10-17_11.25 n10degC_US06_Pan18650PF.mat", {"meas": measured})
     savemat(tmp_path / "05-08-17_13.26 C20 OCV Test_C20_25dC.mat", {"meas": measured})
-    (test,) = read(tmp_path, told).cell_tests
-    assert len(told) == 1
-    assert "C20 OCV" in told[0]
+    (test,) = read(tmp_path, reports).cell_tests
+    assert len(reports) == 1
+    assert "C20 OCV" in reports[0]
     assert test.name == "n10degC_US06"
     assert test.chamber_k == pytest.approx(263.15)
     np.testing.assert_allclose(test.time_s, np.arange(31.0))
@@ -128,7 +128,7 @@ def test_original_cell_test(tmp_path: Path, told: list[str]) -> None:
     assert test.discharged_ah[-1] == pytest.approx(29.55 * 2.0 / 3600.0, abs=1e-6)
 
 
-def test_list_of_test_cars(tmp_path: Path, told: list[str]) -> None:
+def test_list_of_test_cars(tmp_path: Path, reports: list[str]) -> None:
     header = (
         "Model Year,Represented Test Veh Make,Represented Test Veh Model,Test Vehicle ID,"
         "Test Veh Configuration #,Equivalent Test Weight (lbs.),Test Procedure Cd,"
@@ -146,7 +146,7 @@ def test_list_of_test_cars(tmp_path: Path, told: list[str]) -> None:
         "2022,Hyundai,Empty,V5,0,4000,81,62,,30,0.2,0.02",
     ]
     (tmp_path / "cars.csv").write_text("\n".join([header, *rows]), encoding="utf-8-sig")
-    tests = read(tmp_path, told).dynamometer_tests
+    tests = read(tmp_path, reports).dynamometer_tests
     assert [(test.make, test.cycle) for test in tests] == [
         ("Hyundai", "udds"),
         ("Hyundai", "hwfet"),
@@ -163,7 +163,7 @@ def test_list_of_test_cars(tmp_path: Path, told: list[str]) -> None:
 
 
 def test_damaged_and_foreign_files_are_reported_and_the_others_read(
-    tmp_path: Path, told: list[str]
+    tmp_path: Path, reports: list[str]
 ) -> None:
     (tmp_path / "notes.csv").write_text("a,b\n1,2\n", encoding="utf-8")
     (tmp_path / "empty.csv").write_text("", encoding="utf-8")
@@ -171,13 +171,13 @@ def test_damaged_and_foreign_files_are_reported_and_the_others_read(
     (tmp_path / "25degC_US06.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     short = "Time [s];Velocity [km/h]\n0.1;5\n0.2;5\n"
     (tmp_path / "TripB99.csv").write_text(short, encoding="utf-8")
-    found = read(tmp_path, told)
+    found = read(tmp_path, reports)
     assert found == MeasuredData()
-    assert sorted(line.split(":")[0] for line in told) == [
+    assert sorted(line.split(":")[0] for line in reports) == [
         "25degC_US06.mat",
         "TripB99.csv",
         "cut.csv.gz",
         "empty.csv",
         "notes.csv",
     ]
-    assert "Elevation" in next(line for line in told if line.startswith("TripB99"))
+    assert "Elevation" in next(line for line in reports if line.startswith("TripB99"))

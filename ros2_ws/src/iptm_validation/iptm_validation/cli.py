@@ -51,7 +51,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _read(folder: Path | None, console: Console) -> MeasuredData:
-    def tell(text: str) -> None:
+    def report(text: str) -> None:
         console.print(f"{PROGRAM}: {text}", markup=False, highlight=False, soft_wrap=True)
 
     with ExitStack() as stack:
@@ -60,7 +60,7 @@ def _read(folder: Path | None, console: Console) -> MeasuredData:
             folder = stack.enter_context(as_file(excerpts))
         paths = files_of(folder)
         with console.status(f"reading {len(paths)} files"):
-            return read_files(paths, tell)
+            return read_files(paths, report)
 
 
 def _table(outcomes: list[Outcome]) -> Table:

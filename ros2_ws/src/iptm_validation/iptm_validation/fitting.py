@@ -74,7 +74,7 @@ def load_fitted(folder: Path | None = None) -> FittedParameters:
     )
 
 
-def fit_all(data: MeasuredData, folder: Path, tell: Callable[[str], None]) -> None:
+def fit_all(data: MeasuredData, folder: Path, report: Callable[[str], None]) -> None:
     """Fit what there are data for and write it to a folder; the files of other models stay as they are.
 
     Raises:
@@ -88,36 +88,36 @@ def fit_all(data: MeasuredData, folder: Path, tell: Callable[[str], None]) -> No
         save_parameters(folder / f"{name}.yaml", parameters, SOURCES[name])
 
     if data.trips:
-        tell("i3: losses of motor and inverter")
+        report("i3: losses of motor and inverter")
         drivetrain = fit_drivetrain(data.trips)
         save("bmw_i3_drivetrain", drivetrain)
-        tell("i3: road load")
+        report("i3: road load")
         save("bmw_i3_vehicle", fit_vehicle(data.trips, drivetrain))
-        tell("i3: pack")
+        report("i3: pack")
         save("bmw_i3_pack", fit_pack(data.trips))
     if data.cell_tests:
-        tell("Panasonic cell: choice of the circuit and fit (minutes)")
+        report("Panasonic cell: choice of the circuit and fit (minutes)")
         save("panasonic_18650pf", fit_cell(data.cell_tests))
     if data.dynamometer_tests:
-        tell("EPA: one drivetrain")
+        report("EPA: one drivetrain")
         save("one_drivetrain", fit_one_drivetrain(data.dynamometer_tests))
     if data.drives:
-        save("lead_vehicles", fit_bounds(data.drives, tell))
+        save("lead_vehicles", fit_bounds(data.drives, report))
     if not written:
         raise MeasurementError("no data to fit to; allowed: files of at least one data set")
 
 
 def compare_all(
-    data: MeasuredData, fitted: FittedParameters, tell: Callable[[str], None]
+    data: MeasuredData, fitted: FittedParameters, report: Callable[[str], None]
 ) -> Iterator[Outcome]:
     """Compare the models with what they were not fitted to, as far as there are data."""
-    tell("i3: energy")
+    report("i3: energy")
     outcomes = [compare_energy(data.trips, fitted.drivetrain, fitted.vehicle)]
-    tell("i3: pack")
+    report("i3: pack")
     outcomes.append(compare_pack(data.trips, fitted.pack))
-    tell("Panasonic cell")
+    report("Panasonic cell")
     outcomes.append(compare_cell(data.cell_tests, fitted.cell))
-    tell("EPA")
+    report("EPA")
     outcomes.append(compare_cars(data.dynamometer_tests, fitted.cars))
-    outcomes.append(compare_drivers(data.drives, fitted.leaders, tell))
+    outcomes.append(compare_drivers(data.drives, fitted.leaders, report))
     yield from (outcome for outcome in outcomes if outcome is not None)

@@ -11,6 +11,7 @@ from iptm_validation.measurements import CellTest
 from iptm_validation.models.panasonic_cell import (
     PanasonicCell,
     cell_samples,
+    fit_pulse_law,
     mean_pulse_resistance_ohm,
     simulated_temperature_k,
 )
@@ -20,6 +21,7 @@ LEAST_CHARGE = 0.2
 VOLTAGE_BARS_MV = {25: 30.0, 10: 30.0, 0: 30.0, -10: 40.0, -20: 60.0}
 WHOLE_BAR_MV = 35.0
 CELSIUS_WITH_WHOLE_BAR = 25
+LEAST_TEMPERATURES = 5
 
 
 def compare_cell(tests: tuple[CellTest, ...], cell: PanasonicCell) -> Outcome | None:
@@ -68,6 +70,11 @@ def compare_cell(tests: tuple[CellTest, ...], cell: PanasonicCell) -> Outcome | 
         part = f"pulses at {len(ratios)} temperatures (fitted)"
         worst = float(np.max(np.abs(ratios)))
         figures.append(Figure("resistance law, largest error", part, worst, "%", None, 6.0))
+    if len(pulses) >= LEAST_TEMPERATURES:
+        errors = _left_out_percent(pulses)
+        part = f"pulses at {len(errors)} inner temperatures, each left out of a fit"
+        worst = float(np.max(np.abs(errors)))
+        figures.append(Figure("resistance law, largest error", part, worst, "%", None, 6.0))
     law = cell.pulse_law
     return Outcome(
         key="panasonic",
@@ -101,6 +108,16 @@ def compare_cell(tests: tuple[CellTest, ...], cell: PanasonicCell) -> Outcome | 
             ),
         ),
     )
+
+
+def _left_out_percent(pulses: list[CellTest]) -> list[float]:
+    """Return the error of the resistance law at each inner temperature when it is not fitted to it."""
+    points = sorted((test.chamber_k, mean_pulse_resistance_ohm(test)) for test in pulses)
+    errors = []
+    for left_out in points[1:-1]:
+        law = fit_pulse_law([point for point in points if point != left_out])
+        errors.append(100.0 * (law.ohm(left_out[0]) / left_out[1] - 1.0))
+    return errors
 
 
 _TEXT = """Inputs are current, case temperature and the charge drawn since the cell was full. Fitted to

@@ -32,11 +32,11 @@ STATED_PERCENT = 99.0
 LEAD_OF_WIDTH = 2
 LEAST_GAIN_PERCENT = 10.0
 LEFT_OUT_DRIVES = 30
-"""With fewer drives than this, a fit without a fifth of them says little about the shipped bound."""
+"""With fewer drives than this, a fit without a fifth of them hardly represents the shipped bound."""
 
 
 def compare_drivers(
-    drives: Sequence[Drive], bounds: LeadBounds, tell: Callable[[str], None]
+    drives: Sequence[Drive], bounds: LeadBounds, report: Callable[[str], None]
 ) -> Outcome | None:
     """Compare the bounds with the runs that were not fitted, None without such runs.
 
@@ -50,7 +50,7 @@ def compare_drivers(
         seen = [one for one in seen if len(one.speed_m_s) > 0]
         if bound is None or not seen:
             continue
-        tell(f"coverage, {name}")
+        report(f"coverage, {name}")
         others = [one for one in seen if one.drive.run not in bound.fitted_on]
         fitted = [one for one in seen if one.drive.run in bound.fitted_on]
         one_curve: Coverage | None = None

@@ -82,7 +82,7 @@ def durations_s(trip: Trip) -> FloatArray:
 
 
 def window_sums(values: FloatArray, samples: int) -> FloatArray:
-    """Return sums over windows of so many rows; shape (windows, ...)."""
+    """Return sums over windows of ``samples`` rows; shape (windows, ...)."""
     return np.add.reduceat(values, np.arange(0, len(values), samples), axis=0)
 
 

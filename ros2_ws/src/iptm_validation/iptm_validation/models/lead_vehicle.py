@@ -176,7 +176,7 @@ def fit_bound(
     return LeadBound(driver.value, runs, level, LEADS_S, speeds, accelerations, tuple(bounds))
 
 
-def fit_bounds(drives: Sequence[Drive], tell: Callable[[str], None]) -> LeadBounds:
+def fit_bounds(drives: Sequence[Drive], report: Callable[[str], None]) -> LeadBounds:
     """Fit the bounds of all kinds of drivers, on two thirds of the runs.
 
     People drove few of the runs on proving grounds: their bound is fitted to all of them, and is tried by
@@ -188,7 +188,7 @@ def fit_bounds(drives: Sequence[Drive], tell: Callable[[str], None]) -> LeadBoun
         own = [drive for drive in drives if drive.driver is driver]
         if not own:
             continue
-        tell(f"bounds of {driver}")
+        report(f"bounds of {driver}")
         kept_back = set() if driver is Driver.PROVING_GROUND else every_third
         seen = [observations(drive) for drive in own if drive.run not in kept_back]
         groups.append(fit_bound(seen, driver))

@@ -20,7 +20,7 @@ KG_PER_POUND = 0.45359237
 NEWTON_PER_POUND_FORCE = 4.4482216153
 M_S_PER_MPH = 0.44704
 LARGEST_KWH_PER_100_MILES = 60.0
-"""A smaller number is no consumption in miles per gallon equivalent of any car, but one in kWh/100 mi."""
+"""A smaller number is in kWh/100 mi: no car consumes that much."""
 RATIO_RANGE = (0.8, 1.4)
 """Plausible ratio of the consumptions on HWFET and UDDS; beyond it the two values have different meanings."""
 CYCLES = {"81": "udds", "84": "hwfet"}

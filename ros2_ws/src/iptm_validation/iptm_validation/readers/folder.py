@@ -52,19 +52,19 @@ def files_of(folder: Path) -> list[Path]:
     return found
 
 
-def read_files(paths: list[Path], tell: Callable[[str], None]) -> MeasuredData:
+def read_files(paths: list[Path], report: Callable[[str], None]) -> MeasuredData:
     """Read files; one that is not recognised or damaged is reported and left out.
 
     Args:
         paths: files, originals and compact ones in any order.
-        tell: takes one line per file that was left out.
+        report: takes one line per file that was left out.
 
     Returns:
         All measurements; of those with the same name the first one.
     """
     found: list[Trip | Drive | CellTest | DynamometerTest] = []
     for path in paths:
-        found += _read_or_tell(path, tell)
+        found += _read_or_report(path, report)
     trips = _first_of_each([item for item in found if isinstance(item, Trip)])
     drives = [item for item in found if isinstance(item, Drive)]
     return MeasuredData(
@@ -75,13 +75,13 @@ def read_files(paths: list[Path], tell: Callable[[str], None]) -> MeasuredData:
     )
 
 
-def _read_or_tell(
-    path: Path, tell: Callable[[str], None]
+def _read_or_report(
+    path: Path, report: Callable[[str], None]
 ) -> Sequence[Trip | Drive | CellTest | DynamometerTest]:
     try:
         return _read(path)
     except (MeasurementError, OSError, ValueError, EOFError) as error:
-        tell(f"{path.name}: {error}; left out")
+        report(f"{path.name}: {error}; left out")
         return []
 
 
