@@ -146,12 +146,15 @@ def _driving_problems(findings: Findings) -> list[str]:
                     f"{setting}: {count} interventions in {hours(group):.2f} h; allowed: {allowed:g} per hour"
                 )
     for cycle, savings in savings_percent(findings.driving).items():
-        earlier = findings.before.savings.get(cycle, {}).get(UNDISTURBED)
+        before = findings.before.savings.get(cycle, {})
         for name, allowed in ALLOWED_FALL_POINTS.items():
-            if earlier is not None and name in savings and earlier - savings[name] > allowed:
+            if name in savings and before.get(UNDISTURBED, 0.0) - savings[name] > allowed:
+                alike = (
+                    f", {before[name]:.2f} % with the same disturbance" if name in before else ""
+                )
                 problems.append(
-                    f"{cycle}, {name}: saving of {savings[name]:.2f} % instead of {earlier:.2f} % "
-                    f"undisturbed before; allowed: {allowed:g} points less"
+                    f"{cycle}, {name}: saving of {savings[name]:.2f} %; before {before[UNDISTURBED]:.2f} % "
+                    f"undisturbed{alike}; allowed: {allowed:g} points less than undisturbed"
                 )
     noisy = by_setting(findings.driving, measured=False).get("noise", [])
     if noisy and fallbacks(noisy):
