@@ -25,6 +25,9 @@ from iptm_faults.kinds import KINDS, FaultKind, FaultPlace, KindSpec
 TARGETS = ("plant", "v2x_bridge", "controller", "recorder")
 """Processes of a run that a fault may hit."""
 
+WHOLE_TRIP_S = 1e5
+"""Faults of this duration last to the end of any trip."""
+
 _NEED_NO_DURATION = (FaultPlace.PROCESS,)
 _SIZE = ParameterSpec("", 0.0, "how large it is, see the kind", optional=True)
 
@@ -144,9 +147,11 @@ class Fault(Settings):
             parts.append(f"{self.magnitude:g} {self.spec.unit}")
         if self.target:
             parts.append(self.target)
-        parts.append(f"at {self.start_s:g} s")
+        lasting = self.duration_s >= WHOLE_TRIP_S
+        if not (lasting and self.start_s == 0.0):
+            parts.append(f"at {self.start_s:g} s")
         if self.spec.place not in _NEED_NO_DURATION:
-            parts.append(f"for {self.duration_s:g} s")
+            parts.append("to the end" if lasting else f"for {self.duration_s:g} s")
         if self.probability < 1.0:
             parts.append(f"in {100.0 * self.probability:g} % of the ticks")
         return " ".join(parts)

@@ -14,7 +14,7 @@ from numpy.random import Generator
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.routes import CYCLE_NAMES
-from iptm_faults.fault import Fault, in_order
+from iptm_faults.fault import WHOLE_TRIP_S, Fault, in_order
 from iptm_faults.kinds import FaultKind
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import PreviewSpec, RunSpec
@@ -30,7 +30,6 @@ MEASURED_SHARE = 0.4
 EARLIEST_S = 10.0
 """No event begins before: the ego vehicle has to drive."""
 DELAYS = (0, 1, 2)
-WHOLE_TRIP_S = 1e5
 NOISE = (
     (FaultKind.GAP_NOISE, 0.5),
     (FaultKind.EGO_SPEED_NOISE, 0.1),
