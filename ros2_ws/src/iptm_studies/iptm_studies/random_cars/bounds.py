@@ -115,14 +115,14 @@ def avoidable_collisions(
             earliest_s = float(run.time_s[first]) - look_back_s
             starts = range(int(np.searchsorted(run.time_s, earliest_s)), first)
         else:
-            starts = range(_seen_from(run, first), first)[:1]
+            starts = range(seen_from(run, first), first)[:1]
         avoidable[first : last + 1] = any(
             gaps_when_braking(run, parameters, start, last)[1:].min() > 0.0 for start in starts
         )
     return avoidable
 
 
-def _seen_from(run: Trajectory, first: int) -> int:
+def seen_from(run: Trajectory, first: int) -> int:
     """Return the row before another one from which on the leader is seen to do what it does until then."""
     speeds, steps_m = run.leader_speed_m_s, np.diff(run.leader_position_m)
     foreseen_m = 0.5 * (speeds[1:] + speeds[:-1]) * run.intervals_s
@@ -136,11 +136,15 @@ def _seen_from(run: Trajectory, first: int) -> int:
 
 
 def gaps_when_braking(
-    run: Trajectory, parameters: ModelParameters, start: int, last: int
+    run: Trajectory,
+    parameters: ModelParameters,
+    start: int,
+    last: int,
+    reaction_s: float = REACTION_S,
 ) -> FloatArray:
     """Return the gaps of a vehicle that applies its service brakes from a row on.
 
-    From its state in that row it goes on at its acceleration for ``REACTION_S`` and the delay of its brakes;
+    From its state in that row it goes on at its acceleration for a reaction time and the delay of its brakes;
     then the deceleration builds up to the largest one and stays there until standstill. The leader moves as
     it did; between two rows its motion is the cubic of positions and speeds.
 
@@ -149,6 +153,7 @@ def gaps_when_braking(
         parameters: brakes of the vehicle.
         start: row from which on it brakes.
         last: last row that counts.
+        reaction_s: reaction time.
 
     Returns:
         Gaps in m of the rows from ``start`` to ``last``: each the smallest one since the row before.
@@ -161,7 +166,7 @@ def gaps_when_braking(
         for begin, end, count in zip(times[:-1], times[1:], counts, strict=True)
     ]
     fine = np.concatenate([*pieces, times[-1:]])
-    wait_s = REACTION_S + brakes.delay_s
+    wait_s = reaction_s + brakes.delay_s
     present = float(run.acceleration_m_s2[start])
     built_up = np.maximum(
         present - brakes.build_up_m_s3 * np.maximum(fine - wait_s, 0.0),

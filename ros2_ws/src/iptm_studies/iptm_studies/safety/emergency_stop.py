@@ -1,7 +1,7 @@
 """What stated brakes can do, computed apart from plant, monitor and controller.
 
-An ego vehicle brakes as hard as it can a reaction time after the lead vehicle began to, in small steps of
-time, behind the lead vehicle as it moved.
+Many ego vehicles at once brake as hard as they can a reaction time after the lead vehicle began to, in small
+steps of time. For a vehicle in a drive, whose lead vehicle moves as it did, see `random_cars.bounds`.
 """
 
 from __future__ import annotations
@@ -13,12 +13,9 @@ import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
-from iptm_core.trajectory import Trajectory
 
 STEP_S = 0.01
 LONGEST_S = 60.0
-ANOTHER_LEAD_M = 3.0
-"""A lead vehicle that moves by so much more or less than its speed is another one."""
 
 LeadPositions = Callable[[float], FloatArray]
 """From the time in s since the beginning to positions of the lead vehicles, shape (n,)."""
@@ -105,45 +102,3 @@ def braking_leads(
         return positions_m + moved_m
 
     return lead_m
-
-
-def stop_from_row(run: Trajectory, row: int, brakes: StatedBrakes) -> tuple[float, float]:
-    """Return smallest gap and speed of impact of an emergency stop from a row of a run on.
-
-    The lead vehicle moves as it did; between two rows its motion is the cubic through positions and speeds.
-    """
-    times_s = run.time_s - run.time_s[row]
-
-    def lead_m(elapsed_s: float) -> FloatArray:
-        index = min(max(int(np.searchsorted(times_s, elapsed_s, "right")) - 1, 0), len(run) - 2)
-        length = float(times_s[index + 1] - times_s[index])
-        part = min((elapsed_s - float(times_s[index])) / length, 1.0)
-        start, end = run.leader_position_m[index : index + 2]
-        first, last = length * run.leader_speed_m_s[index : index + 2]
-        # A vehicle that jumped is another one, and was there all the time.
-        if is_another_lead(run, index + 1):
-            return np.array([end - (1.0 - part) * last])
-        cubic = (
-            start * (1.0 + 2.0 * part) * (1.0 - part) ** 2
-            + first * part * (1.0 - part) ** 2
-            + end * part**2 * (3.0 - 2.0 * part)
-            + last * part**2 * (part - 1.0)
-        )
-        return np.array([cubic])
-
-    next_row = min(row + 1, len(run) - 1)
-    smallest, impact = emergency_stops(
-        lead_m,
-        run.position_m[row : row + 1],
-        run.speed_m_s[row : row + 1],
-        run.acceleration_m_s2[next_row : next_row + 1],
-        brakes,
-    )
-    return float(smallest[0]), float(impact[0])
-
-
-def is_another_lead(run: Trajectory, row: int) -> bool:
-    """Return whether the lead vehicle of a row is another one than in the row before, by its jump."""
-    moved_m = run.leader_position_m[row] - run.leader_position_m[row - 1]
-    mean_m_s = 0.5 * (run.leader_speed_m_s[row] + run.leader_speed_m_s[row - 1])
-    return bool(abs(moved_m - mean_m_s * run.intervals_s[row - 1]) > ANOTHER_LEAD_M)

@@ -11,8 +11,8 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
+from iptm_studies.random_cars.bounds import gaps_when_braking, seen_from
 from iptm_studies.run import VEHICLE, WEAK_BRAKES, Report
-from iptm_studies.safety.emergency_stop import StatedBrakes, is_another_lead, stop_from_row
 
 REPORTED_WITHIN_TICKS = 2
 NOTICED_WITHIN_S = 1.0
@@ -37,7 +37,6 @@ class Verdict:
         collided_at_s: end of the interval in which the gap closed first, NaN for never.
         impact_m_s: largest speed difference around the collision, 0 without one.
         bound_m: smallest gap of the stated brakes from the best row before a collision, NaN without one.
-        bound_impact_m_s: their speed difference when the gap closes.
         report_ticks: ticks from the first service braking to a report, NaN where it did not brake.
         noticed_s: time of braking until weak brakes were reported, NaN where they never were or are sound.
         problems: what did not hold, empty for all well.
@@ -47,7 +46,6 @@ class Verdict:
     collided_at_s: float = np.nan
     impact_m_s: float = 0.0
     bound_m: float = np.nan
-    bound_impact_m_s: float = np.nan
     report_ticks: float = np.nan
     noticed_s: float = np.nan
     problems: tuple[str, ...] = ()
@@ -69,9 +67,9 @@ def judge_trial(
     """
     # What a sensor with an error measured between two rows is no distance.
     falsified = any(fault.kind in _OF_THE_GAP for fault in faults)
-    gaps_m = trip.gap_m if falsified else np.minimum(trip.gap_m, trip.smallest_gap_m)
+    gaps_m = trip.gap_m if falsified else trip.closest_m
     problems: list[str] = []
-    collided_at_s = bound_m = bound_impact = np.nan
+    collided_at_s = bound_m = np.nan
     impact = 0.0
     touching = np.flatnonzero(gaps_m <= 0.0)
     if touching.size:
@@ -79,7 +77,7 @@ def judge_trial(
         rows = slice(max(first - 1, 0), first + 1)
         collided_at_s = float(trip.time_s[first])
         impact = max(float((trip.speed_m_s[rows] - trip.leader_speed_m_s[rows]).max()), 0.0)
-        bound_m, bound_impact = _best_stop(trip, parameters, faults, first)
+        bound_m = _best_stop(trip, parameters, faults, first)
         problems += _collision_problems(faults, bound_m, impact)
     report_ticks = _report_ticks(trip, reports)
     if report_ticks > REPORTED_WITHIN_TICKS:
@@ -92,7 +90,6 @@ def judge_trial(
         collided_at_s,
         impact,
         bound_m,
-        bound_impact,
         report_ticks,
         noticed_s,
         tuple(problems),
@@ -113,21 +110,20 @@ def brake_share(faults: Iterable[Fault]) -> float:
 
 def _best_stop(
     trip: Trajectory, parameters: ModelParameters, faults: Iterable[Fault], first: int
-) -> tuple[float, float]:
-    """Return the best that the stated brakes could do before a collision.
+) -> float:
+    """Return the largest smallest gap that the stated brakes could keep before a collision.
 
     They act from any row from which on the lead vehicle is seen to do what it does: behind an event in
     traffic from its beginning on, otherwise from where it begins to lose speed.
     """
-    brakes = StatedBrakes.of(parameters, REACTION_S)
-    start = first - 1
-    slowing = np.diff(trip.leader_speed_m_s) <= 0.0
-    while start > 0 and slowing[start - 1] and not is_another_lead(trip, start):
-        start -= 1
+    start, last = min(seen_from(trip, first), first - 1), len(trip) - 1
     for event in at_places(faults, FaultPlace.TRAFFIC):
         if event.start_s < trip.time_s[first]:
             start = min(start, int(np.searchsorted(trip.time_s, event.start_s - 1e-9)))
-    return max(stop_from_row(trip, row, brakes) for row in range(start, first))
+    return max(
+        float(gaps_when_braking(trip, parameters, row, last, REACTION_S).min())
+        for row in range(start, first)
+    )
 
 
 def _report_ticks(trip: Trajectory, reports: Iterable[Report]) -> float:

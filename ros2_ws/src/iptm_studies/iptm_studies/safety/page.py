@@ -173,7 +173,6 @@ def _collision_table(trials: Iterable[JudgedTrial]) -> str:
             trial.what,
             f"{trial.verdict.collided_at_s:g}",
             f"{trial.verdict.impact_m_s:.1f}",
-            f"{trial.verdict.bound_impact_m_s:.1f}",
             f"{trial.verdict.bound_m:.1f}",
             ", ".join(trial.problems) or "unavoidable",
         )
@@ -183,8 +182,7 @@ def _collision_table(trials: Iterable[JudgedTrial]) -> str:
     if not rows:
         return "No collision."
     heads = (
-        "trial", "what", "at (s):", "impact (m/s):", "impact of the bound (m/s):", "gap of the bound (m):",
-        "verdict",
+        "trial", "what", "at (s):", "impact (m/s):", "gap of the bound (m):", "verdict",
     )  # fmt: skip
     return markdown_table(heads, rows)
 
