@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm_core.errors import RouteError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
@@ -25,7 +24,7 @@ from iptm_studies.safety.emergency_stop import (
 )
 from iptm_studies.safety.findings import Findings, JudgedTrial
 from iptm_studies.safety.judging import judge_trial
-from iptm_studies.safety.lead_vehicles import ASTAZERO, BMW_I3, lead_cycles
+from iptm_studies.safety.lead_vehicles import lead_cycles
 from iptm_studies.safety.page import safety_page
 from iptm_studies.safety.performing import BEFORE, read_before
 from iptm_studies.safety.trials import Extent, default_spec, disturbed_study
@@ -142,25 +141,23 @@ def test_service_braking_has_to_be_reported_by_the_vehicle() -> None:
 
 
 def test_measured_lead_vehicles_become_drives_that_end_at_standstill(tmp_path: Path) -> None:
-    astazero = [
-        f"run,{second},{place},CAR,{10.0 + place},240.0,"
+    head = "run,time_s,place,car,speed_m_s,altitude_m,gap_to_car_ahead_m"
+    rows = [
+        f"run,{0.2 * sample:.1f},{place},CAR,{'' if sample in (100, 101) else 10.0 + place},240.0,"
         for place in (1, 2, 3)
-        for second in range(40)
+        for sample in range(600)
     ]
-    i3 = [f"A01,{second},{36 + second}" for second in range(20)]
-    for name, head, rows in (
-        (ASTAZERO, "run,time_s,place,car,speed_m_s,altitude_m,gap_to_car_ahead_m", astazero),
-        (BMW_I3, "trip,time_s,speed_km_h", i3),
-    ):
-        with gzip.open(tmp_path / name, "wt") as file:
-            file.write("\n".join((head, *rows)) + "\n")
-    cycles = lead_cycles(tmp_path, tmp_path / "leads", 4)
-    assert [Path(cycle).stem for cycle in cycles] == ["astazero_run_1", "astazero_run_3", "i3_A01"]
-    leader = build_route(cycles[2], "flat", initial_gap_m=15.0).leader
-    assert leader.speeds_m_s.max() == pytest.approx(55.0 / 3.6, rel=0.02)
-    assert np.diff(leader.speeds_m_s).min() > -1.2
-    with pytest.raises(RouteError, match="cannot be read"):
-        lead_cycles(tmp_path / "nowhere", tmp_path / "leads", 4)
+    with gzip.open(tmp_path / "platoon.csv.gz", "wt") as file:
+        file.write("\n".join((head, *rows)) + "\n")
+    left_out: list[str] = []
+    cycles = lead_cycles(tmp_path, tmp_path / "leads", left_out.append, 4)
+    assert [Path(cycle).stem for cycle in cycles] == ["run_1", "run_2", "run_3"]
+    assert left_out == []
+    route = build_route(cycles[2], "flat", initial_gap_m=15.0)
+    assert route.leader.speeds_m_s.max() == pytest.approx(13.0, rel=0.01)
+    assert np.diff(route.leader.speeds_m_s).min() > -1.2
+    # From the gap at 20 s on, with a launch in front and a stop behind.
+    assert 110.0 < route.duration_s < 130.0
 
 
 def test_draws_repeat_and_disturb_in_pairs() -> None:

@@ -29,6 +29,7 @@ ALLOWED = {
     },
     "iptm_studies": {
         "iptm_core",
+        "iptm_validation",
         "iptm_plant_sim",
         "iptm_v2x_bridge",
         "iptm_controller",

@@ -74,8 +74,9 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     extent = SHORT if options.short else Extent()
     given = {"trials": options.trials, "braking_trials": options.braking, "seed": options.seed}
     extent = replace(extent, **{name: value for name, value in given.items() if value is not None})
-    if options.measured is not None:
-        extent = replace(extent, leads=tuple(lead_cycles(options.measured, store.folder / "leads")))
+    if options.measured is not None or not options.short:
+        leads = lead_cycles(options.measured, store.folder / "leads", console.print)
+        extent = replace(extent, leads=tuple(leads))
     parts = [Part(name) for name in options.only or list(Part)]
     cluster = ClusterOptions(options.scheduler, options.workers)
     findings = Performer(extent, store, cluster, console).perform(parts)
