@@ -63,7 +63,6 @@ DRIVES = [
         for cycle in ("us06", "nycc")
         for ticks in (1.0, 2.0)
     ),
-    Disturbed("us06", 150.0, (whole(FaultKind.EGO_SPEED_BIAS, -1e-9),)),
     Disturbed("us06", 150.0, (WEAK,)),
     Disturbed("us06", 600.0, (WEAK,), slow=True),
 ]
