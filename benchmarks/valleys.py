@@ -76,7 +76,7 @@ def draw(
     )
     value = valuation.value(state, motion)
     plan = PlanShifter(grid.horizon).cold_start(state)
-    builder = ProblemDataBuilder(grid, strategy, parameters.limits)
+    builder = ProblemDataBuilder(grid, strategy, parameters)
     expected = sample_positions_m(plan, grid.sample_times_s)
     data = builder.build(state, motion, slope, expected, value=value)
     return data, variables_from_plan(plan, grid, state)

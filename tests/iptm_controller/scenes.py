@@ -119,7 +119,7 @@ def problem_of(
     assert measured.state is not None
     assert measured.leader is not None
     grid = ProblemGrid(Horizon.parse(horizon))
-    builder = ProblemDataBuilder(grid, strategy_by_name(strategy), PARAMETERS.limits)
+    builder = ProblemDataBuilder(grid, strategy_by_name(strategy), PARAMETERS)
     guess = PlanShifter(grid.horizon).cold_start(measured.state)
     forecaster = LeaderForecaster(grid.horizon.duration_s, 10.0)
     motion = forecaster.forecast(measured.leader, measured.preview).motion

@@ -14,12 +14,10 @@ from hypothesis import strategies as st
 from tests.iptm_controller.scenes import make_leader, make_preview
 
 from iptm_controller import forecast as forecast_module
-from iptm_controller.forecast import (
+from iptm_controller.forecast import HISTORY_S, LeaderForecaster, PreviewQuality
+from iptm_controller.leader_motion import (
     ACCELERATION_DECAY_S,
-    HISTORY_S,
-    LeaderForecaster,
     PredictedLeaderMotion,
-    PreviewQuality,
     extrapolated_motion,
     measured_acceleration_m_s2,
 )

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iptm_controller.forecast import PredictedLeaderMotion
+from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_core.state import FloatArray
 
 SPEEDS = st.lists(st.floats(0.0, 40.0), min_size=2, max_size=12)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_scene, make_state
 
-from iptm_controller.forecast import LeaderForecaster, PredictedLeaderMotion
+from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
+from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
@@ -45,9 +46,7 @@ def build(
     horizon: Horizon = HORIZON,
 ) -> ProblemData:
     grid = ProblemGrid(horizon)
-    builder = ProblemDataBuilder(
-        grid, strategy_by_name("reference_energy_aging"), PARAMETERS.limits
-    )
+    builder = ProblemDataBuilder(grid, strategy_by_name("reference_energy_aging"), PARAMETERS)
     if expected_m is None:
         expected_m = state.position_m + state.speed_m_s * grid.sample_times_s
     return builder.build(state, leader, slope, expected_m)
@@ -141,7 +140,7 @@ def test_braking_reserve_is_asked_for_no_later_than_the_leader_is_known(
     steady: PredictedLeaderMotion, known_s: float, node: int
 ) -> None:
     grid = ProblemGrid(HORIZON)
-    builder = ProblemDataBuilder(grid, strategy_by_name("aging"), PARAMETERS.limits)
+    builder = ProblemDataBuilder(grid, strategy_by_name("aging"), PARAMETERS)
     expected_m = np.zeros(grid.sample_times_s.size)
     flat = SlopePreview(np.zeros(1), np.zeros(1))
     data = builder.build(make_state(), steady, flat, expected_m, known_s)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_state
 
-from iptm_controller.forecast import PredictedLeaderMotion
+from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.temperature_value import (
     TemperatureValuation,
     TemperatureValue,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_state
 
-from iptm_controller.forecast import PredictedLeaderMotion
 from iptm_controller.horizon import Horizon
+from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp.grid import POWER_LEVELS, ProblemGrid
 from iptm_controller.ocp.layout import ThermalSampleIndex
 from iptm_controller.traction_forecast import TractionForecaster

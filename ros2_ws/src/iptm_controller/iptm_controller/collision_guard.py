@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from iptm_controller.forecast import LeaderForecast, PredictedLeaderMotion
+from iptm_controller.forecast import LeaderForecast
+from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.memory import GuardMemory
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, LeaderState, VehicleState
@@ -66,7 +67,11 @@ class CollisionGuard:
         self.memory = GuardMemory(leader, deceleration_m_s2)
 
     def collision_threatens(
-        self, acceleration_m_s2: float, state: VehicleState, forecast: LeaderForecast | None
+        self,
+        acceleration_m_s2: float,
+        state: VehicleState,
+        forecast: LeaderForecast | None,
+        brake_share: float = 1.0,
     ) -> bool:
         """Return whether a command for the next tick makes the gap fall below the margin, brake as it may.
 
@@ -74,11 +79,12 @@ class CollisionGuard:
             acceleration_m_s2: command, within the reach of the actuators.
             state: measured state of the host.
             forecast: the leader's motion that was planned with, None without one.
+            brake_share: share of a commanded deceleration that the brakes deliver.
         """
         leader = self.memory.leader
         if leader is None:
             return False
-        times_s, way_m = self._braking_way(acceleration_m_s2, state)
+        times_s, way_m = self._braking_way(acceleration_m_s2, state, brake_share)
         gap_m = leader.position_m - state.position_m
         # A leader never moves backwards: most commands are safe before anything is predicted.
         if gap_m - float(way_m[-1]) >= MARGIN_M:
@@ -89,7 +95,7 @@ class CollisionGuard:
         return bool(np.any(gaps_m < min(MARGIN_M, float(gaps_m[0]) - 1e-6)))
 
     def _braking_way(
-        self, acceleration_m_s2: float, state: VehicleState
+        self, acceleration_m_s2: float, state: VehicleState, brake_share: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return times from now and the way by then, the first tick as commanded, then braking to a halt.
 
@@ -97,7 +103,7 @@ class CollisionGuard:
         """
         limits, tick_s = self._limits, self._tick_s
         step = limits.max_jerk_m_s3 * tick_s
-        hardest = limits.min_acceleration_m_s2
+        hardest = limits.min_acceleration_m_s2 * brake_share
         build_up = max(math.ceil((acceleration_m_s2 - hardest) / step), 0)
         speed = state.speed_m_s + acceleration_m_s2 * tick_s * (1 + build_up)
         ticks = 1 + build_up + max(math.ceil(max(speed, 0.0) / (-hardest * tick_s)), 0) + 1
@@ -118,20 +124,24 @@ class CollisionGuard:
         self, times_s: FloatArray, leader: LeaderState, forecast: LeaderForecast | None
     ) -> FloatArray:
         """Return where the leader is taken to be at trip times, shape of the times."""
-        if forecast is not None and forecast.known_s > 0.0:
-            _, foretold = forecast.motion.at(np.array([leader.time_s]))
-            if float(foretold[0]) - leader.speed_m_s <= BORNE_OUT_M_S:
-                return self._as_foretold_m(
-                    times_s, leader.time_s + forecast.known_s, forecast.motion
-                )
-        return _braking_on_m(
+        as_measured_m = _braking_on_m(
             times_s - leader.time_s,
             leader.position_m,
             leader.speed_m_s,
             self.memory.deceleration_m_s2,
         )
+        if forecast is None or forecast.known_s <= 0.0:
+            return as_measured_m
+        as_predicted_m = self._as_predicted_m(
+            times_s, leader.time_s + forecast.known_s, forecast.motion
+        )
+        _, speeds_now = forecast.motion.at(np.array([leader.time_s]))
+        too_fast = float(speeds_now[0]) - leader.speed_m_s > BORNE_OUT_M_S
+        if forecast.questioned or too_fast:
+            return np.minimum(as_measured_m, as_predicted_m)
+        return as_predicted_m
 
-    def _as_foretold_m(
+    def _as_predicted_m(
         self, times_s: FloatArray, known_until_s: float, motion: PredictedLeaderMotion
     ) -> FloatArray:
         positions, _ = motion.at(np.minimum(times_s, known_until_s))

@@ -10,6 +10,7 @@ import math
 import time
 from dataclasses import dataclass, field, replace
 
+from iptm_controller.actuation import ActuationObserver
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
 from iptm_controller.forecast import LeaderForecast, LeaderForecaster
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
@@ -19,6 +20,7 @@ from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.memory import ControllerMemory, TractionMemory, ValuationMemory
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
+from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.plan import (
     Plan,
     PlanShifter,
@@ -94,6 +96,8 @@ class Decision:
         result: the solver's answer, None if no problem could be posed.
         forecast: the leader's motion used, None if it could not be formed.
         value: price of the temperatures at the end of the horizon.
+        command_delay_s: time by which commands act late, as observed.
+        brake_share: share of a commanded deceleration that is delivered, as observed.
     """
 
     command: Command
@@ -104,6 +108,8 @@ class Decision:
     result: SolveResult | None
     forecast: LeaderForecast | None
     value: TemperatureValue = NO_VALUE
+    command_delay_s: float = 0.0
+    brake_share: float = 1.0
 
     @property
     def record(self) -> DecisionRecord:
@@ -121,6 +127,9 @@ class Decision:
             rung=self.rung,
             limiter_active=self.limited.active,
             preview_age_s=math.nan if forecast is None else forecast.age_s,
+            trusted_preview_s=0.0 if forecast is None else forecast.known_s,
+            command_delay_s=self.command_delay_s,
+            brake_share=self.brake_share,
             **vars(self.value),
         )
 
@@ -151,7 +160,9 @@ class Controller:
         self._model = parameters
         self._pose(options.strategy)
         self._shifter = PlanShifter(horizon)
-        self._forecaster = LeaderForecaster(horizon.motion_duration_s, options.max_preview_age_s)
+        self._forecaster = LeaderForecaster(
+            horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
+        )
         self._traction = (
             TractionForecaster(parameters, self._grid)
             if horizon.motion_steps < horizon.steps
@@ -162,12 +173,13 @@ class Controller:
             parameters.limits, options.tick_s, options.ladder.shifted_plan_ticks
         )
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
+        self._actuation = ActuationObserver(parameters.limits, options.tick_s)
         self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
         self._last_trusted: VehicleState | None = None
 
     def _pose(self, strategy: Strategy) -> None:
         """Set up what depends on the cost terms and their weights, which are numbers of a problem."""
-        self._builder = ProblemDataBuilder(self._grid, strategy, self._model.limits)
+        self._builder = ProblemDataBuilder(self._grid, strategy, self._model, self.options.tick_s)
         self._valuation = (
             TemperatureValuation(
                 self._model,
@@ -197,6 +209,8 @@ class Controller:
             valuation=ValuationMemory() if self._valuation is None else self._valuation.memory,
             traction=TractionMemory() if self._traction is None else self._traction.memory,
             leader_past=self._forecaster.past,
+            trust=self._forecaster.trust.memory,
+            actuation=self._actuation.memory,
             solves_since_second=None if check is None else check.since_second,
         )
 
@@ -210,6 +224,8 @@ class Controller:
         if self._traction is not None:
             self._traction.memory = memory.traction
         self._forecaster.past = memory.leader_past
+        self._forecaster.trust.memory = memory.trust
+        self._actuation.memory = memory.actuation
         if self._switching_check is not None:
             self._switching_check.since_second = memory.solves_since_second
 
@@ -221,6 +237,9 @@ class Controller:
         """Decide one tick."""
         trusted = trusted_measurements(measured, self._last_trusted)
         state, leader = trusted.state, trusted.leader
+        if state is not None:
+            self._actuation.observe(state)
+            state = self._within_comfort(self._actuation.predicted(state))
         if state is None or leader is None or trusted.fault:
             planned = PlanningResult(None, trusted.fault)
         else:
@@ -228,32 +247,54 @@ class Controller:
         if planned.plan is not None:
             rung, command = self._ladder.accept(planned.plan)
         else:
-            rung, command = self._ladder.fall_back(state, leader, self._last_trusted)
+            ahead = None if state is None else self._forecaster.leader_at(state.time_s, leader)
+            rung, command = self._ladder.fall_back(state, ahead, self._last_trusted)
         limited = self._limit(command, state)
-        reason = planned.reason
+        reasons = [planned.reason, self._actuation.reason]
         if state is not None:
             self._guard.observe(leader)
             if self._guard.collision_threatens(
-                limited.command.acceleration_m_s2, state, planned.forecast
+                limited.command.acceleration_m_s2,
+                state,
+                planned.forecast,
+                self._actuation.brake_share,
             ):
-                rung, reason = Rung.EMERGENCY_BRAKING, "; ".join(filter(None, (EMERGENCY, reason)))
+                rung = Rung.EMERGENCY_BRAKING
+                reasons.insert(0, EMERGENCY)
                 limited = self._limit(replace(command, acceleration_m_s2=self._hardest_m_s2), state)
+        if measured.state is not None:
+            self._actuation.issue(measured.state.time_s, limited.command)
         return Decision(
             limited.command,
             rung,
-            reason,
+            "; ".join(filter(None, reasons)),
             limited,
             planned.plan,
             planned.result,
             planned.forecast,
             planned.value,
+            self._actuation.delay_s,
+            self._actuation.brake_share,
         )
+
+    def _within_comfort(self, state: VehicleState) -> VehicleState:
+        """Return a state whose acceleration ordinary commands can follow; service brakes go beyond."""
+        limits = self._model.limits
+        acceleration = min(
+            max(state.acceleration_m_s2, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2
+        )
+        if acceleration == state.acceleration_m_s2:
+            return state
+        return replace(state, acceleration_m_s2=acceleration)
 
     def _plan(
         self, state: VehicleState, leader: LeaderState, measured: Measurements
     ) -> PlanningResult:
         """Pose and solve the problem of a tick."""
         forecast = self._forecaster.forecast(leader, measured.preview)
+        known_s = forecast.known_s - (state.time_s - leader.time_s)
+        if self._actuation.has_weak_brakes:
+            known_s = 0.0
         last = self._ladder.plan_at(state.time_s)
         guess = (
             self._shifter.cold_start(state) if last is None else self._shifter.shift(last, state)
@@ -264,17 +305,16 @@ class Controller:
         thermal = None
         if self._traction is not None:
             self._traction.remember(state, measured.slope)
-            thermal = self._traction.samples(
-                state, forecast.motion, forecast.known_s, measured.slope
-            )
+            thermal = self._traction.samples(state, forecast.motion, known_s, measured.slope)
         data = self._builder.build(
             state,
             forecast.motion,
             measured.slope,
             sample_positions_m(guess, self._grid.sample_times_s),
-            forecast.known_s,
+            known_s,
             value,
             thermal,
+            guess.states[:, StateIndex.SPEED],
         )
         result = self._solve(data, variables_from_plan(guess, self._grid, state))
         if not result.status.usable:

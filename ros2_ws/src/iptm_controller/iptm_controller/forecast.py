@@ -1,41 +1,36 @@
 """The leader's motion as the optimiser sees it: measured past, predicted future, and how good it is.
 
-A preview is used only if it is well formed and recent enough, and behind its end the leader is taken to keep
-its last speed. Without one the leader is extrapolated: its measured acceleration dies away. Which of the two
-holds, and why, is part of the result.
+A preview is used only if it is well formed and recent enough; beyond its end the leader keeps its last speed.
+It counts as known up to the horizon that earlier previews have earned. Without a preview the leader is
+extrapolated: its measured acceleration decays. Which of these holds, and why, is part of the result.
 """
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState
+from iptm_controller.leader_motion import (
+    PredictedLeaderMotion,
+    extrapolated_motion,
+    measured_acceleration_m_s2,
+)
+from iptm_controller.preview_trust import PRESENT_ERROR_M_S, PreviewTrust
+from iptm_core.state import LeaderPreview, LeaderState
 
 HISTORY_S = 3.0
 MAX_LEADER_SPEED_M_S = 100.0
 LARGEST_SPEED_ERROR_M_S = 6.0
 """Beyond this difference to the measured speed a preview is that of another drive. Four times the noise that
 the study of imperfect previews assumes."""
-ACCELERATION_DECAY_S = 4.0
-"""Time constant with which the leader's acceleration dies away where nothing is foretold. In every published
-cycle positions 3 to 8 s ahead are predicted better than at a constant speed, and over all of them together
-better than with half or twice the constant (a test checks both)."""
-ACCELERATION_WINDOW_S = 1.0
-"""The leader's acceleration is the slope of the speeds measured since so long, of two of them at least."""
-LARGEST_ACCELERATION_M_S2 = 10.0
-"""More than tyres transmit: a larger change of the measured speed is not the motion of one vehicle."""
-RANGE_ERROR_M = 1.0
-"""So far beside the way that two measured speeds permit, the second one is that of another vehicle."""
-_EXTRAPOLATED_S = 5.0 * ACCELERATION_DECAY_S
-_SHORTEST_STOP_S = 1e-3
-_SHARES: FloatArray = np.array([node / 40.0 for node in range(41)])
+SMALLEST_SPEED_M_S = -0.5
+"""Speeds down to here are those of a vehicle at rest, measured with errors."""
+NEAR_S = 3.0
+"""Where the trusted horizon is shorter than this, the measured motion limits the forecast up to here."""
 
 
 class PreviewQuality(IntEnum):
@@ -51,48 +46,8 @@ class PreviewQuality(IntEnum):
     """No preview has been received; the measured motion is extrapolated."""
     INVALID = 4
     """The preview is malformed or contradicts what is measured; the measured motion is extrapolated."""
-
-
-@dataclass(frozen=True)
-class PredictedLeaderMotion:
-    """Positions and speeds at increasing node times, the speed held outside them.
-
-    Attributes:
-        times_s: node times, shape (n,), increasing, n >= 1.
-        positions_m: positions at the nodes, shape (n,).
-        speeds_m_s: speeds at the nodes, shape (n,).
-    """
-
-    times_s: FloatArray
-    positions_m: FloatArray
-    speeds_m_s: FloatArray
-
-    def at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and speeds at any times, shapes of ``times_s``.
-
-        Between two nodes the speed is linear; the position is the cubic that meets both nodes in
-        position and speed, which is the exact quadratic where the nodes are consistent.
-        """
-        nodes = self.times_s
-        if nodes.size == 1:
-            elapsed = times_s - nodes[0]
-            return self.positions_m[0] + self.speeds_m_s[0] * elapsed, np.full(
-                times_s.shape, self.speeds_m_s[0]
-            )
-        index = nodes.searchsorted(times_s, side="right") - 1
-        index = np.minimum(np.maximum(index, 0), nodes.size - 2)
-        start = nodes[index]
-        width = nodes[index + 1] - start
-        inside = np.minimum(np.maximum(times_s, nodes[0]), nodes[-1])
-        tau = (inside - start) / width
-        v_0, v_1 = self.speeds_m_s[index], self.speeds_m_s[index + 1]
-        p_0, p_1 = self.positions_m[index], self.positions_m[index + 1]
-        # Rest that a linear speed leaves over; zero for consistent nodes.
-        rest = p_1 - p_0 - 0.5 * width * (v_0 + v_1)
-        position = p_0 + width * tau * (v_0 + 0.5 * tau * (v_1 - v_0))
-        position = position + rest * tau * tau * (3.0 - 2.0 * tau)
-        speed = v_0 + tau * (v_1 - v_0)
-        return position + speed * (times_s - inside), speed
+    DOUBTED = 5
+    """A valid preview, but it or earlier ones were wrong; trusted up to a shorter horizon."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +59,8 @@ class LeaderForecast:
         quality: how the future is known.
         reason: one sentence, empty while the quality is full.
         age_s: age of the preview used, NaN without one.
-        known_s: how far ahead a preview backs the motion; 0 where it is extrapolated.
+        known_s: how far ahead a trusted preview backs the motion; 0 where it is extrapolated.
+        questioned: recent predictions were wrong by more than the collision guard accepts.
     """
 
     motion: PredictedLeaderMotion
@@ -112,6 +68,7 @@ class LeaderForecast:
     reason: str
     age_s: float
     known_s: float
+    questioned: bool = False
 
 
 def preview_fault(preview: LeaderPreview) -> str:
@@ -129,7 +86,7 @@ def preview_fault(preview: LeaderPreview) -> str:
             return f"preview {label} is {values[bad]} at node {bad}; allowed: finite values"
     with np.errstate(over="ignore"):
         passed_s, moved_m = times[1:] - times[:-1], positions[1:] - positions[:-1]
-        halts, backwards = passed_s <= 0.0, moved_m < -1e-6
+        halts, backwards = passed_s <= 0.0, moved_m < SMALLEST_SPEED_M_S * np.maximum(passed_s, 1.0)
         leaps = moved_m > 1.0 + MAX_LEADER_SPEED_M_S * passed_s
     if halts.any():
         return f"preview times do not increase after node {_first(halts)}"
@@ -140,62 +97,25 @@ def preview_fault(preview: LeaderPreview) -> str:
             f"preview positions leap after node {_first(leaps)}; "
             f"allowed: {MAX_LEADER_SPEED_M_S:g} m/s"
         )
-    if speeds.size and not (speeds.min() >= 0.0 and speeds.max() <= MAX_LEADER_SPEED_M_S):
+    if speeds.size and not (
+        speeds.min() >= SMALLEST_SPEED_M_S and speeds.max() <= MAX_LEADER_SPEED_M_S
+    ):
         return (
             f"preview speed is {speeds.min():.2f} to {speeds.max():.2f} m/s; "
-            f"allowed: 0 to {MAX_LEADER_SPEED_M_S:g} m/s"
+            f"allowed: {SMALLEST_SPEED_M_S:g} to {MAX_LEADER_SPEED_M_S:g} m/s"
         )
     return ""
 
 
-def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
-    """Return the leader's acceleration by its speeds of the last second, 0 where they do not tell.
-
-    Args:
-        measured: leader at increasing times, the newest one last. Where a measurement is missing, the one
-            before counts instead.
-    """
-    if len(measured) < 2:
-        return 0.0
-    last, before = measured[-1], measured[-2]
-    passed_s, changed_m_s = last.time_s - before.time_s, last.speed_m_s - before.speed_m_s
-    moved_m = last.position_m - before.position_m
-    unexplained_m = abs(moved_m - 0.5 * passed_s * (last.speed_m_s + before.speed_m_s))
-    if unexplained_m > 0.5 * passed_s * abs(changed_m_s) + RANGE_ERROR_M:
-        return 0.0
-    since_s = min(last.time_s - ACCELERATION_WINDOW_S - 1e-6, before.time_s)
-    recent = [state for state in measured if state.time_s >= since_s]
-    times_s = np.array([state.time_s for state in recent])
-    times_s -= times_s.mean()
-    speeds_m_s = np.array([state.speed_m_s for state in recent])
-    slope_m_s2 = float(times_s @ speeds_m_s / (times_s @ times_s))
-    return slope_m_s2 if abs(slope_m_s2) <= LARGEST_ACCELERATION_M_S2 else 0.0
-
-
-def extrapolated_motion(leader: LeaderState, acceleration_m_s2: float) -> PredictedLeaderMotion:
-    """Return how a leader goes on of which only the present is known.
-
-    Its acceleration dies away exponentially, which is what to expect of one that varies as a first-order
-    Gauss-Markov process (R. A. Singer, Estimating optimal tracking filter performance for manned
-    maneuvering targets, IEEE Transactions on Aerospace and Electronic Systems 6, 1970). It never drives
-    backwards.
-
-    Args:
-        leader: as measured.
-        acceleration_m_s2: as measured, negative when braking.
-    """
-    decay_s, change_m_s = ACCELERATION_DECAY_S, ACCELERATION_DECAY_S * acceleration_m_s2
-    until_s, shares = _EXTRAPOLATED_S, _SHARES
-    if leader.speed_m_s + change_m_s < 0.0:
-        stop_s = -decay_s * math.log1p(leader.speed_m_s / change_m_s)
-        until_s = min(until_s, stop_s)
-        if stop_s < _SHORTEST_STOP_S:
-            shares = shares[:1]
-    elapsed_s = until_s * shares
-    gone = -np.expm1(-elapsed_s / decay_s)
-    speeds_m_s = np.maximum(leader.speed_m_s + change_m_s * gone, 0.0)
-    moved_m = leader.speed_m_s * elapsed_s + change_m_s * (elapsed_s - decay_s * gone)
-    return PredictedLeaderMotion(leader.time_s + elapsed_s, leader.position_m + moved_m, speeds_m_s)
+def _never_backwards(preview: LeaderPreview) -> LeaderPreview:
+    """Return a preview without the small negative speeds and steps of estimators at standstill."""
+    if preview.speeds_m_s.min() >= 0.0 and (np.diff(preview.positions_m) >= 0.0).all():
+        return preview
+    return replace(
+        preview,
+        positions_m=np.maximum.accumulate(preview.positions_m),
+        speeds_m_s=np.maximum(preview.speeds_m_s, 0.0),
+    )
 
 
 def _first(flags: NDArray[np.bool_]) -> int:
@@ -203,12 +123,24 @@ def _first(flags: NDArray[np.bool_]) -> int:
 
 
 class LeaderForecaster:
-    """Keeps the leader's recent past and joins it with each tick's preview."""
+    """Keeps the leader's recent past and joins it with each tick's preview.
 
-    def __init__(self, horizon_s: float, max_age_s: float) -> None:
+    Attributes:
+        trust: how far ahead previews are trusted.
+    """
+
+    def __init__(self, horizon_s: float, max_age_s: float, tick_s: float = 1.0) -> None:
+        """Set up a forecaster that has not measured a leader.
+
+        Args:
+            horizon_s: time that a full preview covers.
+            max_age_s: older previews are not used.
+            tick_s: sampling time of the loop.
+        """
         self._horizon_s = horizon_s
         self._max_age_s = max_age_s
         self._past: deque[LeaderState] = deque()
+        self.trust = PreviewTrust(tick_s)
 
     @property
     def past(self) -> tuple[LeaderState, ...]:
@@ -219,6 +151,14 @@ class LeaderForecaster:
     def past(self, past: tuple[LeaderState, ...]) -> None:
         self._past = deque(past)
 
+    def leader_at(self, time_s: float, leader: LeaderState | None) -> LeaderState | None:
+        """Return a measured leader as extrapolated to a later instant; as measured for the same one."""
+        if leader is None or time_s <= leader.time_s:
+            return leader
+        motion = extrapolated_motion(leader, measured_acceleration_m_s2(self._past))
+        positions_m, speeds_m_s = motion.at(np.array([time_s]))
+        return LeaderState(time_s, float(positions_m[0]), float(speeds_m_s[0]))
+
     def forecast(self, leader: LeaderState, preview: LeaderPreview) -> LeaderForecast:
         """Combine the measured leader with a preview.
 
@@ -226,15 +166,44 @@ class LeaderForecaster:
         must not move the leader that the range sensor sees.
         """
         self._remember(leader)
+        self.trust.observe(leader)
         quality, reason = self._assess(leader, preview)
         age_s = leader.time_s - preview.generated_at_s if preview.times_s.size else float("nan")
         known_s = 0.0
         if quality in {PreviewQuality.FULL, PreviewQuality.SHORT}:
-            future = self._follow_preview(leader, preview)
+            future = self._follow_preview(leader, _never_backwards(preview))
+            self.trust.remember(leader, future)
             known_s = float(preview.times_s[-1]) - leader.time_s
+            present_error_m_s = abs(float(future.speeds_m_s[0]) - leader.speed_m_s)
+            trusted_s = 0.0 if present_error_m_s > PRESENT_ERROR_M_S else self.trust.horizon_s
+            if trusted_s < known_s:
+                known_s, quality = trusted_s, PreviewQuality.DOUBTED
+                reason = f"previews were wrong; trusted for {trusted_s:g} s"
+            if trusted_s < NEAR_S:
+                future = self._not_beyond_measured(leader, future)
         else:
             future = extrapolated_motion(leader, measured_acceleration_m_s2(self._past))
-        return LeaderForecast(self._with_past(future), quality, reason, age_s, known_s)
+        questioned = self.trust.is_questioned or quality is PreviewQuality.DOUBTED
+        motion = self._with_past(future)
+        return LeaderForecast(motion, quality, reason, age_s, known_s, questioned)
+
+    def _not_beyond_measured(
+        self, leader: LeaderState, future: PredictedLeaderMotion
+    ) -> PredictedLeaderMotion:
+        """Return a predicted motion that is nowhere ahead of the measured one for the next seconds.
+
+        What it loses there stays lost behind; its speeds there are the predicted ones.
+        """
+        measured = extrapolated_motion(leader, measured_acceleration_m_s2(self._past))
+        positions_m, speeds_m_s = measured.at(future.times_s)
+        near = future.times_s <= leader.time_s + NEAR_S + 1e-9
+        excess_m = np.maximum(future.positions_m - positions_m, 0.0)
+        lost_m = np.where(near, excess_m, excess_m[near][-1])
+        return PredictedLeaderMotion(
+            future.times_s,
+            future.positions_m - lost_m,
+            np.where(near, np.minimum(future.speeds_m_s, speeds_m_s), future.speeds_m_s),
+        )
 
     def _remember(self, leader: LeaderState) -> None:
         if self._past and leader.time_s < self._past[-1].time_s:

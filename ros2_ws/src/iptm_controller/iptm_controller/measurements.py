@@ -5,21 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
 
+Vehicle = TypeVar("Vehicle", VehicleState, LeaderState)
+
 MAX_TIME_APART_S = 60.0
 LARGEST_GAP_M = 1e4
 """Ahead or behind: an overlap is a measurement like any other, and calls for the brakes."""
 MAX_SPEED_M_S = 100.0
+MIN_SPEED_M_S = -0.5
+"""Speeds from here to 0 are those of a vehicle at rest, measured with errors; they count as 0."""
 STEEPEST_RAD = 1.5
 
 _MOTION: dict[str, tuple[float, float]] = {
     "time_s": (0.0, 1e9),
     "position_m": (-1e9, 1e9),
-    "speed_m_s": (0.0, MAX_SPEED_M_S),
+    "speed_m_s": (MIN_SPEED_M_S, MAX_SPEED_M_S),
     "acceleration_m_s2": (-20.0, 20.0),
 }
 _PACK: dict[str, tuple[float, float]] = {
@@ -80,6 +85,7 @@ def trusted_measurements(measured: Measurements, last: VehicleState | None = Non
     fault = _out_of_range(state, _MOTION)
     if fault:
         return Trusted(None, None, fault)
+    state = _at_rest_if_negative(state)
     pack_fault = _out_of_range(state, _PACK)
     if pack_fault:
         state = _with_possible_pack(state, last)
@@ -89,7 +95,12 @@ def trusted_measurements(measured: Measurements, last: VehicleState | None = Non
     fault = leader_fault(leader, state)
     if fault:
         return Trusted(state, None, fault)
+    leader = _at_rest_if_negative(leader)
     return Trusted(state, leader, pack_fault or slope_fault(measured.slope))
+
+
+def _at_rest_if_negative(vehicle: Vehicle) -> Vehicle:
+    return replace(vehicle, speed_m_s=0.0) if vehicle.speed_m_s < 0.0 else vehicle
 
 
 def _out_of_range(state: VehicleState, ranges: Mapping[str, tuple[float, float]]) -> str:
@@ -117,8 +128,11 @@ def leader_fault(leader: LeaderState, host: VehicleState) -> str:
     if not math.isfinite(leader.time_s):
         return f"measured leader time is {leader.time_s} s; allowed: finite values"
     speed_m_s = leader.speed_m_s
-    if not (math.isfinite(speed_m_s) and 0.0 <= speed_m_s <= MAX_SPEED_M_S):
-        return f"measured leader speed is {speed_m_s} m/s; allowed: 0 to {MAX_SPEED_M_S:g} m/s"
+    if not (math.isfinite(speed_m_s) and MIN_SPEED_M_S <= speed_m_s <= MAX_SPEED_M_S):
+        return (
+            f"measured leader speed is {speed_m_s} m/s; "
+            f"allowed: {MIN_SPEED_M_S:g} to {MAX_SPEED_M_S:g} m/s"
+        )
     apart_s = abs(leader.time_s - host.time_s)
     if not apart_s <= MAX_TIME_APART_S:
         return (

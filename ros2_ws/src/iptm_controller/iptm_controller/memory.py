@@ -8,7 +8,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from iptm_controller.actuation import ActuationMemory
 from iptm_controller.plan import Plan
+from iptm_controller.preview_trust import TrustMemory
 from iptm_core.state import LeaderState, VehicleState
 
 
@@ -57,6 +59,8 @@ class ControllerMemory:
         valuation: of the temperature valuation.
         traction: of the traction forecast.
         leader_past: leader measured in the last seconds, oldest first.
+        trust: of the trust in previews.
+        actuation: of the observer of the actuators.
         solves_since_second: of the check for better switching; None for one that has not solved anything.
     """
 
@@ -66,4 +70,6 @@ class ControllerMemory:
     valuation: ValuationMemory = field(default_factory=ValuationMemory)
     traction: TractionMemory = field(default_factory=TractionMemory)
     leader_past: tuple[LeaderState, ...] = ()
+    trust: TrustMemory = field(default_factory=TrustMemory)
+    actuation: ActuationMemory = field(default_factory=ActuationMemory)
     solves_since_second: int | None = None

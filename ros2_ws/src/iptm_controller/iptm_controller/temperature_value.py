@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.forecast import PredictedLeaderMotion
+from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.memory import ValuationMemory
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.aging import capacity_loss_rate_1_s

@@ -13,7 +13,7 @@ from collections import deque
 
 import numpy as np
 
-from iptm_controller.forecast import PredictedLeaderMotion
+from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.memory import TractionMemory
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import POWER_LEVELS, ProblemGrid

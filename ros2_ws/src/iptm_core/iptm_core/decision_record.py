@@ -71,6 +71,9 @@ class DecisionRecord:
         aging_rate_1_s: mean rate of the capacity loss behind these prices, sum of both cells.
         aging_sensitivity_1_k: relative change of that rate with temperature.
         kelvin_lasts_s: how long a kelvin was taken to last.
+        trusted_preview_s: how far ahead the preview was trusted, 0 without one.
+        command_delay_s: time by which commands acted late, as observed.
+        brake_share: share of a commanded deceleration that the brakes delivered, as observed.
     """
 
     status: SolveStatus
@@ -88,6 +91,9 @@ class DecisionRecord:
     aging_rate_1_s: float = 0.0
     aging_sensitivity_1_k: float = 0.0
     kelvin_lasts_s: float = 0.0
+    trusted_preview_s: float = 0.0
+    command_delay_s: float = 0.0
+    brake_share: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +122,9 @@ class DecisionSeries:
     aging_rate_1_s: FloatArray
     aging_sensitivity_1_k: FloatArray
     kelvin_lasts_s: FloatArray
+    trusted_preview_s: FloatArray
+    command_delay_s: FloatArray
+    brake_share: FloatArray
 
     def __post_init__(self) -> None:
         for name in DECISION_COLUMNS:

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from iptm_controller.forecast import PredictedLeaderMotion
 from iptm_controller.horizon import Horizon, HorizonPhase
+from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
@@ -157,7 +157,7 @@ def solve_whole_trip(
         for warm_start in (0, MAX_ITERATIONS)
     )
     grid = ProblemGrid(horizon)
-    builder = ProblemDataBuilder(grid, strategy, plant.parameters.limits)
+    builder = ProblemDataBuilder(grid, strategy, plant.parameters)
     leader = _leader_motion(route, horizon)
     slope = SlopePreview(np.asarray(route.slope.positions_m), np.asarray(route.slope.slopes_rad))
     state = plant.initial_state()

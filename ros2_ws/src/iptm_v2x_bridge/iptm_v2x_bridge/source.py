@@ -32,7 +32,10 @@ class PreviewSource(Protocol):
 
 
 def preview_times_s(settings: PreviewSettings, generated_ns: int) -> FloatArray:
-    """Return the node times of a prediction: its generation, and steps from there up to its length.
+    """Return the node times of a prediction: its generation, then whole multiples of the step.
+
+    All predictions share these multiples, so a trace with samples there loses none of its corners, whenever
+    the prediction is generated.
 
     Args:
         settings: length and step.
@@ -42,9 +45,9 @@ def preview_times_s(settings: PreviewSettings, generated_ns: int) -> FloatArray:
         Trip times in s, shape (n,), exact to the nanosecond.
     """
     step_ns = round(settings.preview_step_s * NS_PER_S)
-    count = round(settings.preview_length_s * NS_PER_S) // step_ns + 1
-    nodes = generated_ns + step_ns * np.arange(count, dtype=np.int64)
-    times: FloatArray = nodes / 1e9
+    last_ns = generated_ns + round(settings.preview_length_s * NS_PER_S)
+    following = np.arange(generated_ns // step_ns + 1, last_ns // step_ns + 1, dtype=np.int64)
+    times: FloatArray = np.concatenate([[generated_ns], step_ns * following]) / 1e9
     return times
 
 

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.forecast import PredictedLeaderMotion
+from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import SampleIndex, StepIndex
+from iptm_controller.ocp.stage import LONGEST_UNWATCHED_S
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
-from iptm_core.parameters.model import LimitParameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
@@ -45,11 +47,32 @@ class ProblemData:
 class ProblemDataBuilder:
     """Works out the numbers of one problem after the other."""
 
-    def __init__(self, grid: ProblemGrid, strategy: Strategy, limits: LimitParameters) -> None:
+    def __init__(
+        self,
+        grid: ProblemGrid,
+        strategy: Strategy,
+        model: ModelParameters,
+        tick_s: float = math.inf,
+    ) -> None:
+        """Set up what is the same for all problems.
+
+        Args:
+            grid: order of the flat vectors.
+            strategy: cost terms and weights.
+            model: limits and spacing policy.
+            tick_s: sampling time of the loop; the gap is watched at this interval inside steps that are
+                longer, up to those whose samples are watched.
+        """
         self._grid = grid
         self._strategy = strategy
-        self._limits = limits
+        self._model = model
+        self._limits = model.limits
         lengths = grid.horizon.step_lengths_s
+        self._watched = [
+            (step, float(length), np.arange(1, round(float(length) / tick_s)) * tick_s)
+            for step, length in enumerate(lengths)
+            if 1.5 * tick_s < length <= LONGEST_UNWATCHED_S
+        ]
         self._node_times_s = grid.horizon.node_times_s
         self._acceleration_intervals_s = _change_intervals_s(lengths, LONGEST_ACCELERATION_CHANGE_S)
         self._compressor_intervals_s = _change_intervals_s(lengths, LONGEST_COMPRESSOR_CHANGE_S)
@@ -63,6 +86,7 @@ class ProblemDataBuilder:
         known_s: float = math.inf,
         value: TemperatureValue = NO_VALUE,
         thermal_samples: FloatArray | None = None,
+        expected_speeds_m_s: FloatArray | None = None,
     ) -> ProblemData:
         """Assemble the problem of one tick.
 
@@ -76,6 +100,8 @@ class ProblemDataBuilder:
                 is asked for at the last node up to there, at the first one if there is none.
             value: what a kelvin costs at the end of the horizon.
             thermal_samples: parameters of the samples of thermal steps, where the horizon has any.
+            expected_speeds_m_s: expected host speeds at the nodes, shape (N + 1,); used where ticks are shorter
+                than steps.
         """
         grid, origin_m = self._grid, state.position_m
         steps = np.empty((grid.steps, layout.STEP_PARAMETERS))
@@ -85,6 +111,8 @@ class ProblemDataBuilder:
         at_nodes, at_samples = slice(nodes.size), slice(nodes.size, nodes.size + times.size)
         steps[:, StepIndex.LEADER_POSITION] = positions[at_nodes] - origin_m
         steps[:, StepIndex.LEADER_SPEED] = speeds[at_nodes]
+        if self._watched and expected_speeds_m_s is not None:
+            self._watch_inside(steps, leader, nodes, origin_m, expected_speeds_m_s)
         steps[:, StepIndex.ACCELERATION_INTERVAL] = self._acceleration_intervals_s
         steps[:, StepIndex.COMPRESSOR_INTERVAL] = self._compressor_intervals_s
         steps[:, StepIndex.END_OF_PREVIEW] = 0.0
@@ -117,6 +145,44 @@ class ProblemDataBuilder:
             samples[grid.motion_samples :] = thermal_samples
         parameters = grid.parameters(self._globals(state, value), steps, samples)
         return ProblemData(self._scaled_state(state), parameters)
+
+    def _watch_inside(
+        self,
+        steps: FloatArray,
+        leader: PredictedLeaderMotion,
+        ends_s: FloatArray,
+        origin_m: float,
+        speeds_m_s: FloatArray,
+    ) -> None:
+        """Let the instant inside a step at which s_min is tightest stand for its end.
+
+        A leader may slow down briefly between two nodes. Seen from the end of the step, the gap at an earlier
+        instant is that to a leader who is farther ahead by what the host drives meanwhile, less what s_min
+        exceeds that of the end because the host is faster.
+
+        Args:
+            steps: parameters of the steps; leader positions and speeds are replaced in place.
+            leader: predicted motion.
+            ends_s: trip times of the ends of the steps, shape (N,).
+            origin_m: position of the host.
+            speeds_m_s: expected host speeds at the nodes, shape (N + 1,).
+        """
+        limits, gap = self._limits, self._model.gap
+        for step, length_s, earlier_s in self._watched:
+            speed = float(speeds_m_s[step + 1])
+            slowing_m_s2 = max(float(speeds_m_s[step]) - speed, 0.0) / length_s
+            faster = speed + slowing_m_s2 * earlier_s
+            positions, speeds = leader.at(float(ends_s[step]) - earlier_s)
+            driven_m = 0.5 * (speed + faster) * earlier_s
+            at_end_m = minimum_gap_m(speed, speeds, gap, limits)
+            positions += driven_m - origin_m - minimum_gap_m(faster, speeds, gap, limits) + at_end_m
+            margins = positions - at_end_m
+            tightest = int(margins.argmin())
+            end = steps[step]
+            at_node_m = minimum_gap_m(speed, float(end[StepIndex.LEADER_SPEED]), gap, limits)
+            if margins[tightest] < end[StepIndex.LEADER_POSITION] - at_node_m:
+                end[StepIndex.LEADER_POSITION] = positions[tightest]
+                end[StepIndex.LEADER_SPEED] = speeds[tightest]
 
     def _globals(self, state: VehicleState, value: TemperatureValue) -> list[float]:
         strategy, scale = self._strategy, self._strategy.scale

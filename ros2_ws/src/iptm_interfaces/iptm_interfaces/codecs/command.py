@@ -17,13 +17,17 @@ from iptm_interfaces.topics import Topic
 
 E = TypeVar("E", bound=IntEnum)
 
-_TEMPERATURE_VALUE = (
+_ADDED = (
     "cell_1_price_1_k",
     "cell_n_price_1_k",
     "aging_rate_1_s",
     "aging_sensitivity_1_k",
     "kelvin_lasts_s",
+    "trusted_preview_s",
+    "command_delay_s",
+    "brake_share",
 )
+"""Values that older bags do not have."""
 _MAY_BE_UNKNOWN = frozenset(
     (
         "solve_time_s",
@@ -32,7 +36,7 @@ _MAY_BE_UNKNOWN = frozenset(
         "temperature_slack_k",
         "objective",
         "preview_age_s",
-        *_TEMPERATURE_VALUE,
+        *_ADDED,
     )
 )
 
@@ -68,7 +72,7 @@ def decode_decision_record(message: JointState) -> DecisionRecord:
         MessageError: a value is missing, a count is not finite, or a status or rung is unknown.
     """
     values = decode_named_values(Topic.SOLVE, message, _MAY_BE_UNKNOWN)
-    status, time_s, iterations, gap, speed, temperature, cost, rung, limited, age, *value = values
+    status, time_s, iterations, gap, speed, temperature, cost, rung, limited, age, *added = values
     return DecisionRecord(
         status=_enumerated(SolveStatus, "status_code", status),
         solve_time_s=time_s,
@@ -80,7 +84,7 @@ def decode_decision_record(message: JointState) -> DecisionRecord:
         rung=_enumerated(Rung, "fallback_rung", rung),
         limiter_active=bool(limited),
         preview_age_s=age,
-        **dict(zip(_TEMPERATURE_VALUE, value, strict=True)),
+        **dict(zip(_ADDED, added, strict=True)),
     )
 
 

@@ -1,0 +1,198 @@
+"""What becomes of commands: how many ticks late they act, how much of a deceleration the brakes deliver.
+
+Both are inferred from the actuated values that are measured, so they hold for any actuator, whether it
+reports or not. The state is predicted to the instant at which the next command acts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from iptm_core.parameters.model import LimitParameters
+from iptm_core.state import Command, VehicleState
+
+LONGEST_DELAY_S = 2.0
+FEWEST_DELAYS = 3
+"""Delays of up to this many ticks, or this long, are looked for."""
+FORGETTING = 0.5
+"""Weight of the mismatches of a tick relative to those of the next one."""
+CREEP_SPEED_M_S = 0.1
+"""Below this speed the brakes hold the vehicle, whatever the command."""
+BRAKING_M_S2 = -0.3
+"""Decelerations from here on show how much the brakes deliver."""
+SMALLEST_SHARE = 0.3
+WEAK_SHARE = 0.9
+"""Brakes that deliver a smaller share of the commanded deceleration are weak."""
+
+
+@dataclass(frozen=True)
+class IssuedCommand:
+    """A command and the tick at which it was issued."""
+
+    tick: int
+    acceleration_m_s2: float
+    compressor_power_w: float
+
+
+@dataclass(frozen=True)
+class ActuationMemory:
+    """What is carried from tick to tick.
+
+    Attributes:
+        issued: commands that may still be under way, oldest first.
+        mismatches: weighted sums of squared mismatches for delays of 0, 1, ... ticks in (m/s^2)^2.
+        delay_ticks: delay of the commands.
+        delivered: weighted sum of commanded times measured decelerations, in (m/s^2)^2.
+        commanded: weighted sum of squared commanded decelerations, in (m/s^2)^2.
+    """
+
+    issued: tuple[IssuedCommand, ...] = ()
+    mismatches: tuple[float, ...] = ()
+    delay_ticks: int = 0
+    delivered: float = 0.0
+    commanded: float = 0.0
+
+
+class ActuationObserver:
+    """Compares actuated accelerations with the commands of earlier ticks.
+
+    Attributes:
+        memory: what is carried from tick to tick.
+    """
+
+    def __init__(self, limits: LimitParameters, tick_s: float) -> None:
+        """Set up an observer of actuators that are taken to be prompt and strong.
+
+        Args:
+            limits: bounds and rates of the commands.
+            tick_s: sampling time of the loop.
+        """
+        self._limits = limits
+        self._tick_s = tick_s
+        self._delays = range(max(FEWEST_DELAYS, round(LONGEST_DELAY_S / tick_s)) + 1)
+        self._noticeable = (0.2 * limits.max_jerk_m_s3 * tick_s) ** 2
+        self.memory = ActuationMemory()
+
+    @property
+    def delay_s(self) -> float:
+        """Time by which commands act late."""
+        return self.memory.delay_ticks * self._tick_s
+
+    @property
+    def brake_share(self) -> float:
+        """Share of a commanded deceleration that is delivered, from 0.3 to 1."""
+        memory = self.memory
+        if memory.commanded < BRAKING_M_S2**2:
+            return 1.0
+        return min(max(memory.delivered / memory.commanded, SMALLEST_SHARE), 1.0)
+
+    @property
+    def has_weak_brakes(self) -> bool:
+        """Whether the brakes deliver noticeably less than commanded."""
+        return self.brake_share < WEAK_SHARE
+
+    @property
+    def reason(self) -> str:
+        """What is wrong with the actuators, empty if nothing is."""
+        parts = []
+        if self.memory.delay_ticks:
+            parts.append(f"commands act {self.memory.delay_ticks} ticks late")
+        if self.has_weak_brakes:
+            parts.append(f"brakes deliver {self.brake_share:.0%} of the commanded deceleration")
+        return "; ".join(parts)
+
+    def issue(self, time_s: float, command: Command) -> None:
+        """Note the command of a tick.
+
+        Args:
+            time_s: trip time of the measurements that it answers.
+            command: as sent to the actuators.
+        """
+        tick = round(time_s / self._tick_s)
+        kept = [
+            entry for entry in self.memory.issued if tick - len(self._delays) <= entry.tick < tick
+        ]
+        issued = IssuedCommand(tick, command.acceleration_m_s2, command.compressor_power_w)
+        self.memory = replace(self.memory, issued=(*kept, issued))
+
+    def observe(self, state: VehicleState) -> None:
+        """Compare what was actuated until now with the commands of earlier ticks.
+
+        Args:
+            state: measured state; its acceleration is the one actuated over the tick that ended now.
+        """
+        tick = round(state.time_s / self._tick_s)
+        memory = self.memory
+        if memory.issued and tick <= memory.issued[-1].tick:
+            self.memory = ActuationMemory()
+            return
+        issued = {entry.tick: entry.acceleration_m_s2 for entry in memory.issued}
+        answered = [issued.get(tick - 1 - delay) for delay in self._delays]
+        measured = state.acceleration_m_s2
+        prompt = answered[memory.delay_ticks]
+        at_rest = state.speed_m_s < CREEP_SPEED_M_S
+        overridden = measured < self._limits.min_acceleration_m_s2 - 0.05
+        if prompt is None or at_rest or overridden:
+            return
+        mismatches = memory.mismatches or (0.0,) * len(answered)
+        mismatches = tuple(
+            FORGETTING * before + self._mismatch(measured, commanded)
+            for before, commanded in zip(mismatches, answered, strict=True)
+        )
+        delay = memory.delay_ticks
+        best = min(self._delays, key=lambda each: (mismatches[each], each))
+        if mismatches[best] + self._noticeable < mismatches[delay]:
+            delay = best
+        commanded = answered[delay]
+        delivered, asked = memory.delivered, memory.commanded
+        if commanded is not None and commanded < BRAKING_M_S2:
+            delivered = FORGETTING * delivered + measured * commanded
+            asked = FORGETTING * asked + commanded * commanded
+        self.memory = ActuationMemory(memory.issued, mismatches, delay, delivered, asked)
+
+    def predicted(self, state: VehicleState) -> VehicleState:
+        """Return the state at the instant at which the next command acts; the state itself without delay.
+
+        Motion follows the commands under way. Temperatures are held: over two seconds they change by less
+        than 0.1 K.
+
+        Args:
+            state: measured state.
+        """
+        tick = round(state.time_s / self._tick_s)
+        first = tick - self.memory.delay_ticks
+        for entry in self.memory.issued:
+            if first <= entry.tick < tick:
+                acceleration = entry.acceleration_m_s2
+                delivered = acceleration if acceleration > 0.0 else acceleration * self.brake_share
+                state = replace(
+                    self._moved_on(state, delivered),
+                    acceleration_m_s2=acceleration,
+                    compressor_power_w=entry.compressor_power_w,
+                )
+        return state
+
+    def _moved_on(self, state: VehicleState, acceleration_m_s2: float) -> VehicleState:
+        """Return the state after a tick of constant acceleration, between standstill and top speed."""
+        speed, tick_s = state.speed_m_s, self._tick_s
+        end = speed + acceleration_m_s2 * tick_s
+        within = min(max(end, 0.0), max(self._limits.max_speed_m_s, speed))
+        moving_s = tick_s if within == end else (within - speed) / acceleration_m_s2
+        moved_m = 0.5 * (speed + within) * moving_s + within * (tick_s - moving_s)
+        return replace(
+            state,
+            time_s=state.time_s + tick_s,
+            position_m=state.position_m + moved_m,
+            speed_m_s=within,
+        )
+
+    def _mismatch(self, measured_m_s2: float, commanded_m_s2: float | None) -> float:
+        """Return the squared mismatch of a measured acceleration and a command, weak brakes permitted."""
+        if commanded_m_s2 is None:
+            return self._limits.max_jerk_m_s3**2
+        exact = (measured_m_s2 - commanded_m_s2) ** 2
+        if commanded_m_s2 >= BRAKING_M_S2:
+            return exact
+        share = min(max(measured_m_s2 / commanded_m_s2, SMALLEST_SHARE), 1.0)
+        weak = (measured_m_s2 - share * commanded_m_s2) ** 2 + self._noticeable
+        return min(exact, weak)

@@ -1,0 +1,202 @@
+"""How far ahead previews are trusted: earlier predictions for this instant, compared with the measurement.
+
+Every new preview begins at the measured speed, so a source that is wrong about the future is right about
+the present. Its quality shows in what it predicted some seconds ago for this instant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_controller.leader_motion import PredictedLeaderMotion
+from iptm_core.state import LeaderState
+
+LONGEST_LEAD_S = 10
+"""Longest lead time at which predictions are compared with measurements."""
+SMOOTHED_TICKS = 3
+"""Ticks over which errors are averaged."""
+SINGLE_TOLERANCE_M_S, SINGLE_GROWTH_M_S2 = 2.0, 0.4
+MEAN_TOLERANCE_M_S, MEAN_GROWTH_M_S2 = 1.5, 0.2
+"""Accepted excess of the predicted over the measured speed in one tick, and in the mean of some: a constant
+and its growth with the lead time. Honest previews with errors of 1.5 m/s mostly stay below both."""
+QUESTIONED_M_S = 1.0
+"""Excess in one tick from which on the collision guard does not rely on previews for a while."""
+PRESENT_ERROR_M_S = 1.5
+"""A preview that is further off the speed measured now, up or down, is not trusted at all."""
+PROBATION_S = 10.0
+"""Time without a new error before trust can be restored."""
+CREDITED_LEAD_S = 3.0
+CREDITED_SLOWDOWN_M_S = 1.0
+"""A preview proves itself by a slow-down that it predicted this long ago, by at least this much."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What was measured and predicted at one tick.
+
+    Attributes:
+        tick: number of the tick.
+        speed_m_s: speed measured then.
+        speeds_m_s: speeds predicted for the lead times, NaN behind the end of the preview.
+    """
+
+    tick: int
+    speed_m_s: float
+    speeds_m_s: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class TrustMemory:
+    """What is carried from tick to tick.
+
+    Attributes:
+        predictions: of the last seconds, oldest first.
+        errors: excess of predicted over measured speeds at the lead times, as lists of one tick each,
+            joined, oldest first.
+        horizon_s: trusted horizon.
+        last_error_tick: tick of the last error beyond the tolerance.
+        last_question_tick: tick of the last error that concerns the collision guard, -1 for none.
+        proved: a slow-down has been predicted correctly since.
+    """
+
+    predictions: tuple[Prediction, ...] = ()
+    errors: tuple[float, ...] = ()
+    horizon_s: float = math.inf
+    last_error_tick: int = 0
+    last_question_tick: int = -1
+    proved: bool = True
+
+
+class PreviewTrust:
+    """Trusted horizon of the previews of one lead vehicle.
+
+    Only optimistic errors count, those in which the lead vehicle is slower than predicted. Previews are
+    trusted until the first error beyond the tolerance; from then on up to the lead times below that error.
+    Full trust returns after a time without such errors, and not before a slow-down has been predicted
+    correctly: a source that always predicts constant speed is right for as long as nothing happens.
+
+    Attributes:
+        horizon_s: lead time up to which previews are trusted, infinite for the whole preview.
+        is_questioned: an error of the last seconds was large enough for the collision guard to measure only.
+    """
+
+    def __init__(self, tick_s: float) -> None:
+        """Set up trust in a source that has not been tested yet.
+
+        Args:
+            tick_s: sampling time of the loop.
+        """
+        self._tick_s = tick_s
+        whole = range(1, LONGEST_LEAD_S + 1)
+        self._leads = tuple(dict.fromkeys(max(round(lead / tick_s), 1) for lead in whole))
+        lead_times_s = [lead * tick_s for lead in self._leads]
+        self._lead_times_s = np.array(lead_times_s)
+        self._single_m_s = _tolerances(SINGLE_TOLERANCE_M_S, SINGLE_GROWTH_M_S2, lead_times_s)
+        self._mean_m_s = _tolerances(MEAN_TOLERANCE_M_S, MEAN_GROWTH_M_S2, lead_times_s)
+        self.is_questioned = False
+        self.memory = TrustMemory()
+
+    @property
+    def memory(self) -> TrustMemory:
+        """What is carried from tick to tick."""
+        return TrustMemory(
+            tuple(self._predictions.values()),
+            tuple(value for errors in self._errors for value in errors),
+            self.horizon_s,
+            self._last_error_tick,
+            self._last_question_tick,
+            self._proved,
+        )
+
+    @memory.setter
+    def memory(self, memory: TrustMemory) -> None:
+        count = len(self._leads)
+        ends = range(count, len(memory.errors) + 1, count)
+        self._predictions = {entry.tick: entry for entry in memory.predictions}
+        self._errors: deque[tuple[float, ...]] = deque(
+            (memory.errors[end - count : end] for end in ends), SMOOTHED_TICKS
+        )
+        self.horizon_s = memory.horizon_s
+        self._last_error_tick = memory.last_error_tick
+        self._last_question_tick = memory.last_question_tick
+        self._proved = memory.proved
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the whole preview is trusted."""
+        return math.isinf(self.horizon_s)
+
+    def observe(self, leader: LeaderState) -> None:
+        """Compare a measured lead vehicle with the predictions for this instant."""
+        tick = round(leader.time_s / self._tick_s)
+        if self._predictions and tick < next(reversed(self._predictions)):
+            self.memory = TrustMemory()
+        earlier = [self._predictions.get(tick - lead) for lead in self._leads]
+        errors = tuple(
+            0.0
+            if entry is None or math.isnan(entry.speeds_m_s[place])
+            else entry.speeds_m_s[place] - leader.speed_m_s
+            for place, entry in enumerate(earlier)
+        )
+        self._errors.append(errors)
+        if max(errors) > QUESTIONED_M_S:
+            self._last_question_tick = tick
+        since_s = (tick - self._last_question_tick) * self._tick_s
+        self.is_questioned = self._last_question_tick >= 0 and since_s < PROBATION_S
+        failed = self._first_failed(errors)
+        if failed is not None:
+            trusted_s = self._leads[failed - 1] * self._tick_s if failed else 0.0
+            self.horizon_s = min(self.horizon_s, trusted_s)
+            self._last_error_tick, self._proved = tick, False
+        elif not self.is_full:
+            self._proved = self._proved or self._proves(leader.speed_m_s, earlier, errors)
+            if self._proved and (tick - self._last_error_tick) * self._tick_s >= PROBATION_S:
+                self.horizon_s = math.inf
+
+    def remember(self, leader: LeaderState, future: PredictedLeaderMotion) -> None:
+        """Keep what a preview predicts for the lead times, to compare it later.
+
+        Args:
+            leader: as measured now.
+            future: motion that the preview predicts.
+        """
+        tick = round(leader.time_s / self._tick_s)
+        times_s = leader.time_s + self._lead_times_s
+        speeds = np.interp(times_s, future.times_s, future.speeds_m_s, right=math.nan)
+        self._predictions[tick] = Prediction(tick, leader.speed_m_s, tuple(speeds.tolist()))
+        while next(iter(self._predictions)) < tick - self._leads[-1]:
+            del self._predictions[next(iter(self._predictions))]
+
+    def _first_failed(self, errors: tuple[float, ...]) -> int | None:
+        """Return the place of the shortest lead time with an error beyond a tolerance, None without one."""
+        if max(errors) <= self._mean_m_s[0]:
+            return None
+        for place, error in enumerate(errors):
+            mean = sum(max(each[place], -1.0) for each in self._errors) / SMOOTHED_TICKS
+            if error > self._single_m_s[place] or mean > self._mean_m_s[place]:
+                return place
+        return None
+
+    def _proves(
+        self, speed_m_s: float, earlier: Iterable[Prediction | None], errors: tuple[float, ...]
+    ) -> bool:
+        """Return whether a slow-down up to now was predicted in time."""
+        cases = zip(earlier, errors, self._lead_times_s, self._mean_m_s, strict=True)
+        for place, (entry, error, lead_s, tolerance) in enumerate(cases):
+            if entry is None or lead_s < CREDITED_LEAD_S:
+                continue
+            slowed_m_s = entry.speed_m_s - speed_m_s
+            predicted_m_s = entry.speed_m_s - entry.speeds_m_s[place]
+            right = abs(error) < tolerance < slowed_m_s
+            if right and predicted_m_s > CREDITED_SLOWDOWN_M_S:
+                return True
+        return False
+
+
+def _tolerances(constant: float, growth: float, leads_s: Iterable[float]) -> tuple[float, ...]:
+    return tuple(constant + growth * lead_s for lead_s in leads_s)
