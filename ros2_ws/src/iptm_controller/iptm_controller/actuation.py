@@ -16,8 +16,8 @@ FEWEST_DELAYS = 3
 """Delays of up to this many ticks, or this long, are looked for."""
 FORGETTING = 0.5
 """Weight of the mismatches of a tick relative to those of the next one."""
-CREEP_SPEED_M_S = 0.1
-"""Below this speed the brakes hold the vehicle, whatever the command."""
+CREEP_SPEED_M_S = 0.5
+"""Below this speed the brakes may hold the vehicle, whatever the command."""
 BRAKING_M_S2 = -0.3
 """Decelerations from here on show how much the brakes deliver."""
 SMALLEST_SHARE = 0.3
@@ -145,7 +145,10 @@ class ActuationObserver:
             delay = best
         commanded = answered[delay]
         delivered, asked = memory.delivered, memory.commanded
-        if commanded is not None and commanded < BRAKING_M_S2:
+        # A command that is not followed at all shows nothing about the brakes.
+        if commanded is not None and measured < SMALLEST_SHARE * min(commanded, 0.0) <= (
+            SMALLEST_SHARE * BRAKING_M_S2
+        ):
             delivered = FORGETTING * delivered + measured * commanded
             asked = FORGETTING * asked + commanded * commanded
         self.memory = ActuationMemory(memory.issued, mismatches, delay, delivered, asked)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from iptm_controller.actuation import ActuationObserver
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
+from iptm_controller.estimator import Estimator, NoiseSettings
 from iptm_controller.forecast import LeaderForecast, LeaderForecaster
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import FallbackLadder, LadderOptions
@@ -53,6 +54,7 @@ class ControllerOptions:
         max_preview_age_s: older previews are not used.
         tick_s: sampling time of the loop.
         trip_duration_s: trip time at which the trip ends, infinite where that is not known.
+        noise: stated noise of the measurements.
     """
 
     strategy: Strategy = STRATEGIES[DEFAULT_STRATEGY]
@@ -62,6 +64,7 @@ class ControllerOptions:
     max_preview_age_s: float = 10.0
     tick_s: float = 1.0
     trip_duration_s: float = math.inf
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,7 @@ class Decision:
         value: price of the temperatures at the end of the horizon.
         command_delay_s: time by which commands act late, as observed.
         brake_share: share of a commanded deceleration that is delivered, as observed.
+        noise: which measurements are noisy and filtered, empty if none is.
     """
 
     command: Command
@@ -110,6 +114,7 @@ class Decision:
     value: TemperatureValue = NO_VALUE
     command_delay_s: float = 0.0
     brake_share: float = 1.0
+    noise: str = ""
 
     @property
     def record(self) -> DecisionRecord:
@@ -173,6 +178,7 @@ class Controller:
             parameters.limits, options.tick_s, options.ladder.shifted_plan_ticks
         )
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
+        self._estimator = Estimator(options.noise, parameters.limits, options.tick_s)
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
         self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
         self._last_trusted: VehicleState | None = None
@@ -211,6 +217,7 @@ class Controller:
             leader_past=self._forecaster.past,
             trust=self._forecaster.trust.memory,
             actuation=self._actuation.memory,
+            estimator=self._estimator.memory,
             solves_since_second=None if check is None else check.since_second,
         )
 
@@ -226,6 +233,7 @@ class Controller:
         self._forecaster.past = memory.leader_past
         self._forecaster.trust.memory = memory.trust
         self._actuation.memory = memory.actuation
+        self._estimator.memory = memory.estimator
         if self._switching_check is not None:
             self._switching_check.since_second = memory.solves_since_second
 
@@ -238,6 +246,7 @@ class Controller:
         trusted = trusted_measurements(measured, self._last_trusted)
         state, leader = trusted.state, trusted.leader
         if state is not None:
+            state, leader = self._estimator.update(state, leader)
             self._actuation.observe(state)
             state = self._within_comfort(self._actuation.predicted(state))
         if state is None or leader is None or trusted.fault:
@@ -275,6 +284,7 @@ class Controller:
             planned.value,
             self._actuation.delay_s,
             self._actuation.brake_share,
+            self._estimator.noise,
         )
 
     def _within_comfort(self, state: VehicleState) -> VehicleState:

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, field
 
 from iptm_controller.actuation import ActuationMemory
+from iptm_controller.estimator import EstimatorMemory
 from iptm_controller.plan import Plan
 from iptm_controller.preview_trust import TrustMemory
 from iptm_core.state import LeaderState, VehicleState
@@ -61,6 +62,7 @@ class ControllerMemory:
         leader_past: leader measured in the last seconds, oldest first.
         trust: of the trust in previews.
         actuation: of the observer of the actuators.
+        estimator: of the filter of noisy measurements.
         solves_since_second: of the check for better switching; None for one that has not solved anything.
     """
 
@@ -72,4 +74,5 @@ class ControllerMemory:
     leader_past: tuple[LeaderState, ...] = ()
     trust: TrustMemory = field(default_factory=TrustMemory)
     actuation: ActuationMemory = field(default_factory=ActuationMemory)
+    estimator: EstimatorMemory = field(default_factory=EstimatorMemory)
     solves_since_second: int | None = None

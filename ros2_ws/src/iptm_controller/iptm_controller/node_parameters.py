@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.estimator import NoiseSettings
 from iptm_controller.horizon import Horizon
 from iptm_controller.ladder import LadderOptions
 from iptm_controller.memory import ControllerMemory
@@ -29,6 +30,7 @@ CHANGEABLE = ("strategy", "horizon", *WEIGHTS, "deadline_ms")
 @dataclass(frozen=True)
 class ControllerNodeParameters(
     FrameSettings,
+    NoiseSettings,
     WarningSettings,
     SamplingSettings,
     ModelSettings,
@@ -134,6 +136,7 @@ class ControllerNodeParameters(
             max_preview_age_s=self.max_preview_age_s,
             tick_s=self.period_s,
             trip_duration_s=self.trip_duration_s or math.inf,
+            noise=NoiseSettings(self.gap_noise_m, self.speed_noise_m_s, self.temperature_noise_k),
         )
 
     def build_controller(self) -> Controller:

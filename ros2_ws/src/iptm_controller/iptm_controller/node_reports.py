@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_controller.actuation import WEAK_SHARE
 from iptm_controller.collision_guard import EMERGENCY
 from iptm_controller.controller import Decision
 from iptm_controller.forecast import PreviewQuality
@@ -28,6 +29,8 @@ _RUNG_SITUATION = {
     Rung.EMERGENCY_BRAKING: (Level.ERROR, EMERGENCY),
 }
 TOUCHING = "the leader is measured at no distance"
+WEAK_BRAKES = "brakes deliver less than commanded"
+LATE_COMMANDS = "commands act late, compensated"
 ANOTHER_TRIP = "another trip has begun"
 _PREVIEW_SITUATION = {
     PreviewQuality.SHORT: (Level.OK, "preview ends inside the horizon"),
@@ -37,6 +40,7 @@ _PREVIEW_SITUATION = {
         Level.WARN,
         "preview malformed or contradicted, leader extrapolated",
     ),
+    PreviewQuality.DOUBTED: (Level.WARN, "previews were wrong and are trusted less far ahead"),
 }
 
 _BREAKS = "plans break limits of "
@@ -138,6 +142,10 @@ def _of_decision(decision: Decision | None, road: Road) -> tuple[Level, str]:
     if broken:
         return Level.WARN, _BREAKS + ", ".join(broken)
     result, forecast = decision.result, decision.forecast
+    if decision.brake_share < WEAK_SHARE:
+        return Level.WARN, WEAK_BRAKES
+    if decision.command_delay_s > 0.0:
+        return Level.WARN, LATE_COMMANDS
     if result is not None and result.status is SolveStatus.FEASIBLE:
         return Level.WARN, "solver stopped early, feasible plan used"
     if forecast is not None and forecast.quality in _PREVIEW_SITUATION:
@@ -146,6 +154,8 @@ def _of_decision(decision: Decision | None, road: Road) -> tuple[Level, str]:
             return level, reason
     if road.warning:
         return Level.WARN, road.warning
+    if decision.noise:
+        return Level.OK, "optimal plans from filtered measurements"
     return Level.OK, "optimal plans"
 
 
@@ -168,6 +178,9 @@ def decision_values(decision: Decision) -> dict[str, object]:
         "reason": decision.reason or "none",
         "rung": decision.rung.name.lower(),
         "limiter": ", ".join(decision.limited.reasons) or "inactive",
+        "noise": decision.noise or "none",
+        "command_delay_s": decision.command_delay_s,
+        "brake_share": decision.brake_share,
     }
     result, forecast = decision.result, decision.forecast
     if result is not None:
@@ -179,4 +192,5 @@ def decision_values(decision: Decision) -> dict[str, object]:
     if forecast is not None:
         details["preview"] = PreviewQuality(forecast.quality).name.lower()
         details["preview_age_s"] = forecast.age_s
+        details["trusted_preview_s"] = forecast.known_s
     return details

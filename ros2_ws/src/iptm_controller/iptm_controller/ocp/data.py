@@ -100,8 +100,8 @@ class ProblemDataBuilder:
                 is asked for at the last node up to there, at the first one if there is none.
             value: what a kelvin costs at the end of the horizon.
             thermal_samples: parameters of the samples of thermal steps, where the horizon has any.
-            expected_speeds_m_s: expected host speeds at the nodes, shape (N + 1,); used where ticks are shorter
-                than steps.
+            expected_speeds_m_s: expected host speeds at the nodes, shape (N + 1,); for ticks shorter
+                than the steps.
         """
         grid, origin_m = self._grid, state.position_m
         steps = np.empty((grid.steps, layout.STEP_PARAMETERS))
@@ -172,7 +172,7 @@ class ProblemDataBuilder:
             speed = float(speeds_m_s[step + 1])
             slowing_m_s2 = max(float(speeds_m_s[step]) - speed, 0.0) / length_s
             faster = speed + slowing_m_s2 * earlier_s
-            positions, speeds = leader.at(float(ends_s[step]) - earlier_s)
+            positions, speeds = leader.at(np.subtract(ends_s[step], earlier_s))
             driven_m = 0.5 * (speed + faster) * earlier_s
             at_end_m = minimum_gap_m(speed, speeds, gap, limits)
             positions += driven_m - origin_m - minimum_gap_m(faster, speeds, gap, limits) + at_end_m
