@@ -205,7 +205,7 @@ def test_a_state_that_cannot_be_is_no_state(controller: Controller) -> None:
     controller.decide(at(100.0))
     decision = controller.decide(at(101.0, speed_m_s=-3.0))
     assert decision.rung is Rung.STOP
-    assert decision.reason == "measured speed_m_s is -3.0; allowed: 0 to 100"
+    assert decision.reason == "measured speed_m_s is -3.0; allowed: -0.5 to 100"
     assert controller.decide(at(102.0)).rung is Rung.OPTIMAL
 
 

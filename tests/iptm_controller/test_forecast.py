@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import make_leader, make_preview
 
-from iptm_controller import forecast as forecast_module
+from iptm_controller import leader_motion
 from iptm_controller.forecast import HISTORY_S, LeaderForecaster, PreviewQuality
 from iptm_controller.leader_motion import (
     ACCELERATION_DECAY_S,
@@ -116,7 +116,7 @@ def test_no_preview_yet(forecaster: LeaderForecaster, leader: LeaderState) -> No
     assert forecast.known_s == 0.0
 
 
-@given(offset_m=st.floats(-500.0, 500.0), age_s=st.floats(0.0, 9.0))
+@given(offset_m=st.floats(-500.0, 500.0), age_s=st.floats(0.0, 2.4))
 def test_prediction_starts_where_the_leader_is_seen(offset_m: float, age_s: float) -> None:
     """Neither delay nor an error of position moves the leader that the range sensor measures."""
     leader = make_leader()
@@ -229,11 +229,52 @@ def test_going_back_in_time_starts_a_new_history(forecaster: LeaderForecaster) -
     expect_constant_speed(forecast.motion, leader)
 
 
+@pytest.mark.parametrize("error_m_s", [-2.0, 2.0])
+def test_preview_off_the_measured_speed_is_not_trusted(
+    forecaster: LeaderForecaster, leader: LeaderState, error_m_s: float
+) -> None:
+    preview = make_preview(leader)
+    preview = replace(preview, speeds_m_s=preview.speeds_m_s + error_m_s)
+    forecast = forecaster.forecast(leader, preview)
+    assert forecast.quality is PreviewQuality.DOUBTED
+    assert forecast.known_s == 0.0
+    assert forecast.questioned
+
+
+def test_small_negative_speeds_of_a_preview_are_a_vehicle_at_rest(
+    forecaster: LeaderForecaster,
+) -> None:
+    standing = make_leader(gap_m=40.0, speed_m_s=0.0)
+    preview = spoil(make_preview(standing), "speeds_m_s", 3, -1e-9)
+    forecast = forecaster.forecast(standing, spoil(preview, "positions_m", 5, 1039.9))
+    assert forecast.quality is PreviewQuality.FULL
+    ahead_s = standing.time_s + np.arange(20.0)
+    positions, speeds = forecast.motion.at(ahead_s)
+    assert speeds.min() >= 0.0
+    assert (np.diff(positions) >= 0.0).all()
+
+
+def test_untrusted_preview_is_nowhere_ahead_of_the_measured_motion(
+    forecaster: LeaderForecaster,
+) -> None:
+    """A lead vehicle that brakes with 2 m/s^2 while every preview claims that it keeps its speed."""
+    for tick in range(6):
+        time_s, speed = 100.0 + tick, 20.0 - 2.0 * tick
+        position = 1040.0 + 20.0 * tick - float(tick * tick)
+        leader = LeaderState(time_s, position, speed)
+        forecast = forecaster.forecast(leader, make_preview(leader))
+    assert forecast.known_s == 0.0
+    ahead_s = leader.time_s + np.array([1.0, 2.0, 3.0])
+    positions, _ = forecast.motion.at(ahead_s)
+    measured = extrapolated_motion(leader, -2.0).at(ahead_s)[0]
+    np.testing.assert_allclose(positions, measured, atol=0.05)
+
+
 def squared_errors_m2(leader: LeaderMotion, decay_s: float) -> tuple[FloatArray, FloatArray]:
     """Of positions 3, 5 and 8 s ahead, from every second on: extrapolated, and at a constant speed."""
     ahead_s = np.array([3.0, 5.0, 8.0])
     extrapolated, constant = [], []
-    with mock.patch.object(forecast_module, "ACCELERATION_DECAY_S", decay_s):
+    with mock.patch.object(leader_motion, "ACCELERATION_DECAY_S", decay_s):
         for time_s in np.arange(1.0, leader.times_s[-1] - ahead_s[-1]):
             measured = [leader.state_at(time_s - 1.0), leader.state_at(time_s)]
             motion = extrapolated_motion(measured[1], measured_acceleration_m_s2(measured))
@@ -278,8 +319,8 @@ MALFORMED: dict[str, tuple[Callable[[LeaderPreview], LeaderPreview], str]] = {
     "time_back": (lambda p: spoil(p, "times_s", 4, 90.0), "do not increase after node 3"),
     "backwards": (lambda p: spoil(p, "positions_m", 7, 0.0), "backwards after node 6"),
     "leap": (lambda p: leap(p, 9, 1e5), "positions leap after node 8; allowed: 100 m/s"),
-    "negative_speed": (lambda p: spoil(p, "speeds_m_s", 2, -0.1), "allowed: 0 to 100 m/s"),
-    "too_fast": (lambda p: spoil(p, "speeds_m_s", 2, 101.0), "allowed: 0 to 100 m/s"),
+    "negative_speed": (lambda p: spoil(p, "speeds_m_s", 2, -0.6), "allowed: -0.5 to 100 m/s"),
+    "too_fast": (lambda p: spoil(p, "speeds_m_s", 2, 101.0), "allowed: -0.5 to 100 m/s"),
     "short_speeds": (lambda p: replace(p, speeds_m_s=p.speeds_m_s[:-1]), "equal numbers"),
     "no_positions": (lambda p: replace(p, positions_m=np.empty(0)), "equal numbers"),
     "nan_generated": (lambda p: replace(p, generated_at_s=math.nan), "generated at nan s"),

@@ -23,7 +23,7 @@ QUANTITIES = [entry.name for entry in fields(VehicleState)]
 IMPOSSIBLE = {
     "time_s": -1.0,
     "position_m": 2e9,
-    "speed_m_s": -0.1,
+    "speed_m_s": -0.6,
     "acceleration_m_s2": 25.0,
     "compressor_power_w": -1.0,
     "cell_1_temperature_k": 35.0,  # degrees Celsius by mistake
@@ -40,6 +40,18 @@ def state_fault(state: VehicleState) -> str:
 def test_an_ordinary_state_passes() -> None:
     assert state_fault(make_state()) == "none"
     assert state_fault(make_state(speed_m_s=0.0, time_s=0.0, position_m=-5.0)) == "none"
+
+
+@pytest.mark.parametrize("error_m_s", [-1e-9, -0.3])
+def test_small_negative_speeds_are_those_of_a_vehicle_at_rest(error_m_s: float) -> None:
+    leader = make_leader(speed_m_s=error_m_s)
+    measured = replace(make_scene(), state=make_state(speed_m_s=error_m_s), leader=leader)
+    trusted = trusted_measurements(measured)
+    assert trusted.fault == ""
+    assert trusted.state is not None
+    assert trusted.state.speed_m_s == 0.0
+    assert trusted.leader is not None
+    assert trusted.leader.speed_m_s == 0.0
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
@@ -60,7 +72,7 @@ def test_leader_ahead_or_overlapping_passes(gap_m: float) -> None:
     ("change", "complaint"),
     [
         ({"speed_m_s": math.nan}, "leader speed is nan"),
-        ({"speed_m_s": -0.5}, "leader speed is -0.5"),
+        ({"speed_m_s": -0.6}, "leader speed is -0.6"),
         ({"speed_m_s": 101.0}, "leader speed is 101"),
         ({"position_m": math.nan}, "gap is nan"),
         ({"position_m": math.inf}, "gap is inf"),

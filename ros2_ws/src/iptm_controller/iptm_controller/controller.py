@@ -271,8 +271,8 @@ class Controller:
                 rung = Rung.EMERGENCY_BRAKING
                 reasons.insert(0, EMERGENCY)
                 limited = self._limit(replace(command, acceleration_m_s2=self._hardest_m_s2), state)
-        if measured.state is not None:
-            self._actuation.issue(measured.state.time_s, limited.command)
+        if trusted.state is not None:
+            self._actuation.issue(trusted.state.time_s, limited.command)
         return Decision(
             limited.command,
             rung,

@@ -25,8 +25,9 @@ NOISY_GAP_M = 0.3
 NOISY_TEMPERATURE_K = 0.15
 """Root mean square of the residuals from which on measurements are filtered. The second one leaves room for
 a real lead vehicle, whose acceleration changes between two ticks."""
-ANOTHER_LEADER_M = 3.0
-"""A larger residual of the gap is not noise: another vehicle leads."""
+LARGEST_RESIDUALS = (2.0, 3.0, 5.0)
+"""Larger residuals of ego speed in m/s, gap in m and temperatures in K are single faults or another lead
+vehicle, and not counted as noise."""
 MOVING_M_S = 0.1
 """Residuals of the ego speed count above this speed."""
 JERK_DENSITY_M2_S5 = 0.5
@@ -179,24 +180,27 @@ class Estimator:
         passed_s = state.time_s - last.time_s
         if abs(passed_s - self._tick_s) > 0.01 * self._tick_s:
             return memory.squared
-        speed, gap, temperature = memory.squared
-        share, limits = self._share, self._limits
+        limits = self._limits
+        residuals = [math.nan, math.nan, math.nan]
         ordinary = state.acceleration_m_s2 >= limits.min_acceleration_m_s2 - 1e-6
         moving = min(state.speed_m_s, last.speed_m_s) > MOVING_M_S
         slower_than_top = max(state.speed_m_s, last.speed_m_s) < limits.max_speed_m_s - 0.5
         if ordinary and moving and slower_than_top:
-            residual = state.speed_m_s - last.speed_m_s - state.acceleration_m_s2 * passed_s
-            speed += share * (residual * residual - speed)
+            residuals[0] = state.speed_m_s - last.speed_m_s - state.acceleration_m_s2 * passed_s
         if leader is not None and last_leader is not None and leader.time_s > last_leader.time_s:
             driven_m = 0.5 * (leader.speed_m_s + last_leader.speed_m_s)
             driven_m *= leader.time_s - last_leader.time_s
-            residual = leader.position_m - last_leader.position_m - driven_m
-            if abs(residual) < ANOTHER_LEADER_M:
-                gap += share * (residual * residual - gap)
-        change_1 = state.cell_1_temperature_k - last.cell_1_temperature_k
-        change_n = state.cell_n_temperature_k - last.cell_n_temperature_k
-        temperature += share * (0.5 * (change_1**2 + change_n**2) - temperature)
-        return speed, gap, temperature
+            residuals[1] = leader.position_m - last_leader.position_m - driven_m
+        residuals[2] = math.hypot(
+            state.cell_1_temperature_k - last.cell_1_temperature_k,
+            state.cell_n_temperature_k - last.cell_n_temperature_k,
+        ) / math.sqrt(2.0)
+        return tuple(
+            mean + self._share * (residual * residual - mean) if abs(residual) < largest else mean
+            for mean, residual, largest in zip(
+                memory.squared, residuals, LARGEST_RESIDUALS, strict=True
+            )
+        )
 
     def _filter_speed(self, state: VehicleState, noise_m_s: float) -> VehicleState:
         measured = state.speed_m_s

@@ -138,25 +138,33 @@ def _of_decision(decision: Decision | None, road: Road) -> tuple[Level, str]:
         return Level.WARN, "waiting for state, leader and preview"
     if decision.rung in _RUNG_SITUATION:
         return _RUNG_SITUATION[decision.rung]
-    broken = _limits_broken(decision)
-    if broken:
-        return Level.WARN, _BREAKS + ", ".join(broken)
-    result, forecast = decision.result, decision.forecast
-    if decision.brake_share < WEAK_SHARE:
-        return Level.WARN, WEAK_BRAKES
-    if decision.command_delay_s > 0.0:
-        return Level.WARN, LATE_COMMANDS
-    if result is not None and result.status is SolveStatus.FEASIBLE:
-        return Level.WARN, "solver stopped early, feasible plan used"
+    warnings = _warnings(decision)
+    if warnings:
+        return Level.WARN, warnings[0]
+    forecast = decision.forecast
     if forecast is not None and forecast.quality in _PREVIEW_SITUATION:
         level, reason = _PREVIEW_SITUATION[forecast.quality]
         if level is not Level.OK or not road.warning:
             return level, reason
     if road.warning:
         return Level.WARN, road.warning
-    if decision.noise:
-        return Level.OK, "optimal plans from filtered measurements"
-    return Level.OK, "optimal plans"
+    return (
+        Level.OK,
+        "optimal plans from filtered measurements" if decision.noise else "optimal plans",
+    )
+
+
+def _warnings(decision: Decision) -> list[str]:
+    """Return what is wrong with the vehicle or the plan, the most important first."""
+    broken, result = _limits_broken(decision), decision.result
+    early = result is not None and result.status is SolveStatus.FEASIBLE
+    cases = (
+        (decision.brake_share < WEAK_SHARE, WEAK_BRAKES),
+        (decision.command_delay_s > 0.0, LATE_COMMANDS),
+        (bool(broken), _BREAKS + ", ".join(broken)),
+        (early, "solver stopped early, feasible plan used"),
+    )
+    return [text for holds, text in cases if holds]
 
 
 def _limits_broken(decision: Decision) -> tuple[str, ...]:
