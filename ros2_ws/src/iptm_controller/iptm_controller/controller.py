@@ -288,14 +288,24 @@ class Controller:
         )
 
     def _within_comfort(self, state: VehicleState) -> VehicleState:
-        """Return a state whose acceleration ordinary commands can follow; service brakes go beyond."""
-        limits = self._model.limits
+        """Return a state whose acceleration ordinary commands can follow.
+
+        Service brakes go beyond, and weak brakes deliver less than the command that is to be followed.
+        """
+        limits, acceleration = self._model.limits, state.acceleration_m_s2
+        if acceleration < 0.0 and self._actuation.has_weak_brakes:
+            acceleration /= self._actuation.brake_share
         acceleration = min(
-            max(state.acceleration_m_s2, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2
+            max(acceleration, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2
         )
         if acceleration == state.acceleration_m_s2:
             return state
         return replace(state, acceleration_m_s2=acceleration)
+
+    def _further_stopping_distance_m(self, speed_m_s: float) -> float:
+        """Return by how much the weak brakes lengthen an emergency stop; kept as an additional gap."""
+        stated_m = speed_m_s * speed_m_s / (2.0 * self._model.brakes.max_deceleration_m_s2)
+        return stated_m * (1.0 / self._actuation.brake_share - 1.0)
 
     def _plan(
         self, state: VehicleState, leader: LeaderState, measured: Measurements
@@ -303,22 +313,24 @@ class Controller:
         """Pose and solve the problem of a tick."""
         forecast = self._forecaster.forecast(leader, measured.preview)
         known_s = forecast.known_s - (state.time_s - leader.time_s)
+        motion = forecast.motion
         if self._actuation.has_weak_brakes:
             known_s = 0.0
+            motion = motion.nearer_by(self._further_stopping_distance_m(state.speed_m_s))
         last = self._ladder.plan_at(state.time_s)
         guess = (
             self._shifter.cold_start(state) if last is None else self._shifter.shift(last, state)
         )
         value = NO_VALUE
         if self._valuation is not None:
-            value = self._valuation.value(state, forecast.motion)
+            value = self._valuation.value(state, motion)
         thermal = None
         if self._traction is not None:
             self._traction.remember(state, measured.slope)
-            thermal = self._traction.samples(state, forecast.motion, known_s, measured.slope)
+            thermal = self._traction.samples(state, motion, known_s, measured.slope)
         data = self._builder.build(
             state,
-            forecast.motion,
+            motion,
             measured.slope,
             sample_positions_m(guess, self._grid.sample_times_s),
             known_s,

@@ -39,6 +39,10 @@ class PredictedLeaderMotion:
     positions_m: FloatArray
     speeds_m_s: FloatArray
 
+    def nearer_by(self, distance_m: float) -> PredictedLeaderMotion:
+        """Return the same motion of a vehicle that is nearer."""
+        return PredictedLeaderMotion(self.times_s, self.positions_m - distance_m, self.speeds_m_s)
+
     def at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and speeds at any times, shapes of ``times_s``.
 

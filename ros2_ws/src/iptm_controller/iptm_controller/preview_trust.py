@@ -20,7 +20,7 @@ LONGEST_LEAD_S = 10
 """Longest lead time at which predictions are compared with measurements."""
 SMOOTHED_TICKS = 3
 """Ticks over which errors are averaged."""
-SINGLE_TOLERANCE_M_S, SINGLE_GROWTH_M_S2 = 2.0, 0.4
+SINGLE_TOLERANCE_M_S, SINGLE_GROWTH_M_S2 = 3.0, 0.4
 MEAN_TOLERANCE_M_S, MEAN_GROWTH_M_S2 = 1.5, 0.2
 """Accepted excess of the predicted over the measured speed in one tick, and in the mean of some: a constant
 and its growth with the lead time. Honest previews with errors of 1.5 m/s mostly stay below both."""
