@@ -52,24 +52,15 @@ def constant(speed_m_s: float, _: float) -> float:
 def test_true_previews_are_always_trusted() -> None:
     trust = PreviewTrust(1.0)
     assert all(map(math.isinf, drive(trust, waves, None, range(200))))
-    assert not trust.is_questioned
 
 
 def test_unannounced_braking_ends_the_trust_within_two_ticks() -> None:
-    """Errors at lead time 1 s: 2 m/s at 21 s and 22 s; at 2 s: 4 m/s at 22 s, above 2 + 0.4 * 2."""
+    """Errors at lead time 1 s: 2 m/s at 21 s and 22 s; at 2 s: 4 m/s at 22 s, above 3 + 0.4 * 2."""
     horizons = drive(PreviewTrust(1.0), braking_at_20_s, constant, range(30))
     assert math.isinf(horizons[21])
     assert horizons[22] == 1.0
     assert horizons[23] == 0.0
     assert horizons[29] == 0.0
-
-
-def test_collision_guard_is_warned_after_one_tick() -> None:
-    trust = PreviewTrust(1.0)
-    drive(trust, braking_at_20_s, constant, range(21))
-    assert not trust.is_questioned
-    drive(trust, braking_at_20_s, constant, range(21, 22))
-    assert trust.is_questioned
 
 
 def test_a_source_that_predicts_constant_speed_does_not_regain_trust_while_nothing_happens() -> (

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from iptm_controller.forecast import LeaderForecast
+from iptm_controller.forecast import NEAR_S, LeaderForecast
 from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.memory import GuardMemory
 from iptm_core.parameters.model import LimitParameters
@@ -137,7 +137,7 @@ class CollisionGuard:
         )
         _, speeds_now = forecast.motion.at(np.array([leader.time_s]))
         too_fast = float(speeds_now[0]) - leader.speed_m_s > BORNE_OUT_M_S
-        if forecast.questioned or too_fast:
+        if too_fast or forecast.known_s < NEAR_S:
             return np.minimum(as_measured_m, as_predicted_m)
         return as_predicted_m
 

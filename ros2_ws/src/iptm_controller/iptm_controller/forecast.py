@@ -60,7 +60,6 @@ class LeaderForecast:
         reason: one sentence, empty while the quality is full.
         age_s: age of the preview used, NaN without one.
         known_s: how far ahead a trusted preview backs the motion; 0 where it is extrapolated.
-        questioned: recent predictions were wrong by more than the collision guard accepts.
     """
 
     motion: PredictedLeaderMotion
@@ -68,7 +67,6 @@ class LeaderForecast:
     reason: str
     age_s: float
     known_s: float
-    questioned: bool = False
 
 
 def preview_fault(preview: LeaderPreview) -> str:
@@ -183,9 +181,7 @@ class LeaderForecaster:
                 future = self._not_beyond_measured(leader, future)
         else:
             future = extrapolated_motion(leader, measured_acceleration_m_s2(self._past))
-        questioned = self.trust.is_questioned or quality is PreviewQuality.DOUBTED
-        motion = self._with_past(future)
-        return LeaderForecast(motion, quality, reason, age_s, known_s, questioned)
+        return LeaderForecast(self._with_past(future), quality, reason, age_s, known_s)
 
     def _not_beyond_measured(
         self, leader: LeaderState, future: PredictedLeaderMotion

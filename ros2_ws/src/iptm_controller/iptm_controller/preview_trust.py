@@ -24,8 +24,6 @@ SINGLE_TOLERANCE_M_S, SINGLE_GROWTH_M_S2 = 3.0, 0.4
 MEAN_TOLERANCE_M_S, MEAN_GROWTH_M_S2 = 1.5, 0.2
 """Accepted excess of the predicted over the measured speed in one tick, and in the mean of some: a constant
 and its growth with the lead time. Honest previews with errors of 1.5 m/s mostly stay below both."""
-QUESTIONED_M_S = 1.0
-"""Excess in one tick from which on the collision guard does not rely on previews for a while."""
 PRESENT_ERROR_M_S = 1.5
 """A preview that is further off the speed measured now, up or down, is not trusted at all."""
 PROBATION_S = 10.0
@@ -60,7 +58,6 @@ class TrustMemory:
             joined, oldest first.
         horizon_s: trusted horizon.
         last_error_tick: tick of the last error beyond the tolerance.
-        last_question_tick: tick of the last error that concerns the collision guard, -1 for none.
         proved: a slow-down has been predicted correctly since.
     """
 
@@ -68,7 +65,6 @@ class TrustMemory:
     errors: tuple[float, ...] = ()
     horizon_s: float = math.inf
     last_error_tick: int = 0
-    last_question_tick: int = -1
     proved: bool = True
 
 
@@ -82,7 +78,6 @@ class PreviewTrust:
 
     Attributes:
         horizon_s: lead time up to which previews are trusted, infinite for the whole preview.
-        is_questioned: an error of the last seconds was large enough for the collision guard to measure only.
     """
 
     def __init__(self, tick_s: float) -> None:
@@ -98,7 +93,6 @@ class PreviewTrust:
         self._lead_times_s = np.array(lead_times_s)
         self._single_m_s = _tolerances(SINGLE_TOLERANCE_M_S, SINGLE_GROWTH_M_S2, lead_times_s)
         self._mean_m_s = _tolerances(MEAN_TOLERANCE_M_S, MEAN_GROWTH_M_S2, lead_times_s)
-        self.is_questioned = False
         self.memory = TrustMemory()
 
     @property
@@ -109,7 +103,6 @@ class PreviewTrust:
             tuple(value for errors in self._errors for value in errors),
             self.horizon_s,
             self._last_error_tick,
-            self._last_question_tick,
             self._proved,
         )
 
@@ -123,7 +116,6 @@ class PreviewTrust:
         )
         self.horizon_s = memory.horizon_s
         self._last_error_tick = memory.last_error_tick
-        self._last_question_tick = memory.last_question_tick
         self._proved = memory.proved
 
     @property
@@ -144,10 +136,6 @@ class PreviewTrust:
             for place, entry in enumerate(earlier)
         )
         self._errors.append(errors)
-        if max(errors) > QUESTIONED_M_S:
-            self._last_question_tick = tick
-        since_s = (tick - self._last_question_tick) * self._tick_s
-        self.is_questioned = self._last_question_tick >= 0 and since_s < PROBATION_S
         failed = self._first_failed(errors)
         if failed is not None:
             trusted_s = self._leads[failed - 1] * self._tick_s if failed else 0.0
