@@ -25,6 +25,9 @@ def test_the_short_version_drives_every_part_and_goes_on_from_what_is_stored(
     assert "0 runs computed" in said
     assert "braking lead vehicle" not in said
     assert (tmp_path / PAGE).read_text(encoding="utf-8") == page
+    main([*arguments, "--stored"])
+    stored = (tmp_path / PAGE).read_text(encoding="utf-8")
+    assert stored.splitlines()[6:] == page.splitlines()[6:]
 
 
 def test_a_missing_folder_of_measured_drives_is_refused(

@@ -39,6 +39,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="safety", description=__doc__)
     parser.add_argument("--short", action="store_true", help="a little of everything, in seconds")
     parser.add_argument(
+        "--stored", action="store_true", help="drive nothing, write the page from what is stored"
+    )
+    parser.add_argument(
         "--only",
         action="append",
         default=[],
@@ -79,8 +82,8 @@ def _run(options: argparse.Namespace, console: Console) -> int:
         extent = replace(extent, leads=tuple(leads))
     parts = [Part(name) for name in options.only or list(Part)]
     cluster = ClusterOptions(options.scheduler, options.workers)
-    findings = Performer(extent, store, cluster, console).perform(parts)
-    if Part.TRIALS in parts:
+    findings = Performer(extent, store, cluster, console, stored_only=options.stored).perform(parts)
+    if Part.TRIALS in parts and not options.stored:
         count = options.ros if options.ros is not None else (0 if options.short else ROS_TRIALS)
         over_ros = drive_trials(disturbed_study(extent), count, store.folder / "ros", console)
         findings = replace(findings, over_ros=over_ros)
@@ -95,7 +98,8 @@ def _run(options: argparse.Namespace, console: Console) -> int:
 
 
 def _command(options: argparse.Namespace) -> str:
-    parts = ["scripts/safety"] + (["--short"] if options.short else [])
+    flags = [f"--{name}" for name in ("short", "stored") if getattr(options, name)]
+    parts = ["scripts/safety", *flags]
     parts += [f"--only {part}" for part in options.only]
     for name in ("trials", "braking", "ros", "seed", "measured"):
         value = getattr(options, name)

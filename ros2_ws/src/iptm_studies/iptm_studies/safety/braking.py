@@ -158,7 +158,7 @@ class BrakingResults:
         drives: Mapping[str, tuple[RunInputs, Trajectory]],
         trials: int,
         seed: int,
-        cluster: ClusterOptions,
+        cluster: ClusterOptions | None,
         on_progress: Callable[[str], None],
     ) -> dict[str, BrakingOutcomes]:
         """Return the outcomes of some drives, and drive those that are missing.
@@ -167,7 +167,7 @@ class BrakingResults:
             drives: undisturbed drives by name.
             trials: number of trials in all, shared alike.
             seed: of all draws.
-            cluster: where to drive them.
+            cluster: where to drive them; None to drive none, so that only what is stored is returned.
             on_progress: called with the name of each drive whose trials are done.
         """
         share = max(1, round(trials / len(drives))) if drives else 0
@@ -176,7 +176,7 @@ class BrakingResults:
             for name, (inputs, _) in drives.items()
         }
         missing = {name: drives[name] for name, path in paths.items() if not path.is_file()}
-        if missing:
+        if missing and cluster is not None:
             self._folder.mkdir(parents=True, exist_ok=True)
             with connected(cluster) as client:
                 futures = {
@@ -189,4 +189,6 @@ class BrakingResults:
                     np.savez(temporary, **vars(future.result()))
                     temporary.replace(paths[name])
                     on_progress(name)
-        return {name: BrakingOutcomes(**np.load(path)) for name, path in paths.items()}
+        return {
+            name: BrakingOutcomes(**np.load(path)) for name, path in paths.items() if path.is_file()
+        }

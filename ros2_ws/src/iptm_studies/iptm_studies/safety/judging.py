@@ -25,6 +25,8 @@ REACTION_S = 0.1
 """Granted to the stated brakes: one sampling period of the range sensor."""
 BRAKING_M_S2 = 0.3
 """Decelerations from this one on show what the brakes deliver."""
+MOVING_M_S = 1.0
+"""Below this speed the brakes hold the vehicle, whatever they deliver."""
 _OF_THE_GAP = (FaultKind.GAP_NOISE, FaultKind.GAP_BIAS, FaultKind.LEADER_JUMPING)
 
 
@@ -152,7 +154,7 @@ def _noticed_s(
     if not weak:
         return np.nan, 0.0
     acting = (trip.time_s > weak[0].start_s) & (trip.time_s <= weak[0].end_s)
-    braking = acting & (trip.acceleration_m_s2 < -BRAKING_M_S2) & (trip.speed_m_s > 0.0)
+    braking = acting & (trip.acceleration_m_s2 < -BRAKING_M_S2) & (trip.speed_m_s >= MOVING_M_S)
     braked_s = np.cumsum(np.where(braking, np.diff(trip.time_s, prepend=trip.time_s[:1]), 0.0))
     told = (one.time_s for one in reports if WEAK_BRAKES in one.text)
     reported_s = min(told, default=np.inf)

@@ -13,9 +13,10 @@ from rich.console import Console
 
 from iptm_core.errors import StoreError
 from iptm_core.text_enum import TextEnum
-from iptm_studies.campaign import Campaign, CaseState
+from iptm_studies.campaign import NOT_COMPUTED, Campaign, CaseState
 from iptm_studies.cli import compute
 from iptm_studies.cluster import ClusterOptions
+from iptm_studies.execution import survey
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.safety.braking import BrakingOutcomes, BrakingResults
 from iptm_studies.safety.findings import Before, Driven, Findings, JudgedTrial
@@ -51,12 +52,14 @@ class Performer:
         store: where runs are found and put.
         cluster: where to perform them.
         console: shows the progress.
+        stored_only: nothing is driven; what is stored is judged.
     """
 
     extent: Extent
     store: ResultStore
     cluster: ClusterOptions
     console: Console
+    stored_only: bool = False
 
     def perform(self, parts: Collection[Part]) -> Findings:
         """Drive what is missing of some parts and return everything that was found."""
@@ -69,14 +72,21 @@ class Performer:
         # The monitor brakes from instants of undisturbed drives.
         needed = {Part.DRIVING if part is Part.BRAKING else part for part in parts}
         campaign = Campaign([study for part, study in studies.items() if part in needed])
-        compute(campaign, self.store, self.cluster, self.console)
+        if self.stored_only:
+            survey(campaign, self.store)
+        else:
+            compute(campaign, self.store, self.cluster, self.console)
         states = {
             part: [state for state in campaign.cases if state.study is study]
             for part, study in studies.items()
         }
         return Findings(
             self._braking(states[Part.DRIVING]) if Part.BRAKING in parts else {},
-            [self._judged(state) for state in states[Part.TRIALS]],
+            [
+                self._judged(state)
+                for state in states[Part.TRIALS]
+                if not (self.stored_only and state.reason == NOT_COMPUTED)
+            ],
             (),
             _driven(states[Part.DRIVING]) if Part.DRIVING in parts else (),
             _driven(states[Part.DELAYS]),
@@ -97,7 +107,7 @@ class Performer:
             drives,
             self.extent.braking_trials,
             self.extent.seed,
-            self.cluster,
+            None if self.stored_only else self.cluster,
             lambda name: self.console.print(f"braking lead vehicle: {name}"),
         )
 
