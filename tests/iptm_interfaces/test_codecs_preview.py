@@ -122,7 +122,7 @@ def encode_ways(preview: LeaderPreview, stamp_ns: int) -> list[bytes]:
 @pytest.mark.parametrize(
     ("change", "stamp_ns", "reason"),
     [
-        ({"speeds_m_s": np.array([1.0, -0.5, 1.0])}, 0, "speed is -0.5"),
+        ({"speeds_m_s": np.array([1.0, -0.6, 1.0])}, 0, "speed is -0.6"),
         ({"speeds_m_s": np.array([1.0, math.nan, 1.0])}, 0, r"speeds\[1\] is nan"),
         ({"positions_m": np.array([1.0, math.inf, 2.0])}, 0, r"positions\[1\] is inf"),
         ({"positions_m": np.array([3.0, 2.0, 4.0])}, 0, "never drives backwards"),

@@ -20,15 +20,13 @@ from iptm_controller.leader_motion import (
     measured_acceleration_m_s2,
 )
 from iptm_controller.preview_trust import PRESENT_ERROR_M_S, PreviewTrust
-from iptm_core.state import LeaderPreview, LeaderState
+from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState
 
 HISTORY_S = 3.0
 MAX_LEADER_SPEED_M_S = 100.0
 LARGEST_SPEED_ERROR_M_S = 6.0
 """Beyond this difference to the measured speed a preview is that of another drive. Four times the noise that
 the study of imperfect previews assumes."""
-SMALLEST_SPEED_M_S = -0.5
-"""Speeds down to here are those of a vehicle at rest, measured with errors."""
 NEAR_S = 3.0
 """Where the trusted horizon is shorter than this, the measured motion limits the forecast up to here."""
 
@@ -84,7 +82,7 @@ def preview_fault(preview: LeaderPreview) -> str:
             return f"preview {label} is {values[bad]} at node {bad}; allowed: finite values"
     with np.errstate(over="ignore"):
         passed_s, moved_m = times[1:] - times[:-1], positions[1:] - positions[:-1]
-        halts, backwards = passed_s <= 0.0, moved_m < SMALLEST_SPEED_M_S * np.maximum(passed_s, 1.0)
+        halts, backwards = passed_s <= 0.0, moved_m < SPEED_AT_REST_M_S * np.maximum(passed_s, 1.0)
         leaps = moved_m > 1.0 + MAX_LEADER_SPEED_M_S * passed_s
     if halts.any():
         return f"preview times do not increase after node {_first(halts)}"
@@ -96,11 +94,11 @@ def preview_fault(preview: LeaderPreview) -> str:
             f"allowed: {MAX_LEADER_SPEED_M_S:g} m/s"
         )
     if speeds.size and not (
-        speeds.min() >= SMALLEST_SPEED_M_S and speeds.max() <= MAX_LEADER_SPEED_M_S
+        speeds.min() >= SPEED_AT_REST_M_S and speeds.max() <= MAX_LEADER_SPEED_M_S
     ):
         return (
             f"preview speed is {speeds.min():.2f} to {speeds.max():.2f} m/s; "
-            f"allowed: {SMALLEST_SPEED_M_S:g} to {MAX_LEADER_SPEED_M_S:g} m/s"
+            f"allowed: {SPEED_AT_REST_M_S:g} to {MAX_LEADER_SPEED_M_S:g} m/s"
         )
     return ""
 

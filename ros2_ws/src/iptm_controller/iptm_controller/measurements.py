@@ -9,7 +9,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_core.state import (
+    SPEED_AT_REST_M_S,
+    LeaderPreview,
+    LeaderState,
+    SlopePreview,
+    VehicleState,
+)
 
 Vehicle = TypeVar("Vehicle", VehicleState, LeaderState)
 
@@ -17,14 +23,12 @@ MAX_TIME_APART_S = 60.0
 LARGEST_GAP_M = 1e4
 """Ahead or behind: an overlap is a measurement like any other, and calls for the brakes."""
 MAX_SPEED_M_S = 100.0
-MIN_SPEED_M_S = -0.5
-"""Speeds from here to 0 are those of a vehicle at rest, measured with errors; they count as 0."""
 STEEPEST_RAD = 1.5
 
 _MOTION: dict[str, tuple[float, float]] = {
     "time_s": (0.0, 1e9),
     "position_m": (-1e9, 1e9),
-    "speed_m_s": (MIN_SPEED_M_S, MAX_SPEED_M_S),
+    "speed_m_s": (SPEED_AT_REST_M_S, MAX_SPEED_M_S),
     "acceleration_m_s2": (-20.0, 20.0),
 }
 _PACK: dict[str, tuple[float, float]] = {
@@ -128,10 +132,10 @@ def leader_fault(leader: LeaderState, host: VehicleState) -> str:
     if not math.isfinite(leader.time_s):
         return f"measured leader time is {leader.time_s} s; allowed: finite values"
     speed_m_s = leader.speed_m_s
-    if not (math.isfinite(speed_m_s) and MIN_SPEED_M_S <= speed_m_s <= MAX_SPEED_M_S):
+    if not (math.isfinite(speed_m_s) and SPEED_AT_REST_M_S <= speed_m_s <= MAX_SPEED_M_S):
         return (
             f"measured leader speed is {speed_m_s} m/s; "
-            f"allowed: {MIN_SPEED_M_S:g} to {MAX_SPEED_M_S:g} m/s"
+            f"allowed: {SPEED_AT_REST_M_S:g} to {MAX_SPEED_M_S:g} m/s"
         )
     apart_s = abs(leader.time_s - host.time_s)
     if not apart_s <= MAX_TIME_APART_S:

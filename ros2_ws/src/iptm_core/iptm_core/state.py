@@ -15,6 +15,9 @@ from iptm_core.errors import StateError
 
 FloatArray = NDArray[np.float64]
 
+SPEED_AT_REST_M_S = -0.5
+"""Measured speeds from here to 0 are those of a vehicle at rest, with an error of the measurement."""
+
 
 @dataclass(frozen=True)
 class VehicleState:

@@ -6,15 +6,19 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
 
-import numpy as np
-
 from iptm_controller.measurements import Measurements
 from iptm_core.errors import ScenarioError
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview
 from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
-from iptm_faults.signals import PreviewFaults, told_leader, told_slope, told_state
+from iptm_faults.signals import (
+    PreviewFaults,
+    told_leader,
+    told_samples,
+    told_slope,
+    told_state,
+)
 from iptm_faults.traffic import Traffic
 
 NO_LEADER = "no measurement of the leader received"
@@ -100,17 +104,7 @@ class FaultInjection:
             The measurements that arrive, None for none.
         """
         true = own if self._traffic.is_quiet else self._traffic.sampled(own, host_position_m)
-        if not self._of_leader:
-            return true
-        columns = (values.tolist() for values in (true.times_s, true.positions_m, true.speeds_m_s))
-        told = (
-            told_leader(
-                self._of_leader, round(row[0] * NS_PER_S), LeaderState(*row), host_position_m
-            )
-            for row in zip(*columns, strict=True)
-        )
-        rows = [(one.time_s, one.position_m, one.speed_m_s) for one in told if one is not None]
-        return LeaderPreview(rows[0][0], *np.array(rows).T) if rows else None
+        return told_samples(self._of_leader, true, host_position_m)
 
     def _told_slope(self, now_ns: int, slope: SlopePreview) -> SlopePreview:
         if not self._road:

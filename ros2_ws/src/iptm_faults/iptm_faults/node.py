@@ -23,7 +23,7 @@ from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 from iptm_faults.node_messages import changed_state_message, with_stamp
 from iptm_faults.node_parameters import InjectorNodeParameters
-from iptm_faults.signals import PreviewFaults, told_leader, told_slope
+from iptm_faults.signals import PreviewFaults, told_leader, told_samples, told_slope
 from iptm_faults.traffic import Traffic
 from iptm_faults.wiring import route_name, told_name
 from iptm_interfaces.codecs import (
@@ -220,8 +220,7 @@ class InjectorNode(SuiteNode):
     def _on_leader(self, data: bytes) -> None:
         stamp_ns = stamp_ns_of(data)
         self._update_slope(stamp_ns)
-        hit = any(fault.hits(stamp_ns) for fault in self._of_leader)
-        if self._traffic.is_quiet and not hit:
+        if self._traffic.is_quiet and not self._of_leader:
             self._send(self._true[Topic.LEADER], data)
             self._tell(Topic.LEADER, data)
             return
@@ -252,18 +251,24 @@ class InjectorNode(SuiteNode):
                 self._on_preview(self._waiting_previews.pop(waiting_ns))
 
     def _on_samples(self, data: bytes) -> None:
-        """Hand on what the range sensor measures: the leader that counts, whatever the controller is told."""
+        """Hand on what the range sensor measures: the leader that counts, with the faults of the sensor."""
         stamp_ns = stamp_ns_of(data)
         publisher = self._true[Topic.LEADER_SAMPLES]
-        if self._traffic.is_quiet:
+        if self._traffic.is_quiet and not self._of_leader:
             self._send(publisher, data)
             return
         if self._leader_ns < stamp_ns:
             self._waiting_samples[stamp_ns] = data
             return
-        stamp_ns, own = decode_leader_preview_bytes(data)
-        true = self._traffic.sampled(own, self._host_positions_m[stamp_ns])
-        self._send(publisher, encode_leader_preview_bytes(true, stamp_ns, self.frame(ROAD_FRAME)))
+        stamp_ns, own = decode_leader_preview_bytes(data, Topic.LEADER_SAMPLES)
+        host_m = self._host_positions_m[stamp_ns]
+        true = own if self._traffic.is_quiet else self._traffic.sampled(own, host_m)
+        told = told_samples(self._of_leader, true, host_m)
+        if told is None:
+            return
+        if told is not own:
+            data = encode_leader_preview_bytes(told, stamp_ns, self.frame(ROAD_FRAME))
+        self._send(publisher, data)
 
     def _on_preview(self, data: bytes) -> None:
         stamp_ns = stamp_ns_of(data)

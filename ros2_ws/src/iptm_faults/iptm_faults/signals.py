@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import fields, replace
 
+import numpy as np
+
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultPlace
 
@@ -45,6 +48,34 @@ def told_leader(
         if told is not None and fault.hits(time_ns):
             told = fault.effect(fault, time_ns, told, host_position_m)
     return told
+
+
+def told_samples(
+    faults: Iterable[Fault], samples: LeaderPreview, host_position_m: float
+) -> LeaderPreview | None:
+    """Return what a range sensor measures in an interval, the samples themselves where nothing hits them.
+
+    Args:
+        faults: of all places.
+        samples: the leader that counts at the instants of the interval.
+        host_position_m: where the host is at the first of them.
+
+    Returns:
+        The finite measurements that arrive, None for none.
+    """
+    of_leader = at_places(faults, FaultPlace.LEADER)
+    columns = (
+        values.tolist() for values in (samples.times_s, samples.positions_m, samples.speeds_m_s)
+    )
+    true = [LeaderState(*row) for row in zip(*columns, strict=True)]
+    told = [
+        told_leader(of_leader, round(one.time_s * NS_PER_S), one, host_position_m) for one in true
+    ]
+    if told == true:
+        return samples
+    rows = [(one.time_s, one.position_m, one.speed_m_s) for one in told if one is not None]
+    rows = [row for row in rows if np.isfinite(row).all()]
+    return LeaderPreview(rows[0][0], *np.array(rows).T) if rows else None
 
 
 def told_state(faults: Iterable[Fault], time_ns: int, state: VehicleState) -> VehicleState:

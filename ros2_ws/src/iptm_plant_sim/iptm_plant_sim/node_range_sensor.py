@@ -91,7 +91,7 @@ class NodeRangeSensor:
         self._timer.reset()
 
     def _on_samples(self, data: bytes) -> None:
-        stamp_ns, samples = decode_leader_preview_bytes(data)
+        stamp_ns, samples = decode_leader_preview_bytes(data, Topic.LEADER_SAMPLES)
         self._samples[stamp_ns] = samples
         while len(self._samples) > _KEPT:
             del self._samples[next(iter(self._samples))]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from iptm_core.state import FloatArray, LeaderPreview, SlopePreview
+from iptm_core.state import SPEED_AT_REST_M_S, FloatArray, LeaderPreview, SlopePreview
 from iptm_interfaces.codecs._checks import all_finite, increasing, reject
 from iptm_interfaces.codecs.time import (
     duration_from_ns,
@@ -89,8 +89,8 @@ def decode_leader_preview(message: JointTrajectory) -> tuple[int, LeaderPreview]
 
     Raises:
         MessageError: wrong joint name, a point without exactly one position and one velocity, a
-            value that is not finite, times that do not increase, a negative speed, a leader that
-            drives backwards, or a generation after the publication.
+            value that is not finite, times that do not increase, a leader that drives backwards,
+            or a generation after the publication.
     """
     stamp_ns = ns_from_time(message.header.stamp)
     if message.joint_names != PREVIEW_NAMES:
@@ -117,8 +117,11 @@ def build_leader_preview(
     node_offsets_ns: NDArray[np.int64],
     positions_m: FloatArray,
     speeds_m_s: FloatArray,
+    topic: Topic = _TOPIC,
 ) -> LeaderPreview:
     """Return a checked prediction from decoded arrays, shape (n,) each.
+
+    Measured positions, those of ``v2x/leader_samples``, may go back and forth; predicted ones may not.
 
     Raises:
         MessageError: see `decode_leader_preview`.
@@ -127,17 +130,18 @@ def build_leader_preview(
         return LeaderPreview.empty()
     if node_offsets_ns[0] > 0:
         reject(
-            _TOPIC,
+            topic,
             f"generated {node_offsets_ns[0]} ns after its publication; allowed: at most 0",
         )
     times_s = (node_offsets_ns + stamp_ns) / 1e9
-    increasing(_TOPIC, "times", times_s)
-    all_finite(_TOPIC, "positions", positions_m)
-    all_finite(_TOPIC, "speeds", speeds_m_s)
-    if float(speeds_m_s.min()) < 0.0:
-        reject(_TOPIC, f"speed is {speeds_m_s.min()} m/s; allowed: at least 0")
-    if (positions_m[1:] < positions_m[:-1]).any():
-        reject(_TOPIC, "positions decrease; allowed: a leader that never drives backwards")
+    increasing(topic, "times", times_s)
+    all_finite(topic, "positions", positions_m)
+    all_finite(topic, "speeds", speeds_m_s)
+    if float(speeds_m_s.min()) < SPEED_AT_REST_M_S:
+        reject(topic, f"speed is {speeds_m_s.min()}; allowed: at least {SPEED_AT_REST_M_S:g} m/s")
+    backwards_m = SPEED_AT_REST_M_S * np.maximum(np.diff(times_s), 1.0)
+    if topic is _TOPIC and (np.diff(positions_m) < backwards_m).any():
+        reject(topic, "positions decrease; allowed: a leader that never drives backwards")
     return LeaderPreview(float(times_s[0]), times_s, positions_m, speeds_m_s)
 
 

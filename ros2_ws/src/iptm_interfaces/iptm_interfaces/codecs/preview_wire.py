@@ -117,8 +117,14 @@ def encode_leader_preview_bytes(
     return bytes(data)
 
 
-def decode_leader_preview_bytes(data: bytes) -> tuple[int, LeaderPreview]:
+def decode_leader_preview_bytes(
+    data: bytes, topic: Topic = Topic.LEADER_PREVIEW
+) -> tuple[int, LeaderPreview]:
     """Return the stamp (ns) and the prediction from a serialised message (raw subscription).
+
+    Args:
+        data: the message.
+        topic: that of predictions, or that of measurements of the range sensor.
 
     Raises:
         MessageError: the bytes are no such message, or see `decode_leader_preview`.
@@ -133,6 +139,7 @@ def decode_leader_preview_bytes(data: bytes) -> tuple[int, LeaderPreview]:
         points["sec"].astype(np.int64) * NS_PER_S + points["nanosec"],
         points["position"].astype(np.float64),
         points["speed"].astype(np.float64),
+        topic,
     )
     return stamp_ns, preview
 

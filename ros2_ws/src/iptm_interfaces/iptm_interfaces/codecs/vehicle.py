@@ -18,6 +18,7 @@ from std_msgs.msg import Header
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import (
+    SPEED_AT_REST_M_S,
     IntervalPowers,
     LeaderState,
     PlantObservation,
@@ -42,7 +43,9 @@ from iptm_interfaces.topics import (
 
 def _decode_motion(topic: Topic, message: Odometry) -> tuple[float, float]:
     position_m = finite(topic, "position", message.pose.pose.position.x)
-    speed_m_s = not_negative(topic, "speed", message.twist.twist.linear.x)
+    speed_m_s = finite(topic, "speed", message.twist.twist.linear.x)
+    if speed_m_s < SPEED_AT_REST_M_S:
+        reject(topic, f"speed is {speed_m_s}; allowed: at least {SPEED_AT_REST_M_S:g} m/s")
     return position_m, speed_m_s
 
 
@@ -71,7 +74,7 @@ def decode_leader(message: Odometry) -> LeaderState:
     """Return the leader's state.
 
     Raises:
-        MessageError: position or speed is not finite, or the speed is negative.
+        MessageError: position or speed is not finite, or the vehicle drives backwards.
     """
     position_m, speed_m_s = _decode_motion(Topic.LEADER, message)
     return LeaderState(s_from_ns(ns_from_time(message.header.stamp)), position_m, speed_m_s)
