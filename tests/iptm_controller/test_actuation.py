@@ -110,6 +110,22 @@ def test_weak_brakes_are_noticed_within_a_second_of_braking(share: float) -> Non
     assert observer.delay_s == 0.0
 
 
+@pytest.mark.parametrize("late_ticks", [0, 1])
+def test_vehicle_with_weak_brakes_drives_off_again(late_ticks: int) -> None:
+    """At rest, the next command starts from the last one and is released step by step."""
+    observer = ActuationObserver(LIMITS, 1.0)
+    drive(observer, Vehicle(1.0, late_ticks, brakes=0.7), 40)
+    accelerations = []
+    command = -1.5
+    for tick in range(41, 50):
+        standing = make_state(time_s=float(tick), speed_m_s=0.0, acceleration_m_s2=0.0)
+        observer.observe(standing)
+        command = min(observer.predicted(standing).acceleration_m_s2 + 0.5, 1.0)
+        observer.issue(float(tick), Command(command, 0.0))
+        accelerations.append(command)
+    assert accelerations[-1] >= 0.5
+
+
 def test_brakes_that_recover_are_strong_again() -> None:
     observer = ActuationObserver(LIMITS, 1.0)
     vehicle = Vehicle(1.0, brakes=0.7)

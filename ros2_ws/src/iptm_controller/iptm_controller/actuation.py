@@ -157,11 +157,16 @@ class ActuationObserver:
         """Return the state at the instant at which the next command acts; the state itself without delay.
 
         Motion follows the commands under way. Temperatures are held: over two seconds they change by less
-        than 0.1 K.
+        than 0.1 K. Its acceleration is that of the last command, of which weak brakes deliver a share.
 
         Args:
             state: measured state.
         """
+        if not self.memory.delay_ticks:
+            acceleration = state.acceleration_m_s2
+            if acceleration >= 0.0 or not self.has_weak_brakes:
+                return state
+            return replace(state, acceleration_m_s2=acceleration / self.brake_share)
         tick = round(state.time_s / self._tick_s)
         first = tick - self.memory.delay_ticks
         for entry in self.memory.issued:

@@ -288,15 +288,10 @@ class Controller:
         )
 
     def _within_comfort(self, state: VehicleState) -> VehicleState:
-        """Return a state whose acceleration ordinary commands can follow.
-
-        Service brakes go beyond, and weak brakes deliver less than the command that is to be followed.
-        """
-        limits, acceleration = self._model.limits, state.acceleration_m_s2
-        if acceleration < 0.0 and self._actuation.has_weak_brakes:
-            acceleration /= self._actuation.brake_share
+        """Return a state whose acceleration ordinary commands can follow; service brakes go beyond."""
+        limits = self._model.limits
         acceleration = min(
-            max(acceleration, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2
+            max(state.acceleration_m_s2, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2
         )
         if acceleration == state.acceleration_m_s2:
             return state
