@@ -18,7 +18,8 @@ import numpy as np
 
 from benchmarks.harness import closed_loop, quantiles, run_benchmark, statuses
 from benchmarks.ros_speed import drive, solves
-from iptm_controller.controller import Decision, Measurements
+from iptm_controller.decision import Decision
+from iptm_controller.measurements import Measurements
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_studies.closed_loop import run_closed_loop
 

@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import formatted_table, run_benchmark
-from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
+from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon
+from iptm_controller.measurements import Measurements
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import Rung

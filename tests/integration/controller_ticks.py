@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from iptm_controller.controller import Measurements
+from iptm_controller.measurements import Measurements
 from iptm_core.state import IntervalPowers, LeaderPreview, LeaderState, SlopePreview, VehicleState
 from iptm_interfaces.codecs import (
     decode_leader,

@@ -15,7 +15,9 @@ from sensor_msgs.msg import JointState
 from tests.integration.controller_ticks import LINK, ROAD, SMALL, tick_messages
 from tests.integration.node_bench import NodeBench, S, node_bench
 
-from iptm_controller.controller import Controller, Decision, Measurements
+from iptm_controller.controller import Controller
+from iptm_controller.decision import Decision
+from iptm_controller.measurements import Measurements
 from iptm_controller.node import ControllerNode
 from iptm_core.state import Command
 from iptm_interfaces.codecs import encode_command, encode_slope

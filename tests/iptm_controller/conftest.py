@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.iptm_controller.scenes import SCENES
 
-from iptm_controller.controller import Measurements
+from iptm_controller.measurements import Measurements
 
 
 @pytest.fixture(params=sorted(SCENES))

@@ -9,9 +9,9 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from iptm_controller.controller import Measurements
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
+from iptm_controller.measurements import Measurements
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
 
-from iptm_controller.controller import Controller, ControllerOptions, Decision
+from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.decision import Decision
 from iptm_controller.node_reports import Road, plan_trajectory, situation
 from iptm_controller.ocp.layout import InputIndex
 from iptm_core.decision_record import Rung, SolveStatus

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import NOW_S, PARAMETERS, make_scene, plain_solver
 
-from iptm_controller.controller import Controller, ControllerOptions, Decision
+from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.decision import Decision
 from iptm_controller.node_reports import Road, situation
 from iptm_controller.node_watch import COLD, OperatorWatch, WarningSettings
 from iptm_controller.ocp.layout import StateIndex

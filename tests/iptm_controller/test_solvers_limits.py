@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver, problem_of
 
-from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
+from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.ocp.stage import GAP_SMOOTHING_M

@@ -20,7 +20,7 @@ from tests.iptm_controller.scenes import (
     transcription_of,
 )
 
-from iptm_controller.controller import Measurements
+from iptm_controller.measurements import Measurements
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex, LimitIndex, StepIndex

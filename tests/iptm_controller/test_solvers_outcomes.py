@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, Problem, make_scene, plain_solver, problem_of
 
-from iptm_controller.controller import Measurements
 from iptm_controller.horizon import Horizon
+from iptm_controller.measurements import Measurements
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import find_compiler
 from iptm_controller.ocp.data import ProblemData

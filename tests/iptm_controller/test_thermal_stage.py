@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import PARAMETERS, SCENES, checking_solver, make_scene
 
-from iptm_controller.controller import Controller, ControllerOptions, Measurements
+from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import Horizon
+from iptm_controller.measurements import Measurements
 from iptm_controller.node_reports import plan_trajectory
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import POWER_LEVELS

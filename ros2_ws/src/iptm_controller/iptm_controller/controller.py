@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 
 from iptm_controller.actuation import ActuationObserver
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
+from iptm_controller.decision import Decision, PlanningResult
 from iptm_controller.estimator import Estimator, NoiseSettings
-from iptm_controller.forecast import LeaderForecast, LeaderForecaster
+from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import FallbackLadder, LadderOptions
 from iptm_controller.limiter import CommandLimiter, LimitedCommand
@@ -23,7 +24,6 @@ from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.plan import (
-    Plan,
     PlanShifter,
     plan_from_variables,
     sample_positions_m,
@@ -33,13 +33,11 @@ from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
-from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation, TemperatureValue
+from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
 from iptm_controller.traction_forecast import TractionForecaster
-from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
+from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
-
-__all__ = ["Controller", "ControllerOptions", "Decision", "Measurements", "PlanningResult"]
 
 
 @dataclass(frozen=True)
@@ -65,78 +63,6 @@ class ControllerOptions:
     tick_s: float = 1.0
     trip_duration_s: float = math.inf
     noise: NoiseSettings = field(default_factory=NoiseSettings)
-
-
-@dataclass(frozen=True)
-class PlanningResult:
-    """What came of posing and solving the problem of one tick.
-
-    Attributes:
-        plan: the solution, None if there is none that may be followed.
-        reason: why there is none, or how the forecast is worse than it should be; empty if all is well.
-        result: the solver's answer, None if no problem could be posed.
-        forecast: the leader's motion used, None if it could not be formed.
-        value: price of the temperatures at the end of the horizon.
-    """
-
-    plan: Plan | None
-    reason: str
-    result: SolveResult | None = None
-    forecast: LeaderForecast | None = None
-    value: TemperatureValue = NO_VALUE
-
-
-@dataclass(frozen=True)
-class Decision:
-    """One tick's outcome.
-
-    Attributes:
-        command: what to actuate, within all physical bounds.
-        rung: where it comes from.
-        reason: one sentence, empty when all is well.
-        limited: what the last limiter did.
-        plan: the plan behind an optimal command, None on any other rung.
-        result: the solver's answer, None if no problem could be posed.
-        forecast: the leader's motion used, None if it could not be formed.
-        value: price of the temperatures at the end of the horizon.
-        command_delay_s: time by which commands act late, as observed.
-        brake_share: share of a commanded deceleration that is delivered, as observed.
-        noise: which measurements are noisy and filtered, empty if none is.
-    """
-
-    command: Command
-    rung: Rung
-    reason: str
-    limited: LimitedCommand
-    plan: Plan | None
-    result: SolveResult | None
-    forecast: LeaderForecast | None
-    value: TemperatureValue = NO_VALUE
-    command_delay_s: float = 0.0
-    brake_share: float = 1.0
-    noise: str = ""
-
-    @property
-    def record(self) -> DecisionRecord:
-        """How the decision came about, as published and stored."""
-        result, forecast = self.result, self.forecast
-        slacks = None if self.plan is None else self.plan.slacks
-        return DecisionRecord(
-            status=SolveStatus.NOT_POSED if result is None else result.status,
-            solve_time_s=math.nan if result is None else result.time_s,
-            iterations=0 if result is None else result.iterations,
-            gap_slack_m=math.nan if slacks is None else slacks.gap_m,
-            speed_slack_m_s=math.nan if slacks is None else slacks.speed_m_s,
-            temperature_slack_k=math.nan if slacks is None else slacks.temperature_k,
-            objective=math.nan if result is None else result.objective,
-            rung=self.rung,
-            limiter_active=self.limited.active,
-            preview_age_s=math.nan if forecast is None else forecast.age_s,
-            trusted_preview_s=0.0 if forecast is None else forecast.known_s,
-            command_delay_s=self.command_delay_s,
-            brake_share=self.brake_share,
-            **vars(self.value),
-        )
 
 
 class Controller:

@@ -11,7 +11,7 @@ from typing import Any
 
 from std_msgs.msg import Float64, Float64MultiArray
 
-from iptm_controller.controller import Decision
+from iptm_controller.decision import Decision
 from iptm_controller.memory import ControllerMemory
 from iptm_controller.node_changes import SettingsChanges
 from iptm_controller.node_inputs import read_measurements

@@ -8,7 +8,7 @@ import numpy as np
 
 from iptm_controller.actuation import WEAK_SHARE
 from iptm_controller.collision_guard import EMERGENCY
-from iptm_controller.controller import Decision
+from iptm_controller.decision import Decision
 from iptm_controller.forecast import PreviewQuality
 from iptm_controller.node_watch import CONCERNS, OperatorWatch
 from iptm_controller.ocp.layout import InputIndex, StateIndex

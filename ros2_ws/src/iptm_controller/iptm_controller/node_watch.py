@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.controller import Decision, Measurements
-from iptm_controller.measurements import trusted_measurements
+from iptm_controller.decision import Decision
+from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.ocp.layout import StateIndex
 from iptm_core.declaration import Settings, parameter
 from iptm_core.metrics.concerns import (

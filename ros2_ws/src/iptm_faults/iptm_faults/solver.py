@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 
-from iptm_controller.controller import Controller, Decision
+from iptm_controller.controller import Controller
+from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolveResult, broken

@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from iptm_controller.controller import Controller, Decision, Measurements
+from iptm_controller.controller import Controller
+from iptm_controller.decision import Decision
+from iptm_controller.measurements import Measurements
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 from functools import cached_property
 
-from iptm_controller.controller import Controller, ControllerOptions, Decision, Measurements
+from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon
+from iptm_controller.measurements import Measurements
 from iptm_controller.solvers.factory import SolverOptions
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError

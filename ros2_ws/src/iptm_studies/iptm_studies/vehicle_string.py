@@ -10,7 +10,9 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from iptm_controller.controller import Controller, Decision, Measurements
+from iptm_controller.controller import Controller
+from iptm_controller.decision import Decision
+from iptm_controller.measurements import Measurements
 from iptm_core.routes.route import Route
 from iptm_core.settings import VEHICLE_LENGTH_M, PreviewSettings
 from iptm_core.state import VehicleState

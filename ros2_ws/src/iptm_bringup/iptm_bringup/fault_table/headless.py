@@ -8,7 +8,8 @@ import numpy as np
 
 from iptm_bringup.fault_table.catalogue import PlannedTrip
 from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement
-from iptm_controller.controller import Controller, ControllerOptions, Decision
+from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import Road, situation

@@ -1,0 +1,86 @@
+"""One tick's outcome: the command, where it comes from, and what was found on the way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from iptm_controller.forecast import LeaderForecast
+from iptm_controller.limiter import LimitedCommand
+from iptm_controller.plan import Plan
+from iptm_controller.solvers.interface import SolveResult
+from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
+from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
+from iptm_core.state import Command
+
+
+@dataclass(frozen=True)
+class PlanningResult:
+    """What came of posing and solving the problem of one tick.
+
+    Attributes:
+        plan: the solution, None if there is none that may be followed.
+        reason: why there is none, or how the forecast is worse than it should be; empty if all is well.
+        result: the solver's answer, None if no problem could be posed.
+        forecast: the leader's motion used, None if it could not be formed.
+        value: price of the temperatures at the end of the horizon.
+    """
+
+    plan: Plan | None
+    reason: str
+    result: SolveResult | None = None
+    forecast: LeaderForecast | None = None
+    value: TemperatureValue = NO_VALUE
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One tick's outcome.
+
+    Attributes:
+        command: what to actuate, within all physical bounds.
+        rung: where it comes from.
+        reason: one sentence, empty when all is well.
+        limited: what the last limiter did.
+        plan: the plan behind an optimal command, None on any other rung.
+        result: the solver's answer, None if no problem could be posed.
+        forecast: the leader's motion used, None if it could not be formed.
+        value: price of the temperatures at the end of the horizon.
+        command_delay_s: time by which commands act late, as observed.
+        brake_share: share of a commanded deceleration that is delivered, as observed.
+        noise: which measurements are noisy and filtered, empty if none is.
+    """
+
+    command: Command
+    rung: Rung
+    reason: str
+    limited: LimitedCommand
+    plan: Plan | None
+    result: SolveResult | None
+    forecast: LeaderForecast | None
+    value: TemperatureValue = NO_VALUE
+    command_delay_s: float = 0.0
+    brake_share: float = 1.0
+    noise: str = ""
+
+    @property
+    def record(self) -> DecisionRecord:
+        """How the decision came about, as published and stored."""
+        result, forecast = self.result, self.forecast
+        slacks = None if self.plan is None else self.plan.slacks
+        return DecisionRecord(
+            status=SolveStatus.NOT_POSED if result is None else result.status,
+            solve_time_s=math.nan if result is None else result.time_s,
+            iterations=0 if result is None else result.iterations,
+            gap_slack_m=math.nan if slacks is None else slacks.gap_m,
+            speed_slack_m_s=math.nan if slacks is None else slacks.speed_m_s,
+            temperature_slack_k=math.nan if slacks is None else slacks.temperature_k,
+            objective=math.nan if result is None else result.objective,
+            rung=self.rung,
+            limiter_active=self.limited.active,
+            preview_age_s=math.nan if forecast is None else forecast.age_s,
+            trusted_preview_s=0.0 if forecast is None else forecast.known_s,
+            command_delay_s=self.command_delay_s,
+            brake_share=self.brake_share,
+            **vars(self.value),
+        )
