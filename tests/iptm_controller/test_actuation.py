@@ -90,10 +90,10 @@ def test_delay_that_begins_and_ends_while_driving_is_followed() -> None:
     drive(observer, vehicle, 20)
     assert observer.delay_s == 0.0
     vehicle.queue.append(0.0)
-    drive(observer, vehicle, 5)
+    drive(observer, vehicle, 8)
     assert observer.delay_s == 1.0
     vehicle.queue.clear()
-    drive(observer, vehicle, 5)
+    drive(observer, vehicle, 8)
     assert observer.delay_s == 0.0
 
 

@@ -16,6 +16,8 @@ FEWEST_DELAYS = 3
 """Delays of up to this many ticks, or this long, are looked for."""
 FORGETTING = 0.5
 """Weight of the mismatches of a tick relative to those of the next one."""
+EXPLAINED = 0.5
+"""Another delay has to reduce the mismatch to this share, in two ticks in a row."""
 CREEP_SPEED_M_S = 0.5
 """Below this speed the brakes may hold the vehicle, whatever the command."""
 BRAKING_M_S2 = -0.3
@@ -44,6 +46,7 @@ class ActuationMemory:
         delay_ticks: delay of the commands.
         delivered: weighted sum of commanded times measured decelerations, in (m/s^2)^2.
         commanded: weighted sum of squared commanded decelerations, in (m/s^2)^2.
+        candidate: delay that explained the last tick better, None for none.
     """
 
     issued: tuple[IssuedCommand, ...] = ()
@@ -51,6 +54,7 @@ class ActuationMemory:
     delay_ticks: int = 0
     delivered: float = 0.0
     commanded: float = 0.0
+    candidate: int | None = None
 
 
 class ActuationObserver:
@@ -141,8 +145,10 @@ class ActuationObserver:
         )
         delay = memory.delay_ticks
         best = min(self._delays, key=lambda each: (mismatches[each], each))
-        if mismatches[best] + self._noticeable < mismatches[delay]:
-            delay = best
+        explains = mismatches[best] < EXPLAINED * mismatches[delay] - self._noticeable
+        candidate = best if explains else None
+        if candidate is not None and candidate == memory.candidate:
+            delay, candidate = best, None
         commanded = answered[delay]
         delivered, asked = memory.delivered, memory.commanded
         # A command that is not followed at all shows nothing about the brakes.
@@ -151,7 +157,7 @@ class ActuationObserver:
         ):
             delivered = FORGETTING * delivered + measured * commanded
             asked = FORGETTING * asked + commanded * commanded
-        self.memory = ActuationMemory(memory.issued, mismatches, delay, delivered, asked)
+        self.memory = ActuationMemory(memory.issued, mismatches, delay, delivered, asked, candidate)
 
     def predicted(self, state: VehicleState) -> VehicleState:
         """Return the state at the instant at which the next command acts; the state itself without delay.

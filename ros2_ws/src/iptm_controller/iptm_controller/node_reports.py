@@ -148,10 +148,7 @@ def _of_decision(decision: Decision | None, road: Road) -> tuple[Level, str]:
             return level, reason
     if road.warning:
         return Level.WARN, road.warning
-    return (
-        Level.OK,
-        "optimal plans from filtered measurements" if decision.noise else "optimal plans",
-    )
+    return Level.OK, "optimal plans"
 
 
 def _warnings(decision: Decision) -> list[str]:
