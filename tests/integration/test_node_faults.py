@@ -248,8 +248,8 @@ def test_the_bridge_outlives_stamps_that_no_message_can_carry() -> None:
 
 @contextmanager
 def running_plant(**parameters: object) -> Iterator[NodeBench]:
-    """A plant that waits for the answer to its first state."""
-    with node_bench(PlantNode, **parameters) as bench:
+    """A plant that waits for the answer to its first state; without a range sensor."""
+    with node_bench(PlantNode, safety_monitor=False, **parameters) as bench:
         peers = SuiteNode("peers")
         peers.advertise(Topic.COMMAND)
         for topic in (*STATE_TOPICS, Topic.CLOCK):

@@ -71,7 +71,8 @@ class EstimatorMemory:
     Attributes:
         state: last measured state.
         leader: last measured lead vehicle.
-        squared: running means of the squared residuals: ego speed, gap, cell temperatures.
+        residuals: of the last tick: ego speed, gap, cell temperatures; NaN where there is none.
+        squared: running means of a third of their squared changes from tick to tick.
         lead: estimated position in m, speed in m/s and acceleration in m/s^2.
         covariance: of these, row by row.
         ego: estimated speed in m/s and its variance.
@@ -81,6 +82,7 @@ class EstimatorMemory:
 
     state: VehicleState | None = None
     leader: LeaderState | None = None
+    residuals: tuple[float, ...] = (math.nan, math.nan, math.nan)
     squared: tuple[float, ...] = (0.0, 0.0, 0.0)
     lead: tuple[float, ...] = ()
     covariance: tuple[float, ...] = ()
@@ -133,9 +135,15 @@ class Estimator:
         memory = self.memory
         if memory.state is not None and state.time_s <= memory.state.time_s:
             memory = EstimatorMemory()
-        memory = replace(
-            memory, state=state, leader=leader, squared=self._residuals(memory, state, leader)
+        residuals = self._residuals(memory, state, leader)
+        # Noise changes from tick to tick; a constant inconsistency is something else.
+        squared = tuple(
+            mean
+            if math.isnan(now - before)
+            else mean + self._share * ((now - before) ** 2 / 3.0 - mean)
+            for mean, now, before in zip(memory.squared, residuals, memory.residuals, strict=True)
         )
+        memory = replace(memory, state=state, leader=leader, residuals=residuals, squared=squared)
         self.memory = memory
         speed, gap, temperature = self._levels
         if temperature > 0.0:
@@ -164,7 +172,7 @@ class Estimator:
         floors = (NOISY_SPEED_M_S, NOISY_GAP_M, NOISY_TEMPERATURE_K)
         levels = []
         for known, squared, floor in zip(stated, self.memory.squared, floors, strict=True):
-            # A residual is the difference of two measurements.
+            # A residual is the difference of two measurements, and its change has three times its variance.
             seen = math.sqrt(0.5 * squared) if squared > floor * floor else 0.0
             levels.append(known or seen)
         speed, gap, temperature = levels
@@ -173,34 +181,37 @@ class Estimator:
     def _residuals(
         self, memory: EstimatorMemory, state: VehicleState, leader: LeaderState | None
     ) -> tuple[float, ...]:
-        """Return the running means of the squared residuals with those of a tick."""
+        """Return the residuals of a tick, NaN for those that show nothing about noise."""
         last, last_leader = memory.state, memory.leader
+        speed, gap, temperature = math.nan, math.nan, math.nan
         if last is None:
-            return memory.squared
+            return speed, gap, temperature
         passed_s = state.time_s - last.time_s
         if abs(passed_s - self._tick_s) > 0.01 * self._tick_s:
-            return memory.squared
+            return speed, gap, temperature
         limits = self._limits
-        residuals = [math.nan, math.nan, math.nan]
         ordinary = state.acceleration_m_s2 >= limits.min_acceleration_m_s2 - 1e-6
         moving = min(state.speed_m_s, last.speed_m_s) > MOVING_M_S
         slower_than_top = max(state.speed_m_s, last.speed_m_s) < limits.max_speed_m_s - 0.5
         if ordinary and moving and slower_than_top:
-            residuals[0] = state.speed_m_s - last.speed_m_s - state.acceleration_m_s2 * passed_s
+            speed = state.speed_m_s - last.speed_m_s - state.acceleration_m_s2 * passed_s
         if leader is not None and last_leader is not None and leader.time_s > last_leader.time_s:
             driven_m = 0.5 * (leader.speed_m_s + last_leader.speed_m_s)
             driven_m *= leader.time_s - last_leader.time_s
-            residuals[1] = leader.position_m - last_leader.position_m - driven_m
-        residuals[2] = math.hypot(
-            state.cell_1_temperature_k - last.cell_1_temperature_k,
-            state.cell_n_temperature_k - last.cell_n_temperature_k,
-        ) / math.sqrt(2.0)
-        return tuple(
-            mean + self._share * (residual * residual - mean) if abs(residual) < largest else mean
-            for mean, residual, largest in zip(
-                memory.squared, residuals, LARGEST_RESIDUALS, strict=True
-            )
+            gap = leader.position_m - last_leader.position_m - driven_m
+        temperature = 0.5 * (
+            state.cell_1_temperature_k
+            - last.cell_1_temperature_k
+            + state.cell_n_temperature_k
+            - last.cell_n_temperature_k
         )
+        # The mean of two independent cells varies less than one of them.
+        residuals = (speed, gap, math.sqrt(2.0) * temperature)
+        speed, gap, temperature = (
+            value if abs(value) < largest else math.nan
+            for value, largest in zip(residuals, LARGEST_RESIDUALS, strict=True)
+        )
+        return speed, gap, temperature
 
     def _filter_speed(self, state: VehicleState, noise_m_s: float) -> VehicleState:
         measured = state.speed_m_s
