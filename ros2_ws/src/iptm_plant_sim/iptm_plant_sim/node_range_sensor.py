@@ -47,8 +47,8 @@ class NodeRangeSensor:
         # The first message must not be missed: the publisher keeps it.
         qos = TOPICS[Topic.LEADER_SAMPLES].offered_qos
         node.listen(Topic.LEADER_SAMPLES, self._on_samples, raw=True, qos=qos)
-        self._timer = node.every(WAIT_S, self._release)
-        self._timer.cancel()
+        self._timer = node.every(WAIT_S, self._release) if self._waits else None
+        self._cancel_timer()
 
     @property
     def is_holding(self) -> bool:
@@ -88,7 +88,8 @@ class NodeRangeSensor:
             self._take(message)
             return
         self._held = message
-        self._timer.reset()
+        if self._timer is not None:
+            self._timer.reset()
 
     def _on_samples(self, data: bytes) -> None:
         stamp_ns, samples = decode_leader_preview_bytes(data, Topic.LEADER_SAMPLES)
@@ -99,8 +100,12 @@ class NodeRangeSensor:
         if held is not None and ns_from_time(held.header.stamp) == stamp_ns:
             self._release()
 
+    def _cancel_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+
     def _release(self) -> None:
-        self._timer.cancel()
+        self._cancel_timer()
         held, self._held = self._held, None
         if held is not None and ns_from_time(held.header.stamp) == self._now_ns():
             self._take(held)
