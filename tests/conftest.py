@@ -16,7 +16,9 @@ from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import IntervalPowers, LeaderState, SafetyRecord, VehicleState
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_interfaces.codecs import (
+    BatteryReading,
     encode_acceleration,
+    encode_battery,
     encode_capacity_loss,
     encode_host_odometry,
     encode_leader,
@@ -69,6 +71,11 @@ def _tick_messages(run: Trajectory, row: int) -> dict[Topic, Any]:
             for name in temperatures
         },
         Topic.PLANT_POWERS: encode_powers(time_s, powers),
+        Topic.PLANT_BATTERY: encode_battery(
+            BatteryReading(
+                time_s, 380.0, 10.0, (4.0,), (300.0,), values["state_of_charge"] * 100.0, 100.0
+            )
+        ),
         Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
         Topic.PLANT_SAFETY: encode_safety(
             time_s, SafetyRecord(values["service_braking_s"], values["smallest_gap_m"])
@@ -92,6 +99,7 @@ def trajectory() -> Trajectory:
     columns["position_m"] = 0.05 * time_s**2
     columns["acceleration_m_s2"] = 0.1 + 1e-3 * columns["acceleration_m_s2"]
     columns["leader_position_m"] = columns["position_m"] + 20.0 + columns["leader_position_m"]
+    columns["state_of_charge"] = columns["state_of_charge"].astype(np.float32).astype(float)
     for name in TRAJECTORY_COLUMNS:
         if name.endswith("temperature_k"):
             # As they arrive: through degrees Celsius.

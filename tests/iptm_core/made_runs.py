@@ -29,6 +29,7 @@ def make_run(rows: int = 4, /, **columns: object) -> Trajectory:
     calm = dict.fromkeys(TRAJECTORY_COLUMNS, np.zeros(rows))
     calm["time_s"] = np.arange(float(rows))
     calm["leader_position_m"] = np.full(rows, 15.0)
+    calm["state_of_charge"] = np.full(rows, 0.5)
     calm["smallest_gap_m"] = np.full(rows, 1e3)
     for name in TRAJECTORY_COLUMNS:
         if name.endswith("temperature_k"):

@@ -33,8 +33,9 @@ def test_hard_limits_come_first_and_keys_are_unique() -> None:
         "cell_1_temperature",
         "cell_n_temperature",
         "coolant_outlet_temperature",
+        "state_of_charge",
     ]
-    assert [check.hard for check in checks] == [True] * 5 + [False] * 6
+    assert [check.hard for check in checks] == [True] * 5 + [False] * 7
 
 
 # key, columns that break it in rows 2 and 3 (worst in row 3), worst excess

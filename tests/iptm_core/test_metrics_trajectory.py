@@ -38,6 +38,7 @@ def test_columns_are_named_and_ordered() -> None:
         "leader_speed_m_s",
         "service_braking_s",
         "smallest_gap_m",
+        "state_of_charge",
     )
 
 

@@ -12,6 +12,7 @@ from iptm_core.parameters import (
     available_parameter_sets,
     describe_parameters,
     field_specs,
+    flat_to_parameters,
     load_parameters,
     to_flat_dict,
 )
@@ -111,7 +112,14 @@ def coefficients(ambient_k: float) -> tuple[float, ...]:
 
 
 def test_the_default_set_comes_first() -> None:
-    others = ("paper_identified", "published_chiller", "textbook_cell")
+    others = (
+        "bmw_i3",
+        "chevrolet_bolt",
+        "paper_identified",
+        "published_chiller",
+        "tesla_model_3",
+        "textbook_cell",
+    )
     assert available_parameter_sets() == (DEFAULT_SET, *others)
     assert load_parameters().name == DEFAULT_SET == "paper_calibrated"
 
@@ -130,7 +138,28 @@ def test_omitted_values_are_tagged_as_not_from_the_paper(key: str) -> None:
 
 
 def test_the_two_lists_above_cover_the_model() -> None:
-    assert sorted([*PRINTED, *COMPLETED]) == sorted(field_specs())
+    refining = {key for key, spec in field_specs().items() if spec.neutral is not None}
+    assert sorted({*PRINTED, *COMPLETED, *refining}) == sorted(field_specs())
+    assert refining.isdisjoint(PRINTED)
+
+
+def test_laws_that_refine_the_paper_are_off_in_its_set() -> None:
+    loaded = load_parameters()
+    flat = to_flat_dict(loaded.values)
+    for key, spec in field_specs().items():
+        if spec.neutral is not None:
+            assert flat[key] == spec.neutral, key
+            assert loaded.sources[key].tag is SourceTag.CHOSEN
+
+
+def test_a_set_without_the_refining_laws_is_complete() -> None:
+    values = load_parameters().values
+    old = {
+        key: value
+        for key, value in to_flat_dict(values).items()
+        if field_specs()[key].neutral is None
+    }
+    assert flat_to_parameters(old) == values
 
 
 @pytest.mark.parametrize("name", available_parameter_sets())

@@ -4,14 +4,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from iptm_core.physics.electric_drive import (
-    RegenerationLimits,
-    drag_loss_w,
-    regenerative_torque_nm,
-)
+from iptm_core.parameters.model import RegenerationParameters
+from iptm_core.physics.electric_drive import drag_loss_w, regenerative_torque_nm
 from iptm_core.physics.road_load import coast_down_force_n, warm_up_force_n
 
-LIMITS = RegenerationLimits(84.0, 50e3, 1.0, 2.0, 2.0, 0.5)
+LIMITS = RegenerationParameters(84.0, 50e3, 1.0, 2.0, 2.0, 0.5)
 
 
 def test_drag_loss_has_the_same_value_in_both_directions() -> None:

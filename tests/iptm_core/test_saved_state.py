@@ -40,7 +40,17 @@ class Outer:
 def example() -> Outer:
     cells = ChannelCells(np.array([0.1, 0.2, 0.30000000000000004]), np.array([1e-3, 2e-3, 1 / 3]))
     state = FullChannelState(
-        1.0, 2.0, 3.0, 0.1 + 0.2, 0.0, 0.1, 0.30000000000000004, 1e-3, 1 / 3, cells
+        1.0,
+        2.0,
+        3.0,
+        0.1 + 0.2,
+        0.0,
+        0.1,
+        0.30000000000000004,
+        1e-3,
+        1 / 3,
+        cells,
+        state_of_charge=1 / 7,
     )
     inner = Inner("a", Colour.RED)
     return Outer(-math.inf, np.array([[math.pi], [5e-324]]), (inner, inner), None, state)

@@ -33,7 +33,7 @@ OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
         Topic.SOLVE, Topic.PLAN, Topic.ACCELERATION_COMMAND, Topic.COMPRESSOR_POWER_COMMAND, Topic.COMMAND,
     ),
     BRIDGE: (Topic.SLOPE, Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW),
-    PLANT: (*OBSERVATION_TOPICS, Topic.PLANT_SAFETY, Topic.PLANT_BATTERY, Topic.CLOCK),
+    PLANT: (*OBSERVATION_TOPICS, Topic.PLANT_SAFETY, Topic.CLOCK),
 }  # fmt: skip
 """What each node says; its diagnostics tell of the machine."""
 

@@ -1,5 +1,7 @@
 """The controller without ROS: one call per tick, from measurements to a limited command.
 
+Its model is that of the plant, with kinks smoothed, at the state of charge at which a trip begins.
+
 ``measurements -> problem data -> solver -> plan or fallback -> limiter -> command``. Nothing in here
 raises for bad measurements or failed solves: both are outcomes, reported in the decision.
 """
@@ -37,6 +39,7 @@ from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.charge import nominal_charge_parameters
 from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
 
 
@@ -85,6 +88,7 @@ class Controller:
             SolverSetupError: the problem cannot be built or compiled.
         """
         horizon = options.horizon
+        parameters = nominal_charge_parameters(parameters)
         self.options = options
         self.backend = backend or build_solver(horizon, parameters, options.solver)
         self._grid = ProblemGrid(horizon)

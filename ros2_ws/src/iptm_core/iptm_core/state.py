@@ -33,6 +33,7 @@ class VehicleState:
         cell_n_temperature_k: temperature of the last cell of a coolant channel (T_bc,Nc).
         cell_1_capacity_loss: capacity loss of cell 1 as a fraction of nominal (Q_loss,1).
         cell_n_capacity_loss: capacity loss of cell N_c as a fraction of nominal (Q_loss,Nc).
+        state_of_charge: charge left in the pack as a fraction of its present capacity; NaN: not known.
     """
 
     time_s: float
@@ -44,6 +45,7 @@ class VehicleState:
     cell_n_temperature_k: float
     cell_1_capacity_loss: float
     cell_n_capacity_loss: float
+    state_of_charge: float = field(default=math.nan, kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)

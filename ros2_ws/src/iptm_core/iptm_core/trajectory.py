@@ -47,6 +47,8 @@ class Trajectory:
         service_braking_s: part of the interval in which the safety monitor braked.
         smallest_gap_m: smallest gap known of the interval, its end included; in row 0 the gap; NaN if
             none is known.
+        state_of_charge: charge left in the pack as a fraction of its capacity, with the 32 bits of the
+            battery message.
 
     Raises:
         StateError: arrays of different length, none at all, other values that are not finite, or times
@@ -72,6 +74,7 @@ class Trajectory:
     leader_speed_m_s: FloatArray
     service_braking_s: FloatArray
     smallest_gap_m: FloatArray
+    state_of_charge: FloatArray
 
     def __post_init__(self) -> None:
         rows = np.size(self.time_s)
@@ -182,6 +185,7 @@ def _row(observed: PlantObservation, leader: LeaderState | None) -> dict[str, fl
         # The compressor power stands in powers and state; that of the state was commanded.
         **vars(observed.powers),
         **vars(observed.state),
+        "state_of_charge": float(np.float32(observed.state.state_of_charge)),
         "coolant_inlet_temperature_k": observed.coolant_inlet_temperature_k,
         "coolant_outlet_temperature_k": observed.coolant_outlet_temperature_k,
         "leader_position_m": leader_m,

@@ -146,8 +146,8 @@ _SPECS = (
         Topic.PLANT_BATTERY, BatteryState, PLANT, PACK_FRAME, "V, A, degC",
         "pack voltage and current (negative when discharging, as ROS defines it); "
         "cell_voltage, cell_temperature: cell 1 and cell N of a coolant channel; all its cells where "
-        "the plant has them (thermal_model full_channel); charge and percentage are NaN, which ROS "
-        "means by not measured: the model has no state of charge",
+        "the plant has them (thermal_model full_channel); percentage is the state of charge (0 to 1), "
+        "charge and capacity are in Ah, those of the present",
     ),
     TopicSpec(
         Topic.PLANT_CELL_1_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
@@ -281,10 +281,11 @@ STATE_TOPICS = (
 
 OBSERVATION_TOPICS = (
     *STATE_TOPICS,
+    Topic.PLANT_BATTERY,
     Topic.PLANT_COOLANT_INLET_TEMPERATURE,
     Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
 )
-"""Topics that make up an observation of the plant: the state and the coolant."""
+"""Topics that make up an observation of the plant: the state with the charge of the pack, and the coolant."""
 
 TICK_TOPICS = (*OBSERVATION_TOPICS, Topic.LEADER)
 """Topics that make up one row of a trajectory, together with `PLANT_SAFETY`, which older recordings lack."""

@@ -10,6 +10,7 @@ As for two cells, a step is unrolled once into an expression graph of the functi
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 
@@ -19,7 +20,8 @@ import numpy as np
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.aging import capacity_loss_rate_1_s
 from iptm_core.physics.battery_power import battery_power_w
-from iptm_core.physics.cell_thermal import cell_temperature_rate_k_s
+from iptm_core.physics.cell_thermal import cell_temperature_rate_k_s, heat_from_air_w
+from iptm_core.physics.charge import at_charge
 from iptm_core.physics.chiller import chiller_line
 from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_resistance_ohm
 from iptm_core.physics.full_channel import FullChannel, mean_cell_heat_w
@@ -52,7 +54,12 @@ class ChannelIntegrator:
         self._steps: dict[int, PackedFunction] = {}
 
     def integrate(
-        self, cells: ChannelCells, compressor_power_w: float, motion: Motion, slopes_rad: FloatArray
+        self,
+        cells: ChannelCells,
+        compressor_power_w: float,
+        motion: Motion,
+        slopes_rad: FloatArray,
+        charge: float = math.nan,
     ) -> IntervalResult:
         """Integrate one interval.
 
@@ -61,6 +68,7 @@ class ChannelIntegrator:
             compressor_power_w: compressor power, held over the interval.
             motion: the motion, laid out for n sub-steps.
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
+            charge: state of charge at the start; NaN where nothing depends on it.
         """
         both = 2 * self._cells
         state: FloatArray = np.concatenate((cells.temperatures_k, cells.capacity_losses))
@@ -78,6 +86,7 @@ class ChannelIntegrator:
                     motion.accelerations_m_s2[cut],
                     slopes_rad[2 * first : 2 * (first + lengths_s.size) + 1],
                     motion.speeds_m_s[cut].ravel(),
+                    (charge,),
                 ),
                 out=step.arguments,
             )
@@ -103,16 +112,18 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
     """One step of the cells over n sub-steps, on packed arguments and results.
 
     Arguments: temperatures and capacity losses of all cells, compressor power, and lengths (n,),
-    accelerations (n,), slopes (2 n + 1,) and speeds (3 n,) of the sub-steps. Results: cells, quadratures
-    and values at the end, in the order of `IntervalResult`.
+    accelerations (n,), slopes (2 n + 1,) and speeds (3 n,) of the sub-steps, and the state of charge.
+    Results: cells, quadratures and values at the end, in the order of `IntervalResult`.
     """
-    pack, cell, cooling = parameters.pack, parameters.cell, parameters.cooling
-    channel = FullChannel.of(cooling, pack)
+    cooling = parameters.cooling
+    channel = FullChannel.of(cooling, parameters.pack)
     count = channel.cells
-    arguments = ca.SX.sym("arguments", 2 * count + 2 + 7 * n)
-    before, losses_before, compressor, lengths, accelerations, slopes, speeds = ca.vertsplit(
-        arguments, np.cumsum([0, count, count, 1, n, n, 2 * n + 1, 3 * n]).tolist()
+    arguments = ca.SX.sym("arguments", 2 * count + 3 + 7 * n)
+    before, losses_before, compressor, lengths, accelerations, slopes, speeds, charge = (
+        ca.vertsplit(arguments, np.cumsum([0, count, count, 1, n, n, 2 * n + 1, 3 * n, 1]).tolist())
     )
+    parameters = at_charge(parameters, charge)
+    pack, cell = parameters.pack, parameters.cell
     instants = [(step, stage) for step in range(n) for stage in range(3)]
     traction = electric_traction_power_w(
         speeds,
@@ -154,7 +165,8 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
         loop = coolant_loop(at)
         # The coolant is linear in the cooling rate, and so may be averaged over the instants.
         coolant = channel.coolant_k(ca.dot(shares, loop.inlet_k), at)[:-1]
-        rates = cell_temperature_rate_k_s(heat, at, ca.vertcat(*coolant), cell, cooling)
+        taken = heat + heat_from_air_w(at, parameters)
+        rates = cell_temperature_rate_k_s(taken, at, ca.vertcat(*coolant), cell, cooling)
         return pack_current, heat, rates, ca.dot(shares, loop.cooling_rate_w)
 
     middle = before + 0.5 * length * means(before)[2]

@@ -1,12 +1,14 @@
 """Integration of the exact model over one interval of prescribed motion.
 
 Classical Runge-Kutta of order four on the four cell states; energies, heat and charge are quadratures of
-the same stages. The sub-steps are unrolled once into a compiled expression graph of the very functions
-that the rest of the project uses, and evaluated on a fixed pair of buffers.
+the same stages. What depends on the state of charge is that of the start of the interval. The sub-steps are
+unrolled once into a compiled expression graph of the very functions that the rest of the project uses, and
+evaluated on a fixed pair of buffers.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -16,6 +18,7 @@ import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell_thermal import cell_heat_w
+from iptm_core.physics.charge import at_charge
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.ops import Scalar, maximum
 from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
@@ -107,7 +110,12 @@ class IntervalIntegrator:
         self._function = PackedFunction(_build(parameters, sub_steps))
 
     def integrate(
-        self, cells: CellPair, compressor_power_w: float, motion: Motion, slopes_rad: FloatArray
+        self,
+        cells: CellPair,
+        compressor_power_w: float,
+        motion: Motion,
+        slopes_rad: FloatArray,
+        charge: float = math.nan,
     ) -> IntervalResult:
         """Integrate one interval.
 
@@ -116,6 +124,7 @@ class IntervalIntegrator:
             compressor_power_w: compressor power, held over the interval.
             motion: the motion, laid out for the same number of sub-steps.
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
+            charge: state of charge at the start; NaN where nothing depends on it.
         """
         n, x = self._n, self._function.arguments
         x[0] = cells.cell_1_temperature_k
@@ -126,7 +135,8 @@ class IntervalIntegrator:
         x[5 : 5 + n] = motion.lengths_s
         x[5 + n : 5 + 2 * n] = motion.accelerations_m_s2
         x[5 + 2 * n : 6 + 4 * n] = slopes_rad
-        x[6 + 4 * n :] = motion.speeds_m_s.ravel()
+        x[6 + 4 * n : 6 + 7 * n] = motion.speeds_m_s.ravel()
+        x[6 + 7 * n] = charge
         values = self._function().tolist()
         return IntervalResult(CellPair(*values[:_CELLS]), *values[_CELLS:])
 
@@ -138,13 +148,14 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
     Kept for the next vehicle with the same parameters, because building takes much longer than a step.
     """
     channel = reduce_channel(parameters.cooling, parameters.pack)
-    arguments = ca.SX.sym("arguments", 6 + 7 * n)
+    arguments = ca.SX.sym("arguments", 7 + 7 * n)
+    parameters = at_charge(parameters, arguments[6 + 7 * n])
     state = [arguments[i] for i in range(_CELLS)]
     compressor = arguments[4]
     lengths = arguments[5 : 5 + n]
     accelerations = arguments[5 + n : 5 + 2 * n]
     slopes = arguments[5 + 2 * n : 6 + 4 * n]
-    speeds = arguments[6 + 4 * n :]
+    speeds = arguments[6 + 4 * n : 6 + 7 * n]
 
     def rates_at(step: int, stage: int, cells: list[Scalar]) -> PowerThermalRates:
         return power_thermal_rates(
@@ -218,7 +229,10 @@ def _pack_heat_w(current_a: Scalar, cells: list[Scalar], parameters: ModelParame
 def cell_voltage_v(
     current_a: Scalar, temperature_k: Scalar, capacity_loss: Scalar, parameters: ModelParameters
 ) -> Scalar:
-    """Terminal voltage of one cell in the sense of eq. (7): source less entropic and ohmic part."""
+    """Terminal voltage of one cell in the sense of eq. (7): source less entropic and ohmic part.
+
+    The parameters are those at a state of charge, see ``at_charge``.
+    """
     cell = parameters.cell
     source = parameters.pack.open_circuit_voltage_v / parameters.pack.cells_in_series
     resistance = cell_resistance_ohm(temperature_k, capacity_loss, cell)

@@ -144,6 +144,7 @@ class PlantNode(TripNode):
             "service_braking_s": trip.service_braking_s,
             "last_intervention": trip.step.memory.reason or "none",
             "brake_share": trip.step.safety.brake_share,
+            "state_of_charge": trip.step.state.state_of_charge,
             "intervals_without_range_sensor": self._range_sensor.silent_intervals,
         }
         if self._schedule is not None:
@@ -166,9 +167,9 @@ class PlantNode(TripNode):
             return Level.ERROR, f"{lost}: controlled stop"
         if self._watchdog.is_silent:
             return Level.STALE, f"{lost}: waiting"
-        safety = self._safety_warning()
-        if safety:
-            return Level.WARN, safety
+        warning = self._safety_warning() or self._charge_warning()
+        if warning:
+            return Level.WARN, warning
         if self._trip.is_limited:
             return Level.WARN, "commands exceed what the vehicle can do and are limited"
         return Level.OK, "running"
@@ -183,6 +184,16 @@ class PlantNode(TripNode):
         if self._range_sensor.is_silent:
             return "the safety monitor lacks measurements of its range sensor"
         return ""
+
+    def _charge_warning(self) -> str:
+        """Return that the pack is emptier than it should be, empty if it is not."""
+        charge = self._trip.step.state.state_of_charge
+        lowest = self._trip.parameters.charge.min_charge
+        return (
+            f"state of charge is {charge:.1%}, below soc_min, {lowest:.1%}"
+            if charge < lowest
+            else ""
+        )
 
     def _outcome(self) -> tuple[Level, str]:
         if self._failure:

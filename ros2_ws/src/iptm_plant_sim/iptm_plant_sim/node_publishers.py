@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.charge import at_charge, pack_capacity_ah
 from iptm_core.state import FullChannelState
 from iptm_interfaces.codecs import (
     BatteryReading,
@@ -39,11 +39,9 @@ class PlantPublishers:
         """
         self._parameters = parameters
         self._frame_prefix = node.frame_prefix
-        pack, cell = parameters.pack, parameters.cell
-        self._design_capacity_ah = cell.nominal_capacity_ah * pack.parallel
         self._publishers = {
             topic: node.advertise(topic)
-            for topic in (*OBSERVATION_TOPICS, Topic.PLANT_SAFETY, Topic.PLANT_BATTERY, Topic.CLOCK)
+            for topic in (*OBSERVATION_TOPICS, Topic.PLANT_SAFETY, Topic.CLOCK)
         }
 
     def missing_subscribers(
@@ -107,17 +105,17 @@ class PlantPublishers:
                     step.cell_current_a,
                     cells.temperatures_k,
                     cells.capacity_losses,
-                    self._parameters,
+                    at_charge(self._parameters, state.state_of_charge),
                 ).tolist()
             )
-        mean_loss = sum(losses) / len(losses)
+        capacity_ah = pack_capacity_ah(self._parameters, sum(losses) / len(losses))
         return BatteryReading(
             time_s=state.time_s,
             pack_voltage_v=step.pack_voltage_v,
             pack_current_a=step.pack_current_a,
             cell_voltages_v=voltages_v,
             cell_temperatures_k=temperatures_k,
-            charge_ah=math.nan,  # the model has no state of charge
-            capacity_ah=self._design_capacity_ah * (1.0 - mean_loss),
-            design_capacity_ah=self._design_capacity_ah,
+            charge_ah=state.state_of_charge * capacity_ah,
+            capacity_ah=capacity_ah,
+            design_capacity_ah=pack_capacity_ah(self._parameters, 0.0),
         )

@@ -10,6 +10,7 @@ import numpy as np
 
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.charge import charge_after, depends_on_charge, pack_capacity_ah
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.settings import IntegrationSettings, SafetyMonitorSettings, ThermalModel
 from iptm_core.state import (
@@ -80,6 +81,7 @@ class Plant:
         self._memory = MonitorMemory()
         self._slope_at = slope_at
         self._step_s = step_s
+        self._depends_on_charge = depends_on_charge(parameters.charge)
         self._integrators: dict[int, IntervalIntegrator] = {}
         self._channel: ChannelIntegrator | None = None
         if thermal_model is ThermalModel.FULL_CHANNEL:
@@ -130,6 +132,7 @@ class Plant:
             ),
             cell_1_capacity_loss=loss,
             cell_n_capacity_loss=loss,
+            state_of_charge=self.parameters.charge.initial_charge,
         )
         if self._channel is not None:
             cells = ChannelCells.between(state, self.parameters.pack.cells_per_channel)
@@ -144,6 +147,8 @@ class Plant:
             StateError: a value is not finite, or speed, temperature or capacity loss is out of range.
         """
         values = {item.name: np.asarray(getattr(state, item.name)) for item in fields(VehicleState)}
+        if not self._depends_on_charge:
+            del values["state_of_charge"]  # it may be unknown
         if isinstance(state, FullChannelState):
             values |= {f"cells.{name}": array for name, array in vars(state.cells).items()}
         ranges = {
@@ -214,6 +219,11 @@ class Plant:
             report = replace(report, clamps=(*report.clamps, Clamp.TOP_SPEED))
         return self._step(state, report, motion, result, duration_s)
 
+    def _capacity_ah(self, state: VehicleState) -> float:
+        """Return the capacity of the pack, whose aging within an interval does not count."""
+        loss = 0.5 * (state.cell_1_capacity_loss + state.cell_n_capacity_loss)
+        return pack_capacity_ah(self.parameters, loss)
+
     def _sub_steps(self, duration_s: float) -> int:
         return max(2, math.ceil(duration_s / self._step_s - 1e-9))
 
@@ -228,7 +238,9 @@ class Plant:
         if self._channel is not None:
             if not isinstance(state, FullChannelState):
                 raise StateError("state knows two cells; allowed: a state of the full channel")
-            return self._channel.integrate(state.cells, power_w, motion, slopes)
+            return self._channel.integrate(
+                state.cells, power_w, motion, slopes, state.state_of_charge
+            )
         count = motion.lengths_s.size
         integrator = self._integrators.get(count)
         if integrator is None:
@@ -239,7 +251,7 @@ class Plant:
             state.cell_1_capacity_loss,
             state.cell_n_capacity_loss,
         )
-        return integrator.integrate(cells, power_w, motion, slopes)
+        return integrator.integrate(cells, power_w, motion, slopes, state.state_of_charge)
 
     def _drive(
         self, state: VehicleState, command: Command, duration_s: float
@@ -295,6 +307,9 @@ class Plant:
             cell_n_temperature_k=cells.cell_n_temperature_k,
             cell_1_capacity_loss=cells.cell_1_capacity_loss,
             cell_n_capacity_loss=cells.cell_n_capacity_loss,
+            state_of_charge=charge_after(
+                state.state_of_charge, result.charge_c, self._capacity_ah(state)
+            ),
         )
         if result.channel is not None:
             end = FullChannelState(**vars(end), cells=result.channel)

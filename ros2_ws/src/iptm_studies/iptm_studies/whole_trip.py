@@ -31,6 +31,7 @@ from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.strategy import Strategy
 from iptm_core.decision_record import SolveStatus
+from iptm_core.physics.charge import nominal_charge_parameters
 from iptm_core.routes.route import Route
 from iptm_core.state import Command, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory
@@ -142,11 +143,12 @@ def solve_whole_trip(
         SolverSetupError: the problem cannot be built.
     """
     horizon = Horizon((HorizonPhase(round(route.duration_s / tick_s), tick_s),))
+    parameters = nominal_charge_parameters(plant.parameters)
     # What was driven is far from the optimum of the trip, what was found for another expansion is near.
     first, further = (
         build_plain_solver(
             horizon,
-            plant.parameters,
+            parameters,
             SolverOptions(
                 max_iterations=MAX_ITERATIONS,
                 tolerance=TOLERANCE,
@@ -157,7 +159,7 @@ def solve_whole_trip(
         for warm_start in (0, MAX_ITERATIONS)
     )
     grid = ProblemGrid(horizon)
-    builder = ProblemDataBuilder(grid, strategy, plant.parameters)
+    builder = ProblemDataBuilder(grid, strategy, parameters)
     leader = _leader_motion(route, horizon)
     slope = SlopePreview(np.asarray(route.slope.positions_m), np.asarray(route.slope.slopes_rad))
     state = plant.initial_state()

@@ -19,7 +19,7 @@ from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, Sta
 from iptm_core.parameters.model import LimitParameters, ModelParameters
 from iptm_core.physics.braking import braking_reserve_m
 from iptm_core.physics.coolant import reduce_channel
-from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.gap_policy import maximum_gap_m, minimum_gap_m
 from iptm_core.physics.longitudinal import advance_position_m, advance_speed_m_s
 from iptm_core.physics.ops import maximum
 from iptm_core.physics.power_thermal import (
@@ -36,6 +36,8 @@ DEFAULT_SMOOTHING = Smoothing(
     speed_m_s=0.3,
     cooling_w=50.0,
     deliverable_margin=0.02,
+    torque_nm=5.0,
+    blend_m_s=0.5,
 )
 LONGEST_UNWATCHED_S = 2.5
 GAP_SMOOTHING_M = 0.3
@@ -311,7 +313,9 @@ def _limits(
         floor + inputs[InputIndex.GAP_SHORT],
         # Asked for where the preview ends. At other nodes the row is a number that solvers need not heed.
         at_end * reserve + (1.0 - at_end) * NOT_ASKED_FOR_M + inputs[InputIndex.GAP_SHORT],
-        gap_policy.max_gap_m - gap + inputs[InputIndex.GAP_LONG],
+        maximum_gap_m(speed, gap_policy, smoothing_m=GAP_SMOOTHING_M)
+        - gap
+        + inputs[InputIndex.GAP_LONG],
         speed - bounds.min_speed_m_s + speed_slack,
         bounds.max_speed_m_s - speed + speed_slack,
         *temperature_rows(

@@ -19,7 +19,7 @@ from iptm_core.metrics.constraints import (
 )
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import largest_useful_power_w
-from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.gap_policy import maximum_gap_m, minimum_gap_m
 from iptm_core.physics.ops import Scalar, both, maximum
 from iptm_core.state import LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory
@@ -92,7 +92,7 @@ def broken_limits(at: Situation, parameters: ModelParameters) -> dict[Concern, S
     speed_excess = maximum(limits.min_speed_m_s - at.speed_m_s, at.speed_m_s - limits.max_speed_m_s)
     return {
         Concern.SHORT_GAP: at.gap_m < smallest - GAP_TOLERANCE_M,
-        Concern.LONG_GAP: at.gap_m > gap.max_gap_m + GAP_TOLERANCE_M,
+        Concern.LONG_GAP: at.gap_m > maximum_gap_m(at.speed_m_s, gap) + GAP_TOLERANCE_M,
         Concern.SPEED: speed_excess > SPEED_TOLERANCE_M_S,
         Concern.HOT_CELL: at.warmest_cell_k > limits.max_temperature_k + TEMPERATURE_TOLERANCE_K,
     }

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.gap_policy import maximum_gap_m, minimum_gap_m
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 
@@ -22,6 +22,7 @@ POWER_TOLERANCE_W = 1e-3
 SPEED_TOLERANCE_M_S = 1e-3
 GAP_TOLERANCE_M = 0.01
 TEMPERATURE_TOLERANCE_K = 0.01
+CHARGE_TOLERANCE = 1e-6
 
 _Row = tuple[str, str, str, FloatArray, float]
 """One limit: key, label, unit, excess at every instant (negative inside the limit), tolerance."""
@@ -94,6 +95,8 @@ def check_constraints(
             run.coolant_outlet_temperature_k,
         )
     )
+    largest_m = maximum_gap_m(run.speed_m_s, gap)
+    low_charge = parameters.charge.min_charge - run.state_of_charge
     m_s2, watt, kelvin = ACCELERATION_TOLERANCE_M_S2, POWER_TOLERANCE_W, TEMPERATURE_TOLERANCE_K
     # fmt: off
     hard: tuple[_Row, ...] = (
@@ -106,10 +109,11 @@ def check_constraints(
     soft: tuple[_Row, ...] = (
         ("speed", "speed", "m/s", speed, SPEED_TOLERANCE_M_S),
         ("smallest_gap", "gap below s_min", "m", -gap_margins_m(run, parameters), GAP_TOLERANCE_M),
-        ("largest_gap", "gap above s_max", "m", run.gap_m - gap.max_gap_m, GAP_TOLERANCE_M),
+        ("largest_gap", "gap above s_max", "m", run.gap_m - largest_m, GAP_TOLERANCE_M),
         ("cell_1_temperature", "temperature of cell 1", "K", cell_1, kelvin),
         ("cell_n_temperature", "temperature of cell N", "K", cell_n, kelvin),
         ("coolant_outlet_temperature", "coolant outlet temperature", "K", outlet, kelvin),
+        ("state_of_charge", "state of charge below soc_min", "1", low_charge, CHARGE_TOLERANCE),
     )
     # fmt: on
     rows = [*((row, True) for row in hard), *((row, False) for row in soft)]

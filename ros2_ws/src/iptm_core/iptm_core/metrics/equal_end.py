@@ -27,7 +27,7 @@ import numpy as np
 
 from iptm_core.metrics.run_metrics import EndState, RunMetrics
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell_thermal import cell_heat_w
+from iptm_core.physics.cell_thermal import cell_heat_w, heat_from_air_w
 from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
@@ -88,7 +88,10 @@ def cool_down(end: EndState, temperature_k: float, parameters: ModelParameters) 
     )
     cell, cells = parameters.cell, parameters.pack.cells_in_series * parameters.pack.parallel
     resistance_ohm = cell_resistance_ohm(middle_k, 0.5 * sum(losses), cell)
-    heat_w = cells * cell_heat_w(rates.cell_current_a, resistance_ohm, middle_k, cell)
+    heat_w = cells * (
+        cell_heat_w(rates.cell_current_a, resistance_ohm, middle_k, cell)
+        + heat_from_air_w(middle_k, parameters)
+    )
     net_w = rates.coolant.cooling_rate_w - heat_w
     loss_1_s = rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s
     to_remove_j = cells * cell.heat_capacity_j_k * warmer_k

@@ -229,6 +229,8 @@ _TRIP_FIGURES = (
     Figure("distance", "Distance", "km", 3, lambda run: 1e-3 * run.distance_m, "p"),
     Figure("consumption", "Battery energy per distance", "kWh/100 km", 2,
            lambda run: _per_distance(run.energy.battery_j, run.distance_m), "∫P_b dt / p", compared=True),
+    Figure("final_charge", "State of charge at the end", "%", 2,
+           lambda run: 1e2 * run.end.state_of_charge, "s"),
     Figure("final_temperature", "Mean cell temperature at the end", "°C", 2,
            lambda run: run.end.temperature_k - CELSIUS_ZERO_K),
     Figure("final_speed", "Speed at the end", "km/h", 1, lambda run: KM_H_PER_M_S * run.end.speed_m_s),

@@ -120,6 +120,7 @@ class EndState:
         temperature_k: mean of the first and the last cell.
         cell_1_capacity_loss: of the first cell, as a fraction of nominal.
         cell_n_capacity_loss: of the last cell.
+        state_of_charge: charge left in the pack; NaN where it is not known.
     """
 
     speed_m_s: float
@@ -127,6 +128,7 @@ class EndState:
     temperature_k: float
     cell_1_capacity_loss: float
     cell_n_capacity_loss: float
+    state_of_charge: float = math.nan
 
     @classmethod
     def of(cls, run: Trajectory, parameters: ModelParameters) -> EndState:
@@ -139,6 +141,7 @@ class EndState:
             temperature_k=0.5 * float(run.cell_1_temperature_k[-1] + run.cell_n_temperature_k[-1]),
             cell_1_capacity_loss=float(run.cell_1_capacity_loss[-1]),
             cell_n_capacity_loss=float(run.cell_n_capacity_loss[-1]),
+            state_of_charge=float(run.state_of_charge[-1]),
         )
 
 

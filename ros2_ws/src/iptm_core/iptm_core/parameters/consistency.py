@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
 
@@ -19,6 +21,7 @@ def check_consistency(values: ModelParameters, origin: str = "parameters") -> No
     _check_order(values, origin)
     _check_channel(values, origin)
     _check_cell(values, origin)
+    _check_charge(values, origin)
 
 
 def _check_order(values: ModelParameters, origin: str) -> None:
@@ -26,7 +29,12 @@ def _check_order(values: ModelParameters, origin: str) -> None:
         ("limits", f"min_{quantity}", f"max_{quantity}")
         for quantity in ("acceleration_m_s2", "compressor_power_w", "speed_m_s", "temperature_k")
     ]
-    for group, low_name, high_name in (*pairs, ("gap", "standstill_gap_m", "max_gap_m")):
+    others = [
+        ("gap", "standstill_gap_m", "max_gap_m"),
+        ("regeneration", "blend_start_m_s", "blend_end_m_s"),
+        ("charge", "min_charge", "initial_charge"),
+    ]
+    for group, low_name, high_name in (*pairs, *others):
         low: float = getattr(getattr(values, group), low_name)
         high: float = getattr(getattr(values, group), high_name)
         if low >= high:
@@ -83,15 +91,26 @@ def _check_cell(values: ModelParameters, origin: str) -> None:
     }
     for key, temperature_k in temperatures_k.items():
         factor = 1.0 + kappa * (temperature_k - cell.nominal_temperature_k)
-        if factor <= 0.0:
+        if factor <= 0.0 and cell.resistance_exponent_1_k == 0.0:
             raise ParameterError(
                 f"{origin}: cell.resistance_temperature_coefficient_1_k = {kappa!r} makes the cell "
                 f"resistance vanish at {key} = {temperature_k!r}: factor {factor:.6g}, allowed: above 0"
             )
         entropic_v = values.pack.cells_in_series * temperature_k * cell.entropic_coefficient_v_k
-        if entropic_v >= values.pack.open_circuit_voltage_v:
+        lowest_v = values.pack.open_circuit_voltage_v * min(values.charge.voltage_shares)
+        if entropic_v >= lowest_v:
             raise ParameterError(
                 f"{origin}: cell.entropic_coefficient_v_k = {cell.entropic_coefficient_v_k!r} gives an "
                 f"entropic voltage of {entropic_v:.6g} V at {key} = {temperature_k!r}; allowed: below "
-                f"pack.open_circuit_voltage_v = {values.pack.open_circuit_voltage_v!r}"
+                f"pack.open_circuit_voltage_v = {lowest_v!r}"
+            )
+
+
+def _check_charge(values: ModelParameters, origin: str) -> None:
+    shares = values.charge.voltage_shares
+    for below, (low, high) in enumerate(pairwise(shares)):
+        if high < low:
+            raise ParameterError(
+                f"{origin}: charge.voltage_share_{10 * below + 10} is {high!r}; allowed: at least "
+                f"charge.voltage_share_{10 * below} = {low!r}, the voltage rises with the charge"
             )

@@ -33,6 +33,7 @@ class FieldSpec:
         minimum: smallest permitted value, in ``unit``.
         maximum: largest permitted value, in ``unit``.
         integral: whether only whole numbers are permitted.
+        neutral: value where none is stated, None where one has to be.
     """
 
     key: str
@@ -41,6 +42,7 @@ class FieldSpec:
     minimum: float
     maximum: float
     integral: bool
+    neutral: float | None
 
     @property
     def allowed(self) -> str:
@@ -56,6 +58,7 @@ class SourceTag(TextEnum):
     PAPER = "paper"
     DERIVED = "derived"
     PUBLISHED = "published"
+    FITTED = "fitted"
     CHOSEN = "chosen"
     OVERRIDE = "override"
 
@@ -96,8 +99,14 @@ def field_specs() -> Mapping[str, FieldSpec]:
                 minimum=declared.metadata["minimum"],
                 maximum=declared.metadata["maximum"],
                 integral=hints[declared.name] is int,
+                neutral=declared.metadata["neutral"],
             )
     return specs
+
+
+def neutral_values() -> dict[str, float]:
+    """Values of the parameters that need not be stated, by dotted key."""
+    return {key: spec.neutral for key, spec in field_specs().items() if spec.neutral is not None}
 
 
 @lru_cache(maxsize=1)
@@ -164,7 +173,7 @@ def flat_to_parameters(
     """Build parameters from dotted key -> number in the units of the model.
 
     Args:
-        mapping: every parameter of the model, and nothing else.
+        mapping: parameters of the model, and nothing else; those with a neutral value may be missing.
         origin: where the numbers come from, for the messages.
 
     Returns:
@@ -176,6 +185,7 @@ def flat_to_parameters(
     """
     specs = field_specs()
     mapping = StrictMapping(mapping, origin, specs, kind="parameter", error=ParameterError).content
+    mapping = {**neutral_values(), **mapping}
     missing = [key for key in specs if key not in mapping]
     if missing:
         more = f" and {len(missing) - 5} more" if len(missing) > 5 else ""

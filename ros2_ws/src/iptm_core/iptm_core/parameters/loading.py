@@ -16,6 +16,7 @@ from iptm_core.parameters.flat import (
     checked_number,
     field_specs,
     flat_to_parameters,
+    neutral_values,
     to_flat_dict,
 )
 from iptm_core.parameters.layers import Layer, read_layer
@@ -26,6 +27,7 @@ from iptm_core.user_input import number
 
 DEFAULT_SET = "paper_calibrated"
 _MAX_LAYERS = 8
+_NEUTRAL = "changes nothing: the paper's equations count"
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,10 @@ def load_parameters(
     """
     path = _find(name_or_path)
     layers = _read_layers(path)
-    sources: dict[str, Source] = {}
+    sources: dict[str, Source] = {
+        key: Source(value, field_specs()[key].unit, SourceTag.CHOSEN, _NEUTRAL)
+        for key, value in neutral_values().items()
+    }
     table: ChillerTable | None = None
     for layer in layers:
         if layer.chiller_table is not None:

@@ -10,9 +10,29 @@ from dataclasses import dataclass, field
 from typing import Any
 
 
-def quantity(symbol: str, unit: str, minimum: float, maximum: float) -> Any:
-    """Declare a required scalar field with the paper's symbol, its unit and its closed range."""
-    return field(metadata={"symbol": symbol, "unit": unit, "minimum": minimum, "maximum": maximum})
+def quantity(
+    symbol: str, unit: str, minimum: float, maximum: float, neutral: float | None = None
+) -> Any:
+    """Declare a scalar field with the paper's symbol, its unit and its closed range.
+
+    Args:
+        symbol: the paper's symbol, or that of the field.
+        unit: unit of the model.
+        minimum: smallest permitted value.
+        maximum: largest permitted value.
+        neutral: value at which a law that refines the paper's changes nothing. It counts where a set does
+            not state the parameter; without one the parameter is required.
+    """
+    metadata = {
+        "symbol": symbol,
+        "unit": unit,
+        "minimum": minimum,
+        "maximum": maximum,
+        "neutral": neutral,
+    }
+    return (
+        field(metadata=metadata) if neutral is None else field(default=neutral, metadata=metadata)
+    )
 
 
 @dataclass(frozen=True)
@@ -38,6 +58,24 @@ class PowertrainParameters:
     driveline_efficiency: float = quantity("eta_t", "1", 0.5, 1.0)
     motor_loss_w_per_nm2: float = quantity("sigma", "W/(N m)^2", 0.0, 20.0)
     regenerative_efficiency: float = quantity("zeta", "1", 0.0, 1.0)
+    drag_loss_w_s2_rad2: float = quantity("c_2", "W s^2/rad^2", 0.0, 1.0, neutral=0.0)
+
+
+@dataclass(frozen=True)
+class RegenerationParameters:
+    """Limits within which the motor brakes, the friction brakes supply the rest; no torque: no limits."""
+
+    torque_nm: float = quantity("T_reg", "N m", 0.0, 10000.0, neutral=0.0)
+    power_w: float = quantity("P_reg", "W", 1.0, 1e6, neutral=1e6)
+    blend_start_m_s: float = quantity("v_0", "m/s", 0.0, 20.0, neutral=0.0)
+    blend_end_m_s: float = quantity("v_1", "m/s", 0.01, 30.0, neutral=0.01)
+    deceleration_m_s2: float = quantity("b_0", "m/s^2", 0.0, 12.0, neutral=12.0)
+    decline_s2_m: float = quantity("k_b", "s^2/m", 0.0, 10.0, neutral=0.0)
+
+    @property
+    def limited(self) -> bool:
+        """Whether regeneration is limited."""
+        return self.torque_nm > 0.0
 
 
 @dataclass(frozen=True)
@@ -69,6 +107,40 @@ class CellParameters:
     resistance_aging_factor: float = quantity("mu", "1", 0.5, 5.0)
     resistance_aging_exponent: float = quantity("lambda", "1", 0.0, 10.0)
     entropic_coefficient_v_k: float = quantity("dV_bc/dT", "V/K", -0.005, 0.005)
+    resistance_exponent_1_k: float = quantity("k_R", "1/K", 0.0, 0.2, neutral=0.0)
+    resistance_offset_share: float = quantity("r_0", "1", 0.0, 0.99, neutral=0.0)
+
+
+def _share(charge_percent: int) -> Any:
+    return quantity(f"E_b({charge_percent} %)/E_b", "1", 0.3, 1.5, neutral=1.0)
+
+
+@dataclass(frozen=True)
+class ChargeParameters:
+    """State of charge, and what of the pack depends on it; shares of one are the paper's constant voltage.
+
+    The shares are those of the open-circuit voltage at every tenth of the charge, linear between.
+    """
+
+    initial_charge: float = quantity("s_ini", "1", 0.0, 1.0, neutral=0.9)
+    min_charge: float = quantity("s_min", "1", 0.0, 1.0, neutral=0.1)
+    resistance_slope: float = quantity("k_s", "1", -1.9, 1.9, neutral=0.0)
+    voltage_share_0: float = _share(0)
+    voltage_share_10: float = _share(10)
+    voltage_share_20: float = _share(20)
+    voltage_share_30: float = _share(30)
+    voltage_share_40: float = _share(40)
+    voltage_share_50: float = _share(50)
+    voltage_share_60: float = _share(60)
+    voltage_share_70: float = _share(70)
+    voltage_share_80: float = _share(80)
+    voltage_share_90: float = _share(90)
+    voltage_share_100: float = _share(100)
+
+    @property
+    def voltage_shares(self) -> tuple[float, ...]:
+        """Shares of the open-circuit voltage from empty to full."""
+        return tuple(getattr(self, f"voltage_share_{percent}") for percent in range(0, 101, 10))
 
 
 @dataclass(frozen=True)
@@ -91,6 +163,7 @@ class CoolingParameters:
     coolant_mass_flow_kg_s: float = quantity("m_c", "kg/s", 0.001, 10.0)
     coolant_specific_heat_j_kg_k: float = quantity("C_p", "J/(kg K)", 500.0, 6000.0)
     auxiliary_power_w: float = quantity("P_aux", "W", 0.0, 10000.0)
+    air_exchange_w_k: float = quantity("G_a", "W/K", 0.0, 1000.0, neutral=0.0)
 
 
 @dataclass(frozen=True)
@@ -144,12 +217,16 @@ class BrakeParameters:
 
 @dataclass(frozen=True)
 class GapParameters:
-    """Car-following limits: intelligent driver model below, traffic efficiency above."""
+    """Car-following limits: intelligent driver model below, traffic efficiency above.
+
+    A largest time headway of 0 is none.
+    """
 
     standstill_gap_m: float = quantity("s_st", "m", 0.0, 50.0)
     time_headway_s: float = quantity("T_h", "s", 0.1, 10.0)
     max_gap_m: float = quantity("s_max", "m", 20.0, 1000.0)
     initial_gap_m: float = quantity("s_init", "m", 1.0, 500.0)
+    max_time_headway_s: float = quantity("T_max", "s", 0.0, 100.0, neutral=0.0)
 
 
 @dataclass(frozen=True)
@@ -158,8 +235,10 @@ class ModelParameters:
 
     body: BodyParameters
     powertrain: PowertrainParameters
+    regeneration: RegenerationParameters
     pack: PackParameters
     cell: CellParameters
+    charge: ChargeParameters
     aging: AgingParameters
     cooling: CoolingParameters
     chiller: ChillerParameters

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from iptm_core.parameters.model import CellParameters, CoolingParameters
+from iptm_core.parameters.model import CellParameters, CoolingParameters, ModelParameters
+from iptm_core.physics.cell_voltage import heat_from_surroundings_w
 from iptm_core.physics.ops import Scalar
 
 
@@ -39,3 +40,16 @@ def cell_temperature_rate_k_s(
     """
     convection = cooling.convective_coefficient_w_k * (coolant_temperature_k - temperature_k)
     return (heat_w + convection) / cell.heat_capacity_j_k
+
+
+def heat_from_air_w(temperature_k: Scalar, parameters: ModelParameters) -> Scalar:
+    """Heat that a cell takes from the ambient air, its share of the exchange of the pack, in W.
+
+    The paper has none: exactly 0 without an exchange.
+    """
+    exchange_w_k = parameters.cooling.air_exchange_w_k
+    if exchange_w_k == 0.0:
+        return 0.0
+    cells = parameters.pack.cells_in_series * parameters.pack.parallel
+    ambient_k = parameters.environment.ambient_temperature_k
+    return heat_from_surroundings_w(temperature_k, ambient_k, exchange_w_k / cells)

@@ -58,8 +58,13 @@ class ResistanceLaw:
 
     def ohm(self, temperature_k: Scalar, charge: Scalar) -> Scalar:
         """Return the resistance in ohm."""
-        growth = exp(-self.coefficient_1_k * (temperature_k - self.reference_k))
+        growth = exponential_growth(temperature_k, self.coefficient_1_k, self.reference_k)
         return self.offset_ohm.at(charge) + self.exponential_ohm.at(charge) * growth
+
+
+def exponential_growth(temperature_k: Scalar, coefficient_1_k: float, reference_k: float) -> Scalar:
+    """Factor by which a resistance exceeds that at the reference temperature."""
+    return exp(-coefficient_1_k * (temperature_k - reference_k))
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,13 @@ def charge_rate_1_s(current_a: Scalar, capacity_ah: float) -> Scalar:
     return -current_a / (3600.0 * capacity_ah)
 
 
+def heat_from_surroundings_w(
+    temperature_k: Scalar, ambient_k: Scalar, exchange_w_k: float
+) -> Scalar:
+    """Heat that a cell or pack takes from the air around it, in W."""
+    return exchange_w_k * (ambient_k - temperature_k)
+
+
 def ambient_temperature_rate_k_s(
     heat_w: Scalar,
     temperature_k: Scalar,
@@ -106,4 +118,5 @@ def ambient_temperature_rate_k_s(
     exchange_w_k: float,
 ) -> Scalar:
     """Rate of the temperature of a cell or pack that exchanges heat with the air around it, in K/s."""
-    return (heat_w - exchange_w_k * (temperature_k - ambient_k)) / heat_capacity_j_k
+    taken_w = heat_from_surroundings_w(temperature_k, ambient_k, exchange_w_k)
+    return (heat_w + taken_w) / heat_capacity_j_k

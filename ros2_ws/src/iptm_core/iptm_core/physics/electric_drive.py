@@ -6,30 +6,8 @@ These functions refine both; they are fitted to measured cars in ``iptm_validati
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from iptm_core.parameters.model import RegenerationParameters
 from iptm_core.physics.ops import Scalar, absolute, maximum, minimum
-
-
-@dataclass(frozen=True)
-class RegenerationLimits:
-    """What the motor may contribute to braking.
-
-    Attributes:
-        torque_nm: largest regenerative motor torque, positive.
-        power_w: largest regenerative shaft power, positive.
-        blend_start_m_s: speed below which the friction brakes alone stop the vehicle.
-        blend_end_m_s: speed above which the motor brakes within its limits.
-        deceleration_m_s2: deceleration from which on the friction brakes take over, positive.
-        decline_s2_m: share of the regenerative torque that is lost per m/s^2 beyond that deceleration.
-    """
-
-    torque_nm: float
-    power_w: float
-    blend_start_m_s: float
-    blend_end_m_s: float
-    deceleration_m_s2: float
-    decline_s2_m: float
 
 
 def drag_loss_w(
@@ -54,7 +32,10 @@ def regenerative_torque_nm(
     motor_speed_rad_s: Scalar,
     speed_m_s: Scalar,
     acceleration_m_s2: Scalar,
-    limits: RegenerationLimits,
+    limits: RegenerationParameters,
+    *,
+    torque_smoothing_nm: float = 0.0,
+    speed_smoothing_m_s: float = 0.0,
 ) -> Scalar:
     """Motor torque for a demanded torque: braking is shared with the friction brakes.
 
@@ -64,15 +45,20 @@ def regenerative_torque_nm(
         speed_m_s: vehicle speed, not negative.
         acceleration_m_s2: acceleration of the vehicle, negative when braking.
         limits: limits of regeneration.
+        torque_smoothing_nm: width of the smoothed bound of the torque; 0 is exact.
+        speed_smoothing_m_s: width of the smoothed ends of the blending; 0 is exact.
 
     Returns:
         Motor torque in N m; the friction brakes supply the difference.
     """
     blend_width = limits.blend_end_m_s - limits.blend_start_m_s
-    blend = minimum(maximum((speed_m_s - limits.blend_start_m_s) / blend_width, 0.0), 1.0)
+    blend_smoothing = speed_smoothing_m_s / blend_width
+    blend = (speed_m_s - limits.blend_start_m_s) / blend_width
+    blend = minimum(maximum(blend, 0.0, blend_smoothing), 1.0, blend_smoothing)
     beyond = maximum(-acceleration_m_s2 - limits.deceleration_m_s2, 0.0)
     share = maximum(1.0 - limits.decline_s2_m * beyond, 0.0)
     # Below one rad/s the power limit does not bind at any torque of a road vehicle.
     power_bound = limits.power_w / maximum(motor_speed_rad_s, 1.0)
-    bound = blend * minimum(limits.torque_nm, power_bound)
-    return maximum(torque_nm, 0.0) + maximum(share * minimum(torque_nm, 0.0), -bound)
+    bound = blend * minimum(limits.torque_nm, power_bound, torque_smoothing_nm)
+    braking = minimum(torque_nm, 0.0)
+    return maximum(torque_nm + (share - 1.0) * braking, -bound, torque_smoothing_nm)

@@ -30,6 +30,12 @@ def motor_torque_nm(
     return driven * powertrain.wheel_radius_m / ratio
 
 
+def motor_speed_rad_s(speed_m_s: Scalar, powertrain: PowertrainParameters) -> Scalar:
+    """Motor speed at a vehicle speed."""
+    ratio = powertrain.transmission_ratio * powertrain.final_drive_ratio
+    return speed_m_s * (ratio / powertrain.wheel_radius_m)
+
+
 def brake_release(
     speed_m_s: Scalar, acceleration_m_s2: Scalar, *, speed_smoothing_m_s: float = 0.0
 ) -> Scalar:

@@ -1,4 +1,7 @@
-"""All effects put together: from speed, inputs and cell states to powers and rates, eqs. (2) to (15)."""
+"""All effects put together: from speed, inputs and cell states to powers and rates, eqs. (2) to (15).
+
+Parameters are those at a state of charge, see ``at_charge``.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,14 @@ from dataclasses import dataclass
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.aging import capacity_loss_rate_1_s
 from iptm_core.physics.battery_power import battery_power_w
-from iptm_core.physics.cell_thermal import cell_heat_w, cell_temperature_rate_k_s
+from iptm_core.physics.cell_thermal import (
+    cell_heat_w,
+    cell_temperature_rate_k_s,
+    heat_from_air_w,
+)
 from iptm_core.physics.chiller import chiller_line
 from iptm_core.physics.coolant import Channel
+from iptm_core.physics.electric_drive import drag_loss_w, regenerative_torque_nm
 from iptm_core.physics.electrical import (
     cell_current_a,
     extended_pack_current_a,
@@ -17,7 +25,7 @@ from iptm_core.physics.electrical import (
     pack_resistance_ohm,
 )
 from iptm_core.physics.longitudinal import traction_force_n
-from iptm_core.physics.motor import brake_release, motor_torque_nm
+from iptm_core.physics.motor import brake_release, motor_speed_rad_s, motor_torque_nm
 from iptm_core.physics.ops import Scalar
 from iptm_core.physics.resistance import cell_resistance_ohm
 from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
@@ -33,6 +41,8 @@ class Smoothing:
         power_w: switch from driving to regeneration.
         current_a: magnitude of the cell current in the ageing rate.
         speed_m_s: brake hold at standstill.
+        torque_nm: limit of the regenerative torque.
+        blend_m_s: ends of the blending between motor and friction brakes.
         cooling_w: bound of the cooling rate at zero.
         deliverable_margin: part of the largest power that the pack can deliver over which the current leaves
             its root for a tangent, see ``extended_pack_current_a``.
@@ -44,6 +54,8 @@ class Smoothing:
     speed_m_s: float = 0.0
     cooling_w: float = 0.0
     deliverable_margin: float = 0.0
+    torque_nm: float = 0.0
+    blend_m_s: float = 0.0
 
 
 EXACT = Smoothing()
@@ -81,11 +93,29 @@ def electric_traction_power_w(
     parameters: ModelParameters,
     smoothing: Smoothing = EXACT,
 ) -> Scalar:
-    """Traction power from motion and slope (eqs. 2, 3 and 5) with the brake hold at standstill."""
+    """Traction power from motion and slope (eqs. 2, 3 and 5) with the brake hold at standstill.
+
+    Where they are given, the limits of regeneration bound the torque, and the drag loss is added.
+    """
+    powertrain = parameters.powertrain
     force = traction_force_n(speed_m_s, acceleration_m_s2, slope_rad, parameters.body)
-    torque = motor_torque_nm(force, parameters.powertrain, force_smoothing_n=smoothing.force_n)
+    torque = motor_torque_nm(force, powertrain, force_smoothing_n=smoothing.force_n)
+    if parameters.regeneration.limited:
+        torque = regenerative_torque_nm(
+            torque,
+            motor_speed_rad_s(speed_m_s, powertrain),
+            speed_m_s,
+            acceleration_m_s2,
+            parameters.regeneration,
+            torque_smoothing_nm=smoothing.torque_nm,
+            speed_smoothing_m_s=smoothing.blend_m_s,
+        )
     released = brake_release(speed_m_s, acceleration_m_s2, speed_smoothing_m_s=smoothing.speed_m_s)
-    return traction_power_w(speed_m_s, released * torque, parameters.powertrain)
+    power = traction_power_w(speed_m_s, released * torque, powertrain)
+    if powertrain.drag_loss_w_s2_rad2 > 0.0:
+        turning = motor_speed_rad_s(speed_m_s, powertrain)
+        power = power + drag_loss_w(turning, 0.0, powertrain.drag_loss_w_s2_rad2)
+    return power
 
 
 def power_thermal_rates(
@@ -174,6 +204,7 @@ def rates_at_traction_power(
 
     def temperature_rate(temperature: Scalar, resistance: Scalar, coolant: Scalar) -> Scalar:
         heat = cell_heat_w(current, resistance, temperature, cell)
+        heat = heat + heat_from_air_w(temperature, parameters)
         return cell_temperature_rate_k_s(heat, temperature, coolant, cell, parameters.cooling)
 
     def loss_rate(temperature: Scalar, loss: Scalar) -> Scalar:

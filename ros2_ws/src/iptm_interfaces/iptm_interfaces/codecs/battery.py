@@ -9,7 +9,7 @@ from sensor_msgs.msg import BatteryState, JointState
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import IntervalPowers
-from iptm_interfaces.codecs._checks import not_negative
+from iptm_interfaces.codecs._checks import finite, not_negative
 from iptm_interfaces.codecs.fixed_layout import Numbers
 from iptm_interfaces.codecs.named_values import decode_named_values, named_values
 from iptm_interfaces.codecs.time import ns_from_s, time_from_s
@@ -86,6 +86,16 @@ def encode_battery(reading: BatteryReading) -> BatteryState:
     message.header.stamp = time_from_s(reading.time_s)
     message.header.frame_id = PACK_FRAME
     return message
+
+
+def decode_charge(message: BatteryState) -> float:
+    """Return the state of charge, 0 to 1; NaN where it was not measured.
+
+    Raises:
+        MessageError: it is infinite.
+    """
+    charge = float(message.percentage)
+    return charge if math.isnan(charge) else finite(Topic.PLANT_BATTERY, "percentage", charge)
 
 
 def _supply_status(ros_current_a: float) -> int:

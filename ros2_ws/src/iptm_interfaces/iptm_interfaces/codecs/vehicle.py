@@ -26,7 +26,7 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_interfaces.codecs._checks import finite, not_negative, reject
-from iptm_interfaces.codecs.battery import decode_powers
+from iptm_interfaces.codecs.battery import decode_charge, decode_powers
 from iptm_interfaces.codecs.fixed_layout import Numbers, encoder
 from iptm_interfaces.codecs.named_values import decode_named_values, named_values
 from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns
@@ -162,6 +162,7 @@ def _known_state(messages: Mapping[Topic, Any]) -> VehicleState:
     position_m, speed_m_s = _decode_motion(Topic.PLANT_ODOMETRY, odometry)
     acceleration = messages.get(Topic.PLANT_ACCELERATION)
     powers, losses = messages.get(Topic.PLANT_POWERS), messages.get(Topic.PLANT_CAPACITY_LOSS)
+    battery = messages.get(Topic.PLANT_BATTERY)
     cell_1_loss, cell_n_loss = (nan, nan) if losses is None else decode_capacity_loss(losses)
     return VehicleState(
         time_s=s_from_ns(ns_from_time(odometry.header.stamp)),
@@ -175,6 +176,7 @@ def _known_state(messages: Mapping[Topic, Any]) -> VehicleState:
         cell_n_temperature_k=_temperature(Topic.PLANT_CELL_N_TEMPERATURE, messages),
         cell_1_capacity_loss=cell_1_loss,
         cell_n_capacity_loss=cell_n_loss,
+        state_of_charge=nan if battery is None else decode_charge(battery),
     )
 
 

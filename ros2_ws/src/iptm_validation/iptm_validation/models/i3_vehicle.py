@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from iptm_core.parameters.model import BodyParameters
-from iptm_core.physics.electric_drive import RegenerationLimits, regenerative_torque_nm
+from iptm_core.parameters.model import BodyParameters, RegenerationParameters
+from iptm_core.physics.electric_drive import regenerative_torque_nm
 from iptm_core.physics.longitudinal import traction_force_n
 from iptm_core.physics.motor import motor_torque_nm
 from iptm_core.physics.road_load import warm_up_force_n
@@ -27,7 +27,7 @@ from iptm_validation.models.i3_drivetrain import (
 GRAVITY_M_S2 = 9.81
 FRONTAL_AREA_M2 = 2.38
 INERTIA_FACTOR = 1.03
-REGENERATION = RegenerationLimits(
+REGENERATION = RegenerationParameters(
     torque_nm=84.0,
     power_w=51.0e3,
     blend_start_m_s=3.0 / 3.6,
