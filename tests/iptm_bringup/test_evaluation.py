@@ -151,7 +151,7 @@ def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
         ((Topic.COMMAND, 3), None),
         ((Topic.LEADER_PREVIEW, 4), "the bag holds 20 messages of v2x/leader_preview, 21 are"),
         ((Topic.CLOCK, 4), "the bag holds 20 messages of clock, 21 are needed"),
-        ((Topic.PLANT_BATTERY, 4), "the bag holds 20 messages of plant/battery, 21 are needed"),
+        ((Topic.PLANT_SAFETY, 4), "the bag holds 20 messages of plant/safety_monitor, 21 are"),
         ((Topic.PLANT_ODOMETRY, 0), "the run covers 1 s to 20 s of a trip of 20 s"),
         ((Topic.PLANT_ODOMETRY, 20), "the bag lacks 1 states that the runner heard"),
         ((Topic.SOLVE, 20), None),
@@ -174,9 +174,10 @@ def test_an_incomplete_bag_is_a_problem(
 def test_a_bag_with_a_gap_cannot_be_judged(
     prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    bag = write_bag(tmp_path / "bag", (Topic.PLANT_POWERS, 7))
-    with pytest.raises(BagError, match="lacks plant/powers at 7 s"):
-        judge(prepared, heard, bag)
+    for topic in (Topic.PLANT_POWERS, Topic.PLANT_BATTERY):
+        bag = write_bag(tmp_path / topic.name, (topic, 7))
+        with pytest.raises(BagError, match=f"lacks {topic.value} at 7 s"):
+            judge(prepared, heard, bag)
 
 
 def test_a_run_that_is_too_short_is_a_problem(prepared: PreparedScenario, heard: Heard) -> None:
