@@ -256,6 +256,35 @@ def test_a_silent_sensor_lets_the_last_measurement_go_on_with_its_deceleration()
     assert LeadMeasurements(before, LeaderPreview.empty()).at(1.0) == (None, False), "a free road"
 
 
+def test_a_vehicle_that_is_not_measured_any_more_is_assumed_to_brake() -> None:
+    cruising = MonitorMemory(lead=LeaderState(0.0, 50.0, 20.0))
+    silent = LeadMeasurements(cruising, None)
+    assert silent.at(1.5)[0] == LeaderState(1.5, 80.0, 20.0), (
+        "one missed measurement changes nothing"
+    )
+    lead, measured = silent.at(3.5)
+    assert not measured
+    assert lead == LeaderState(3.5, 80.0 + 40.0 - 6.0, 14.0)
+    lead, _ = silent.at(60.0)
+    assert lead is not None
+    assert lead.speed_m_s == 0.0
+    assert lead.position_m == pytest.approx(80.0 + 20.0**2 / 6.0)
+
+
+def test_the_gap_grows_behind_a_sensor_that_falls_silent() -> None:
+    plant, state = driving(20.0)
+    gap = MONITOR.safe_distance_m(20.0, 0.0, 20.0) + 10.0
+    measured = lead_at(gap, 20.0)
+    plant.watch(lambda state: measured(state) if state.time_s < 1.5 else None)
+    braked_s = 0.0
+    for _ in range(6):
+        step = plant.advance(state, COAST)
+        braked_s += step.safety.service_braking_s
+        state = step.state
+    assert braked_s > 0.0
+    assert state.speed_m_s < 20.0
+
+
 def test_without_a_vehicle_ahead_it_does_not_brake() -> None:
     plant, state = driving(30.0)
     plant.watch(lambda _: LeaderPreview.empty())

@@ -29,6 +29,11 @@ ANOTHER_LEAD_M = 3.0
 """A vehicle ahead that moves by so much more or less than its speeds say is another one."""
 LARGEST_MEASURING_INTERVAL_S = 5.0
 """Two measurements further apart say nothing about the acceleration of the vehicle ahead."""
+SILENT_S = 1.5
+"""Age of the last measurement from which the vehicle ahead is assumed to brake."""
+SILENT_DECELERATION_M_S2 = 3.0
+"""Assumed deceleration of a vehicle that is not measured any more: harder than drivers brake in ordinary
+traffic. The hardest deceleration instead would answer every dropout of the sensor with an emergency stop."""
 
 
 @dataclass(frozen=True)
@@ -218,7 +223,8 @@ class LeadMeasurements:
     """The vehicle ahead at any instant of an interval, from what the range sensor measured.
 
     At the instant of a measurement it is that; behind it, a motion that goes on with the measured
-    deceleration. A measured acceleration is not relied on.
+    deceleration, and from `SILENT_S` on with at least `SILENT_DECELERATION_M_S2`. A measured acceleration is
+    not relied on.
     """
 
     def __init__(self, memory: MonitorMemory, samples: LeaderPreview | None) -> None:
@@ -251,12 +257,12 @@ class LeadMeasurements:
         ahead_s = time_s - known.time_s
         if abs(ahead_s) <= _RESOLUTION_S:
             return known, True
-        slowing = min(self._acceleration_m_s2(index), 0.0)
-        if known.speed_m_s + slowing * ahead_s <= 0.0 and slowing < 0.0:
-            ahead_s = known.speed_m_s / -slowing
-        moved_m = ahead_s * (known.speed_m_s + 0.5 * slowing * ahead_s)
-        speed_m_s = max(known.speed_m_s + slowing * ahead_s, 0.0)
-        return LeaderState(time_s, known.position_m + moved_m, speed_m_s), False
+        deceleration = max(-self._acceleration_m_s2(index), 0.0)
+        lead = _slowed(known, deceleration, min(ahead_s, SILENT_S))
+        if ahead_s > SILENT_S:
+            deceleration = max(deceleration, SILENT_DECELERATION_M_S2)
+            lead = _slowed(lead, deceleration, ahead_s - SILENT_S)
+        return replace(lead, time_s=time_s), False
 
     def measured_after(self, time_s: float) -> tuple[FloatArray, FloatArray]:
         """Return times and positions of the measurements after an instant, shape (n,) each."""
@@ -293,6 +299,15 @@ class LeadMeasurements:
         if abs(now.position_m - before.position_m - foreseen_m) > ANOTHER_LEAD_M:
             return 0.0
         return (now.speed_m_s - before.speed_m_s) / interval_s
+
+
+def _slowed(lead: LeaderState, deceleration_m_s2: float, duration_s: float) -> LeaderState:
+    """Return a vehicle that has braked for a while, to standstill at most."""
+    if deceleration_m_s2 > 0.0:
+        duration_s = min(duration_s, lead.speed_m_s / deceleration_m_s2)
+    moved_m = duration_s * (lead.speed_m_s - 0.5 * deceleration_m_s2 * duration_s)
+    speed_m_s = max(lead.speed_m_s - deceleration_m_s2 * duration_s, 0.0)
+    return LeaderState(lead.time_s + duration_s, lead.position_m + moved_m, speed_m_s)
 
 
 def _single(lead: LeaderState) -> LeaderPreview:
