@@ -183,6 +183,22 @@ def test_the_picture_is_drawn(
     assert imread(path).shape[0] < pixels.shape[0]
 
 
+def test_interventions_of_the_safety_monitor_are_marked(
+    results: RunResults, tmp_path: Path
+) -> None:
+    columns = dict(results.trajectory.to_arrays())
+    columns["service_braking_s"] = np.zeros_like(columns["time_s"])
+    pictures = []
+    for name in ("calm.png", "braked.png"):
+        run = Trajectory.from_arrays(columns)
+        save_picture(tmp_path / name, dataclasses.replace(results, trajectory=run))
+        pictures.append(imread(tmp_path / name))
+        columns["service_braking_s"] = np.where(columns["time_s"] == 20.0, 0.4, 0.0)
+    calm, braked = pictures
+    rows = np.flatnonzero(np.any(calm != braked, axis=(1, 2)))
+    assert 0 < rows.size < 0.1 * calm.shape[0], "marks and legend of one panel"
+
+
 def test_a_run_in_which_nothing_happens_can_be_drawn(results: RunResults, tmp_path: Path) -> None:
     still = {
         name: np.full_like(column, column[0])

@@ -163,6 +163,8 @@ def _gap(axes: Axes, results: RunResults) -> None:
     axes.axhline(largest, color=RED, lw=0.9, ls="--", label=f"s_max = {largest:g} m")
     _reference(axes, results, lambda other: other.gap_m)
     axes.plot(run.time_s, run.gap_m, color=BLUE, label="gap")
+    braked = run.time_s[run.service_braking_s > 0.0]
+    _marks(axes, braked, PURPLE, "safety monitor braked")
     top = 1.05 * max(largest, float(np.fmax.reduce(run.gap_m)), float(np.fmax.reduce(smallest)))
     axes.set_ylim(0.0, top)
     _titled(axes, "Gap to the leader", "m")
@@ -255,13 +257,17 @@ def _solver(axes: Axes, results: RunResults) -> None:
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.yaxis.set_minor_locator(NullLocator())
-    fallback = decisions.time_s[rung > 0.0]
-    if fallback.size:
-        axes.plot(
-            fallback, np.full(fallback.shape, 0.97), "v", ms=4, color=RED,
-            transform=axes.get_xaxis_transform(), label="fallback",
-        )  # fmt: skip
+    _marks(axes, decisions.time_s[rung > 0.0], RED, "fallback")
     _titled(axes, "Solver", "ms")
+
+
+def _marks(axes: Axes, times_s: FloatArray, color: str, label: str) -> None:
+    """Mark instants at the top of a panel; without any, the legend stays as it is."""
+    if times_s.size:
+        axes.plot(
+            times_s, np.full(times_s.shape, 0.97), "v", ms=4, color=color,
+            transform=axes.get_xaxis_transform(), label=label,
+        )  # fmt: skip
 
 
 def _has_positive(values: FloatArray) -> bool:
