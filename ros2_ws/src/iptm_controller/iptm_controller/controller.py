@@ -145,6 +145,7 @@ class Controller:
             valuation=ValuationMemory() if self._valuation is None else self._valuation.memory,
             traction=TractionMemory() if self._traction is None else self._traction.memory,
             leader_past=self._forecaster.past,
+            fusion=self._forecaster.fusion.memory,
             trust=self._forecaster.trust.memory,
             actuation=self._actuation.memory,
             estimator=self._estimator.memory,
@@ -161,6 +162,7 @@ class Controller:
         if self._traction is not None:
             self._traction.memory = memory.traction
         self._forecaster.past = memory.leader_past
+        self._forecaster.fusion.memory = memory.fusion
         self._forecaster.trust.memory = memory.trust
         self._actuation.memory = memory.actuation
         self._estimator.memory = memory.estimator
@@ -214,7 +216,7 @@ class Controller:
             planned.value,
             self._actuation.delay_s,
             self._actuation.brake_share,
-            self._estimator.noise,
+            ", ".join(filter(None, (self._estimator.noise, self._forecaster.fusion.noise))),
         )
 
     def _within_comfort(self, state: VehicleState) -> VehicleState:

@@ -48,7 +48,7 @@ class Decision:
         value: price of the temperatures at the end of the horizon.
         command_delay_s: time by which commands act late, as observed.
         brake_share: share of a commanded deceleration that is delivered, as observed.
-        noise: which measurements are noisy and filtered, empty if none is.
+        noise: which measurements and previews are noisy and filtered, empty if none is.
     """
 
     command: Command

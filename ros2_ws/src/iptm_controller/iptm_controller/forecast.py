@@ -19,6 +19,7 @@ from iptm_controller.leader_motion import (
     extrapolated_motion,
     measured_acceleration_m_s2,
 )
+from iptm_controller.preview_fusion import PreviewFusion
 from iptm_controller.preview_trust import PRESENT_ERROR_M_S, PreviewTrust
 from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState
 
@@ -122,6 +123,7 @@ class LeaderForecaster:
     """Keeps the leader's recent past and joins it with each tick's preview.
 
     Attributes:
+        fusion: averages noisy previews.
         trust: how far ahead previews are trusted.
     """
 
@@ -136,6 +138,7 @@ class LeaderForecaster:
         self._horizon_s = horizon_s
         self._max_age_s = max_age_s
         self._past: deque[LeaderState] = deque()
+        self.fusion = PreviewFusion()
         self.trust = PreviewTrust(tick_s)
 
     @property
@@ -167,7 +170,7 @@ class LeaderForecaster:
         age_s = leader.time_s - preview.generated_at_s if preview.times_s.size else float("nan")
         known_s = 0.0
         if quality in {PreviewQuality.FULL, PreviewQuality.SHORT}:
-            future = self._follow_preview(leader, _never_backwards(preview))
+            future = self._follow_preview(leader, self.fusion.fused(_never_backwards(preview)))
             self.trust.remember(leader, future)
             known_s = float(preview.times_s[-1]) - leader.time_s
             present_error_m_s = abs(float(future.speeds_m_s[0]) - leader.speed_m_s)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from iptm_controller.actuation import ActuationMemory
 from iptm_controller.estimator import EstimatorMemory
 from iptm_controller.plan import Plan
+from iptm_controller.preview_fusion import FusionMemory
 from iptm_controller.preview_trust import TrustMemory
 from iptm_core.state import LeaderState, VehicleState
 
@@ -60,6 +61,7 @@ class ControllerMemory:
         valuation: of the temperature valuation.
         traction: of the traction forecast.
         leader_past: leader measured in the last seconds, oldest first.
+        fusion: of the average of noisy previews.
         trust: of the trust in previews.
         actuation: of the observer of the actuators.
         estimator: of the filter of noisy measurements.
@@ -72,6 +74,7 @@ class ControllerMemory:
     valuation: ValuationMemory = field(default_factory=ValuationMemory)
     traction: TractionMemory = field(default_factory=TractionMemory)
     leader_past: tuple[LeaderState, ...] = ()
+    fusion: FusionMemory = field(default_factory=FusionMemory)
     trust: TrustMemory = field(default_factory=TrustMemory)
     actuation: ActuationMemory = field(default_factory=ActuationMemory)
     estimator: EstimatorMemory = field(default_factory=EstimatorMemory)

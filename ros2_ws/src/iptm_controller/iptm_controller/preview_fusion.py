@@ -1,0 +1,123 @@
+"""Noisy previews, averaged: consecutive previews of the same seconds are estimates of the same motion.
+
+Previews whose errors are drawn anew from one to the next differ in a way in which no driver changes plans:
+the difference of two of them varies along the preview. A driver who brakes, or a prediction that follows the
+present speed, changes the preview smoothly. The roughness of the differences gives the noise; below a
+threshold previews pass unchanged, to the last bit. Above it the speeds of an instant are averaged over the
+previews received so far, weighted by the inverse of their variances (Y. Bar-Shalom, X. R. Li, T. Kirubarajan,
+Estimation with Applications to Tracking and Navigation, 2001, section 3.4.1).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from iptm_core.state import FloatArray, LeaderPreview
+
+FORGETTING_PER_S = 0.1
+"""Share by which the weight of earlier previews, and of earlier roughness, falls in a second."""
+ROUGH_M_S2 = 0.3
+"""Root mean square of the rate at which differences vary along the preview, from which on they are noise.
+Errors of 0.5 m/s that are correlated over 5 s reach it."""
+ERROR_GROWTH_S = 5.0
+"""The error of a preview is small now and reaches its standard deviation at lead times beyond this."""
+LEAST_VARIANCE = 1e-3
+"""Of the speed now, as a share of that at long lead times."""
+ANOTHER_PLAN_M_S = 5.0
+"""A preview that differs from the average by more (root mean square) begins a new average."""
+
+
+@dataclass(frozen=True)
+class FusionMemory:
+    """What is carried from tick to tick.
+
+    Attributes:
+        preview: the newest preview as received; None before the first one.
+        speeds_m_s: average speeds at its nodes.
+        weights: inverse variances of these, in multiples of that of a single preview far ahead.
+        roughness_m2_s4: running mean of the squared rate at which consecutive previews differ.
+    """
+
+    preview: LeaderPreview | None = None
+    speeds_m_s: tuple[float, ...] = ()
+    weights: tuple[float, ...] = ()
+    roughness_m2_s4: float = 0.0
+
+
+class PreviewFusion:
+    """Passes consistent previews on, averages noisy ones.
+
+    Attributes:
+        memory: what is carried from tick to tick.
+    """
+
+    def __init__(self) -> None:
+        self.memory = FusionMemory()
+
+    @property
+    def noise(self) -> str:
+        """How rough the previews are, empty if they pass unchanged."""
+        if not self._is_noisy:
+            return ""
+        return f"previews {math.sqrt(self.memory.roughness_m2_s4):.1f} m/s per s"
+
+    @property
+    def _is_noisy(self) -> bool:
+        return self.memory.roughness_m2_s4 >= ROUGH_M_S2**2
+
+    def fused(self, preview: LeaderPreview) -> LeaderPreview:
+        """Return a preview, averaged with those received before if they are noisy.
+
+        Args:
+            preview: well formed, not empty. One that was received before is not counted again; an earlier
+                one begins a new trip.
+        """
+        memory = self.memory
+        if memory.preview is None or preview.generated_at_s < memory.preview.generated_at_s:
+            self.memory = _alone(preview, 0.0)
+        elif preview.generated_at_s > memory.preview.generated_at_s:
+            self.memory = _updated(memory, memory.preview, preview)
+        return self._averaged(preview) if self._is_noisy else preview
+
+    def _averaged(self, preview: LeaderPreview) -> LeaderPreview:
+        speeds = np.array(self.memory.speeds_m_s)
+        moved = np.cumsum(0.5 * np.diff(preview.times_s) * (speeds[1:] + speeds[:-1]))
+        positions = preview.positions_m[0] + np.concatenate([[0.0], moved])
+        return replace(preview, positions_m=positions, speeds_m_s=speeds)
+
+
+def _updated(memory: FusionMemory, before: LeaderPreview, now: LeaderPreview) -> FusionMemory:
+    """Return the memory after another preview."""
+    kept = (1.0 - FORGETTING_PER_S) ** (now.generated_at_s - before.generated_at_s)
+    times = now.times_s
+    common = (times >= before.times_s[0]) & (times <= before.times_s[-1])
+    if np.count_nonzero(common) < 2:
+        return _alone(now, memory.roughness_m2_s4)
+    differences = (now.speeds_m_s - np.interp(times, before.times_s, before.speeds_m_s))[common]
+    rates = np.diff(differences) / np.diff(times[common])
+    rough = float(np.mean(rates * rates))
+    rough = memory.roughness_m2_s4 + (1.0 - kept) * (rough - memory.roughness_m2_s4)
+    earlier = np.interp(times, before.times_s, np.array(memory.speeds_m_s))
+    innovation = (now.speeds_m_s - earlier)[common]
+    if float(np.mean(innovation * innovation)) > ANOTHER_PLAN_M_S**2:
+        return _alone(now, rough)
+    old = np.where(common, kept * np.interp(times, before.times_s, np.array(memory.weights)), 0.0)
+    new = _weights(now)
+    speeds = (old * earlier + new * now.speeds_m_s) / (old + new)
+    return FusionMemory(now, tuple(speeds.tolist()), tuple((old + new).tolist()), rough)
+
+
+def _alone(preview: LeaderPreview, roughness_m2_s4: float) -> FusionMemory:
+    """Return the memory of a single preview."""
+    speeds, weights = preview.speeds_m_s.tolist(), _weights(preview).tolist()
+    return FusionMemory(preview, tuple(speeds), tuple(weights), roughness_m2_s4)
+
+
+def _weights(preview: LeaderPreview) -> FloatArray:
+    """Return the inverse variances of the speeds of one preview, 1 far ahead."""
+    lead_s = np.maximum(preview.times_s - preview.generated_at_s, 0.0)
+    variances: FloatArray = -np.expm1(-2.0 * lead_s / ERROR_GROWTH_S)
+    return 1.0 / np.maximum(variances, LEAST_VARIANCE)
