@@ -26,6 +26,15 @@ ALLOWED = {
         "iptm_recording",
         "iptm_view",
         "iptm_studies",
+        "iptm",
+    },
+    "iptm": {
+        "iptm_core",
+        "iptm_controller",
+        "iptm_v2x_bridge",
+        "iptm_faults",
+        "iptm_recording",
+        "iptm_studies",
     },
     "iptm_studies": {
         "iptm_core",

@@ -29,6 +29,7 @@ LIBRARIES = {
     "matplotlib": ("python3-matplotlib", "matplotlib"),
     "mcap": ("python3-mcap-pip", "mcap"),
     "numpy": ("python3-numpy", "numpy"),
+    "pandas": ("python3-pandas", "pandas"),
     "pyarrow": ("python3-pyarrow-pip", "pyarrow"),
     "rich": ("python3-rich", "rich"),
     "rosbags": ("python3-rosbags-pip", "rosbags"),

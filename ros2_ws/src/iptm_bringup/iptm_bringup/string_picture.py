@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from iptm_bringup.picture import GREY, STYLE
+from iptm.picture import GREY, STYLE
 from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import KM_H_PER_M_S

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import ControllerOptions
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
@@ -35,6 +36,20 @@ Sampled = Callable[[LeaderPreview, float], LeaderPreview | None]
 what is measured of the leader that counts; None where nothing arrives."""
 
 
+class TickController(Protocol):
+    """What decides tick by tick: the controller of the suite, or another one.
+
+    Attributes:
+        options: of which the loop uses the sampling time.
+    """
+
+    options: ControllerOptions
+
+    def decide(self, measured: Measurements) -> Decision:
+        """Decide one tick."""
+        ...
+
+
 @dataclass(frozen=True)
 class ClosedLoopRun:
     """A finished trip.
@@ -53,7 +68,7 @@ class ClosedLoopRun:
 def run_closed_loop(
     route: Route,
     plant: Plant,
-    controller: Controller,
+    controller: TickController,
     bridge_settings: PreviewSettings | None = None,
     on_tick: Callable[[int, Measurements, Decision], None] | None = None,
     disturb: Disturb | None = None,

@@ -31,11 +31,12 @@ from iptm_faults.vehicle import FaultyPlant
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.channel_record import ChannelRecord, channel_record
-from iptm_studies.closed_loop import run_closed_loop
+from iptm_studies.closed_loop import TickController, run_closed_loop
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
 from iptm_studies.whole_trip import WholeTripRecord, solve_whole_trip
+from iptm_v2x_bridge.source import PreviewSource
 
 CONTROLLER, VEHICLE = "controller", "vehicle"
 NOTICED_SHARE = 0.95
@@ -119,12 +120,19 @@ class Run:
         return compute_metrics(self.trajectory, self.parameters, self.decisions)
 
 
-def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None) -> Run:
+def perform_run(
+    inputs: RunInputs,
+    on_progress: Callable[[], None] | None = None,
+    own_controller: TickController | None = None,
+    leader: PreviewSource | None = None,
+) -> Run:
     """Perform a run.
 
     Args:
         inputs: the run.
         on_progress: called after every tick of a closed loop and every solve of a whole trip.
+        own_controller: drives instead of the specified one; such a run is no content of a store.
+        leader: motion and predictions of the leader, where they are not those of the route; likewise.
 
     Raises:
         ScenarioError: this process has other code or libraries than those the run is meant for.
@@ -152,10 +160,11 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
     spec, route = inputs.spec, inputs.route
     began = time.perf_counter()
     plant = Plant(inputs.parameters, route.slope.slope_at, spec.plant_step_s, spec.thermal_model)
-    controller = Controller(inputs.parameters, controller_options(spec, route.duration_s))
+    controller, compiled = (
+        _controller(inputs) if own_controller is None else (own_controller, False)
+    )
     disturb = sampled = None
     if spec.faults:
-        controller = FaultyController(inputs.parameters, controller, spec.faults, lambda _: None)
         plant = FaultyPlant(
             spec.faults,
             inputs.parameters,
@@ -172,6 +181,7 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
         spec.bridge_settings(),
         on_tick=note,
         disturb=disturb,
+        leader=leader,
         sampled=sampled,
     )
     trajectory: Trajectory = loop.trajectory
@@ -198,13 +208,23 @@ def perform_run(inputs: RunInputs, on_progress: Callable[[], None] | None = None
         reports=(*reports, *_vehicle_reports(loop.steps)),
         record=RunRecord(
             wall_time_s=time.perf_counter() - began,
-            compiled=controller.backend.compiled,
+            compiled=compiled,
             finished_at_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
             git_revision=git_revision(),
             versions=versions(_REPORTED_LIBRARIES),
             fingerprint=inputs.fingerprint,
         ),
     )
+
+
+def _controller(inputs: RunInputs) -> tuple[TickController, bool]:
+    """Return the specified controller, and whether its problem runs as machine code."""
+    spec = inputs.spec
+    controller = Controller(inputs.parameters, controller_options(spec, inputs.route.duration_s))
+    compiled = controller.backend.compiled
+    if not spec.faults:
+        return controller, compiled
+    return FaultyController(inputs.parameters, controller, spec.faults, lambda _: None), compiled
 
 
 def _vehicle_reports(steps: Iterable[PlantStep]) -> Iterator[Report]:

@@ -15,6 +15,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters, to_flat_dict
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route, build_route
+from iptm_core.routes.user_csv import UserTrip
 from iptm_faults.fault import plain_faults
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run_spec import RunSpec, canonical_json
@@ -52,14 +53,24 @@ class RunInputs:
         return round(self.route.duration_s / self.spec.tick_s)
 
 
-def resolve_inputs(spec: RunSpec, address: str = "") -> RunInputs:
+def resolve_inputs(spec: RunSpec, address: str = "", drive: UserTrip | None = None) -> RunInputs:
     """Look up parameters and route.
+
+    Args:
+        spec: the run.
+        address: see `RunInputs`.
+        drive: what the leader drives, where the cycle of the specification is but its name.
 
     Raises:
         IptmError: a name, a key, a value or a file is not usable.
     """
     parameters = _parameters(spec.parameter_set, spec.overrides)
-    route = _route(spec.cycle, spec.slope, parameters.gap.initial_gap_m, spec.duration_s)
+    gap_m = parameters.gap.initial_gap_m
+    route = (
+        _route(spec.cycle, spec.slope, gap_m, spec.duration_s)
+        if drive is None
+        else build_route(drive, spec.slope, initial_gap_m=gap_m, duration_s=spec.duration_s)
+    )
     ticks = route.duration_s / spec.tick_s
     if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
         raise ScenarioError(

@@ -15,7 +15,7 @@ from iptm_core.routes.hills import PEAK_GRADES
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.routes.user_csv import USER_FILES, USER_SUFFIXES, read_user_trip
+from iptm_core.routes.user_csv import USER_FILES, USER_SUFFIXES, UserTrip, read_user_trip
 from iptm_core.strict_mapping import nearest
 from iptm_core.user_input import is_path
 
@@ -52,7 +52,7 @@ class Route:
 
 
 def build_route(
-    cycle: str | Path | RouteComposition = "wltc_class3b",
+    cycle: str | Path | RouteComposition | UserTrip = "wltc_class3b",
     slope: str = "as_designed",
     *,
     initial_gap_m: float,
@@ -61,8 +61,8 @@ def build_route(
     """Build a route from a driving cycle and a choice of slope.
 
     Args:
-        cycle: one of `ROUTE_CYCLES`, the path of a drive (see `iptm_core.routes.user_csv`), or a
-            composition of the comprehensive cycle.
+        cycle: one of `ROUTE_CYCLES`, the path of a drive (see `iptm_core.routes.user_csv`), a drive
+            that was read already, or a composition of the comprehensive cycle.
         slope: ``"as_designed"`` takes the road that belongs to the cycle (alternating hills for the
             comprehensive cycles, that in the file of a drive, level for the published cycles, which
             are made for a dynamometer); ``"flat"``, ``"small"`` (2 % at the steepest) and
@@ -101,15 +101,15 @@ def build_route(
 
 
 def _designed(
-    cycle: str | Path | RouteComposition,
+    cycle: str | Path | RouteComposition | UserTrip,
 ) -> tuple[DrivingCycle, tuple[RouteSegment, ...], SlopeProfile, RoadLine | None]:
     if isinstance(cycle, str) and cycle in composition_names():
         cycle = load_composition(cycle)
     if isinstance(cycle, RouteComposition):
         whole = comprehensive_cycle(cycle)
         return whole.cycle, whole.segments, whole.slope_profile(), None
-    if isinstance(cycle, Path) or is_path(cycle, USER_SUFFIXES):
-        trip = read_user_trip(Path(cycle))
+    if isinstance(cycle, (Path, UserTrip)) or is_path(cycle, USER_SUFFIXES):
+        trip = cycle if isinstance(cycle, UserTrip) else read_user_trip(Path(cycle))
         kind = "flat" if trip.slope is None else "measured"
         segment = _single_segment(trip.cycle, kind)
         return trip.cycle, segment, trip.slope or SlopeProfile.flat(), trip.line

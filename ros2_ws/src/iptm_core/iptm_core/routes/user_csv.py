@@ -13,10 +13,12 @@ data (see `iptm_core.routes.fcd`), and bags of ROS (see `iptm_core.routes.bag`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.csv_table import CsvTable, read_csv_table
@@ -28,9 +30,11 @@ from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import MAX_GRADE, SlopeProfile
 from iptm_core.routes.track import RecordedDrive, Track, read_out
 from iptm_core.state import FloatArray
+from iptm_core.strict_mapping import check_known, shown
 
 ROAD_COLUMNS = ("slope_percent", "slope_rad", "elevation_m")
 PLACE_COLUMNS = ("latitude_deg", "longitude_deg")
+_COLUMNS = ("time_s", *SPEED_COLUMNS_M_S, *ROAD_COLUMNS, *PLACE_COLUMNS)
 GPX_SUFFIX = ".gpx"
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 """Of single files; the bag of a run is a folder."""
@@ -86,7 +90,40 @@ def read_user_trip(path: Path) -> UserTrip:
     """
     if path.suffix.lower() == GPX_SUFFIX:
         return _recorded_trip(path, read_gpx(path))
-    table = _read_table(path)
+    return _trip(path, _read_table(path))
+
+
+def trip_from_columns(columns: Mapping[str, ArrayLike], name: str = "own drive") -> UserTrip:
+    """Return the trip of a table in memory, such as a pandas DataFrame.
+
+    Args:
+        columns: numbers by the names of a CSV file's columns, each of shape (n,).
+        name: of the trip.
+
+    Raises:
+        RouteError: an unknown name, columns of different length, or as for `read_user_trip`.
+    """
+    arrays: dict[str, FloatArray] = {}
+    for column, values in columns.items():
+        check_known(column, _COLUMNS, name, "column", RouteError)
+        try:
+            array = np.asarray(values, dtype=np.float64)
+        except (TypeError, ValueError):
+            array = np.full(1, np.nan)
+        if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)):
+            raise RouteError(
+                f"{name}: {column} is {shown(values)}; allowed: finite numbers, one per row"
+            )
+        arrays[column] = array
+    lengths = {column: array.size for column, array in arrays.items()}
+    if len(set(lengths.values())) > 1:
+        raise RouteError(f"{name}: columns have {lengths} rows; allowed: as many in each")
+    rows = tuple(range(next(iter(lengths.values()), 0)))
+    trip = _trip(Path(name), CsvTable(name, arrays, rows, "row"))
+    return replace(trip, cycle=replace(trip.cycle, source=trip.cycle.source.removeprefix("file ")))
+
+
+def _trip(path: Path, table: CsvTable) -> UserTrip:
     if any(column in table.columns for column in PLACE_COLUMNS):
         return _recorded_trip(path, _track(table))
     speed_column = _required_columns(table)
@@ -107,7 +144,7 @@ def _read_table(path: Path) -> CsvTable:
         from iptm_core.routes.bag import read_bag  # noqa: PLC0415
 
         return read_bag(file, vehicle)
-    return read_csv_table(path, ("time_s", *SPEED_COLUMNS_M_S, *ROAD_COLUMNS, *PLACE_COLUMNS))
+    return read_csv_table(path, _COLUMNS)
 
 
 def _launched(path: Path, times: FloatArray, speeds: FloatArray) -> tuple[DrivingCycle, float]:

@@ -1,0 +1,70 @@
+"""A bag as a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from iptm.run import Run
+from iptm_controller.settings import ControllerSettings
+from iptm_core.decision_record import DecisionSeries
+from iptm_core.declaration import parameter_specs
+from iptm_core.errors import BagError, MissingTopicError
+from iptm_core.parameters.strict_yaml import parse_yaml
+from iptm_core.settings import (
+    IntegrationSettings,
+    PreviewSettings,
+    SamplingSettings,
+    TripSettings,
+)
+from iptm_core.strict_mapping import shown
+from iptm_recording.bag_reader import BagReader, read_model_parameters
+from iptm_recording.run_information import RunInformation
+
+_GROUPS = (TripSettings, ControllerSettings, PreviewSettings, SamplingSettings, IntegrationSettings)
+_NAMES = tuple(spec.name for group in _GROUPS for spec in parameter_specs(group))
+"""Parameters of nodes that are settings of a run."""
+
+
+def load(path: str | Path, namespace: str | None = None) -> Run:
+    """Read the run of a bag; of several trips the last one.
+
+    Args:
+        path: folder or file of a bag.
+        namespace: vehicle to read, if the bag holds several.
+
+    Raises:
+        BagError: the bag cannot be read, holds no complete run, or several vehicles and none is named.
+    """
+    # The topics are loaded only here: no simulation needs them.
+    from iptm_recording.trajectory_reader import (  # noqa: PLC0415
+        read_decisions,
+        read_trajectory,
+    )
+
+    if not isinstance(path, (str, Path)):
+        raise BagError(f"bag is {shown(path)}; allowed: the path of a bag")
+    path = Path(path)
+    parameters, _ = read_model_parameters(path)
+    try:
+        decisions = read_decisions(path, namespace)
+    except MissingTopicError:  # a controller that does not report them
+        decisions = DecisionSeries.from_records([], [])
+    with BagReader(path) as reader:
+        information = reader.run_information()
+    return Run(
+        name=path.absolute().name,
+        settings=dict(_settings(information)),
+        parameters=parameters,
+        trajectory=read_trajectory(path, namespace),
+        decisions=decisions,
+    )
+
+
+def _settings(information: RunInformation) -> Iterator[tuple[str, Any]]:
+    """Yield the choices of a run as far as its bag holds the parameters of the nodes."""
+    nodes = parse_yaml(information.parameters, "parameters of the run", BagError)
+    for node in nodes.values() if isinstance(nodes, Mapping) else ():
+        if isinstance(node, Mapping):
+            yield from ((name, node[name]) for name in _NAMES if name in node)

@@ -1,0 +1,104 @@
+"""Several runs side by side: one table, one picture, and what differed in their settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from iptm.run import Run, figure_title
+from iptm_core.errors import ScenarioError
+from iptm_core.metrics import FIGURES
+from iptm_core.parameters import to_flat_dict
+from iptm_core.strict_mapping import shown
+
+if TYPE_CHECKING:
+    from iptm.picture import Picture
+
+_LONGEST_LABEL = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Runs side by side.
+
+    Attributes:
+        runs: by label; the first one is what the others are compared with.
+    """
+
+    runs: Mapping[str, Run]
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Figures, a row each; a column per run, and behind each but the first its change in percent."""
+        first, *others = self.runs
+        values = {label: run.figures for label, run in self.runs.items()}
+        table = pd.DataFrame(values, index=list(FIGURES)).dropna(how="all")
+        compared = [FIGURES[key].compared for key in table.index]
+        for place, label in enumerate(others):
+            change = 100.0 * (table[label] / table[first].where(table[first] != 0.0) - 1.0)
+            table.insert(2 + 2 * place, f"{label}: change [%]", change.where(compared))
+        table.index = pd.Index([figure_title(key) for key in table.index], name="figure")
+        return table
+
+    @property
+    def differences(self) -> pd.DataFrame:
+        """Settings and parameters that are not the same in all runs, a row each and a column per run."""
+        return _differences(self.runs)
+
+    def plot(self) -> Picture:
+        """Draw the runs over each other; see `Run.plot`."""
+        from iptm.picture import overlay_picture  # noqa: PLC0415  matplotlib takes a moment to load
+
+        return overlay_picture(self.runs)
+
+
+def compare(*runs: Run, **labelled: Run) -> Comparison:
+    """Compare runs with the first one.
+
+    Args:
+        runs: two or more, labelled by the settings in which they differ.
+        labelled: runs with labels of your own, after the others.
+
+    Raises:
+        ScenarioError: fewer than two runs, or something else than a run.
+    """
+    given = {**{str(number): run for number, run in enumerate(runs)}, **labelled}
+    for name, run in given.items():
+        if not isinstance(run, Run):
+            raise ScenarioError(
+                f"run {name} is {shown(run)}; allowed: what simulate and load return"
+            )
+    if len(given) < 2:
+        raise ScenarioError(f"compare: {len(given)} runs; allowed: two or more")
+    differing = _differences(given)
+    found: dict[str, Run] = {}
+    for name, run in given.items():
+        label = name if name in labelled else _label(run, differing[name])
+        found[label if label not in found else f"{label} ({name})"] = run
+    return Comparison(found)
+
+
+def _label(run: Run, differing: pd.Series) -> str:
+    """Return the choices in which a run differs, or its name where these are too long or none."""
+    chosen = [name for name in ("cycle", "strategy", "horizon") if name in differing.index]
+    others = [name for name in differing.index if name not in run.settings or not chosen]
+    parts = [str(differing[name]) for name in chosen]
+    parts += [f"{name}={differing[name]}" for name in others]
+    text = ", ".join(parts)
+    return text if 0 < len(text) <= _LONGEST_LABEL else run.name
+
+
+def _differences(runs: Mapping[str, Run]) -> pd.DataFrame:
+    columns = {
+        label: {**run.settings, **to_flat_dict(run.parameters)} for label, run in runs.items()
+    }
+    names = dict.fromkeys(name for column in columns.values() for name in column)
+    rows = {
+        name: [column.get(name, "") for column in columns.values()]
+        for name in names
+        if len({repr(column.get(name, "")) for column in columns.values()}) > 1
+    }
+    return pd.DataFrame.from_dict(rows, orient="index", columns=list(runs), dtype=object)

@@ -1,0 +1,160 @@
+"""Trips driven on the headless loop: one, or one for every combination of values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import pandas as pd
+
+from iptm.inputs import run_inputs, settings_of
+from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor
+from iptm.run import Run
+from iptm_controller.settings import ControllerSettings
+from iptm_controller.strategy import DEFAULT_STRATEGY
+from iptm_core.decision_record import DecisionSeries
+from iptm_core.errors import ParameterError
+from iptm_core.parameters import DEFAULT_SET
+from iptm_core.settings import TripSettings
+from iptm_core.strict_mapping import shown
+from iptm_studies.run import perform_run
+
+_OWN = "own"
+
+
+def simulate(
+    cycle: Any = TripSettings.cycle,
+    *,
+    strategy: Any = DEFAULT_STRATEGY,
+    horizon: str = ControllerSettings.horizon,
+    vehicle: Any = DEFAULT_SET,
+    overrides: Mapping[str, float] | None = None,
+    controller: Controller | None = None,
+    predictor: Predictor | None = None,
+    **settings: Any,
+) -> Run:
+    """Drive a trip behind a lead vehicle, without ROS.
+
+    The defaults are those of ``scripts/run_demo``, and both give the same commands.
+
+    Args:
+        cycle: what the lead vehicle drives: a name such as ``wltc_class3b``, the path of a drive (CSV, GPX,
+            SUMO, bag), a DataFrame or mapping with ``time_s`` and one of ``speed_m_s``, ``speed_kmh`` and
+            ``speed_mph``, at will ``elevation_m`` or ``slope_percent``, or a pair of times (s) and speeds
+            (m/s).
+        strategy: cost terms and weights: a name, a `Strategy`, or a mapping of ``base`` and weights.
+        horizon: prediction grid, such as ``3x1+5x5``.
+        vehicle: a parameter set by name or path, `ModelParameters`, or a mapping of dotted keys and numbers,
+            with ``base`` for a set other than the default.
+        overrides: single parameters that differ, by dotted key.
+        controller: drives instead of the controller of the suite, see `Controller`; strategy and horizon then
+            do not count.
+        predictor: predicts the lead vehicle for the controller instead of its true future, see `Predictor`.
+        settings: further keys of a run in a study: ``slope``, ``duration_s``, ``preview``, ``solver``,
+            ``thermal_model``, ``tick_s``, ``plant_step_s``, ``faults``.
+
+    Returns:
+        The finished run.
+
+    Raises:
+        IptmError: an argument is not usable; the message states the value and what is allowed.
+    """
+    for name, part, protocol, method in (
+        ("controller", controller, Controller, "decide"),
+        ("predictor", predictor, Predictor, "predict"),
+    ):
+        if part is not None and (isinstance(part, type) or not isinstance(part, protocol)):
+            raise ParameterError(
+                f"{name} is {shown(part)}; allowed: an object with the method {method}, see"
+                f" iptm.{name.title()}"
+            )
+    inputs = run_inputs(cycle, strategy, vehicle, overrides, {"horizon": horizon, **settings})
+    own = (
+        None
+        if controller is None
+        else OwnController(controller, inputs.parameters.limits, inputs.spec.tick_s)
+    )
+    leader = None if predictor is None else PredictedSource(inputs.route, predictor)
+    done = perform_run(inputs, own_controller=own, leader=leader)
+    given = settings_of(inputs.spec)
+    name = inputs.spec.describe()
+    if controller is not None:
+        given |= {"strategy": _OWN, "horizon": _OWN, "solver": _OWN}
+        name += f", controller {type(controller).__name__}"
+    if predictor is not None:
+        given["predictor"] = type(predictor).__name__
+        name += f", predictor {type(predictor).__name__}"
+    return Run(
+        name=name,
+        settings=given,
+        parameters=done.parameters,
+        trajectory=done.trajectory,
+        decisions=done.decisions or DecisionSeries.from_records([], []),
+        slope=inputs.route.slope,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Runs of a sweep.
+
+    Attributes:
+        varied: values of what was varied, one row per run.
+        runs: in the same order.
+    """
+
+    varied: pd.DataFrame
+    runs: tuple[Run, ...]
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Figures, a row per run and a column per figure; what was varied is the index."""
+        rows = pd.DataFrame([run.summary for run in self.runs])
+        rows.index = pd.MultiIndex.from_frame(self.varied)
+        return rows
+
+
+def sweep(**arguments: Any) -> Sweep:
+    """Drive every combination of the values in lists, the last list varying fastest.
+
+    Args:
+        arguments: those of `simulate`; a list, also as a value in ``overrides`` or in a vehicle given as a
+            mapping, stands for one run per entry.
+
+    Raises:
+        IptmError: as for `simulate`, or there is no list, or an empty one.
+    """
+    axes = dict(_axes(arguments))
+    if not axes or not all(axes.values()):
+        raise ParameterError(
+            f"sweep: lists are {[key or name for name, key in axes]}; allowed: one or more, none of them empty"
+        )
+    rows: list[dict[str, Any]] = []
+    runs: list[Run] = []
+    for values in product(*axes.values()):
+        chosen = dict(zip(axes, values, strict=True))
+        single: dict[str, Any] = {**arguments}
+        for (name, key), value in chosen.items():
+            single[name] = value if key is None else {**single[name], key: value}
+        runs.append(simulate(**single))
+        rows.append({key or name: _label(value) for (name, key), value in chosen.items()})
+    return Sweep(pd.DataFrame(rows), tuple(runs))
+
+
+def _axes(arguments: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str | None], list[Any]]]:
+    for name, value in arguments.items():
+        if isinstance(value, list):
+            yield (name, None), value
+        elif isinstance(value, Mapping):
+            for key, entry in value.items():
+                if isinstance(entry, list):
+                    yield (name, key), entry
+
+
+def _label(value: Any) -> Any:
+    """Return what stands for a value in the index of a table."""
+    if isinstance(value, (str, int, float)):
+        return value
+    return getattr(value, "name", None) or type(value).__name__
