@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from iptm.run import Run
 from iptm_controller.settings import ControllerSettings
 from iptm_core.decision_record import DecisionSeries
-from iptm_core.declaration import parameter_specs
+from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import BagError, MissingTopicError
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.settings import (
@@ -23,8 +23,8 @@ from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.run_information import RunInformation
 
 _GROUPS = (TripSettings, ControllerSettings, PreviewSettings, SamplingSettings, IntegrationSettings)
-_NAMES = tuple(spec.name for group in _GROUPS for spec in parameter_specs(group))
-"""Parameters of nodes that are settings of a run."""
+_DEFAULTS = {spec.name: plain(spec.default) for group in _GROUPS for spec in parameter_specs(group)}
+"""Parameters of nodes that are settings of a run; a bag names those that were set."""
 
 
 def load(path: str | Path, namespace: str | None = None) -> Run:
@@ -55,16 +55,16 @@ def load(path: str | Path, namespace: str | None = None) -> Run:
         information = reader.run_information()
     return Run(
         name=path.absolute().name,
-        settings=dict(_settings(information)),
+        settings=_settings(information),
         parameters=parameters,
         trajectory=read_trajectory(path, namespace),
         decisions=decisions,
     )
 
 
-def _settings(information: RunInformation) -> Iterator[tuple[str, Any]]:
-    """Yield the choices of a run as far as its bag holds the parameters of the nodes."""
+def _settings(information: RunInformation) -> dict[str, Any]:
+    """Return the choices of a run; none where its bag does not hold the parameters of the nodes."""
     nodes = parse_yaml(information.parameters, "parameters of the run", BagError)
-    for node in nodes.values() if isinstance(nodes, Mapping) else ():
-        if isinstance(node, Mapping):
-            yield from ((name, node[name]) for name in _NAMES if name in node)
+    given = [node for node in nodes.values() if isinstance(node, Mapping)] if nodes else []
+    found = {name: node[name] for node in given for name in _DEFAULTS if name in node}
+    return {**_DEFAULTS, **found} if found else {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -141,9 +140,5 @@ def _flat(content: Mapping[Any, Any], group: str = "") -> Iterator[tuple[str, An
 
 
 def _number(value: Any) -> Any:
-    """Return a plain float for a number of NumPy's; all else is left to the strict reader."""
-    return (
-        float(value)
-        if isinstance(value, (Real, np.generic)) and not isinstance(value, bool)
-        else value
-    )
+    """Return a number of NumPy's as a plain one; all else is left to the strict reader."""
+    return value.item() if isinstance(value, np.generic) else value

@@ -75,15 +75,13 @@ class OwnController:
             ParameterError: it is no command, or not finite.
         """
         command: Any = self._inner.decide(measured)
-        values = [
-            getattr(command, name, None) for name in ("acceleration_m_s2", "compressor_power_w")
-        ]
-        if not all(_is_finite(value) for value in values):
+        acceleration = _finite(command, "acceleration_m_s2")
+        power = _finite(command, "compressor_power_w")
+        if acceleration is None or power is None or measured.state is None:
             raise ParameterError(
                 f"controller: decide returned {shown(command)}; allowed: iptm.Command of two finite numbers"
             )
-        asked = Command(*map(float, values))
-        limited = self._limiter.limit(asked, measured.state)
+        limited = self._limiter.limit(Command(acceleration, power), measured.state)
         return Decision(limited.command, Rung.OPTIMAL, "", limited, None, None, None)
 
 
@@ -121,8 +119,10 @@ class PredictedSource(CycleSource):
         return super().predict(times_s)
 
 
-def _is_finite(value: object) -> bool:
+def _finite(command: Any, name: str) -> float | None:
+    """Return an entry of a command; None where it is no finite number."""
     try:
-        return math.isfinite(float(value))  # type: ignore[arg-type]  # whatever the user returned
-    except (TypeError, ValueError):
-        return False
+        value = float(getattr(command, name))
+    except (AttributeError, TypeError, ValueError):
+        return None
+    return value if math.isfinite(value) else None

@@ -124,8 +124,9 @@ def overlay_picture(runs: Mapping[str, Run]) -> Picture:
             trajectory = run.trajectory
             axes.plot(trajectory.time_s, values(trajectory), color=colour, label=label)
         _titled(axes, title, unit)
-        if panel is not _OVERLAID[0]:
-            axes.get_legend().remove()
+        legend = axes.get_legend()
+        if legend is not None and panel is not _OVERLAID[0]:
+            legend.remove()
 
     return _drawn(dict.fromkeys(_OVERLAID, 1.0), draw, "", "")
 

@@ -129,7 +129,7 @@ def sweep(**arguments: Any) -> Sweep:
     axes = dict(_axes(arguments))
     if not axes or not all(axes.values()):
         raise ParameterError(
-            f"sweep: lists are {[key or name for name, key in axes]}; allowed: one or more, none of them empty"
+            f"sweep: lists are {[key or name for name, key in axes]}; allowed: one or more, none empty"
         )
     rows: list[dict[str, Any]] = []
     runs: list[Run] = []
