@@ -18,7 +18,7 @@ from iptm_core.parameters import DEFAULT_SET, ModelParameters, load_parameters, 
 from iptm_core.routes.cycles import DrivingCycle
 from iptm_core.routes.user_csv import UserTrip, trip_from_columns
 from iptm_core.strict_mapping import shown
-from iptm_faults.fault import plain_faults
+from iptm_faults.fault import Fault, plain_faults
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.study_loading import build_spec
@@ -61,10 +61,17 @@ def run_inputs(
         del given["solver"]
     elif isinstance(given["solver"], str):
         given["solver"] = {"name": given["solver"]}
-    if isinstance(strategy, Mapping):
-        given["strategy"] = dict(strategy)
+    if isinstance(strategy, (str, Mapping)):
+        given["strategy"] = strategy if isinstance(strategy, str) else dict(strategy)
     elif not isinstance(strategy, Strategy):
-        given["strategy"] = strategy
+        raise ParameterError(
+            f"strategy is {shown(strategy)}; allowed: a name, iptm.Strategy, or a mapping of base and weights"
+        )
+    faults = settings.get("faults", ())
+    if not isinstance(faults, (tuple, list)) or not all(isinstance(each, Fault) for each in faults):
+        raise ParameterError(
+            f"faults is {shown(faults)}; allowed: a tuple of iptm_faults.fault.Fault"
+        )
     spec = build_spec(given, Path())
     if isinstance(strategy, Strategy):
         spec = spec.with_strategy(strategy)

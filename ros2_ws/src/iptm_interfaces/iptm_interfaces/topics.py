@@ -12,18 +12,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import AccelStamped
-from nav_msgs.msg import Odometry
-from rclpy.qos import QoSProfile
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import BatteryState, JointState, Temperature
-from std_msgs.msg import Float64, Float64MultiArray, UInt8MultiArray
-from trajectory_msgs.msg import JointTrajectory
+from iptm_interfaces.message_types import (
+    AccelStamped,
+    BatteryState,
+    Clock,
+    DiagnosticArray,
+    Float64,
+    Float64MultiArray,
+    JointState,
+    JointTrajectory,
+    Odometry,
+    Temperature,
+    UInt8MultiArray,
+    type_name,
+)
 
-from iptm_interfaces.qos import KEPT_STREAM_QOS, LATCHED_QOS, RAW_QOS, STREAM_QOS
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
 
 PLANT = "plant"
 BRIDGE = "v2x_bridge"
@@ -110,20 +117,23 @@ class TopicSpec:
     @property
     def qos(self) -> QoSProfile:
         """Profile requested by subscribers, and offered by the publisher unless it keeps a stream."""
+        from iptm_interfaces import qos  # noqa: PLC0415  readers of bags do without ROS
+
         if self.on_request:
-            return RAW_QOS
-        return LATCHED_QOS if self.latched else STREAM_QOS
+            return qos.RAW_QOS
+        return qos.LATCHED_QOS if self.latched else qos.STREAM_QOS
 
     @property
     def offered_qos(self) -> QoSProfile:
         """Profile offered by the publisher; who must not miss the beginning of a stream requests it, too."""
-        return KEPT_STREAM_QOS if self.kept else self.qos
+        from iptm_interfaces import qos  # noqa: PLC0415  readers of bags do without ROS
+
+        return qos.KEPT_STREAM_QOS if self.kept else self.qos
 
     @property
     def type_name(self) -> str:
         """Message type as ROS tools print it, e.g. `nav_msgs/msg/Odometry`."""
-        package = self.message_type.__module__.split(".", maxsplit=1)[0]
-        return f"{package}/msg/{self.message_type.__name__}"
+        return type_name(self.message_type)
 
 
 # fmt: off

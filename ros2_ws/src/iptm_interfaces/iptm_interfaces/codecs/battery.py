@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from sensor_msgs.msg import BatteryState, JointState
-
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import IntervalPowers
 from iptm_interfaces.codecs._checks import finite, not_negative
 from iptm_interfaces.codecs.fixed_layout import Numbers
 from iptm_interfaces.codecs.named_values import decode_named_values, named_values
 from iptm_interfaces.codecs.time import ns_from_s, time_from_s
+from iptm_interfaces.message_types import (
+    BatteryState,
+    JointState,
+)
 from iptm_interfaces.topics import PACK_FRAME, Topic
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-from rclpy.serialization import deserialize_message, serialize_message
-
 from iptm_core.errors import MessageError
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs.time import time_from_ns
@@ -23,6 +21,8 @@ def serialized(message: Any) -> bytes:
     prefix that can be deserialised. That takes a moment per surplus byte, which callers with a fixed layout
     spend once.
     """
+    from rclpy.serialization import serialize_message  # noqa: PLC0415  readers of bags do without ROS
+
     data = bytes(serialize_message(message))
     end = len(data)
     while _is_whole(data[: end - 1], type(message)):
@@ -55,6 +55,8 @@ def put_stamp(data: bytearray, stamp_ns: int) -> None:
 
 def _is_whole(data: bytes, message_type: type[Any]) -> bool:
     """Return whether bytes hold all fields of a message."""
+    from rclpy.serialization import deserialize_message  # noqa: PLC0415  as above
+
     try:
         deserialize_message(data, message_type)
     except Exception:  # noqa: BLE001  the binding raises error types of its own

@@ -5,14 +5,15 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TypeVar
 
-from sensor_msgs.msg import JointState
-
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import Command
 from iptm_interfaces.codecs._checks import reject
 from iptm_interfaces.codecs.fixed_layout import Numbers
 from iptm_interfaces.codecs.named_values import decode_named_values, named_values
 from iptm_interfaces.codecs.time import ns_from_time
+from iptm_interfaces.message_types import (
+    JointState,
+)
 from iptm_interfaces.topics import Topic
 
 E = TypeVar("E", bound=IntEnum)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from array import array
 
-from std_msgs.msg import MultiArrayDimension, MultiArrayLayout, UInt8MultiArray
-
 from iptm_interfaces.codecs._checks import reject
+from iptm_interfaces.message_types import (
+    MultiArrayDimension,
+    MultiArrayLayout,
+    UInt8MultiArray,
+)
 from iptm_interfaces.topics import Topic
 
 

@@ -10,11 +10,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import ParamSpec
 
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
-
 from iptm_interfaces.codecs._checks import reject
 from iptm_interfaces.codecs.fixed_layout import Encoder, FixedLayout, Numbers
+from iptm_interfaces.message_types import (
+    Header,
+    JointState,
+)
 from iptm_interfaces.topics import TOPICS, Topic
 
 P = ParamSpec("P")

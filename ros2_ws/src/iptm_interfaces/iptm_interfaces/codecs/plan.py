@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from iptm_core.state import FloatArray
 from iptm_core.trip_time import NS_PER_S
@@ -19,6 +18,10 @@ from iptm_interfaces.codecs.time import (
     ns_from_duration,
     ns_from_time,
     time_from_ns,
+)
+from iptm_interfaces.message_types import (
+    JointTrajectory,
+    JointTrajectoryPoint,
 )
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic, frame_in
 

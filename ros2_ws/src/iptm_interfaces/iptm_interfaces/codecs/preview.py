@@ -11,8 +11,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from iptm_core.state import SPEED_AT_REST_M_S, FloatArray, LeaderPreview, SlopePreview
 from iptm_interfaces.codecs._checks import all_finite, increasing, reject
@@ -21,6 +19,12 @@ from iptm_interfaces.codecs.time import (
     ns_from_duration,
     ns_from_time,
     time_from_ns,
+)
+from iptm_interfaces.message_types import (
+    Float64MultiArray,
+    JointTrajectory,
+    JointTrajectoryPoint,
+    MultiArrayDimension,
 )
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
 

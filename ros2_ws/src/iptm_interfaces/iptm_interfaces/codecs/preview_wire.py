@@ -13,8 +13,6 @@ import struct
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.serialization import deserialize_message
-from trajectory_msgs.msg import JointTrajectory
 
 from iptm_core.errors import MessageError
 from iptm_core.state import LeaderPreview
@@ -28,6 +26,9 @@ from iptm_interfaces.codecs.preview import (
     offsets_ns,
 )
 from iptm_interfaces.codecs.time import time_from_ns
+from iptm_interfaces.message_types import (
+    JointTrajectory,
+)
 from iptm_interfaces.topics import ROAD_FRAME, Topic
 
 _LITTLE_ENDIAN_CDR = b"\x00\x01\x00\x00"
@@ -164,6 +165,8 @@ def _points_if_plain(data: bytes) -> NDArray[np.void] | None:
 
 
 def _deserialize(data: bytes) -> JointTrajectory:
+    from rclpy.serialization import deserialize_message  # noqa: PLC0415  readers of bags do without ROS
+
     try:
         return deserialize_message(data, JointTrajectory)
     except Exception as error:  # the binding raises error types of its own

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 
-from builtin_interfaces.msg import Duration, Time
-
 from iptm_core.errors import MessageError
 from iptm_core.trip_time import NS_PER_S
+from iptm_interfaces.message_types import (
+    Duration,
+    Time,
+)
 
 _MAX_STAMP_NS = 2**31 * NS_PER_S - 1
 

@@ -11,11 +11,6 @@ from collections.abc import Iterable, Mapping
 from math import nan
 from typing import Any
 
-from geometry_msgs.msg import AccelStamped
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import JointState, Temperature
-from std_msgs.msg import Header
-
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import (
     SPEED_AT_REST_M_S,
@@ -30,6 +25,13 @@ from iptm_interfaces.codecs.battery import decode_charge, decode_powers
 from iptm_interfaces.codecs.fixed_layout import Numbers, encoder
 from iptm_interfaces.codecs.named_values import decode_named_values, named_values
 from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns
+from iptm_interfaces.message_types import (
+    AccelStamped,
+    Header,
+    JointState,
+    Odometry,
+    Temperature,
+)
 from iptm_interfaces.topics import (
     HOST_FRAME,
     LEADER_FRAME,

@@ -1,0 +1,220 @@
+"""`simulate` and `sweep`: what a notebook gets, from names, files and objects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import iptm
+from iptm_core.metrics import figure_values
+from iptm_core.routes import load_cycle
+from iptm_core.trajectory import TRAJECTORY_COLUMNS
+from iptm_studies.run import perform_run
+from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies.run_spec import RunSpec
+
+SHORT: dict[str, Any] = {"duration_s": 30.0, "solver": {"compile_code": False}}
+
+
+@pytest.fixture(scope="module")
+def run() -> iptm.Run:
+    return iptm.simulate("us06", horizon="15x1", strategy="aging", **SHORT)
+
+
+class KeepsSpeed:
+    """Accelerates as long as it is slower than the leader, and cools with 300 W."""
+
+    def decide(self, measured: iptm.Measurements) -> iptm.Command:
+        assert measured.state is not None
+        assert measured.leader is not None
+        return iptm.Command(measured.leader.speed_m_s - measured.state.speed_m_s, 300.0)
+
+
+class Constant:
+    def predict(self, leader: iptm.LeaderState, times_s: np.ndarray) -> np.ndarray:
+        return np.full(times_s.shape, leader.speed_m_s)
+
+
+def test_a_simulation_is_the_run_of_a_study(run: iptm.Run) -> None:
+    spec = RunSpec(
+        cycle="us06", parameter_set="paper_calibrated", **{**SHORT, "solver": run_solver()}
+    )
+    done = perform_run(resolve_inputs(spec))
+    for name, values in done.trajectory.to_arrays().items():
+        assert np.array_equal(values, run.trajectory.to_arrays()[name], equal_nan=True), name
+
+
+def run_solver() -> Any:
+    from iptm_studies.run_spec import SolverSpec  # noqa: PLC0415
+
+    return SolverSpec(compile_code=False)
+
+
+def test_the_frame_has_a_row_per_tick_and_units_in_its_names(run: iptm.Run) -> None:
+    frame = run.frame
+    assert frame.index.name == "time_s"
+    assert frame.index.tolist() == list(range(31))
+    assert {*TRAJECTORY_COLUMNS, "gap_m", "solve_time_s"} <= {"time_s", *frame.columns}
+    assert frame["gap_m"].iloc[0] == run.parameters.gap.initial_gap_m
+    assert frame["status"].notna().tolist() == [True] * 30 + [False]
+
+
+def test_the_summary_has_every_figure_with_its_unit(run: iptm.Run) -> None:
+    values = figure_values(run.metrics)
+    assert run.summary.tolist() == list(values.values())
+    assert run.summary["duration [s]"] == 30.0
+    assert run.summary["mean_cop [1]"] == values["mean_cop"]
+
+
+def test_the_picture_shows_in_a_notebook(run: iptm.Run) -> None:
+    picture = run.plot(against=run)
+    assert picture._repr_png_().startswith(b"\x89PNG")
+    titles = [axes.get_title("left") for axes in picture.axes]
+    assert titles[0] == "Speed"
+    assert "Solver" in titles
+
+
+def test_the_defaults_are_those_of_the_nodes() -> None:
+    run = iptm.simulate("sc03", duration_s=2.0)
+    assert run.settings["strategy"] == "aging_cost_to_go"
+    assert run.settings["horizon"] == "3x1+5x5"
+    assert run.settings["preview_length_s"] == 60.0
+    assert run.parameters == iptm.load_parameters().values
+
+
+@pytest.mark.parametrize("form", ["frame", "index", "arrays", "mapping", "file", "cycle"])
+def test_a_cycle_is_welcome_in_every_form(form: str, run: iptm.Run, tmp_path: Path) -> None:
+    cycle = load_cycle("us06")
+    columns = {"time_s": cycle.times_s, "speed_m_s": cycle.speeds_m_s}
+    frame = pd.DataFrame(columns)
+    file = tmp_path / "own.csv"
+    frame.to_csv(file, index=False)
+    given = {
+        "frame": frame,
+        "index": frame.set_index("time_s"),
+        "arrays": (cycle.times_s, cycle.speeds_m_s),
+        "mapping": columns,
+        "file": file,
+        "cycle": cycle,
+    }[form]
+    own = iptm.simulate(given, horizon="15x1", strategy="aging", **SHORT)
+    assert np.array_equal(own.trajectory.battery_power_w, run.trajectory.battery_power_w)
+
+
+def test_a_vehicle_is_welcome_in_every_form() -> None:
+    heavy = iptm.load_parameters("paper_calibrated", {"body.mass_kg": 1850.0}).values
+    for given in (
+        {"vehicle": {"body.mass_kg": 1850}},
+        {"vehicle": {"base": "paper_calibrated", "body": {"mass_kg": np.float64(1850.0)}}},
+        {"vehicle": heavy},
+        {"overrides": {"body.mass_kg": 1850.0}},
+    ):
+        run = iptm.simulate("sc03", duration_s=1.0, solver={"compile_code": False}, **given)
+        assert run.parameters == heavy
+
+
+def test_a_strategy_is_welcome_in_every_form() -> None:
+    aging = iptm.STRATEGIES["aging"]
+    for strategy in (aging, "aging", {"base": "aging", "aging_weight": 1e9}):
+        run = iptm.simulate("us06", horizon="3x1", strategy=strategy, **SHORT)
+        assert run.settings["strategy"] == "aging"
+        assert "aging_weight" not in run.settings
+    run = iptm.simulate(
+        "us06", horizon="3x1", strategy={"base": "aging", "aging_weight": 2e9}, **SHORT
+    )
+    assert run.settings["aging_weight"] == 2e9
+
+
+def test_an_own_controller_drives_within_the_bounds_of_the_vehicle() -> None:
+    run = iptm.simulate("us06", duration_s=60.0, controller=KeepsSpeed())
+    limits = run.parameters.limits
+    assert run.trajectory.speed_m_s.max() > 5.0
+    assert run.trajectory.acceleration_m_s2.max() <= limits.max_acceleration_m_s2 + 1e-9
+    assert run.trajectory.compressor_power_w[-1] == pytest.approx(300.0)
+    assert run.settings["strategy"] == "own"
+    assert "KeepsSpeed" in run.name
+
+
+def test_an_own_predictor_is_what_the_controller_hears() -> None:
+    run = iptm.simulate("us06", horizon="15x1", strategy="aging", predictor=Constant(), **SHORT)
+    true = iptm.simulate("us06", horizon="15x1", strategy="aging", **SHORT)
+    assert run.trajectory.leader_position_m.tolist() == true.trajectory.leader_position_m.tolist()
+    assert run.trajectory.position_m.tolist() != true.trajectory.position_m.tolist()
+
+
+def test_a_sweep_drives_every_combination() -> None:
+    sweep = iptm.sweep(
+        cycle=["us06", "udds"],
+        overrides={"environment.ambient_temperature_k": [273.15, 308.15], "body.mass_kg": 1500.0},
+        horizon="3x1",
+        duration_s=5.0,
+        solver={"compile_code": False},
+    )
+    assert sweep.table.index.names == ["cycle", "environment.ambient_temperature_k"]
+    assert sweep.table.index.tolist() == [
+        ("us06", 273.15), ("us06", 308.15), ("udds", 273.15), ("udds", 308.15),
+    ]  # fmt: skip
+    assert sweep.table["duration [s]"].tolist() == [5.0] * 4
+    assert sweep.runs[3].parameters.environment.ambient_temperature_k == 308.15
+    assert sweep.runs[3].parameters.body.mass_kg == 1500.0
+
+
+class Broken:
+    def __init__(self, answer: Any) -> None:
+        self.answer = answer
+
+    def decide(self, _: Any) -> Any:
+        return self.answer
+
+    predict = None
+
+
+class BrokenPredictor:
+    def predict(self, _: Any, times_s: np.ndarray) -> Any:
+        return times_s[:-1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"strategy": "agin"}, "strategy is 'agin'; allowed: reference, "),
+        ({"strategy": 3}, "strategy is 3; allowed: a name, iptm.Strategy"),
+        ({"cycle": "us6"}, "did you mean 'us06'"),
+        ({"cycle": 3}, "cycle is 3; allowed: a name, a path, a DataFrame"),
+        ({"cycle": {"time_s": [0, 1, 2], "speed": [0, 1, 2]}}, "did you mean 'speed_m_s'"),
+        ({"cycle": ([0, 1, 2], [0, 1])}, "own drive: columns have"),
+        ({"cycle": ([0, 1, 2], [0, 1, np.nan])}, "speed_m_s is .* allowed: finite numbers"),
+        ({"cycle": ([0, 1, 2], [0, 1, 90])}, "own drive, row 2, column speed_m_s"),
+        ({"vehicle": 3}, "vehicle is 3; allowed: a parameter set"),
+        ({"vehicle": {"body": {"mass_kg": -1}}}, "body.mass_kg is -1.0; allowed: 100 to"),
+        ({"overrides": [1]}, r"overrides is \[1\]; allowed: a mapping"),
+        ({"overrides": {"body.mas": 1}}, "did you mean 'body.mass_kg'"),
+        ({"overrides": {"body.mass_kg": "heavy"}}, "body.mass_kg is 'heavy'; allowed: a number"),
+        ({"strateg": "aging"}, "unknown key 'strateg'; did you mean 'strategy'"),
+        ({"horizon": 15}, "horizon is 15"),
+        ({"faults": 3}, "faults is 3; allowed: "),
+        ({"controller": 3}, "controller is 3; allowed: an object with the method decide"),
+        ({"controller": KeepsSpeed}, "controller is <class .* allowed: an object"),
+        ({"predictor": Broken(1)}, "predictor is .* allowed: an object with the method predict"),
+        ({"controller": Broken(None)}, "decide returned None; allowed: iptm.Command"),
+        (
+            {"controller": Broken(iptm.Command(np.nan, 0.0))},
+            r"decide returned Command\(acceleration_m_s2=nan",
+        ),
+        ({"predictor": BrokenPredictor(), "horizon": "3x1", **SHORT}, "predict returned .* speeds"),
+    ],
+)
+def test_a_mistake_is_one_line(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(iptm.IptmError, match=message) as raised:
+        iptm.simulate(**arguments)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("arguments", [{}, {"cycle": "us06"}, {"strategy": []}])
+def test_a_sweep_needs_lists(arguments: dict[str, Any]) -> None:
+    with pytest.raises(iptm.IptmError, match="allowed: one or more, none empty"):
+        iptm.sweep(**arguments)
