@@ -20,11 +20,12 @@ _MAX_SHOWN = 80
 
 
 def shown(value: object) -> str:
-    """Return a value as an error message shows it: its repr, cut to a readable length."""
+    """Return a value as an error message shows it: its repr in one line, cut to a readable length."""
     try:
         text = repr(str(value)) if isinstance(value, Enum) else repr(value)
     except ValueError:  # an int with more digits than Python prints
         text = f"<{type(value).__name__} too long to print>"
+    text = " ".join(line.strip() for line in text.splitlines())
     return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
 
 
