@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
+from library_reference import library_page
 from sensor_msgs.msg import JointState
 
 import iptm_bringup
@@ -342,6 +343,7 @@ def faults_page() -> str:
 PAGES = {
     DOCS / "reference" / "faults.md": faults_page,
     DOCS / "reference" / "figures.md": figures_page,
+    DOCS / "reference" / "library.md": partial(library_page, NOTICE),
     DOCS / "reference" / "services.md": services_page,
     DOCS / "reference" / "topics.md": topics_page,
     DOCS / "reference" / "parameters.md": parameters_page,
