@@ -15,7 +15,9 @@ def library_page(notice: str) -> str:
     functions = {name: entry for name, entry in entries.items() if inspect.isfunction(entry)}
     classes = {name: entry for name, entry in entries.items() if inspect.isclass(entry)}
     constants = sorted(entries.keys() - functions.keys() - classes.keys())
-    uses = "`import iptm`, see [notebooks](../how-to/notebooks.md); entries of a summary: [figures](figures.md)."
+    uses = (
+        "`import iptm`: [notebooks](../how-to/notebooks.md); summaries hold [figures](figures.md)."
+    )
     parts = [
         f"# The library\n\n{notice}{uses}\n",
         *(_entry("##", name, entry) for name, entry in functions.items()),
