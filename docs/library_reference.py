@@ -50,8 +50,8 @@ def _entry(level: str, name: str, entry: Any, kind: str = "") -> str:
             if parameter.name != "self"
         ]
         call = f"{name}{inspect.Signature(parameters)}"
-        signature = f"```python\n{call if '.' in name else f'iptm.{call}'}\n```\n\n"
-    return f"{level} {name}{kind}\n\n{signature}```text\n{text}\n```\n"
+        signature = f"{call if '.' in name else f'iptm.{call}'}\n\n"
+    return f"{level} {name}{kind}\n\n```text\n{signature}{text}\n```\n"
 
 
 def _names(entry: Any) -> str:

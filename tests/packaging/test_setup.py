@@ -190,7 +190,7 @@ def test_entering_shuts_out_another_ros(clone: Any) -> None:
     venv = clone.folder / ".venv"
     assert environment["AMENT_PREFIX_PATH"] == str(venv)
     assert environment["PATH"].startswith(f"{venv}/bin:")
-    packages = [str(path) for path in sorted((clone.folder / "ros2_ws" / "src").glob("iptm_*"))]
+    packages = [str(path) for path in sorted((clone.folder / "ros2_ws" / "src").glob("iptm*"))]
     assert sorted(environment["PYTHONPATH"].split(":")) == packages
     assert "LD_LIBRARY_PATH" not in environment
     assert "ROS_DISTRO" not in environment
