@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from iptm_studies.safety.emergency_stop import (
     braking_leads,
     emergency_stops,
 )
-from iptm_studies.safety.findings import Findings, JudgedTrial
+from iptm_studies.safety.findings import Driven, Findings, JudgedTrial, energy_percent
 from iptm_studies.safety.judging import judge_trial
 from iptm_studies.safety.lead_vehicles import lead_cycles
 from iptm_studies.safety.page import safety_page
@@ -115,6 +116,9 @@ def test_a_lead_vehicle_that_cuts_in_too_close_cannot_be_avoided() -> None:
     verdict = judge_trial(run, PARAMETERS, (event,), ())
     assert verdict.problems == ()
     assert verdict.bound_m < 0.0
+    weak = Fault(FaultKind.BRAKES_WEAK, size=0.8, duration_s=100.0)
+    report = Report(1.0, VEHICLE, f"{WEAK_BRAKES} 80 %")
+    assert judge_trial(run, PARAMETERS, (event, weak), (report,)).problems == ()
 
 
 def test_weak_brakes_may_touch_gently_and_have_to_be_noticed() -> None:
@@ -126,6 +130,11 @@ def test_weak_brakes_may_touch_gently_and_have_to_be_noticed() -> None:
     assert silent.problems == ("weak brakes not reported within 1 s of braking",)
     told = judge_trial(braking, PARAMETERS, (weak,), (Report(1.0, VEHICLE, f"{WEAK_BRAKES} 62 %"),))
     assert (told.noticed_s, told.problems) == (1.0, ())
+    # In the interval in which the fault begins, the brakes are sound.
+    later = Fault(FaultKind.BRAKES_WEAK, start_s=0.7, size=0.6, duration_s=100.0)
+    report = Report(2.0, VEHICLE, f"{WEAK_BRAKES} 62 %")
+    verdict = judge_trial(braking, PARAMETERS, (later,), (report,))
+    assert (verdict.noticed_s, verdict.problems) == (1.0, ())
 
 
 def test_service_braking_has_to_be_reported_by_the_vehicle() -> None:
@@ -195,6 +204,19 @@ def test_braking_trials_are_driven_once(short_drive: tuple[RunInputs, Run], tmp_
     )
     assert driven == ["nycc"]
     assert np.array_equal(first["nycc"].smallest_gap_m, second["nycc"].smallest_gap_m)
+
+
+def test_energies_are_compared_with_equal_ends(short_drive: tuple[RunInputs, Run]) -> None:
+    metrics = short_drive[1].metrics
+    warm = replace(metrics.end, temperature_k=metrics.end.temperature_k + 0.5)
+    group = {
+        0: Driven({}, metrics),
+        1: Driven({}, metrics),
+        2: Driven({}, replace(metrics, end=warm)),
+    }
+    assert energy_percent(group, 1) == 0.0
+    assert energy_percent(group, 2) > 0.0, "it has yet to be cooled"
+    assert np.isnan(energy_percent({1: group[1]}, 1))
 
 
 def test_the_page_shows_what_did_not_hold() -> None:

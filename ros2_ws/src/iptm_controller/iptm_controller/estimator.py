@@ -39,7 +39,7 @@ GATE_SIGMAS = 5.0
 """Innovations beyond this are outliers: a vehicle that appears nearer counts at once, others a tick later."""
 HARDEST_CHANGE_M_S2 = 6.0
 """A change of the lead vehicle's acceleration up to this is possible within a tick."""
-MARGIN_SIGMAS = 2.5
+MARGIN_SIGMAS = 3.0
 """The lead vehicle is taken to be nearer by this many standard deviations of gap less s_min."""
 ALPHA_PER_S, BETA_PER_S = 0.2, 0.02
 """Gains of the temperature filter for a tick of 1 s."""

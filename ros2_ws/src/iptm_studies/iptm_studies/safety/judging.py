@@ -99,10 +99,12 @@ def judge_trial(
 
 
 def _collision_problems(faults: Iterable[Fault], bound_m: float, impact_m_s: float) -> list[str]:
+    if bound_m <= 0.0:
+        return []
     if brake_share(faults) < SOUND_SHARE:
         hard = impact_m_s > WEAK_IMPACT_M_S
         return [f"impact at {impact_m_s:.1f} m/s with weak brakes"] if hard else []
-    return ["avoidable collision"] if bound_m > 0.0 else []
+    return ["avoidable collision"]
 
 
 def brake_share(faults: Iterable[Fault]) -> float:
@@ -153,7 +155,9 @@ def _noticed_s(
     ]
     if not weak:
         return np.nan, 0.0
-    acting = (trip.time_s > weak[0].start_s) & (trip.time_s <= weak[0].end_s)
+    # A fault of the actuators acts on whole intervals, from the first one that begins with it.
+    begins_s = trip.time_s - trip.intervals_s[0]
+    acting = (begins_s >= weak[0].start_s - 1e-9) & (trip.time_s <= weak[0].end_s)
     braking = acting & (trip.acceleration_m_s2 < -BRAKING_M_S2) & (trip.speed_m_s >= MOVING_M_S)
     braked_s = np.cumsum(np.where(braking, np.diff(trip.time_s, prepend=trip.time_s[:1]), 0.0))
     told = (one.time_s for one in reports if WEAK_BRAKES in one.text)

@@ -141,7 +141,7 @@ def _trial_part(trials: Sequence[JudgedTrial]) -> str:
     text = (
         "Closed-loop trials with an event in traffic and one or two disturbances each. A collision is "
         "avoidable if the stated brakes would have avoided it from any row between the beginning of the "
-        "event and the collision; with brakes of 60 to 85 % an impact of up to 5 m/s is allowed. Service "
+        "event and the collision; with brakes of 60 to 85 % it may have an impact of up to 5 m/s. Service "
         "braking has to be reported within 2 ticks, weak brakes within 1 s of braking."
     )
     rows = []
@@ -263,8 +263,8 @@ def _delay_part(delays: Sequence[Driven]) -> str:
             )
         rows.append(row)
     text = (
-        "Smallest margin to s_min, smallest gap, interventions, and battery energy against no delay; with a "
-        "true preview."
+        "Smallest margin to s_min, smallest gap, interventions, and battery energy against no delay, both "
+        "packs cooled to one temperature and the kinetic energy returned; with a true preview."
     )
     return f"{text}\n\n" + markdown_table(
         ("cycle", "period (s):", "no delay", "1 tick", "2 ticks"), rows
