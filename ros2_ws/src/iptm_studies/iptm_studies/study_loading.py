@@ -258,9 +258,12 @@ def _strategy(run: StrictMapping) -> Strategy:
     return replace(strategy_by_name(written.text(_BASE)), **weights)
 
 
-def _overrides(run: StrictMapping) -> tuple[tuple[str, float], ...]:
-    written = run.section("overrides")
-    return tuple((key, written.number(key)) for key in written)
+def _overrides(name: str) -> Callable[[StrictMapping], tuple[tuple[str, float], ...]]:
+    def read(run: StrictMapping) -> tuple[tuple[str, float], ...]:
+        written = run.section(name)
+        return tuple((key, written.number(key)) for key in written)
+
+    return read
 
 
 def _solver(run: StrictMapping) -> SolverSpec:
@@ -273,7 +276,8 @@ def _preview(run: StrictMapping) -> PreviewSpec:
 
 
 _READERS: Mapping[str, Callable[[StrictMapping], Any]] = {
-    "overrides": _overrides,
+    "overrides": _overrides("overrides"),
+    "controller_overrides": _overrides("controller_overrides"),
     "strategy": _strategy,
     "solver": _solver,
     "preview": _preview,

@@ -57,6 +57,10 @@ class Smoothing:
     torque_nm: float = 0.0
     blend_m_s: float = 0.0
 
+    def scaled(self, factor: float) -> Smoothing:
+        """Return all widths times a factor."""
+        return Smoothing(**{name: factor * width for name, width in vars(self).items()})
+
 
 EXACT = Smoothing()
 
