@@ -251,7 +251,7 @@ def test_smoothing_vanishes_with_its_widths(
 ) -> None:
     if speed < 0.1:
         return  # at standstill the smoothed brake hold depends on speed only, by design
-    tiny = Smoothing(force_n=1e-4, power_w=1e-3, current_a=1e-6, speed_m_s=1e-5)
+    tiny = Smoothing(force_n=1e-4, power_w=1e-3, c_rate_1_h=2e-7, speed_m_s=1e-5)
     point = (speed, acceleration, slope, power, cell_1, cell_n)
     exact, smooth = evaluate(*point), evaluate(*point, smoothing=tiny)
     assert smooth.battery_power_w == pytest.approx(exact.battery_power_w, rel=1e-6, abs=0.01)

@@ -136,9 +136,7 @@ class Saving:
         )
 
 
-def _at_equal_end(
-    pairs: list[tuple[RunMetrics, RunMetrics]], parameters: ModelParameters
-) -> float:
+def _at_equal_end(pairs: list[tuple[RunMetrics, RunMetrics]], parameters: ModelParameters) -> float:
     coolest_k = parameters.limits.min_temperature_k
     own_loss = other_loss = 0.0
     for own, other in pairs:
