@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +11,10 @@ from iptm_controller.horizon import SINGLE_HORIZON
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.metrics import RunMetrics, at_equal_end
+from iptm_core.parameters import DEFAULT_SET
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_studies.run_spec import RunSpec
+from iptm_studies.run_spec import RunSpec, SolverSpec
 
 DEFAULT, REFERENCE = "default", "reference"
 _CONTROLLER = ControllerSettings()
@@ -22,8 +23,44 @@ STRATEGIES = {
     REFERENCE: ("reference", str(SINGLE_HORIZON)),
 }
 """Strategy and grid by the role in the tables."""
+ROLES = tuple(STRATEGIES)
 CYCLE = "wltc_class3b"
+CARS = (DEFAULT_SET, "bmw_i3", "chevrolet_bolt", "tesla_model_3")
+CLIMATES_C = (-10.0, 10.0, 25.0, 35.0)
+USUAL_C = 25.0
 HEADWAY = "gap.max_time_headway_s"
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much is driven.
+
+    Attributes:
+        trips: measured trips, as paths of drive files.
+        cars: parameter sets.
+        climates_c: temperatures of the air.
+        everywhere: cars that drive the measured trips at all temperatures; the others at 25 degC.
+        simplifications: number of the simplifications that are tried.
+        duration_s: where all trips are cut, None for their ends.
+        compile_code: whether controllers are compiled.
+    """
+
+    trips: tuple[str, ...]
+    cars: tuple[str, ...] = CARS
+    climates_c: tuple[float, ...] = CLIMATES_C
+    everywhere: tuple[str, ...] = CARS[:2]
+    simplifications: int | None = None
+    duration_s: float | None = None
+    compile_code: bool = True
+
+    @classmethod
+    def short(cls, trips: Sequence[str]) -> Extent:
+        """Return a little of everything, in seconds."""
+        return cls(tuple(trips[:2]), CARS[1:2], (USUAL_C,), (), 1, 20.0, compile_code=False)
+
+    def solver(self, smoothing_factor: float = 1.0) -> SolverSpec:
+        """Return the solver of a run."""
+        return SolverSpec(compile_code=self.compile_code, smoothing_factor=smoothing_factor)
 
 
 def drive(

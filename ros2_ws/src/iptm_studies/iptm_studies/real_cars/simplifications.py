@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from iptm_core.metrics import RunMetrics
 from iptm_core.settings import ThermalModel
 from iptm_studies.campaign import CaseState
-from iptm_studies.real_cars.drives import DEFAULT, REFERENCE, Totals, drive
-from iptm_studies.run_spec import RunSpec, SolverSpec
+from iptm_studies.real_cars.drives import DEFAULT, REFERENCE, Extent, Totals, drive
+from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import Case, Study
 
 CAR = "bmw_i3"
@@ -43,7 +43,7 @@ class Side:
     smoothing_factor: float = 1.0
     thermal_model: ThermalModel = ThermalModel.TWO_CELL
 
-    def spec(self, role: str, ambient_c: float) -> RunSpec:
+    def spec(self, role: str, ambient_c: float, extent: Extent) -> RunSpec:
         """Return its run; the model of the reference is always the shipped one."""
         shipped = role == REFERENCE
         return drive(
@@ -52,7 +52,8 @@ class Side:
             ambient_c,
             overrides=dict(self.vehicle),
             controller_overrides=() if shipped else tuple(self.model.items()),
-            solver=SolverSpec(smoothing_factor=1.0 if shipped else self.smoothing_factor),
+            solver=extent.solver(1.0 if shipped else self.smoothing_factor),
+            duration_s=extent.duration_s,
             thermal_model=self.thermal_model,
         )
 
@@ -181,18 +182,19 @@ class Loss:
     consumption: float
 
 
-def simplification_study() -> Study:
+def simplification_study(extent: Extent) -> Study:
     """Return all runs that the table of the simplifications needs."""
     cases = [
         Case(
             _name(simplification, side, role, ambient_c),
             {"simplification": simplification.name, "ambient_c": ambient_c},
-            getattr(simplification, side).spec(role, ambient_c),
+            getattr(simplification, side).spec(role, ambient_c, extent),
         )
-        for simplification in SIMPLIFICATIONS
+        for simplification in SIMPLIFICATIONS[: extent.simplifications]
         for side in ("simple", "refined")
         for role in (DEFAULT, REFERENCE)
         for ambient_c in CLIMATES_C
+        if ambient_c in extent.climates_c
     ]
     return Study(
         "simplifications",
