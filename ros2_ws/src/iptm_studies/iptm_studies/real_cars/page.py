@@ -27,7 +27,7 @@ Savings are in percent of what the other controller needs on the same trip behin
 negative number is more. **Ageing** is the capacity that both cells lose by the paper's law for cyclic
 ageing, with the same constants for every cell: the public data have no ageing, so it compares controllers
 on one car, and no two cars. **Equal ends** is ageing with both packs cooled to the same temperature at the
-end (none where they end below the lower limit of 15 °C). **Cooling** is the energy of compressor and
+end (none where they end below the lower limit of 25 °C). **Cooling** is the energy of compressor and
 auxiliaries, **traction** the electric traction energy, both as the paper counts them. Gap: the largest one
 that the controllers may leave, 120 m as shipped, or a time headway of 3 s beside that."""
 
