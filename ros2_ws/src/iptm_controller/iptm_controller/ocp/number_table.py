@@ -3,7 +3,7 @@
 Generated C holds the numbers of a model as hundreds of literals, and to compile it takes seconds. Read from a
 table instead, they are data at one place of the library, behind a mark that occurs nowhere else; for another
 model the library is copied with other numbers there. The table is constant, but its content is unknown
-while the code is compiled: the same operations are done on the same numbers as with literals, to the last bit.
+while the code is compiled: the same operations are done on the same numbers as with literals, bit by bit.
 """
 
 from __future__ import annotations
