@@ -141,6 +141,11 @@ class RunSpec(Settings):
         object.__setattr__(self, "faults", in_order(self.faults))
         check_headless(self.faults)
         self.bridge_settings()
+        if self.strategy.is_rule_based and self.kind is RunKind.WHOLE_TRIP:
+            raise ScenarioError(
+                f"a whole trip with strategy '{self.strategy.name}', which optimises nothing; "
+                "allowed: strategies with weights"
+            )
         if self.duration_s is not None and self.duration_s < self.tick_s:
             raise ScenarioError(
                 f"duration_s is {self.duration_s}; allowed: one tick, {self.tick_s:g} s, or more"

@@ -187,7 +187,9 @@ SETTINGS = tuple(entry.name for entry in fields(RunSpec))
 _FILES = {"cycle": USER_SUFFIXES, "parameter_set": YAML_SUFFIXES}
 _BASE = "base"
 _BEST_OF = "best_of"
-_WEIGHTS = tuple(entry.name for entry in fields(Strategy) if entry.name != "name")
+_WEIGHTS = tuple(
+    entry.name for entry in fields(Strategy) if entry.name not in {"name", "is_rule_based"}
+)
 _SOLVER_FIELDS = tuple(entry.name for entry in fields(SolverSpec))
 _PREVIEW_FIELDS = {entry.name.removeprefix("preview_"): entry.name for entry in fields(PreviewSpec)}
 """Key in the section ``preview`` -> name of the setting; the section says already what it is about."""
