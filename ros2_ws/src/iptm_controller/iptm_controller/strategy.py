@@ -109,7 +109,7 @@ STRATEGIES: dict[str, Strategy] = {
         Strategy("production", is_rule_based=True),
     )
 }
-"""By name: the six strategies of the paper, of which it proposes ``aging``, the default, and what cars have."""
+"""By name: the six of the paper, of which it proposes ``aging``, the default, and what cars have today."""
 
 
 def strategy_by_name(name: str) -> Strategy:
