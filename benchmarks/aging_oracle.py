@@ -11,6 +11,7 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import sys
 from dataclasses import dataclass
 from typing import Any
@@ -80,7 +81,7 @@ def _part(battery: Any, names: tuple[str, ...]) -> float:
 
 def main() -> None:
     """Write the losses of every cell and profile."""
-    from blast import models  # type: ignore[import-not-found,unused-ignore]
+    models = importlib.import_module("blast.models")
 
     rows = csv.writer(sys.stdout, lineterminator="\n")
     rows.writerow(("cell", "profile", "calendar_loss", "cyclic_loss"))

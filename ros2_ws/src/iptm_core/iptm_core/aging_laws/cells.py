@@ -116,9 +116,7 @@ NCA = AgingCell(
         "NCA",
         (
             CalendarAging(75.4, 3.34e3, 353.0, 0.512, _itself),
-            CyclicAging(
-                LinearIntensity(1.86e-6, 4.74e-11, 1.77e-4), (3.34e-11, -2.81e-9), 0.699
-            ),
+            CyclicAging(LinearIntensity(1.86e-6, 4.74e-11, 1.77e-4), (3.34e-11, -2.81e-9), 0.699),
         ),
     ),
     "Panasonic NCR18650B, 3.2 Ah",
@@ -185,9 +183,7 @@ LFP = AgingCell(
         "LFP",
         (
             CalendarAging(8.37e4, 5.21e3, -3.56e3, 0.526, anode_potential_v),
-            CyclicAging(
-                LinearIntensity(4.38e-8, 1.68e-7, 1.55e-8), (2.19e3, -1.55e5), 0.828
-            ),
+            CyclicAging(LinearIntensity(4.38e-8, 1.68e-7, 1.55e-8), (2.19e3, -1.55e5), 0.828),
         ),
     ),
     "large prismatic, 250 Ah",

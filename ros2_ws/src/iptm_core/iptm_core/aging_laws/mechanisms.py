@@ -83,9 +83,7 @@ class CalendarAging:
     def damage_slope_1_s_k(self, load: Load) -> Scalar:
         """Return the derivative of that rate with respect to temperature."""
         energy_k = self.activation_k - self.slope_k * self.stress(load.charge)
-        return (
-            self.damage_rate_1_s(load) * energy_k / (self.exponent * load.temperature_k**2)
-        )
+        return self.damage_rate_1_s(load) * energy_k / (self.exponent * load.temperature_k**2)
 
 
 def _cycles_1_s(load: Load) -> Scalar:
@@ -98,7 +96,7 @@ class CyclicAging:
 
     Attributes:
         intensity: what depth, state of charge and mean C-rate make of k, before temperature.
-        exponents_k: a_1 and a_2; one alone leaves the other term out, none makes k independent of temperature.
+        exponents_k: a_1 and a_2; one alone leaves the other term out, with none k does not depend on T.
         exponent: exponent p of the throughput.
     """
 
@@ -124,9 +122,7 @@ class CyclicAging:
             return 0.0 * load.temperature_k
         terms = [exp(a / load.temperature_k) for a in self.exponents_k]
         slope = -sum(a * term for a, term in zip(self.exponents_k, terms, strict=True)) / sum(terms)
-        return (
-            self.damage_rate_1_s(load) * slope / (self.exponent * load.temperature_k**2)
-        )
+        return self.damage_rate_1_s(load) * slope / (self.exponent * load.temperature_k**2)
 
 
 @dataclass(frozen=True)

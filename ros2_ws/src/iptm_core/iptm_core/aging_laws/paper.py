@@ -1,4 +1,4 @@
-"""The paper's law, eqs. (11) and (12), behind the common interface: throughput only, without calendar ageing."""
+"""The paper's law, eqs. (11) and (12), behind the common interface: throughput only, nothing at rest."""
 
 from __future__ import annotations
 
@@ -47,8 +47,7 @@ class ThroughputAging:
         """Return the derivative of that rate with respect to temperature."""
         c_rate_1_h = absolute(load.c_rate_1_h)
         energy = (
-            self.aging.activation_energy_j_mol
-            - self.aging.compensation_factor_j_mol * c_rate_1_h
+            self.aging.activation_energy_j_mol - self.aging.compensation_factor_j_mol * c_rate_1_h
         )
         gas = self.aging.gas_constant_j_mol_k * self.exponent
         return self.damage_rate_1_s(load) * energy / (gas * load.temperature_k**2)

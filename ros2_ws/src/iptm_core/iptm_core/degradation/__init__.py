@@ -1,1 +1,0 @@
-"""Laws of capacity loss: what ageing mechanisms have in common, published forms of them, cells."""
