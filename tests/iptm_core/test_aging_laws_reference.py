@@ -61,11 +61,16 @@ def test_losses_are_those_of_blast_lite(row: Reference) -> None:
     assert sum(found.values()) == pytest.approx(row.calendar + row.cyclic, rel=0.1)
 
 
-@pytest.mark.parametrize("row", list(_rows()), ids=lambda row: f"{row.cell}-{row.profile}")
+@pytest.mark.parametrize(
+    "row",
+    [row for row in _rows() if not row.profile.startswith("80 %")],
+    ids=lambda row: f"{row.cell}-{row.profile}",
+)
 def test_calendar_losses_are_those_of_blast_lite(row: Reference) -> None:
     """Within 0.2 percentage points, once k is averaged over a day before its power 1/p, as there.
 
-    The law itself integrates k^(1/p), which does not depend on how time is divided.
+    The law itself integrates k^(1/p), which does not depend on how time is divided. Days of 80 % depth are
+    left out: BLAST-Lite deepens cycles as capacity fades, and so changes the state of charge at rest.
     """
     profile, law = PROFILES[row.profile], aging_cell(row.cell).law.mechanisms[0]
     load = Load(profile.temperature_c[:-1] + 273.15, charge=profile.charge[:-1])
