@@ -29,7 +29,7 @@ from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import DecisionSeries, SolveStatus
 from iptm_core.errors import IptmError
 from iptm_core.markdown import markdown_table
-from iptm_core.parameters import load_parameters
+from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.routes import build_route
 from iptm_core.routes.route import Route
 from iptm_core.state import FloatArray
@@ -70,6 +70,7 @@ def closed_loop(
     strategy: str = DEFAULT_STRATEGY,
     solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
     duration_s: float | None = None,
+    parameter_set: str = DEFAULT_SET,
 ) -> tuple[Route, Plant, Controller]:
     """Return what `run_closed_loop` drives.
 
@@ -79,11 +80,12 @@ def closed_loop(
         strategy: name of the strategy.
         solver: back end and its options.
         duration_s: where the trip is cut, s; None for all of it.
+        parameter_set: of vehicle and controller.
 
     Raises:
         IptmError: a name is unknown or the set-up fails.
     """
-    parameters = load_parameters().values
+    parameters = load_parameters(parameter_set).values
     route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
     options = ControllerOptions(
         strategy=strategy_by_name(strategy), horizon=Horizon.parse(horizon), solver=solver

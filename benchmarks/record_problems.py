@@ -23,7 +23,8 @@ from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.errors import ScenarioError
-from iptm_core.parameters import load_parameters
+from iptm_core.parameters import DEFAULT_SET, load_parameters
+from iptm_core.physics.charge import nominal_charge_parameters
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import FloatArray
 from iptm_studies.closed_loop import run_closed_loop
@@ -164,7 +165,12 @@ class _Relay:
 
 
 def record_problems(
-    cycle: str, strategy: str, horizon: str, first_tick: int = 0, count: int | None = None
+    cycle: str,
+    strategy: str,
+    horizon: str,
+    first_tick: int = 0,
+    count: int | None = None,
+    parameter_set: str = DEFAULT_SET,
 ) -> ProblemSet:
     """Drive a closed loop and keep its problems.
 
@@ -174,6 +180,7 @@ def record_problems(
         horizon: grid such as ``3x1+5x5``.
         first_tick: tick of the first problem kept.
         count: number of problems, None for all up to the end of the cycle.
+        parameter_set: of vehicle and controller.
 
     Returns:
         The problems; the first guess is that of a cold start.
@@ -182,8 +189,11 @@ def record_problems(
         IptmError: a name is unknown or the problem cannot be set up.
     """
     duration_s = None if count is None else float(first_tick + count)
-    route, plant, lead_in = closed_loop(cycle, strategy=strategy, duration_s=duration_s)
-    parameters, grid = load_parameters().values, Horizon.parse(horizon)
+    route, plant, lead_in = closed_loop(
+        cycle, strategy=strategy, duration_s=duration_s, parameter_set=parameter_set
+    )
+    grid = Horizon.parse(horizon)
+    parameters = nominal_charge_parameters(load_parameters(parameter_set).values)
     recorder = RecordingBackend(build_solver(grid, parameters, SolverOptions()))
     options = ControllerOptions(strategy=strategy_by_name(strategy), horizon=grid)
     recorded = Controller(parameters, options, recorder)

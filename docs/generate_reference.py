@@ -19,6 +19,7 @@ import iptm_bringup
 from iptm_bringup.composition import parameter_file_text
 from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
+from iptm_controller.production import ProductionSettings
 from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
@@ -49,6 +50,16 @@ DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"
 COST_TO_GO = "../explanation/optimal-control.md#the-cost-to-go-what-a-kelvin-is-worth"
 EXAMPLE_NS = 12_500_000_000
+PRODUCTION = """\
+adaptive cruise control and a thermostat with hysteresis. The acceleration is k1 (gap - standstill gap - T
+v) + k2 (lead vehicle's speed - v), the lower one of the gains for following and those for closing a large
+gap, and at most 0.4/s times the difference to the largest speed; limits of acceleration and jerk are those
+of the car. Gains: V. Milanés, S. E. Shladover, Transportation Research Part C 48 (2014) 285-300, and L.
+Xiao, M. Wang, B. van Arem, Transportation Research Record 2623 (2017) 1-9, also the defaults of the model
+ACC in SUMO; the time gap T lies in the range of ISO 15622:2018. Where the lead vehicle brakes harder than
+the limits of comfort allow, the collision guard and the safety monitor brake, as emergency braking does in
+cars. Makers publish no thresholds of their thermostats: those below are chosen, in the middle of the
+paper's limits of 25 and 40 degC."""
 NOTICE = "<!-- Made by scripts/update_docs from the code; do not edit. -->\n\n"
 
 
@@ -283,6 +294,11 @@ def strategies_page() -> str:
             "yes" if s.cost_to_go else "no",
         )
         for s in STRATEGIES.values()
+        if not s.is_rule_based
+    )
+    laws = (
+        (f"`{spec.name}`", str(spec.default), spec.unit or "1", spec.description)
+        for spec in parameter_specs(ProductionSettings)
     )
     outcomes = ((status.value, status.name, text) for status, text in STATUS_TEXT.items())
     return (
@@ -290,6 +306,9 @@ def strategies_page() -> str:
         f"default is `{DEFAULT_STRATEGY}`. Its [cost to go]({COST_TO_GO}) "
         "prices the cell temperatures at the end of the horizon and has no weight.\n\n"
         + _table(heads, rows)
+        + "\n## What cars have today\n\n`production` optimises nothing and uses no preview, to compare with: "
+        f"{PRODUCTION}\n\n"
+        + _table(("parameter", "value", "unit", "meaning"), laws)
         + "\n## Outcomes of a solve\n\n"
         + _table(("code", "status", "meaning"), outcomes)
     )

@@ -91,7 +91,8 @@ RULES = (
     Rule(Way.NOT, r"scripts/benchmark .*", "minutes to hours; benchmarks are no part of a run"),
     Rule(
         Way.NOT,
-        r"scripts/(safety|faults|campaign|identify|reproduce)( (?!.*--dry-run|list|status|tables|prune).*)?",
+        r"scripts/(safety|faults|campaign|identify|real_cars|reproduce)"
+        r"( (?!.*--dry-run|list|status|tables|prune).*)?",
         "minutes to hours",
     ),
     Rule(Way.NOT, r"export .*", "sets a variable"),

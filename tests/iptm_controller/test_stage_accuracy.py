@@ -241,7 +241,8 @@ def test_ageing_is_smoothed_at_rest_only() -> None:
     currents = np.linspace(-8.0, 8.0, 1601)
     arguments = (currents, 308.0, 1e-3, PARAMETERS.aging, PARAMETERS.cell)
     exact = capacity_loss_rate_1_s(*arguments)
-    smooth = capacity_loss_rate_1_s(*arguments, current_smoothing_a=DEFAULT_SMOOTHING.current_a)
+    width_a = DEFAULT_SMOOTHING.c_rate_1_h * PARAMETERS.cell.nominal_capacity_ah
+    smooth = capacity_loss_rate_1_s(*arguments, current_smoothing_a=width_a)
     rate_at_1c = capacity_loss_rate_1_s(
         PARAMETERS.cell.nominal_capacity_ah, 308.0, 1e-3, PARAMETERS.aging, PARAMETERS.cell
     )

@@ -1,4 +1,4 @@
-"""The six strategies of the paper, and what is refused."""
+"""The strategies of the paper and those beside them, and what is refused."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_proposed_strategy_counts_aging_only() -> None:
 
 
 def test_names_are_those_of_the_table() -> None:
-    assert len(STRATEGIES) == 7
+    assert len(STRATEGIES) == 8
     for name, strategy in STRATEGIES.items():
         assert strategy.name == name
         assert strategy_by_name(name) is strategy
@@ -56,3 +56,11 @@ def test_weights_out_of_range_are_refused(term: str, value: float) -> None:
 def test_no_weight_is_no_strategy() -> None:
     with pytest.raises(ParameterError, match="every weight is zero"):
         Strategy("mine")
+
+
+def test_what_cars_have_today_weighs_nothing() -> None:
+    strategy = strategy_by_name("production")
+    assert strategy.is_rule_based
+    assert not any(getattr(strategy, term) for term in TERMS)
+    with pytest.raises(ParameterError, match="'mine' optimises nothing, but has a cost"):
+        Strategy("mine", aging_weight=1.0, is_rule_based=True)

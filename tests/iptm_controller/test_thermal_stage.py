@@ -79,7 +79,11 @@ def smoothed_aging(temperature_k: float, step_s: float) -> float:
     pack, smoothing = PARAMETERS.pack, DEFAULT_SMOOTHING
     by_power_a = 0.5 * smoothing.power_w / (pack.open_circuit_voltage_v * pack.parallel)
     rate = capacity_loss_rate_1_s(
-        smoothing.current_a + by_power_a, temperature_k, 1e-3, PARAMETERS.aging, PARAMETERS.cell
+        smoothing.c_rate_1_h * PARAMETERS.cell.nominal_capacity_ah + by_power_a,
+        temperature_k,
+        1e-3,
+        PARAMETERS.aging,
+        PARAMETERS.cell,
     )
     return 2.0 * AGING_WEIGHT * float(rate) * step_s
 

@@ -27,7 +27,7 @@ from iptm_core.physics.power_thermal import (
 Agree = Callable[..., None]
 VALUES = load_parameters().values
 IN_USE = Smoothing(
-    force_n=150.0, power_w=500.0, current_a=0.05, speed_m_s=0.3, deliverable_margin=0.02
+    force_n=150.0, power_w=500.0, c_rate_1_h=0.05 / 5.019, speed_m_s=0.3, deliverable_margin=0.02
 )
 CELLS_IN_PACK = 96 * 38
 OPERATION = {
@@ -171,7 +171,7 @@ def test_smoothing_with_zero_widths_is_the_exact_model() -> None:
         ({"force_n": 150.0}, "traction_power_w"),
         ({"speed_m_s": 0.3}, "traction_power_w"),
         ({"power_w": 500.0}, "battery_power_w"),
-        ({"current_a": 0.05}, "cell_1_capacity_loss_rate_1_s"),
+        ({"c_rate_1_h": 0.05}, "cell_1_capacity_loss_rate_1_s"),
     ],
 )
 def test_every_width_smooths_its_own_kink(width: dict[str, float], moved: str) -> None:
@@ -251,7 +251,7 @@ def test_smoothing_vanishes_with_its_widths(
 ) -> None:
     if speed < 0.1:
         return  # at standstill the smoothed brake hold depends on speed only, by design
-    tiny = Smoothing(force_n=1e-4, power_w=1e-3, current_a=1e-6, speed_m_s=1e-5)
+    tiny = Smoothing(force_n=1e-4, power_w=1e-3, c_rate_1_h=2e-7, speed_m_s=1e-5)
     point = (speed, acceleration, slope, power, cell_1, cell_n)
     exact, smooth = evaluate(*point), evaluate(*point, smoothing=tiny)
     assert smooth.battery_power_w == pytest.approx(exact.battery_power_w, rel=1e-6, abs=0.01)

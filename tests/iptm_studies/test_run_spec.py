@@ -98,3 +98,8 @@ def test_description_names_what_is_unusual() -> None:
     text = VARIED.describe()
     for part in ("12 s", "whole trip", "textbook_cell", "gap.max_gap_m=80", "latency_s=2.0"):
         assert part in text
+
+
+def test_a_whole_trip_has_something_to_optimise() -> None:
+    with pytest.raises(ScenarioError, match="'production', which optimises nothing"):
+        RunSpec(kind=RunKind.WHOLE_TRIP, strategy=STRATEGIES["production"])

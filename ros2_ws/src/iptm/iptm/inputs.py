@@ -94,6 +94,7 @@ def settings_of(spec: RunSpec) -> dict[str, Any]:
         "period_s": spec.tick_s,
         "integration_step_s": spec.plant_step_s,
         "thermal_model": plain(spec.thermal_model),
+        **{f"controller: {key}": value for key, value in spec.controller_overrides},
         **({"faults": str(plain_faults(spec.faults))} if spec.faults else {}),
     }
 

@@ -31,6 +31,7 @@ from iptm_controller.plan import (
     sample_positions_m,
     variables_from_plan,
 )
+from iptm_controller.production import ProductionLikeController, ProductionSettings
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
@@ -56,6 +57,7 @@ class ControllerOptions:
         tick_s: sampling time of the loop.
         trip_duration_s: trip time at which the trip ends, infinite where that is not known.
         noise: stated noise of the measurements.
+        production: laws of the strategy that optimises nothing.
     """
 
     strategy: Strategy = STRATEGIES[DEFAULT_STRATEGY]
@@ -66,6 +68,7 @@ class ControllerOptions:
     tick_s: float = 1.0
     trip_duration_s: float = math.inf
     noise: NoiseSettings = field(default_factory=NoiseSettings)
+    production: ProductionSettings = field(default_factory=ProductionSettings)
 
 
 class Controller:
@@ -110,6 +113,7 @@ class Controller:
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
         self._estimator = Estimator(options.noise, parameters.limits, options.tick_s)
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
+        self._production = ProductionLikeController(parameters, options.production)
         self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
         self._last_trusted: VehicleState | None = None
 
@@ -149,6 +153,7 @@ class Controller:
             trust=self._forecaster.trust.memory,
             actuation=self._actuation.memory,
             estimator=self._estimator.memory,
+            is_cooling=self._production.is_cooling,
             solves_since_second=None if check is None else check.since_second,
         )
 
@@ -166,6 +171,7 @@ class Controller:
         self._forecaster.trust.memory = memory.trust
         self._actuation.memory = memory.actuation
         self._estimator.memory = memory.estimator
+        self._production.is_cooling = memory.is_cooling
         if self._switching_check is not None:
             self._switching_check.since_second = memory.solves_since_second
 
@@ -183,9 +189,13 @@ class Controller:
             state = self._within_comfort(self._actuation.predicted(state))
         if state is None or leader is None or trusted.fault:
             planned = PlanningResult(None, trusted.fault)
+        elif self.options.strategy.is_rule_based:
+            planned = PlanningResult(None, "", command=self._production.command(state, leader))
         else:
             planned = self._plan(state, leader, measured)
-        if planned.plan is not None:
+        if planned.command is not None:
+            rung, command = self._ladder.accept_command(planned.command)
+        elif planned.plan is not None:
             rung, command = self._ladder.accept(planned.plan)
         else:
             ahead = None if state is None else self._forecaster.leader_at(state.time_s, leader)

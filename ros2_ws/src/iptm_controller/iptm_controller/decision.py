@@ -24,6 +24,7 @@ class PlanningResult:
         result: the solver's answer, None if no problem could be posed.
         forecast: the leader's motion used, None if it could not be formed.
         value: price of the temperatures at the end of the horizon.
+        command: that of a strategy which optimises nothing, None of others.
     """
 
     plan: Plan | None
@@ -31,6 +32,7 @@ class PlanningResult:
     result: SolveResult | None = None
     forecast: LeaderForecast | None = None
     value: TemperatureValue = NO_VALUE
+    command: Command | None = None
 
 
 @dataclass(frozen=True)

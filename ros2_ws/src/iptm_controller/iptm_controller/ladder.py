@@ -54,6 +54,11 @@ class FallbackLadder:
         self.memory = LadderMemory(plan)
         return Rung.OPTIMAL, plan.command_at(plan.start_s)
 
+    def accept_command(self, command: Command) -> tuple[Rung, Command]:
+        """Go back to the top: a strategy that optimises nothing has decided, and leaves no plan."""
+        self.memory = LadderMemory()
+        return Rung.OPTIMAL, command
+
     def fall_back(
         self,
         state: VehicleState | None,

@@ -65,6 +65,7 @@ class ControllerMemory:
         trust: of the trust in previews.
         actuation: of the observer of the actuators.
         estimator: of the filter of noisy measurements.
+        is_cooling: of the thermostat of the production-like controller.
         solves_since_second: of the check for better switching; None for one that has not solved anything.
     """
 
@@ -78,4 +79,5 @@ class ControllerMemory:
     trust: TrustMemory = field(default_factory=TrustMemory)
     actuation: ActuationMemory = field(default_factory=ActuationMemory)
     estimator: EstimatorMemory = field(default_factory=EstimatorMemory)
+    is_cooling: bool = False
     solves_since_second: int | None = None

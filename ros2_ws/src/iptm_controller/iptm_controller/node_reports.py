@@ -30,6 +30,7 @@ _RUNG_SITUATION = {
 }
 TOUCHING = "the leader is measured at no distance"
 WEAK_BRAKES = "brakes deliver less than commanded"
+RULE_BASED = "cruise control and thermostat"
 LATE_COMMANDS = "commands act late, compensated"
 ANOTHER_TRIP = "another trip has begun"
 _PREVIEW_SITUATION = {
@@ -148,7 +149,7 @@ def _of_decision(decision: Decision | None, road: Road) -> tuple[Level, str]:
             return level, reason
     if road.warning:
         return Level.WARN, road.warning
-    return Level.OK, "optimal plans"
+    return Level.OK, "optimal plans" if decision.plan is not None else RULE_BASED
 
 
 def _warnings(decision: Decision) -> list[str]:

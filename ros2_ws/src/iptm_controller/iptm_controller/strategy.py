@@ -32,6 +32,7 @@ class Strategy:
         reference_temperature_k: r_T of J2.
         cost_to_go: price the cell temperatures at the end of the horizon by the aging that follows, see
             ``TemperatureValue``; there is nothing to weigh.
+        is_rule_based: drive and cool by the laws of `iptm_controller.production`, which weigh nothing.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Strategy:
     aging_weight: float = 0.0
     reference_temperature_k: float = REFERENCE_TEMPERATURE_K
     cost_to_go: bool = False
+    is_rule_based: bool = False
 
     def __post_init__(self) -> None:
         weights = {
@@ -54,7 +56,12 @@ class Strategy:
                 raise ParameterError(
                     f"strategy '{self.name}': {key} is {value}; allowed: 0 to 1e15"
                 )
-        if not any(value > 0.0 for value in weights.values()):
+        if self.is_rule_based:
+            if self.cost_to_go or any(value > 0.0 for value in weights.values()):
+                raise ParameterError(
+                    f"strategy '{self.name}' optimises nothing, but has a cost; allowed: weights of 0"
+                )
+        elif not any(value > 0.0 for value in weights.values()):
             raise ParameterError(
                 f"strategy '{self.name}' has no cost term: every weight is zero; allowed: one above 0"
             )
@@ -65,6 +72,8 @@ class Strategy:
 
         1 for the strategies of this module. It changes no optimum among plans that keep the limits.
         """
+        if self.is_rule_based:
+            return 1.0
         typical_1_s = (
             self.speed_weight * _TYPICAL_SPEED_ERROR_M_S**2
             + self.temperature_weight * 2.0 * _TYPICAL_TEMPERATURE_ERROR_K**2
@@ -97,9 +106,10 @@ STRATEGIES: dict[str, Strategy] = {
         Strategy("energy_aging", energy_weight_1_j=1e-3, aging_weight=5e8),
         _AGING,
         replace(_AGING, name=DEFAULT_STRATEGY, cost_to_go=True),
+        Strategy("production", is_rule_based=True),
     )
 }
-"""The six strategies of the paper by name, ``aging`` the one it proposes, and the default one."""
+"""By name: the six of the paper, of which it proposes ``aging``, the default, and what cars have today."""
 
 
 def strategy_by_name(name: str) -> Strategy:

@@ -44,6 +44,7 @@ class Rung(IntEnum):
     """Where a command comes from: the rungs of the fallback ladder, top first."""
 
     OPTIMAL = 0
+    """What the strategy decides: an optimal plan, or the law of a strategy that optimises nothing."""
     SHIFTED_PLAN = 1
     SAFE_LAW = 2
     STOP = 3

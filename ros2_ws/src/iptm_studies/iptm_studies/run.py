@@ -220,11 +220,12 @@ def perform_run(
 def _controller(inputs: RunInputs) -> tuple[TickController, bool]:
     """Return the specified controller, and whether its problem runs as machine code."""
     spec = inputs.spec
-    controller = Controller(inputs.parameters, controller_options(spec, inputs.route.duration_s))
+    model = inputs.controller_parameters or inputs.parameters
+    controller = Controller(model, controller_options(spec, inputs.route.duration_s))
     compiled = controller.backend.compiled
     if not spec.faults:
         return controller, compiled
-    return FaultyController(inputs.parameters, controller, spec.faults, lambda _: None), compiled
+    return FaultyController(model, controller, spec.faults, lambda _: None), compiled
 
 
 def _vehicle_reports(steps: Iterable[PlantStep]) -> Iterator[Report]:
@@ -260,4 +261,5 @@ def solver_options(spec: SolverSpec) -> SolverOptions:
         max_iterations=spec.max_iterations,
         tolerance=spec.tolerance,
         compile_code=spec.compile_code,
+        smoothing_factor=spec.smoothing_factor,
     )

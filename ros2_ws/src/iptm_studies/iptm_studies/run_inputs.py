@@ -30,10 +30,11 @@ class RunInputs:
 
     Attributes:
         spec: the specification.
-        parameters: parameters of vehicle and controller.
+        parameters: parameters of the vehicle.
         route: leader and slope.
         fingerprint: of the code and libraries that it is meant for.
         address: the first case that asks for it, ``study/case``; a label only.
+        controller_parameters: of the controller where its model is not that of the vehicle, None where it is.
     """
 
     spec: RunSpec
@@ -41,6 +42,7 @@ class RunInputs:
     route: Route
     fingerprint: str
     address: str = ""
+    controller_parameters: ModelParameters | None = None
 
     @cached_property
     def key(self) -> str:
@@ -77,7 +79,12 @@ def resolve_inputs(spec: RunSpec, address: str = "", drive: UserTrip | None = No
             f"trip of {route.duration_s:g} s with ticks of {spec.tick_s:g} s; "
             "allowed: a whole number of ticks, at least one"
         )
-    return RunInputs(spec, parameters, route, code_fingerprint(), address)
+    own = (
+        _parameters(spec.parameter_set, _laid_over(spec.overrides, spec.controller_overrides))
+        if spec.controller_overrides
+        else None
+    )
+    return RunInputs(spec, parameters, route, code_fingerprint(), address, own)
 
 
 def run_key(inputs: RunInputs) -> str:
@@ -86,13 +93,14 @@ def run_key(inputs: RunInputs) -> str:
     Parameter sets and routes count with their values, not with their names or files: a change in one
     set leaves the runs of the others alone. Code counts without comments and docstrings.
     """
-    spec = inputs.spec
+    spec, own = inputs.spec, inputs.controller_parameters
     strategy = asdict(spec.strategy)
     del strategy["name"]
     content = {
         "format": KEY_FORMAT,
         "kind": spec.kind.value,
         "parameters": to_flat_dict(inputs.parameters),
+        "controller_parameters": None if own is None else to_flat_dict(own),
         "route": route_digest(inputs.route),
         "strategy": strategy,
         "horizon": spec.horizon,
@@ -125,8 +133,16 @@ def route_digest(route: Route) -> str:
     return digest.hexdigest()
 
 
+Overrides = tuple[tuple[str, float], ...]
+
+
+def _laid_over(overrides: Overrides, further: Overrides) -> Overrides:
+    """Return overrides with others laid over them."""
+    return tuple(sorted({**dict(overrides), **dict(further)}.items()))
+
+
 @lru_cache(maxsize=256)
-def _parameters(name: str, overrides: tuple[tuple[str, float], ...]) -> ModelParameters:
+def _parameters(name: str, overrides: Overrides) -> ModelParameters:
     return load_parameters(name, dict(overrides)).values
 
 

@@ -38,6 +38,7 @@ them."""
 
 SHORTEST_PREVIEW_S = 60.0
 PREVIEW_RESERVE_S = 30.0
+_OVERRIDES = ("overrides", "controller_overrides")
 
 
 class RunKind(Enum):
@@ -57,6 +58,9 @@ class SolverSpec(Settings):
     tolerance: float = declared(SolveSettings, "tolerance", minimum=1e-16)
     max_iterations: int = declared(SolveSettings, "max_iterations", maximum=100_000)
     compile_code: bool = declared(SolveSettings, "compile_code")
+    smoothing_factor: float = parameter(
+        1.0, "factor on the widths of the smoothed kinks of the model", "", 0.01, 10.0
+    )
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,7 @@ class RunSpec(Settings):
         duration_s: length of the trip, None for the whole cycle.
         parameter_set: shipped set by name, or the path of a .yaml file.
         overrides: single parameters that differ, dotted key and value, sorted by key.
+        controller_overrides: those in which the controller's model differs from the vehicle, likewise.
         strategy: cost terms and weights. Its name is a label only.
         horizon: prediction grid such as ``3x1+5x5``; of a whole trip, that of the run it starts from.
         solver: solver of the controller.
@@ -118,6 +123,7 @@ class RunSpec(Settings):
     duration_s: float | None = declared(TripSettings, "duration_s", default=None)
     parameter_set: str = declared(ModelSettings, "parameter_set")
     overrides: tuple[tuple[str, float], ...] = ()
+    controller_overrides: tuple[tuple[str, float], ...] = ()
     strategy: Strategy = field(default_factory=lambda: strategy_by_name("aging"))
     horizon: str = declared(ControllerSettings, "horizon", default="15x1")
     solver: SolverSpec = field(default_factory=SolverSpec)
@@ -129,11 +135,17 @@ class RunSpec(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "overrides", tuple(sorted(self.overrides)))
+        for name in _OVERRIDES:
+            object.__setattr__(self, name, tuple(sorted(getattr(self, name))))
         object.__setattr__(self, "horizon", str(Horizon.parse(self.horizon)))
         object.__setattr__(self, "faults", in_order(self.faults))
         check_headless(self.faults)
         self.bridge_settings()
+        if self.strategy.is_rule_based and self.kind is RunKind.WHOLE_TRIP:
+            raise ScenarioError(
+                f"a whole trip with strategy '{self.strategy.name}', which optimises nothing; "
+                "allowed: strategies with weights"
+            )
         if self.duration_s is not None and self.duration_s < self.tick_s:
             raise ScenarioError(
                 f"duration_s is {self.duration_s}; allowed: one tick, {self.tick_s:g} s, or more"
@@ -148,7 +160,7 @@ class RunSpec(Settings):
         content = asdict(self)
         content["kind"] = self.kind.value
         content["thermal_model"] = self.thermal_model.value
-        content["overrides"] = dict(self.overrides)
+        content |= {name: dict(getattr(self, name)) for name in _OVERRIDES}
         content["faults"] = plain_faults(self.faults)
         return content
 
@@ -165,7 +177,7 @@ class RunSpec(Settings):
             return cls(
                 **{
                     **written.content,
-                    "overrides": tuple(written.section("overrides").content.items()),
+                    **{name: tuple(written.section(name).content.items()) for name in _OVERRIDES},
                     "faults": faults_from(written.content["faults"], written.where),
                     "strategy": Strategy(**written.section("strategy").content),
                     "solver": SolverSpec(**written.section("solver", _names(SolverSpec)).content),
@@ -191,6 +203,7 @@ class RunSpec(Settings):
         if self.thermal_model is not ThermalModel.TWO_CELL:
             parts.append(str(self.thermal_model))
         parts += [f"{key}={value:g}" for key, value in self.overrides]
+        parts += [f"controller {key}={value:g}" for key, value in self.controller_overrides]
         if self.preview != PreviewSpec():
             usual = asdict(PreviewSpec())
             parts += [

@@ -187,7 +187,9 @@ SETTINGS = tuple(entry.name for entry in fields(RunSpec))
 _FILES = {"cycle": USER_SUFFIXES, "parameter_set": YAML_SUFFIXES}
 _BASE = "base"
 _BEST_OF = "best_of"
-_WEIGHTS = tuple(entry.name for entry in fields(Strategy) if entry.name != "name")
+_WEIGHTS = tuple(
+    entry.name for entry in fields(Strategy) if entry.name not in {"name", "is_rule_based"}
+)
 _SOLVER_FIELDS = tuple(entry.name for entry in fields(SolverSpec))
 _PREVIEW_FIELDS = {entry.name.removeprefix("preview_"): entry.name for entry in fields(PreviewSpec)}
 """Key in the section ``preview`` -> name of the setting; the section says already what it is about."""
@@ -258,9 +260,12 @@ def _strategy(run: StrictMapping) -> Strategy:
     return replace(strategy_by_name(written.text(_BASE)), **weights)
 
 
-def _overrides(run: StrictMapping) -> tuple[tuple[str, float], ...]:
-    written = run.section("overrides")
-    return tuple((key, written.number(key)) for key in written)
+def _overrides(name: str) -> Callable[[StrictMapping], tuple[tuple[str, float], ...]]:
+    def read(run: StrictMapping) -> tuple[tuple[str, float], ...]:
+        written = run.section(name)
+        return tuple((key, written.number(key)) for key in written)
+
+    return read
 
 
 def _solver(run: StrictMapping) -> SolverSpec:
@@ -273,7 +278,8 @@ def _preview(run: StrictMapping) -> PreviewSpec:
 
 
 _READERS: Mapping[str, Callable[[StrictMapping], Any]] = {
-    "overrides": _overrides,
+    "overrides": _overrides("overrides"),
+    "controller_overrides": _overrides("controller_overrides"),
     "strategy": _strategy,
     "solver": _solver,
     "preview": _preview,

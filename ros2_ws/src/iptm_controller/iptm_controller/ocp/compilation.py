@@ -1,9 +1,11 @@
 """Generated C for the functions of a nonlinear program, compiled once and cached.
 
-The cache key is a hash of everything the machine code depends on: the generated source (which contains
-every model parameter, smoothing width and grid), the compiler with its version and flags, and the
-machine architecture. A second start with the same problem compiles nothing. Each library ends with the
-digest of what is before it, which the loader ignores: a damaged one is compiled again, not loaded.
+The cache key is a hash of everything the machine code depends on: the generated source, the compiler with its
+version and flags, and the machine architecture. A hash of the numbers follows (model parameters, smoothing
+widths, step lengths). A second start with the same problem compiles nothing, and neither does a problem that
+differs in numbers alone: a library of the same code is copied with its numbers (see `number_table`). Each
+library ends with the digest of what is before it, which the loader ignores: a damaged one is compiled again,
+not loaded.
 """
 
 from __future__ import annotations
@@ -16,14 +18,16 @@ import os
 import platform
 import shutil
 import stat
+import struct
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import casadi as ca
 
+from iptm_controller.ocp.number_table import split_numbers, table_source, with_numbers
 from iptm_controller.ocp.vectorised_map import vectorise_maps
 from iptm_core.errors import SolverSetupError
 
@@ -111,28 +115,50 @@ def compile_functions(functions: Sequence[ca.Function], compiler: Sequence[str])
     Raises:
         SolverSetupError: the compiler fails, or the cache folder cannot be written or is not private.
     """
-    source = _generate_source(functions)
+    source, numbers = split_numbers(_generate_source(functions))
     flags = compiler_flags()
     folder = cache_directory()
-    library = folder / f"ocp_{_cache_key(source, compiler, flags)}.so"
+    code = f"ocp_{_cache_key(source, compiler, flags)}"
+    library = folder / f"{code}{_numbers_key(numbers)}.so"
     _make_private(folder)
-    if _is_intact(library):
+    if _is_intact(library) or _copy_is_made(library, folder.glob(f"{code}_*.so"), numbers):
         return library
-    LOGGER.info("compiling the optimal control problem (once per vehicle and horizon) ...")
+    LOGGER.info("compiling the optimal control problem (once per horizon and kind of model) ...")
     try:
         _remove_abandoned(folder)
         with tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=folder) as scratch:
             c_file = Path(scratch) / "ocp.c"
             c_file.write_text(source, encoding="ascii")
+            table = Path(scratch) / "numbers.c"
+            table.write_text(table_source(numbers), encoding="ascii")
             built = Path(scratch) / "ocp.so"
-            _run_compiler([*compiler, *flags, str(c_file), "-o", str(built), "-lm"])
-            with built.open("ab") as file:
-                file.write(hashlib.sha256(built.read_bytes()).digest())
-            # Renaming is atomic: another process sees either nothing or the whole library.
-            built.replace(library)
+            _run_compiler([*compiler, *flags, str(c_file), str(table), "-o", str(built), "-lm"])
+            _put(library, built.read_bytes(), Path(scratch))
     except OSError as error:
         raise _not_writable(folder, error) from error
     return library
+
+
+def _copy_is_made(library: Path, others: Iterable[Path], numbers: Sequence[float]) -> bool:
+    """Make a library of one with the same code and other numbers, if there is any."""
+    # What cannot be read or written here is compiled, which reports it.
+    with contextlib.suppress(OSError):
+        for other in filter(_is_intact, others):
+            content = with_numbers(other.read_bytes()[:-DIGEST_SIZE], numbers)
+            if content is not None:
+                folder = tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=library.parent)
+                with folder as scratch:
+                    _put(library, content, Path(scratch))
+                return True
+    return False
+
+
+def _put(library: Path, content: bytes, scratch: Path) -> None:
+    """Write a library with its digest; another process sees either nothing or all of it."""
+    whole = scratch / "whole.so"
+    whole.write_bytes(content + hashlib.sha256(content).digest())
+    whole.chmod(0o700)
+    whole.replace(library)
 
 
 def _not_writable(folder: Path, error: OSError) -> SolverSetupError:
@@ -214,3 +240,11 @@ def _cache_key(source: str, compiler: Sequence[str], flags: Sequence[str]) -> st
     arguments = " ".join([*compiler[1:], *flags])
     parts = (source, version, arguments, platform.machine(), ca.CasadiMeta.version())
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+
+
+def _numbers_key(numbers: Sequence[float]) -> str:
+    """Return what stands behind the key of the code; nothing where the code has no numbers."""
+    if not numbers:
+        return ""
+    digest = hashlib.sha256(struct.pack(f"<{len(numbers)}d", *numbers)).hexdigest()
+    return f"_{digest[:24]}"

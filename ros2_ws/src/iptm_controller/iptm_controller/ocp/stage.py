@@ -32,7 +32,7 @@ from iptm_core.physics.power_thermal import (
 DEFAULT_SMOOTHING = Smoothing(
     force_n=150.0,
     power_w=500.0,
-    current_a=0.05,
+    c_rate_1_h=0.05 / 5.019,  # 0.05 A of the paper's cell
     speed_m_s=0.3,
     cooling_w=50.0,
     deliverable_margin=0.02,

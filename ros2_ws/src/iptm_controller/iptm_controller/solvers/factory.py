@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.solvers.interface import RICCATI, SolverBackend, SolverOptions
 from iptm_controller.solvers.nlpsol_backend import NlpsolBackend, ipopt_plugin
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
@@ -27,7 +28,7 @@ def build_solver(
     """
     return SwitchingCheck(
         build_plain_solver(horizon, parameters, options),
-        OptimalControlProblem(horizon, parameters),
+        _problem(horizon, parameters, options),
         compile_code=options.compile_code,
     )
 
@@ -40,9 +41,16 @@ def build_plain_solver(
     Raises:
         SolverSetupError: unknown name, or the set-up fails.
     """
-    problem = OptimalControlProblem(horizon, parameters)
+    problem = _problem(horizon, parameters, options)
     if options.name == RICCATI:
         return RiccatiBackend(problem, options)
     if options.name == IPOPT:
         return NlpsolBackend(ipopt_plugin(options), problem, options)
     raise SolverSetupError(f"solver is '{options.name}'; allowed: {', '.join(SOLVER_NAMES)}")
+
+
+def _problem(
+    horizon: Horizon, parameters: ModelParameters, options: SolverOptions
+) -> OptimalControlProblem:
+    smoothing = DEFAULT_SMOOTHING.scaled(options.smoothing_factor)
+    return OptimalControlProblem(horizon, parameters, smoothing)

@@ -31,6 +31,7 @@ class SolverOptions:
         initial_barrier: first barrier parameter; small, because the guess is a shifted solution.
         warm_start_iterations: iterations after which the Riccati method gives the warm start up and
             starts again with a large barrier parameter, 0 to begin with it; other solvers ignore it.
+        smoothing_factor: factor on the widths of the smoothed kinks of the model.
     """
 
     name: str = RICCATI
@@ -40,6 +41,7 @@ class SolverOptions:
     tolerance: float = 1e-5
     initial_barrier: float = 1e-4
     warm_start_iterations: int = 20
+    smoothing_factor: float = 1.0
 
 
 STATUS_TEXT: dict[SolveStatus, str] = {

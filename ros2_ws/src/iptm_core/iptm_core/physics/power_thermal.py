@@ -39,7 +39,7 @@ class Smoothing:
     Attributes:
         force_n: sign change of the wheel force in the driveline efficiency.
         power_w: switch from driving to regeneration.
-        current_a: magnitude of the cell current in the ageing rate.
+        c_rate_1_h: magnitude of the C-rate in the ageing rate.
         speed_m_s: brake hold at standstill.
         torque_nm: limit of the regenerative torque.
         blend_m_s: ends of the blending between motor and friction brakes.
@@ -50,12 +50,16 @@ class Smoothing:
 
     force_n: float = 0.0
     power_w: float = 0.0
-    current_a: float = 0.0
+    c_rate_1_h: float = 0.0
     speed_m_s: float = 0.0
     cooling_w: float = 0.0
     deliverable_margin: float = 0.0
     torque_nm: float = 0.0
     blend_m_s: float = 0.0
+
+    def scaled(self, factor: float) -> Smoothing:
+        """Return all widths times a factor."""
+        return Smoothing(**{name: factor * width for name, width in vars(self).items()})
 
 
 EXACT = Smoothing()
@@ -214,7 +218,7 @@ def rates_at_traction_power(
             loss,
             parameters.aging,
             cell,
-            current_smoothing_a=smoothing.current_a,
+            current_smoothing_a=smoothing.c_rate_1_h * cell.nominal_capacity_ah,
         )
 
     return PowerThermalRates(

@@ -80,7 +80,13 @@ def _default_first(default: str, *others: str) -> tuple[str, ...]:
 
 SETTINGS: Mapping[str, Draw] = {
     "parameter_set": OneOf(available_parameter_sets(), 0.4),
-    "strategy": OneOf(_default_first(_DEFAULT.strategy, *STRATEGIES), 0.5),
+    "strategy": OneOf(
+        _default_first(
+            _DEFAULT.strategy,
+            *(name for name, strategy in STRATEGIES.items() if not strategy.is_rule_based),
+        ),
+        0.5,
+    ),
     "horizon": OneOf(
         _default_first(
             _DEFAULT.horizon,

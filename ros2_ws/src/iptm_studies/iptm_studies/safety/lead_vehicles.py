@@ -13,6 +13,7 @@ import numpy as np
 from iptm_core.errors import IptmError
 from iptm_core.routes.user_csv import read_user_trip
 from iptm_core.state import FloatArray
+from iptm_studies.drive_files import write_drive
 from iptm_validation.measurements import Drive, Driver
 from iptm_validation.readers.folder import files_of, read_files
 
@@ -20,8 +21,6 @@ T = TypeVar("T")
 LEADS = 40
 LONGEST_S = 600.0
 SHORTEST_S = 60.0
-LANDING_M_S2 = 1.0
-"""Deceleration at the end of a part of a drive."""
 FASTEST_M_S = 36.0
 """The shipped vehicle does 40 m/s and has to follow."""
 
@@ -68,17 +67,8 @@ def _write(folder: Path, drive: Drive) -> str:
     speeds_m_s = np.maximum(_longest_part(drive.speed_m_s)[: round(LONGEST_S / drive.step_s)], 0.0)
     if speeds_m_s.size < SHORTEST_S / drive.step_s or speeds_m_s.max() > FASTEST_M_S:
         return ""
-    times_s = drive.step_s * np.arange(speeds_m_s.size)
-    if speeds_m_s[-1] > 0.0:
-        # A route has its lead vehicle stand at its end.
-        halt_s = float(times_s[-1] + np.ceil(speeds_m_s[-1] / LANDING_M_S2))
-        times_s = np.append(times_s, [halt_s, halt_s + 5.0])
-        speeds_m_s = np.append(speeds_m_s, [0.0, 0.0])
     path = folder / f"{drive.name.replace('/', '_')}.csv"
-    lines = [f"{time:.3f},{speed:.4f}" for time, speed in zip(times_s, speeds_m_s, strict=True)]
-    text = "\n".join(("time_s,speed_m_s", *lines)) + "\n"
-    if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        path.write_text(text, encoding="utf-8")
+    write_drive(path, drive.step_s, speeds_m_s)
     try:
         read_user_trip(path)
     except IptmError:

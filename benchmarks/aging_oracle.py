@@ -1,0 +1,104 @@
+"""Capacity losses of BLAST-Lite for profiles of temperature and state of charge, as a reference table.
+
+``blast-lite`` needs NumPy below 2 and therefore an environment of its own; nothing of it is used elsewhere:
+
+    python3 -m venv /tmp/blast && /tmp/blast/bin/pip install blast-lite==1.1.1 'numpy<2'
+    /tmp/blast/bin/python benchmarks/aging_oracle.py > tests/iptm_core/data/blast_lite_losses.csv
+
+``tests/iptm_core/test_aging_laws_reference.py`` compares the laws of ``iptm_core.aging_laws`` with it.
+"""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Array = Any
+YEARS = 8
+STEP_S = 900.0
+STEPS_A_DAY = 96
+CLASSES = {
+    "NCA": "Nca_Gr_Panasonic3Ah_Battery",
+    "NMC811-Si": "Nmc811_GrSi_LGMJ1_4Ah_Battery",
+    "NMC111": "Nmc111_Gr_Kokam75Ah_Battery",
+    "NMC111 (18650)": "Nmc111_Gr_Sanyo2Ah_Battery",
+    "LFP": "Lfp_Gr_250AhPrismatic",
+}
+_CALENDAR, _CYCLIC = ("q_t", "q_LLI_t"), ("q_EFC", "q_LLI_EFC")
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One year in steps of 15 min.
+
+    Attributes:
+        time_s: instants, shape (n,).
+        charge: state of charge there.
+        temperature_c: cell temperature there, degrees Celsius.
+    """
+
+    time_s: Array
+    charge: Array
+    temperature_c: Array
+
+
+def _storage(charge: float, mean_c: float, swing_k: float) -> Profile:
+    """Return a year of rest: constant state of charge, sinus of temperature over the year."""
+    time_s = STEP_S * np.arange(365 * STEPS_A_DAY + 1)
+    season = np.sin(2.0 * np.pi * time_s / (365 * 86400.0))
+    return Profile(time_s, np.full_like(time_s, charge), mean_c + swing_k * season)
+
+
+def _use(depth: float, mean_c: float, swing_k: float) -> Profile:
+    """Return a year of equal days: a trip at 7 and at 17 h, charging from 19 h on to a charge of 0.8."""
+    rest = _storage(0.8, mean_c, swing_k)
+    hour = (rest.time_s / 3600.0) % 24.0
+    trip = np.clip(hour - 7.0, 0.0, 1.0) + np.clip(hour - 17.0, 0.0, 1.0)
+    charged = np.clip((hour - 19.0) / 3.0, 0.0, 1.0)
+    charge = 0.8 - depth * (0.5 * trip - charged)
+    return Profile(rest.time_s, charge, rest.temperature_c)
+
+
+PROFILES = {
+    "storage, 50 %, 25 degC": _storage(0.5, 25.0, 0.0),
+    "storage, 80 %, 35 degC": _storage(0.8, 35.0, 0.0),
+    "storage, 70 %, 15 to 35 degC": _storage(0.7, 25.0, 10.0),
+    "commuter, 20 % a day, 25 degC": _use(0.2, 25.0, 0.0),
+    "commuter, 20 % a day, 15 to 35 degC": _use(0.2, 25.0, 10.0),
+    "80 % of depth a day, 30 degC": _use(0.8, 30.0, 0.0),
+}
+
+
+def _part(battery: Any, names: tuple[str, ...]) -> float:
+    name = next(name for name in names if name in battery.outputs)
+    return 1.0 - float(battery.outputs[name][-1])
+
+
+def main() -> None:
+    """Write the losses of every cell and profile."""
+    models = importlib.import_module("blast.models")
+
+    rows = csv.writer(sys.stdout, lineterminator="\n")
+    rows.writerow(("cell", "profile", "calendar_loss", "cyclic_loss"))
+    for cell, class_name in CLASSES.items():
+        for name, profile in PROFILES.items():
+            battery = getattr(models, class_name)()
+            battery.simulate_battery_life(
+                {
+                    "Time_s": profile.time_s,
+                    "SOC": profile.charge,
+                    "Temperature_C": profile.temperature_c,
+                },
+                threshold_time=YEARS,
+            )
+            losses = (_part(battery, _CALENDAR), _part(battery, _CYCLIC))
+            rows.writerow((cell, name, *(f"{loss:.5f}" for loss in losses)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,177 @@
+"""Semi-empirical calendar and cyclic mechanisms: Arrhenius, state of charge or anode potential, throughput.
+
+Calendar: ``Q = k t^p``, t in days. Cyclic: ``Q = k n^p``, n in equivalent full cycles, two nominal
+capacities of throughput each. The coefficients k of all forms are of the kind ``exp(f(T, load))``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from iptm_core.aging_laws.law import SECONDS_PER_DAY, SECONDS_PER_HOUR, Load, Mechanism
+from iptm_core.physics.cell_voltage import ChargeTable
+from iptm_core.physics.ops import Scalar, absolute, exp
+
+_CHARGES_PER_CYCLE = 2.0
+
+
+def tanh(value: Scalar) -> Scalar:
+    """Hyperbolic tangent."""
+    return 1.0 - 2.0 / (exp(2.0 * value) + 1.0)
+
+
+def anode_potential_v(charge: Scalar) -> Scalar:
+    """Potential of a graphite anode against lithium.
+
+    Args:
+        charge: state of charge, 0 to 1. The anode is lithiated from 0.0085 to 0.78 (Schimpe et al., J.
+            Electrochem. Soc. 165, 2018, A181, doi:10.1149/2.1181714jes).
+
+    Returns:
+        Potential in V (Safari and Delacourt, J. Electrochem. Soc. 158, 2011, A562, doi:10.1149/1.3567007).
+    """
+    lithiation = 0.0085 + charge * (0.78 - 0.0085)
+    steps = (
+        (0.044, 0.1958, 0.1088),
+        (0.1978, 1.0571, 0.0854),
+        (0.6875, -0.0117, 0.0529),
+        (0.0175, 0.5692, 0.0875),
+    )
+    potential = 0.6379 + 0.5416 * exp(-305.5309 * lithiation)
+    for height, centre, width in steps:
+        potential = potential - height * tanh((lithiation - centre) / width)
+    return potential
+
+
+@dataclass(frozen=True)
+class CalendarAging:
+    """Loss over time, ``k = factor * exp(-activation / T + slope * stress(SOC) / T)``.
+
+    With the anode potential as stress and a negative slope this is the Tafel form of a side reaction at the
+    anode; ``scale`` multiplies k by a function of the state of charge.
+
+    Attributes:
+        factor: pre-exponential factor, 1/day^p.
+        activation_k: activation energy over gas constant.
+        slope_k: coefficient of the stress.
+        exponent: exponent p of time.
+        stress: state of charge to stress, without unit or in V.
+        scale: state of charge to a factor of k; None for 1.
+    """
+
+    factor: float
+    activation_k: float
+    slope_k: float
+    exponent: float
+    stress: Callable[[Scalar], Scalar]
+    scale: ChargeTable | None = None
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """Calendar."""
+        return Mechanism.CALENDAR
+
+    def damage_rate_1_s(self, load: Load) -> Scalar:
+        """Return the rate of u = Q^(1/p)."""
+        temperature_k, stress = load.temperature_k, self.stress(load.charge)
+        k = self.factor * exp((self.slope_k * stress - self.activation_k) / temperature_k)
+        if self.scale is not None:
+            k = k * self.scale.at(load.charge)
+        return k ** (1.0 / self.exponent) / SECONDS_PER_DAY
+
+    def damage_slope_1_s_k(self, load: Load) -> Scalar:
+        """Return the derivative of that rate with respect to temperature."""
+        energy_k = self.activation_k - self.slope_k * self.stress(load.charge)
+        return self.damage_rate_1_s(load) * energy_k / (self.exponent * load.temperature_k**2)
+
+
+def _cycles_1_s(load: Load) -> Scalar:
+    return absolute(load.c_rate_1_h) / (_CHARGES_PER_CYCLE * SECONDS_PER_HOUR)
+
+
+@dataclass(frozen=True)
+class CyclicAging:
+    """Loss over throughput, ``k = intensity(load) * (exp(a_1 / T) + exp(a_2 / T))``.
+
+    Attributes:
+        intensity: what depth, state of charge and mean C-rate make of k, before temperature.
+        exponents_k: a_1 and a_2; one alone leaves the other term out, with none k does not depend on T.
+        exponent: exponent p of the throughput.
+    """
+
+    intensity: Callable[[Load], Scalar]
+    exponents_k: tuple[float, ...]
+    exponent: float
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """Cyclic."""
+        return Mechanism.CYCLIC
+
+    def damage_rate_1_s(self, load: Load) -> Scalar:
+        """Return the rate of u = Q^(1/p)."""
+        k = self.intensity(load)
+        if self.exponents_k:
+            k = k * sum(exp(a / load.temperature_k) for a in self.exponents_k)
+        return k ** (1.0 / self.exponent) * _cycles_1_s(load)
+
+    def damage_slope_1_s_k(self, load: Load) -> Scalar:
+        """Return the derivative of that rate with respect to temperature."""
+        if not self.exponents_k:
+            return 0.0 * load.temperature_k
+        terms = [exp(a / load.temperature_k) for a in self.exponents_k]
+        slope = -sum(a * term for a, term in zip(self.exponents_k, terms, strict=True)) / sum(terms)
+        return self.damage_rate_1_s(load) * slope / (self.exponent * load.temperature_k**2)
+
+
+@dataclass(frozen=True)
+class LinearIntensity:
+    """Intensity ``constant + rate * mean C-rate + depth * depth``."""
+
+    constant: float
+    rate: float
+    depth: float
+
+    def __call__(self, load: Load) -> Scalar:
+        """Return the intensity."""
+        return self.constant + self.rate * load.mean_c_rate_1_h + self.depth * load.depth
+
+
+@dataclass(frozen=True)
+class DepthIntensity:
+    """Intensity ``factor * exp(gain * exp(depth^2))`` (Smith et al. 2017)."""
+
+    factor: float
+    gain: float
+
+    def __call__(self, load: Load) -> Scalar:
+        """Return the intensity."""
+        return self.factor * exp(self.gain * exp(load.depth * load.depth))
+
+
+@dataclass(frozen=True)
+class VoltageIntensity:
+    """Intensity ``unit * (curvature * (V - best)^2 + constant + depth * depth)`` (Schmalstieg et al. 2014).
+
+    Attributes:
+        curvature: 1/V^2.
+        best_v: voltage of least ageing.
+        constant: constant part.
+        depth: coefficient of the depth.
+        voltage: open-circuit voltage over the state of charge.
+        unit: from the published unit of throughput to equivalent full cycles.
+    """
+
+    curvature: float
+    best_v: float
+    constant: float
+    depth: float
+    voltage: ChargeTable
+    unit: float
+
+    def __call__(self, load: Load) -> Scalar:
+        """Return the intensity."""
+        off_v = self.voltage.at(load.charge) - self.best_v
+        published = self.curvature * off_v * off_v + self.constant + self.depth * load.depth
+        return self.unit * published

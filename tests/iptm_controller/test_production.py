@@ -1,0 +1,139 @@
+"""Cruise control and thermostat of production cars: by hand, in a string of cars, and in a controller."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.iptm_controller.scenes import (
+    PARAMETERS,
+    make_leader,
+    make_scene,
+    make_state,
+    plain_solver,
+)
+
+from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.production import (
+    ProductionLikeController,
+    ProductionSettings,
+    cruise_control_m_s2,
+)
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.errors import ParameterError
+from iptm_core.state import VehicleState
+
+SETTINGS = ProductionSettings()
+STANDSTILL_GAP_M = PARAMETERS.gap.standstill_gap_m
+
+
+def acceleration(gap_m: float, speed_m_s: float, leader_m_s: float) -> float:
+    state, leader = make_state(speed_m_s=speed_m_s), make_leader(gap_m, leader_m_s)
+    return cruise_control_m_s2(state, leader, PARAMETERS, SETTINGS)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.0, 10.0, 30.0])
+def test_the_equilibrium_is_the_standstill_gap_and_the_time_headway(speed_m_s: float) -> None:
+    assert acceleration(STANDSTILL_GAP_M + 1.6 * speed_m_s, speed_m_s, speed_m_s) == pytest.approx(
+        0.0
+    )
+
+
+def test_acceleration_by_hand() -> None:
+    desired_m = STANDSTILL_GAP_M + 1.6 * 20.0
+    # Too near by 2 m at equal speeds: 0.23 * -2. Too far by 10 m: 0.04 * 10, the gentler gains.
+    assert acceleration(desired_m - 2.0, 20.0, 20.0) == pytest.approx(-0.46)
+    assert acceleration(desired_m + 10.0, 20.0, 20.0) == pytest.approx(0.4)
+    # A lead vehicle that is slower by 1 m/s at the desired gap: 0.8 * -1; one that is faster: 0.07 * 1.
+    assert acceleration(desired_m, 20.0, 19.0) == pytest.approx(-0.8)
+    assert acceleration(desired_m, 20.0, 21.0) == pytest.approx(0.07)
+
+
+def test_acceleration_keeps_the_limits() -> None:
+    limits = PARAMETERS.limits
+    assert acceleration(500.0, 10.0, 20.0) == limits.max_acceleration_m_s2
+    assert acceleration(1.0, 30.0, 10.0) == limits.min_acceleration_m_s2
+    top = limits.max_speed_m_s
+    assert acceleration(500.0, top - 1.0, top) == pytest.approx(0.4)
+
+
+def test_a_string_of_constant_speed_settles_at_the_equilibrium_gaps() -> None:
+    """Five cars behind a lead vehicle at 25 m/s, from wrong gaps and speeds, steps of 0.1 s."""
+    positions = [0.0, -30.0, -80.0, -200.0, -220.0, -290.0]
+    speeds = [25.0, 22.0, 28.0, 25.0, 20.0, 27.0]
+    smallest_m = 1e3
+    for _ in range(3000):
+        wanted = [0.0] + [
+            cruise_control_m_s2(
+                make_state(position_m=positions[k], speed_m_s=speeds[k]),
+                replace(make_leader(), position_m=positions[k - 1], speed_m_s=speeds[k - 1]),
+                PARAMETERS,
+                SETTINGS,
+            )
+            for k in range(1, 6)
+        ]
+        speeds = [max(v + 0.1 * a, 0.0) for v, a in zip(speeds, wanted, strict=True)]
+        positions = [x + 0.1 * v for x, v in zip(positions, speeds, strict=True)]
+        smallest_m = min(smallest_m, float(-np.diff(positions).max()))
+    assert speeds == pytest.approx([25.0] * 6, abs=0.01)
+    assert -np.diff(positions) == pytest.approx([STANDSTILL_GAP_M + 40.0] * 5, abs=0.05)
+    assert smallest_m > STANDSTILL_GAP_M
+
+
+def warm(warmest_c: float) -> VehicleState:
+    warmest_k = warmest_c + 273.15
+    return make_state(cell_1_temperature_k=warmest_k - 1.0, cell_n_temperature_k=warmest_k)
+
+
+def test_thermostat_with_hysteresis() -> None:
+    controller = ProductionLikeController(PARAMETERS, SETTINGS)
+    half_w = 0.5 * PARAMETERS.limits.max_compressor_power_w
+    expected = [
+        (31.0, 0.0),
+        (32.9, 0.0),
+        (33.1, half_w),
+        (31.0, half_w),
+        (30.1, half_w),
+        (29.9, 0.0),
+        (31.0, 0.0),
+        (33.1, half_w),
+    ]
+    for warmest_c, power_w in expected:
+        command = controller.command(warm(warmest_c), make_leader())
+        assert command.compressor_power_w == power_w
+
+
+def test_settings_out_of_order_or_range_are_refused() -> None:
+    with pytest.raises(ParameterError, match=r"thermostat_off_k is 310\.0; allowed: at most"):
+        ProductionSettings(thermostat_off_k=310.0)
+    with pytest.raises(ParameterError, match=r"acc_time_headway_s is 0\.1"):
+        ProductionSettings(acc_time_headway_s=0.1)
+
+
+def test_the_controller_drives_by_it_without_a_solve() -> None:
+    options = ControllerOptions(strategy=STRATEGIES["production"])
+    controller = Controller(PARAMETERS, options, plain_solver("3x1+5x5", compile_code=False))
+    desired_m = STANDSTILL_GAP_M + 1.6 * 15.0
+    decision = controller.decide(make_scene(gap_m=desired_m))
+    assert decision.rung is Rung.OPTIMAL
+    assert decision.reason == ""
+    assert decision.record.status is SolveStatus.NOT_POSED
+    assert decision.plan is None
+    assert decision.command.acceleration_m_s2 == pytest.approx(0.0)
+    # 35 degC: the compressor starts, as fast as it may.
+    assert decision.command.compressor_power_w == PARAMETERS.limits.max_compressor_rate_w_s
+    resumed = Controller(PARAMETERS, options, controller.backend)
+    resumed.memory = controller.memory
+    assert resumed.memory.is_cooling
+    resumed.use_strategy(STRATEGIES["reference"])
+    assert resumed.decide(make_scene()).plan is not None
+
+
+def test_without_a_lead_vehicle_it_falls_back_and_comes_back() -> None:
+    options = ControllerOptions(strategy=STRATEGIES["production"])
+    controller = Controller(PARAMETERS, options, plain_solver("3x1+5x5", compile_code=False))
+    controller.decide(make_scene())
+    assert controller.decide(replace(make_scene(), leader=None)).rung is Rung.STOP
+    assert controller.decide(make_scene()).rung is Rung.OPTIMAL

@@ -1,0 +1,161 @@
+"""Ageing laws: values by hand, slopes, additivity of damage, and the paper's law unchanged."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iptm_core.aging_laws.cells import (
+    AGING_CELLS,
+    LFP,
+    NCA,
+    NMC111,
+    NMC111_18650,
+    aging_cell,
+    outside_experiments,
+)
+from iptm_core.aging_laws.law import AgingLaw, Load, aged, new_cell
+from iptm_core.aging_laws.mechanisms import anode_potential_v
+from iptm_core.aging_laws.paper import ThroughputAging, paper_law
+from iptm_core.errors import ParameterError
+from iptm_core.parameters import load_parameters
+from iptm_core.physics.aging import capacity_loss_rate_1_s
+
+VALUES = load_parameters().values
+LAWS = [cell.law for cell in AGING_CELLS.values()] + [paper_law(VALUES)]
+DAY_S = 86400.0
+each_law = pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+
+
+def stored(law: AgingLaw, days: float, temperature_k: float, charge: float) -> float:
+    load = Load(temperature_k, charge=charge)
+    damage = [DAY_S * days * float(part.damage_rate_1_s(load)) for part in law.mechanisms]
+    return float(law.capacity_loss(damage))
+
+
+@given(current_a=st.floats(-15.0, 15.0), kelvin=st.floats(273.0, 323.0), loss=st.floats(1e-4, 0.3))
+def test_the_law_of_the_paper_is_its_equation(current_a: float, kelvin: float, loss: float) -> None:
+    """Bit by bit through the interface, and to rounding where damage takes the place of the loss."""
+    cell_ah, z = VALUES.cell.nominal_capacity_ah, VALUES.aging.throughput_exponent
+    load = Load(kelvin, current_a / cell_ah)
+    expected = capacity_loss_rate_1_s(
+        load.c_rate_1_h * cell_ah, kelvin, loss, VALUES.aging, VALUES.cell
+    )
+    law = paper_law(VALUES)
+    part = law.mechanisms[0]
+    assert isinstance(part, ThroughputAging)
+    assert part.loss_rate_1_s(load, loss) == expected
+    assert law.loss_rate_1_s(load, [loss ** (1.0 / z)]) == pytest.approx(expected, rel=1e-12)
+
+
+def test_storage_of_nca_by_hand() -> None:
+    """75.4 exp(-3340 / T) exp(353 s / T) days^0.512: a year at 25 degC and half charge."""
+    k = 75.4 * math.exp(-3340.0 / 298.15) * math.exp(353.0 * 0.5 / 298.15)
+    assert stored(NCA.law, 365.0, 298.15, 0.5) == pytest.approx(k * 365.0**0.512, rel=1e-12)
+
+
+def test_storage_of_the_18650_cell_by_hand() -> None:
+    """(7.543 V - 23.75) 1e6 exp(-6976 / T) days^0.75 with 3.697 V, half charge."""
+    k = (7.543 * 3.697 - 23.75) * 1e6 * math.exp(-6976.0 / 308.15)
+    assert stored(NMC111_18650.law, 100.0, 308.15, 0.5) == pytest.approx(k * 100.0**0.75, rel=1e-9)
+
+
+def test_storage_of_nmc111_by_hand() -> None:
+    """The Tafel law at its reference temperature and potential: 2.66e7 exp(-17.8 - 5.21)."""
+    charge = 0.5
+    potential = anode_potential_v(charge) / 0.123
+    k = 2.66e7 * math.exp(-17.8 - 5.21 * potential)
+    assert stored(NMC111.law, 365.0, 308.15, charge) == pytest.approx(k * 365.0**0.357, rel=1e-9)
+
+
+def test_one_full_cycle_of_lfp_by_hand() -> None:
+    """1C down and up at 30 degC, depth 1, mean C-rate 1: one equivalent full cycle."""
+    load = Load(303.15, 1.0, 0.5, 1.0, 1.0)
+    damage = 7200.0 * LFP.law.mechanisms[1].damage_rate_1_s(load)
+    k = (4.38e-8 + 1.55e-8 + 1.68e-7) * (math.exp(2.19e3 / 303.15) + math.exp(-1.55e5 / 303.15))
+    assert damage**0.828 == pytest.approx(k, rel=1e-12)
+
+
+def test_the_anode_potential_falls_with_charge() -> None:
+    """From above 0.2 V when empty to the plateau of LiC6 near 0.08 V."""
+    volts = anode_potential_v(np.linspace(0.0, 1.0, 101))
+    assert np.all(np.diff(volts) < 1e-9)
+    assert volts[0] > 0.25
+    assert 0.06 < volts[-1] < 0.1
+    assert anode_potential_v(0.5) == pytest.approx(volts[50], rel=1e-12)
+
+
+@each_law
+@given(
+    kelvin=st.floats(268.0, 323.0),
+    c_rate=st.floats(-3.0, 3.0),
+    charge=st.floats(0.02, 0.98),
+    depth=st.floats(0.0, 1.0),
+)
+def test_the_slope_is_the_derivative(
+    law: AgingLaw, kelvin: float, c_rate: float, charge: float, depth: float
+) -> None:
+    damage = [0.01] * len(law.mechanisms)
+
+    def rate(at_k: float) -> float:
+        load = Load(at_k, c_rate, charge, depth, 0.1)
+        return float(law.loss_rate_1_s(load, damage))
+
+    numeric = (rate(kelvin + 0.01) - rate(kelvin - 0.01)) / 0.02
+    slope = law.loss_slope_1_s_k(Load(kelvin, c_rate, charge, depth, 0.1), damage)
+    assert slope == pytest.approx(numeric, rel=1e-5, abs=1e-9 * rate(kelvin))
+    assert rate(kelvin) >= 0.0
+
+
+@each_law
+def test_damage_does_not_depend_on_the_order(law: AgingLaw) -> None:
+    """Hot first or cold first: the same loss, as temperature enters the rate of damage only."""
+    hours = [(308.15, 0.5, 0.5), (283.15, -0.25, 0.5), (298.15, 0.0, 0.5)]
+    losses = []
+    for order in (hours, hours[::-1]):
+        state = new_cell(law)
+        for kelvin, c_rate, charge in order:
+            state = aged(law, state, 3600.0, kelvin, c_rate, charge)
+        losses.append(float(law.capacity_loss(state.damage)))
+    assert losses[0] == pytest.approx(losses[1], rel=1e-12)
+
+
+def test_a_day_ages_by_the_depth_of_the_day_before() -> None:
+    """The state carries depth and mean C-rate; 12 h down by 0.05C and 12 h up again."""
+    state, charge = new_cell(LFP.law), 0.9
+    for hour in range(24):
+        c_rate = 0.05 if hour < 12 else -0.05
+        state = aged(LFP.law, state, 3600.0, 298.15, c_rate, charge - c_rate / 2.0)
+        charge -= c_rate
+    assert state.depth == pytest.approx(0.55)
+    assert state.mean_c_rate_1_h == pytest.approx(0.05)
+    assert state.day_s == 0.0
+    assert all(damage > 0.0 for damage in state.damage)
+
+
+def test_a_use_outside_the_experiments_is_flagged() -> None:
+    inside = outside_experiments(NCA.experiments, (25.0, 40.0), (20.0, 30.0), (0.2, 0.9), 0.8, 1.0)
+    assert inside == ()
+    cold = outside_experiments(NCA.experiments, (-5.0, 30.0), (20.0, 30.0), (0.2, 0.9), 0.2, 3.0)
+    assert cold == ("rest temperature", "depth of discharge", "C-rate")
+
+
+def test_an_unknown_cell_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"cell is 'NiMH'; allowed: NCA, .*LFP"):
+        aging_cell("NiMH")
+
+
+def test_all_backends_agree(agree_in_all_backends: object) -> None:
+    random = np.random.default_rng(4)
+    kelvin, charge = random.uniform(268.0, 318.0, 20), random.uniform(0.05, 0.95, 20)
+    for law in LAWS:
+        for part in law.mechanisms:
+            agree_in_all_backends(  # type: ignore[operator]
+                lambda t, s, part=part: part.damage_rate_1_s(Load(t, 0.5, s, 0.4, 0.1)),
+                kelvin,
+                charge,
+            )

@@ -1,0 +1,161 @@
+"""Real cars: measured trips as cycles, savings by hand, a controller with another model than the vehicle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.iptm_core.made_runs import PARAMETERS, make_run
+
+from iptm_core.errors import MeasurementError
+from iptm_core.metrics import RunMetrics, compute_metrics
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import build_route
+from iptm_studies.campaign import Campaign, CaseState
+from iptm_studies.drive_files import write_drive
+from iptm_studies.real_cars.cli import main
+from iptm_studies.real_cars.drives import CYCLE, DEFAULT, ROLES, Extent, Saving, Totals, drive
+from iptm_studies.real_cars.page import Findings, real_cars_page
+from iptm_studies.real_cars.savings import rows_on, savings_study
+from iptm_studies.real_cars.simplifications import (
+    CLIMATES_C,
+    SIMPLIFICATIONS,
+    losses,
+    simplification_study,
+)
+from iptm_studies.real_cars.trips import FASTEST_M_S, trip_cycles
+from iptm_studies.run import perform_run
+from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies.run_spec import SolverSpec
+
+I3 = "bmw_i3"
+
+
+def made(power_w: float, loss: float = 1e-6, end_k: float = 303.15) -> RunMetrics:
+    """Return a run of 100 m with a traction power from the battery and a loss of the first cell."""
+    run = make_run(
+        3,
+        position_m=np.array([0.0, 50.0, 100.0]),
+        traction_power_w=np.full(3, power_w),
+        battery_power_w=np.full(3, power_w),
+        auxiliary_power_w=np.full(3, 200.0),
+        cell_1_capacity_loss=1e-3 + np.array([0.0, 0.5 * loss, loss]),
+        cell_n_capacity_loss=np.full(3, 1e-3),
+        cell_1_temperature_k=np.array([303.15, 303.15, end_k]),
+        cell_n_temperature_k=np.array([303.15, 303.15, end_k]),
+    )
+    return compute_metrics(run, PARAMETERS)
+
+
+@pytest.fixture(scope="module")
+def trips(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    return trip_cycles(None, tmp_path_factory.mktemp("trips"), print)
+
+
+def test_measured_trips_are_cycles_with_their_elevation(trips: list[str]) -> None:
+    assert len(set(trips)) == 10
+    for trip in trips:
+        route = build_route(trip, initial_gap_m=15.0)
+        assert 600.0 <= route.duration_s <= 650.0
+        assert route.leader.speeds_m_s.max() <= FASTEST_M_S
+        assert route.leader.speeds_m_s[[0, -1]] == pytest.approx(0.0, abs=0.2)
+        assert 0.001 < np.abs(route.slope.slopes_rad).max() < 0.05
+
+
+def test_drives_end_at_rest(tmp_path: Path) -> None:
+    """From 3 m/s with 1 m/s^2 in 3 s, then 5 s of standing, on the last slope."""
+    path = write_drive(tmp_path / "a.csv", 1.0, np.array([0.0, 3.0]), np.array([0.0, 0.02]))
+    assert path.read_text(encoding="utf-8").splitlines() == [
+        "time_s,speed_m_s,slope_rad",
+        "0.000,0.0000,0.000000",
+        "1.000,3.0000,0.020000",
+        "4.000,0.0000,0.020000",
+        "9.000,0.0000,0.020000",
+    ]
+
+
+def test_too_few_trips_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(MeasurementError, match="allowed: at least 99"):
+        trip_cycles(None, tmp_path, print, count=99)
+
+
+def test_savings_by_hand() -> None:
+    """Two trips: 2 x 9 kW against 2 x 10 kW and 12 kW for 2 s, losses 3e-6 against 4e-6."""
+    own = [made(9e3, 1e-6), made(9e3, 2e-6)]
+    others = [made(10e3, 1e-6), made(12e3, 3e-6)]
+    saving = Saving.of(own, others, PARAMETERS)
+    assert saving.aging == pytest.approx(25.0)
+    assert saving.aging_at_equal_end == pytest.approx(25.0)
+    assert saving.traction == pytest.approx(100.0 * (1.0 - 18.0 / 22.0))
+    assert saving.consumption == pytest.approx(saving.traction)
+    assert saving.cooling == pytest.approx(0.0)
+    assert Totals.of(own).consumption_kwh_100_km == pytest.approx(36e3 / 3.6e6 / 0.002)
+
+
+def test_a_warmer_end_costs_and_a_cold_one_is_not_corrected() -> None:
+    reference = [made(10e3, 2e-6)]
+    warmer = Saving.of([made(10e3, end_k=304.15)], reference, PARAMETERS)
+    assert warmer.aging_at_equal_end < warmer.aging == pytest.approx(50.0)
+    cold = Saving.of([made(10e3, end_k=290.0)], reference, PARAMETERS)
+    assert math.isnan(cold.aging_at_equal_end)
+
+
+def with_metrics(states: tuple[CaseState, ...], power_w: float = 10e3) -> list[CaseState]:
+    """Give every case a made run: the default strategy needs a tenth less."""
+    return [
+        replace(state, metrics=made(power_w * (0.9 if f"/{DEFAULT}/" in state.case.name else 1.0)))
+        for state in states
+    ]
+
+
+def test_rows_need_all_of_their_runs(trips: list[str]) -> None:
+    extent = Extent(tuple(trips))
+    states = with_metrics(Campaign([savings_study(extent)]).cases)
+    cycle = rows_on(extent, states, [CYCLE])
+    assert len(cycle) == 4 * 4 * 2
+    tractions = [saving.traction for row in cycle for saving in row.savings.values()]
+    assert tractions == pytest.approx([10.0] * len(tractions))
+    # Two cars at four temperatures, the others at one.
+    assert len(rows_on(extent, states, extent.trips)) == (2 * 4 + 2) * 2
+    lacking = [replace(states[0], metrics=None), *states[1:]]
+    assert len(rows_on(extent, lacking, [CYCLE])) == 4 * 4 * 2 - 1
+
+
+def test_every_simplification_has_its_losses(trips: list[str]) -> None:
+    extent = Extent(tuple(trips))
+    found = losses(with_metrics(Campaign([simplification_study(extent)]).cases))
+    assert list(found) == [simplification.name for simplification in SIMPLIFICATIONS]
+    assert all(tuple(loss) == CLIMATES_C for loss in found.values())
+    assert {loss.consumption for by in found.values() for loss in by.values()} == {0.0}
+
+
+def test_page_names_simplifications_that_cost_too_much(trips: list[str]) -> None:
+    extent = Extent(tuple(trips))
+    states = with_metrics(Campaign([savings_study(extent)]).cases)
+    rows = rows_on(extent, states, [CYCLE])
+    found = Findings("scripts/real_cars", extent, rows, rows, {}, {"a": "lost"})
+    page = real_cars_page(found)
+    assert page.count("| bmw_i3 | 25 °C | 120 m |") == 3
+    assert "**beyond**" in page
+    assert "| a | lost |" in page
+    assert found.too_large() == [item.name for item in SIMPLIFICATIONS if item.shipped]
+
+
+def test_the_controller_may_have_the_model_of_another_car() -> None:
+    """A controller with a heavier model decides otherwise; the vehicle is the same."""
+    spec = drive(DEFAULT, I3, 25.0, duration_s=4.0, solver=SolverSpec(compile_code=False))
+    heavier = replace(spec, controller_overrides=(("body.mass_kg", 3000.0),))
+    own, other = (perform_run(resolve_inputs(each)) for each in (spec, heavier))
+    assert own.key != other.key
+    assert own.parameters == other.parameters == load_parameters(I3, dict(spec.overrides)).values
+    assert not np.array_equal(own.trajectory.acceleration_m_s2, other.trajectory.acceleration_m_s2)
+
+
+def test_dry_run_lists_the_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--short", "--dry-run", "--store", str(tmp_path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert all(any(f"/{role}/" in line for role in ROLES) for line in lines)
+    assert any(line.startswith("simplifications/charge/refined") for line in lines)
