@@ -67,6 +67,7 @@ class CamBridge:
         predictors: Sequence[Predictor] | None = None,
         known_bound_m: float = DEFAULT_KNOWN_BOUND_M,
         start_timestamp_ms: int = 0,
+        datagram_offset_bytes: int = 0,
         roadside: HeardRules | None = None,
     ) -> None:
         """Set up a bridge.
@@ -77,6 +78,7 @@ class CamBridge:
             predictors: from the best informed to one that always knows an answer.
             known_bound_m: a prediction ends where the leader may be farther behind it than this.
             start_timestamp_ms: TimestampIts at trip time 0.
+            datagram_offset_bytes: length of what a receiver puts in front of every message or packet.
             roadside: takes in what roadside stations send; None refuses it.
         """
         self._road = road
@@ -86,6 +88,7 @@ class CamBridge:
         self._predictors = tuple(predictors or (ReceivedPath(), History()))
         self._known_bound_m = known_bound_m
         self._start_ms = start_timestamp_ms
+        self._offset_bytes = datagram_offset_bytes
         self._restart()
 
     def _restart(self) -> None:
@@ -95,6 +98,7 @@ class CamBridge:
         self._selector = LeaderSelector()
         self._unread = RejectionCounts()
         self._datagrams = 0
+        self._unverified = 0
         self._host_position_m = 0.0
         self._leader: Station | None = None
         self._last: BridgeAnswer | None = None
@@ -112,10 +116,11 @@ class CamBridge:
         """
         self._begin(time_ns)
         self._datagrams += 1
-        opened = open_datagram(datagram, self._kinds)
+        opened = open_datagram(datagram[self._offset_bytes :], self._kinds)
         if isinstance(opened, Rejection):
             self._unread.add(opened)
             return opened
+        self._unverified += opened.secured
         now_ms = self._timestamp_ms(time_ns)
         if self._roadside is not None and opened.kind is not MessageKind.CAM:
             return self._roadside.receive(opened, now_ms)
@@ -266,6 +271,7 @@ class CamBridge:
         """Return numbers for the diagnostics: what arrived, what became of it, who leads."""
         values: dict[str, object] = {
             "datagrams": self._datagrams,
+            "signatures_not_verified": self._unverified,
             "messages_accepted": self._table.accepted,
             "stations": len(self._table),
             "leader_station": "none" if self.leader_id is None else self.leader_id,

@@ -117,6 +117,7 @@ class CamAnswers:
             options,
             predictors=options.build_predictors(route, heard.leader if heard else self._given),
             known_bound_m=options.known_bound_m,
+            datagram_offset_bytes=options.datagram_offset_bytes,
             start_timestamp_ms=self._start_ms,
             roadside=heard,
         )

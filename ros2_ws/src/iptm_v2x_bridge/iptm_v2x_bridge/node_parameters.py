@@ -64,6 +64,14 @@ class CamSettings(Settings):
         -1,
         2**53,
     )
+    datagram_offset_bytes: int = parameter(
+        0,
+        "cam: length of what a receiver puts in front of every message or packet, 78 for the example of "
+        "Cohda's MK5",
+        "",
+        0,
+        1000,
+    )
     known_bound_m: float = parameter(
         DEFAULT_KNOWN_BOUND_M,
         "cam: a prediction ends where the leader may be farther behind it than this; from there on the "

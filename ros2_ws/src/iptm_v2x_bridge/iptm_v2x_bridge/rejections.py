@@ -13,7 +13,7 @@ class Rejection(TextEnum):
     SIZE = "size"
     """Empty, or longer than any message of this kind."""
     SECURED = "secured"
-    """A secured GeoNetworking packet; signatures are not verified here."""
+    """A secured packet whose envelope is malformed, encrypted, or holds no data."""
     PACKET = "packet"
     """Neither a message nor a single-hop broadcast around one, or lengths that do not fit."""
     PORT = "port"

@@ -1,7 +1,8 @@
 """Broadcast packets of GeoNetworking with BTP-B: the headers in front of a message on the air.
 
 EN 302 636-4-1 (basic and common header, long position vector; single-hop and geographic broadcast) and
-EN 302 636-5-1 (BTP-B). Cars send to their neighbours, roadside stations often to everyone in an area.
+EN 302 636-5-1 (BTP-B). Cars send to their neighbours, roadside stations often to everyone in an area. The
+envelope of a secured packet is removed, its signature is not verified.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
+from iptm_v2x_bridge.messages.security_envelope import signed_octets
 from iptm_v2x_bridge.rejections import Rejection
 
 CAM_PORT = 2001
@@ -60,11 +62,13 @@ class Packet:
         payload: the message.
         port: BTP port that it was sent to.
         timestamp_ms: TimestampIts of the sender's position modulo 2^32.
+        secured: it came in a security envelope, which was not verified.
     """
 
     payload: bytes
     port: int
     timestamp_ms: int
+    secured: bool = False
 
 
 def wrap(
@@ -129,8 +133,12 @@ def unwrap(datagram: bytes) -> Packet | Rejection:
     Args:
         datagram: a packet from the basic header on.
     """
-    if datagram[0] == _VERSION_1 | _NEXT_SECURED:
-        return Rejection.SECURED
+    secured = datagram[0] == _VERSION_1 | _NEXT_SECURED
+    if secured:
+        signed = signed_octets(datagram[_BASIC.size :])
+        if signed is None:
+            return Rejection.SECURED
+        datagram = bytes((_VERSION_1 | _NEXT_COMMON,)) + datagram[1 : _BASIC.size] + signed
     start = _payload_start(datagram)
     if start is None or len(datagram) <= start + _BTP.size:
         return Rejection.PACKET
@@ -139,4 +147,11 @@ def unwrap(datagram: bytes) -> Packet | Rejection:
         return Rejection.PACKET
     port, _ = _BTP.unpack_from(datagram, start)
     position = _POSITION.unpack_from(datagram, _START + _AROUND_POSITION[kind][0])
-    return Packet(datagram[start + _BTP.size :], port, position[2])
+    return Packet(datagram[start + _BTP.size :], port, position[2], secured)
+
+
+def transported(datagram: bytes) -> tuple[bytes, int] | None:
+    """Return message and port of a datagram that begins with a BTP-B header; None where it is too short."""
+    if len(datagram) <= _BTP.size:
+        return None
+    return datagram[_BTP.size :], int(_BTP.unpack_from(datagram)[0])

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum
 
-from iptm_v2x_bridge.messages.geonetworking import CAM_PORT, unwrap
+from iptm_v2x_bridge.messages.geonetworking import CAM_PORT, transported, unwrap
 from iptm_v2x_bridge.rejections import Rejection
 
 MAX_DATAGRAM_BYTES = 1400
@@ -51,15 +51,20 @@ class OpenedDatagram:
         kind: which one.
         payload: the message, header included.
         packet_timestamp_ms: TimestampIts of the sender's position modulo 2^32, None without a packet.
+        secured: it came in a security envelope, which was not verified.
     """
 
     kind: MessageKind
     payload: bytes
     packet_timestamp_ms: int | None = None
+    secured: bool = False
 
 
 def open_datagram(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDatagram | Rejection:
-    """Return the message in a datagram, bare or in a packet with BTP-B, or why there is none.
+    """Return the message in a datagram, or why there is none.
+
+    It may be bare, behind a BTP-B header alone (as routers pass it on over UDP), or in a broadcast with
+    BTP-B, secured or not.
 
     Args:
         datagram: as it came from the radio.
@@ -70,6 +75,9 @@ def open_datagram(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDat
     if datagram[0] == PROTOCOL_VERSION:
         kinds = [kind for kind in wanted if kind.message_id == datagram[1]]
         return OpenedDatagram(kinds[0], datagram) if kinds else Rejection.HEADER
+    behind = _behind_its_port(datagram, wanted)
+    if behind is not None:
+        return behind
     packet = unwrap(datagram)
     if isinstance(packet, Rejection):
         return packet
@@ -78,4 +86,16 @@ def open_datagram(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDat
         return Rejection.PORT
     if packet.payload[:2] != bytes((PROTOCOL_VERSION, kinds[0].message_id)):
         return Rejection.HEADER
-    return OpenedDatagram(kinds[0], packet.payload, packet.timestamp_ms)
+    return OpenedDatagram(kinds[0], packet.payload, packet.timestamp_ms, packet.secured)
+
+
+def _behind_its_port(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDatagram | None:
+    """Return the message behind a BTP-B header with its port, None where the datagram is something else."""
+    found = transported(datagram)
+    if found is None:
+        return None
+    payload, port = found
+    for kind in wanted:
+        if kind.port == port and payload[:2] == bytes((PROTOCOL_VERSION, kind.message_id)):
+            return OpenedDatagram(kind, payload)
+    return None
