@@ -84,6 +84,27 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
+class Following:
+    """A vehicle of a platoon behind the one ahead, at equal steps; all arrays have shape (n,), NaN for unknown.
+
+    Attributes:
+        name: unique name, that of the follower's drive.
+        driver: who controls the speed of the follower.
+        step_s: sampling interval.
+        leader_speed_m_s: speed of the vehicle ahead.
+        speed_m_s: speed of the follower.
+        gap_m: gap between both, from bumper to bumper.
+    """
+
+    name: str
+    driver: Driver
+    step_s: float
+    leader_speed_m_s: FloatArray
+    speed_m_s: FloatArray
+    gap_m: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class CellTest:
     """A test of one cell; all arrays have shape (n,).
 

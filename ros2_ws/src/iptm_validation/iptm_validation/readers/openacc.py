@@ -1,18 +1,20 @@
 """Platoons of OpenACC (Joint Research Centre): original files of any campaign, and compact ones.
 
 An original file has five lines of metadata (date, order of the vehicles, number, ACC, distance setting)
-before the header; vehicle ``i`` has columns ``Speed<i>`` and, in some campaigns, ``Driver<i>``.
+before the header; vehicle ``i`` has columns ``Speed<i>``, ``IVS<i>`` (gap to the vehicle behind) and, in some
+campaigns, ``Driver<i>``.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from iptm_core.errors import MeasurementError
 from iptm_core.state import FloatArray
-from iptm_validation.measurements import Drive, Driver
+from iptm_validation.measurements import Drive, Driver, Following
 from iptm_validation.readers.columns import (
     compact_columns,
     head_of,
@@ -75,12 +77,107 @@ def compact_drives(path: Path) -> list[Drive]:
     return drives
 
 
+def compact_followings(path: Path) -> list[Following]:
+    """Read who followed whom in a compact file, where neighbours of a platoon were both recorded."""
+    columns = compact_columns(path, ("run", "time_s", "place", "speed_m_s", "gap_to_car_ahead_m"))
+    runs = np.array(texts(columns, "run"))
+    places, times = numbers(columns, "place"), numbers(columns, "time_s")
+    speeds, gaps = numbers(columns, "speed_m_s"), numbers(columns, "gap_to_car_ahead_m")
+    found = []
+    for run in dict.fromkeys(runs.tolist()):
+        for place in np.unique(places[runs == run]):
+            rows = (runs == run) & (places == place)
+            ahead = (runs == run) & (places == place - 1)
+            if not np.array_equal(times[rows], times[ahead]):
+                continue
+            found.append(
+                Following(
+                    f"{run}/{int(place)}",
+                    _driver(int(place), driven_by_people=run.startswith("no_ACC")),
+                    STEP_S,
+                    _on_grid(times[rows], speeds[ahead]),
+                    _on_grid(times[rows], speeds[rows]),
+                    _on_grid(times[rows], gaps[rows]),
+                )
+            )
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Original:
+    """One file as it is downloaded."""
+
+    run: str
+    header: list[str]
+    rows: list[list[str]]
+    time_s: FloatArray
+    driven_by_people: bool
+
+    @property
+    def places(self) -> list[int]:
+        """Places in the platoon that have a speed."""
+        names = [name[5:] for name in self.header if name.startswith("Speed")]
+        return [int(name) for name in names if name.isdigit()]
+
+    def on_grid(self, name: str) -> FloatArray:
+        """Return a column at equal steps, all NaN without it."""
+        if name not in self.header:
+            return _on_grid(self.time_s, np.full(self.time_s.size, np.nan))
+        return _on_grid(self.time_s, original_column(self.rows, self.header.index(name)))
+
+    def driver(self, place: int) -> Driver:
+        """Return who controls the speed of a vehicle."""
+        by_people = self.driven_by_people
+        if f"Driver{place}" in self.header:
+            at = self.header.index(f"Driver{place}")
+            drivers = [row[at].strip().lower() for row in self.rows if at < len(row)]
+            drivers = [driver for driver in drivers if driver]
+            if drivers:
+                by_people = drivers.count("human") > len(drivers) / 2
+        return _driver(place, driven_by_people=by_people)
+
+
 def original_drives(path: Path) -> list[Drive]:
     """Read the drives of one file as it is downloaded.
 
     Raises:
         MeasurementError: there is no time column.
     """
+    file = _original(path)
+    return [
+        Drive(
+            f"{file.run}/{place}",
+            file.run,
+            file.driver(place),
+            STEP_S,
+            file.on_grid(f"Speed{place}"),
+        )
+        for place in file.places
+    ]
+
+
+def original_followings(path: Path) -> list[Following]:
+    """Read who followed whom in one file as it is downloaded.
+
+    Raises:
+        MeasurementError: there is no time column.
+    """
+    file = _original(path)
+    return [
+        Following(
+            f"{file.run}/{place}",
+            file.driver(place),
+            STEP_S,
+            file.on_grid(f"Speed{place - 1}"),
+            file.on_grid(f"Speed{place}"),
+            file.on_grid(f"IVS{place - 1}"),
+        )
+        for place in file.places
+        if place - 1 in file.places
+    ]
+
+
+def _original(path: Path) -> _Original:
     head = head_of(path)
     skip = next((i for i, line in enumerate(head) if line.startswith("Time,")), None)
     if skip is None:
@@ -89,20 +186,6 @@ def original_drives(path: Path) -> list[Drive]:
     header, rows = original_rows(path, ",", skip)
     time_s = original_column(rows, header.index("Time"))
     rows = [row for row, time in zip(rows, time_s, strict=True) if np.isfinite(time)]
-    time_s = time_s[np.isfinite(time_s)]
-    run = f"{path.parent.name}__{path.name.split('.')[0]}"
     manual = metadata.get("ACC", ["1"])[0].strip() == "0" or "no_acc" in path.parent.name.lower()
-    drives = []
-    for index, name in enumerate(header):
-        if not (name.startswith("Speed") and name[5:].isdigit()):
-            continue
-        place = int(name[5:])
-        by_people = manual
-        if f"Driver{place}" in header:
-            at = header.index(f"Driver{place}")
-            drivers = [row[at].strip().lower() for row in rows if at < len(row) and row[at].strip()]
-            by_people = drivers.count("human") > len(drivers) / 2 if drivers else manual
-        driver = _driver(place, driven_by_people=by_people)
-        values = _on_grid(time_s, original_column(rows, index))
-        drives.append(Drive(f"{run}/{place}", run, driver, STEP_S, values))
-    return drives
+    run = f"{path.parent.name}__{path.name.split('.')[0]}"
+    return _Original(run, header, rows, time_s[np.isfinite(time_s)], manual)

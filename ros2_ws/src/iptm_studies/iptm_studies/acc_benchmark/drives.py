@@ -1,0 +1,163 @@
+"""The runs of the benchmark: who drives behind the measured lead vehicles, with what preview and largest gap."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from iptm_controller.production import ProductionLikeController, ProductionSettings
+from iptm_controller.settings import ControllerSettings
+from iptm_controller.strategy import strategy_by_name
+from iptm_core.parameters import DEFAULT_SET, load_parameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.settings import PreviewMode
+from iptm_core.state import LeaderState
+from iptm_core.trajectory import Trajectory
+from iptm_plant_sim.plant import Plant
+from iptm_studies.acc_benchmark.scenes import Scene
+from iptm_studies.run_spec import PreviewSpec, RunSpec, SolverSpec
+from iptm_studies.study import Case, Label, Study
+
+PRODUCTION = "production"
+SMALL_INITIAL_GAP_M = 8.0
+"""Gap at standstill with a largest time headway, which does not count below it."""
+SHORTEST_HEADWAY_S, LONGEST_HEADWAY_S = 0.3, 1.5
+ROOM_S = 0.3
+"""Time headway between the lower and the upper limit of the gap at the mean speed."""
+FOLLOWED_EXACTLY = {
+    "limits.min_acceleration_m_s2": -12.0,
+    "limits.max_acceleration_m_s2": 12.0,
+    "limits.max_jerk_m_s3": 50.0,
+}
+"""The real follower is not held to the limits of comfort."""
+_DEFAULT = ControllerSettings()
+
+
+@dataclass(frozen=True)
+class Car:
+    """A vehicle model and its climate.
+
+    Attributes:
+        parameter_set: name.
+        ambient_c: temperature of the air and of the cells at the start.
+    """
+
+    parameter_set: str
+    ambient_c: float
+
+    @property
+    def climate(self) -> dict[str, float]:
+        """Parameters of the climate."""
+        ambient_k = self.ambient_c + CELSIUS_ZERO_K
+        return {
+            "environment.ambient_temperature_k": ambient_k,
+            "environment.initial_cell_temperature_k": ambient_k,
+        }
+
+    def parameters(self, overrides: Mapping[str, float] | None = None) -> ModelParameters:
+        """Return the parameters in this climate, some of them replaced."""
+        return load_parameters(self.parameter_set, {**self.climate, **(overrides or {})}).values
+
+
+CARS = (Car(DEFAULT_SET, 35.0), Car("bmw_i3", 25.0))
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way of driving behind the lead vehicles.
+
+    Attributes:
+        name: for labels and tables.
+        strategy: of the controller.
+        preview: whether the lead vehicle's future is known.
+        limited: whether the time headway is at most what the real follower's 95th percentile is.
+    """
+
+    name: str
+    strategy: str
+    preview: bool
+    limited: bool
+
+
+WAYS = (
+    Way("120 m, no V2X", _DEFAULT.strategy, preview=False, limited=False),
+    Way("120 m, perfect preview", _DEFAULT.strategy, preview=True, limited=False),
+    Way("real headway, no V2X", _DEFAULT.strategy, preview=False, limited=True),
+    Way("real headway, perfect preview", _DEFAULT.strategy, preview=True, limited=True),
+    Way("production strategy, no V2X", PRODUCTION, preview=False, limited=False),
+)
+
+
+def headway_overrides(scene: Scene, car: Car) -> dict[str, float]:
+    """Return gap limits with no larger time headway than the real follower's 95th percentile.
+
+    Where the lower limit would be above the upper one at the mean speed, its time headway is cut.
+    """
+    largest_s = scene.largest_headway_s
+    standstill_m = load_parameters(car.parameter_set).values.gap.standstill_gap_m
+    room_s = largest_s - standstill_m / scene.mean_speed_m_s - ROOM_S
+    return {
+        "gap.max_time_headway_s": round(largest_s, 2),
+        "gap.time_headway_s": round(min(max(room_s, SHORTEST_HEADWAY_S), LONGEST_HEADWAY_S), 2),
+        "gap.initial_gap_m": SMALL_INITIAL_GAP_M,
+    }
+
+
+def benchmark_study(
+    scenes: Sequence[Scene], cars: Sequence[Car], folder: Path, *, compile_code: bool = True
+) -> Study:
+    """Return all runs; the drives of the lead vehicles are written to a folder."""
+    cases = []
+    for scene in scenes:
+        cycle = scene.write(folder)
+        for car in cars:
+            for way in WAYS:
+                limits = headway_overrides(scene, car) if way.limited else {}
+                mode = PreviewMode.PERFECT if way.preview else PreviewMode.NONE
+                spec = RunSpec(
+                    cycle=cycle,
+                    duration_s=float(scene.duration_s),
+                    parameter_set=car.parameter_set,
+                    overrides=tuple({**car.climate, **limits}.items()),
+                    strategy=strategy_by_name(way.strategy),
+                    horizon=_DEFAULT.horizon,
+                    preview=PreviewSpec(preview_mode=mode),
+                    solver=SolverSpec(compile_code=compile_code),
+                )
+                labels = case_labels(scene, car, way)
+                cases.append(Case("/".join(map(str, labels.values())), labels, spec))
+    return Study("acc_benchmark", "Behind measured lead vehicles", "", tuple(cases))
+
+
+def case_labels(scene: Scene, car: Car, way: Way) -> dict[str, Label]:
+    """Return the labels of a run."""
+    return {"scene": scene.name, "car": car.parameter_set, "way": way.name}
+
+
+def real_follower(scene: Scene, car: Car) -> Trajectory:
+    """Return what the real follower's motion costs in a car, by the models of the benchmark.
+
+    The speeds are followed exactly; the compressor, which was not measured, follows the thermostat of the
+    strategy `production`.
+    """
+    parameters = car.parameters(FOLLOWED_EXACTLY)
+    plant = Plant(parameters, lambda positions: 0.0 * positions)
+    thermostat = ProductionLikeController(parameters, ProductionSettings())
+    step = plant.observe(plant.initial_state())
+    observed = []
+    for second in range(scene.duration_s + 1):
+        state = step.state
+        leader = LeaderState(
+            state.time_s,
+            state.position_m + float(scene.gap_m[second]),
+            float(scene.leader_speed_m_s[second]),
+        )
+        observed.append((step, leader))
+        if second < scene.duration_s:
+            acceleration = float(scene.speed_m_s[second + 1]) - state.speed_m_s
+            cooling = thermostat.command(state, leader)
+            command = replace(cooling, acceleration_m_s2=acceleration)
+            step = plant.advance(state, command)
+    return Trajectory.from_ticks(observed)
