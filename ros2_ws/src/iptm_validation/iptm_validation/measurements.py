@@ -85,7 +85,7 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class Following:
-    """A vehicle of a platoon behind the one ahead, at equal steps; all arrays have shape (n,), NaN for unknown.
+    """A vehicle of a platoon behind the one ahead, at equal steps; arrays of shape (n,), NaN for unknown.
 
     Attributes:
         name: unique name, that of the follower's drive.

@@ -20,7 +20,7 @@ from iptm_studies.acc_benchmark.drives import (
     real_follower,
 )
 from iptm_studies.acc_benchmark.page import PAGE, REAL, Findings, write_page
-from iptm_studies.acc_benchmark.scenes import SCENES, Scene, measured_scenes
+from iptm_studies.acc_benchmark.scenes import LONGEST_S, SCENES, SHORTEST_S, Scene, measured_scenes
 from iptm_studies.campaign import Campaign
 from iptm_studies.cli import EXIT_FAILED_RUNS, add_cluster_options, compute, perform_command
 from iptm_studies.cluster import ClusterOptions
@@ -67,8 +67,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace, console: Console) -> int:
     store = ResultStore(Path(options.store) if options.store else default_store_folder() / FOLDER)
-    count = SHORT_SCENES if options.short else SCENES
-    scenes = measured_scenes(options.measured, console.print, count)
+    extent = (SHORT_SCENES, SHORTEST_S) if options.short else (SCENES, LONGEST_S)
+    scenes = measured_scenes(options.measured, console.print, *extent)
     cars = CARS[-1:] if options.short else CARS
     study = benchmark_study(scenes, cars, store.folder / "leads", compile_code=not options.short)
     campaign = Campaign([study])

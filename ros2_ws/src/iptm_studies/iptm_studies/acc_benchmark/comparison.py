@@ -21,8 +21,7 @@ MOVING_M_S = 1.0
 class Figures:
     """One vehicle behind one lead vehicle.
 
-    Gap, time headway and jerk are those of the measured seconds; energy and ageing count from the standstill, which
-    is the same for all.
+    Gap, time headway and jerk are those of the measured seconds; energy and ageing count from standstill.
 
     Attributes:
         collided: whether the lead vehicle was touched.

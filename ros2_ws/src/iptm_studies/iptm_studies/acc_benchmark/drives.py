@@ -1,4 +1,4 @@
-"""The runs of the benchmark: who drives behind the measured lead vehicles, with what preview and largest gap."""
+"""The runs of the benchmark: strategies behind the measured lead vehicles, previews and limits of the gap."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHORTEST_HEADWAY_S, LONGEST_HEADWAY_S = 0.3, 1.5
 ROOM_S = 0.3
 """Time headway between the lower and the upper limit of the gap at the mean speed."""
 FOLLOWED_EXACTLY = {
-    "limits.min_acceleration_m_s2": -12.0,
+    "limits.min_acceleration_m_s2": -8.0,
     "limits.max_acceleration_m_s2": 12.0,
     "limits.max_jerk_m_s3": 50.0,
 }
@@ -115,7 +115,6 @@ def benchmark_study(
         for car in cars:
             for way in WAYS:
                 limits = headway_overrides(scene, car) if way.limited else {}
-                mode = PreviewMode.PERFECT if way.preview else PreviewMode.NONE
                 spec = RunSpec(
                     cycle=cycle,
                     duration_s=float(scene.duration_s),
@@ -123,7 +122,9 @@ def benchmark_study(
                     overrides=tuple({**car.climate, **limits}.items()),
                     strategy=strategy_by_name(way.strategy),
                     horizon=_DEFAULT.horizon,
-                    preview=PreviewSpec(preview_mode=mode),
+                    preview=PreviewSpec()
+                    if way.preview
+                    else PreviewSpec(preview_mode=PreviewMode.NONE),
                     solver=SolverSpec(compile_code=compile_code),
                 )
                 labels = case_labels(scene, car, way)

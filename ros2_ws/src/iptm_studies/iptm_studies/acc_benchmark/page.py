@@ -69,8 +69,9 @@ def benchmark_page(found: Findings) -> str:
     parts = [
         f"# Behind measured lead vehicles\n\n{NOTICE}",
         f"""\
-Made by `{found.command}`. The default strategy drives behind {len(found.scenes)} lead vehicles of OpenACC ({seconds / 60.0:.0f} min),
-beside what the production car behind each of them did in the same seconds with its adaptive cruise control.
+Made by `{found.command}`. The default strategy drives behind {len(found.scenes)} lead vehicles of OpenACC
+({seconds / 60.0:.0f} min), beside what the production car behind each of them did in the same seconds with
+its adaptive cruise control.
 Collisions: {found.collisions}.
 
 ![Spread over the lead vehicles](images/{PICTURE})""",
@@ -86,29 +87,33 @@ Collisions: {found.collisions}.
 _METHOD = f"""\
 ## How it is compared
 
-- **Data:** M. Makridis, K. Mattas, A. Anesiadou, B. Ciuffo, *OpenACC: an open database of car-following experiments*,
-  Transportation Research Part C 125, 2021; Joint Research Centre of the European Commission,
-  [CC BY 4.0](https://creativecommons.org/licenses/by/4.0/). Followers with adaptive cruise control of the platoons in
-  [the excerpts of the project](../ros2_ws/src/iptm_validation/iptm_validation/data/SOURCES.md), evenly spread over all pairs of
-  neighbours; speeds and gaps are means of a second. A scene is the beginning of the longest part without missing
-  values, {LONGEST_S} s at most. Scenes whose recorded gap falls to zero or below (errors of the positioning) are left out.
-- **Vehicle:** the real cars burn petrol or have motors of other sizes, so their energy and ageing cannot be compared. What
-  is compared is the motion, with the same models: the speed of the real follower is driven exactly by the simulated
-  vehicle, its compressor controlled by the thermostat of the strategy `production`. Vehicle models: the paper's car on a hot day,
-  and the BMW i3, whose model was fitted to measurements, on a mild one. The road is level for all.
-- **Start:** all begin at rest with the same pack. Where the lead vehicle was moving when the scene began, a run-in of
-  {RUN_IN_S} s leads up to its speed, and that of the real follower to its own. Gap, headway, jerk and time below count
-  in the measured seconds only; energy and ageing from standstill.
-- **Equal ends:** energy is that from the battery per distance, less the kinetic energy at the end, and with what
-  it takes to cool the warmer pack to the temperature of the other; ageing likewise
-  ([formula](explanation/comparison.md)). The remaining differences in gap and kinetic energy at the end are in the tables.
-- **Limits of the gap:** *120 m* is the shipped one. With *real headway* the time headway may be at most the 95th
-  percentile of that real follower's (above 5 m/s; below 8 m no limit); where the shipped lower limit (5 m and 1.5 s) would be above
-  that, its time headway is cut, to 0.3 s at least. Both limits are soft.
-- **No V2X:** the lead vehicle's speed and gap are measured, its future is extrapolated. **Perfect preview:** it is known.
-- Savings are in percent of the real follower's; a negative number is more. Figures are the median over the lead
-  vehicles and, in brackets, the quartiles. *Time below*: share of the time with a shorter time headway than the real
-  follower at the same instant. *Emergency*: runs in which the safety monitor braked."""
+- **Data:** M. Makridis, K. Mattas, A. Anesiadou, B. Ciuffo, *OpenACC: an open database of car-following
+  experiments*, Transportation Research Part C 125, 2021; Joint Research Centre of the European Commission,
+  [CC BY 4.0](https://creativecommons.org/licenses/by/4.0/). Followers with adaptive cruise control of the
+  platoons in [the excerpts of the project](../ros2_ws/src/iptm_validation/iptm_validation/data/SOURCES.md),
+  evenly spread over all pairs of neighbours; speeds and gaps are means of a second. A scene is the
+  beginning of the longest part without missing values, {LONGEST_S} s at most. Scenes whose recorded gap
+  falls to zero or below (errors of the positioning) are left out.
+- **Vehicle:** the real cars burn petrol or have motors of other sizes, so their energy and ageing cannot be
+  compared. What is compared is the motion, with the same models: the speed of the real follower is driven
+  exactly by the simulated vehicle, its compressor controlled by the thermostat of the strategy
+  `production`. Vehicle models: the paper's car on a hot day, and the BMW i3, whose model was fitted to
+  measurements, on a mild one. The road is level for all.
+- **Start:** all begin at rest with the same pack. Where the lead vehicle was moving when the scene began, a
+  run-in of {RUN_IN_S} s leads up to its speed, and that of the real follower to its own. Gap, headway, jerk
+  and time below count in the measured seconds only; energy and ageing from standstill.
+- **Equal ends:** energy is that from the battery per distance, less the kinetic energy at the end, and with
+  what it takes to cool the warmer pack to the temperature of the other; ageing likewise
+  ([formula](explanation/comparison.md)). The remaining differences in gap and kinetic energy at the end are
+  in the tables.
+- **Limits of the gap:** *120 m* is the shipped one. With *real headway* the time headway may be at most the
+  95th percentile of that real follower's (above 5 m/s; below 8 m no limit); where the shipped lower limit
+  (5 m and 1.5 s) would be above that, its time headway is cut, to 0.3 s at least. Both limits are soft.
+- **No V2X:** the lead vehicle's speed and gap are measured, its future is extrapolated. **Perfect
+  preview:** it is known.
+- Savings are in percent of the real follower's; a negative number is more. Figures are the median over the
+  lead vehicles and, in brackets, the quartiles. *Time below*: share of the time with a shorter time headway
+  than the real follower at the same instant. *Emergency*: runs in which the safety monitor braked."""
 
 
 def _of_car(car: Car, found: Found) -> str:

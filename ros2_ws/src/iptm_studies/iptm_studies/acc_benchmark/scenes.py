@@ -23,7 +23,7 @@ from iptm_validation.readers.openacc import (
     original_followings,
 )
 
-SCENES = 44
+SCENES = 42
 SHORTEST_S, LONGEST_S = 60, 200
 AFTERWARDS_S = 30
 """What the lead vehicle does after the scene is part of its drive, as far as it was measured."""
@@ -77,7 +77,10 @@ class Scene:
 
 
 def measured_scenes(
-    source: Path | None, tell: Callable[[str], None], count: int = SCENES
+    source: Path | None,
+    tell: Callable[[str], None],
+    count: int = SCENES,
+    longest_s: int = LONGEST_S,
 ) -> list[Scene]:
     """Return scenes with a real adaptive cruise control, evenly spread over all of OpenACC.
 
@@ -85,6 +88,7 @@ def measured_scenes(
         source: folder with measurements; None for the excerpts of the project.
         tell: takes one line per file that was left out.
         count: number of scenes.
+        longest_s: length of a scene at most.
 
     Returns:
         The scenes, each with another lead vehicle.
@@ -100,7 +104,7 @@ def measured_scenes(
         scene
         for item in followings
         if item.driver is Driver.ADAPTIVE_CRUISE_CONTROL
-        for scene in [_scene(item)]
+        for scene in [_scene(item, longest_s)]
         if scene is not None
     ]
     if len(scenes) < count:
@@ -124,7 +128,7 @@ def _read(path: Path, tell: Callable[[str], None]) -> list[Following]:
         return []
 
 
-def _scene(following: Following) -> Scene | None:
+def _scene(following: Following, longest_s: int) -> Scene | None:
     """Return the beginning of the longest part that is known, None if it is of no use."""
     columns = np.array([following.leader_speed_m_s, following.speed_m_s, following.gap_m])
     per_second = round(1.0 / following.step_s)
@@ -135,7 +139,7 @@ def _scene(following: Following) -> Scene | None:
     begin = max(departure - STANDING_BEFORE_S, 0)
     leader, speed = np.maximum(leader[begin:], 0.0), np.maximum(speed[begin:], 0.0)
     gap = gap[begin:]
-    length = min(leader.size, LONGEST_S)
+    length = min(leader.size, longest_s)
     usable = (
         length >= SHORTEST_S
         and speed[:length].mean() >= SLOWEST_MEAN_M_S
