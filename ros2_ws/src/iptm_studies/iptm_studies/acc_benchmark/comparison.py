@@ -30,6 +30,8 @@ class Figures:
         headway_s: median time headway above 5 m/s.
         below_share: share of the time with a shorter time headway than the real follower's, both moving;
             NaN for the real follower itself.
+        above_share: share of the time above 5 m/s with a longer time headway than the 95th percentile of the
+            real follower's.
         jerk_m_s3: root mean square of the jerk between means of a second.
         emergency_s: time with braking beyond the limits of comfort by the safety monitor.
         consumption_kwh_100_km: battery energy per distance.
@@ -44,6 +46,7 @@ class Figures:
     gap_m: float
     headway_s: float
     below_share: float
+    above_share: float
     jerk_m_s3: float
     emergency_s: float
     consumption_kwh_100_km: float
@@ -79,13 +82,15 @@ def figures_of(
             ends.own.energy_per_distance_j_m, ends.other.energy_per_distance_j_m
         )
         aging_saving = _saving(ends.own.capacity_loss, ends.other.capacity_loss)
+    headways_s = gap[fast] / speed[fast]
     smallest_m = float(np.nanmin(run.smallest_gap_m[begin:])) if run is not real else gap.min()
     return Figures(
         collided=bool(np.nanmin(run.smallest_gap_m) <= 0.0) if run is not real else False,
         smallest_gap_m=float(smallest_m),
         gap_m=float(np.median(gap)),
-        headway_s=float(np.median(gap[fast] / speed[fast])),
+        headway_s=float(np.median(headways_s)),
         below_share=math.nan if run is real else float(shorter.mean()),
+        above_share=float((headways_s > scene.largest_headway_s).mean()),
         jerk_m_s3=_jerk_m_s3(speed),
         emergency_s=own_metrics.service_braking_s,
         consumption_kwh_100_km=own_metrics.energy.battery_j / own_metrics.distance_m / 36.0,

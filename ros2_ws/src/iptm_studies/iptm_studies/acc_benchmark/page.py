@@ -108,12 +108,15 @@ _METHOD = f"""\
   in the tables.
 - **Limits of the gap:** *120 m* is the shipped one. With *real headway* the time headway may be at most the
   95th percentile of that real follower's (above 5 m/s; below 8 m no limit); where the shipped lower limit
-  (5 m and 1.5 s) would be above that, its time headway is cut, to 0.3 s at least. Both limits are soft.
+  (5 m and 1.5 s) would be above that, its time headway is cut, to 0.3 s at least. Both limits are soft, and
+  without V2X the reserve for a lead vehicle that may brake outranks the upper one.
 - **No V2X:** the lead vehicle's speed and gap are measured, its future is extrapolated. **Perfect
   preview:** it is known.
 - Savings are in percent of the real follower's; a negative number is more. Figures are the median over the
   lead vehicles and, in brackets, the quartiles. *Time below*: share of the time with a shorter time headway
-  than the real follower at the same instant. *Emergency*: runs in which the safety monitor braked."""
+  than the real follower at the same instant. *Time above*: share of the time above 5 m/s with a time
+  headway beyond the 95th percentile of that real follower's. *Emergency*: runs in which the safety monitor
+  braked."""
 
 
 def _of_car(car: Car, found: Found) -> str:
@@ -128,6 +131,7 @@ def _of_car(car: Car, found: Found) -> str:
                 _text(rows, "gap_m", 1),
                 _text(rows, "headway_s", 2),
                 _text(rows, "below_share", 0, 100.0),
+                _text(rows, "above_share", 0, 100.0),
                 _text(rows, "jerk_m_s3", 2),
                 str(sum(row.emergency_s > 0.0 for row in rows)),
             ]
@@ -146,7 +150,7 @@ def _of_car(car: Car, found: Found) -> str:
             ]
         )
     heads = ["", "collisions:", "smallest gap, m:", "gap, m:", "time headway, s:", "time below, %:"]
-    heads += ["jerk (rms), m/s³:", "emergency:"]
+    heads += ["time above, %:", "jerk (rms), m/s³:", "emergency:"]
     ends = ["", "kWh/100 km:", "energy saved, %:", "ageing saved, %:"]
     ends += ["gap at the end, m:", "kinetic energy at the end, kJ:"]
     return (

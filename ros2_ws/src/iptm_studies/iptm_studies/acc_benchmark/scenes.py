@@ -23,8 +23,8 @@ from iptm_validation.readers.openacc import (
     original_followings,
 )
 
-SCENES = 42
-SHORTEST_S, LONGEST_S = 60, 200
+SCENES = 40
+SHORTEST_S, LONGEST_S = 60, 150
 AFTERWARDS_S = 30
 """What the lead vehicle does after the scene is part of its drive, as far as it was measured."""
 RUN_IN_S = 40
@@ -148,6 +148,8 @@ def _scene(following: Following, longest_s: int) -> Scene | None:
     if not usable:
         return None
     run_in = RUN_IN_S if max(leader[0], speed[0]) > STANDING_M_S else 0
+    if not run_in:
+        leader[0] = speed[0] = 0.0  # a trip begins at rest
     return Scene(
         following.name.replace("/", "_"),
         run_in,
