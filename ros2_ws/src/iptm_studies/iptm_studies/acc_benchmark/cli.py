@@ -26,10 +26,10 @@ from iptm_studies.cli import EXIT_FAILED_RUNS, add_cluster_options, compute, per
 from iptm_studies.cluster import ClusterOptions
 from iptm_studies.execution import survey
 from iptm_studies.store import ResultStore, default_store_folder
+from iptm_studies.study import Label
 
 FOLDER = "acc_benchmark"
 SHORT_SCENES = 2
-_Label = tuple[object, ...]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -92,7 +92,10 @@ def _run(options: argparse.Namespace, console: Console) -> int:
 
 
 def _figures(
-    car: Car, scenes: Sequence[Scene], keys: Mapping[_Label, str | None], store: ResultStore
+    car: Car,
+    scenes: Sequence[Scene],
+    keys: Mapping[tuple[Label, ...], str | None],
+    store: ResultStore,
 ) -> Found:
     """Return the figures of a car by way of driving, of the runs that are there."""
     parameters = car.parameters()
