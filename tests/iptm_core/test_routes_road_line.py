@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+import math
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.road_line import RoadLine, east_north_m
+from iptm_core.routes.road_line import RoadLine, east_north_m, step_deg
 
 
 def winding(points: int = 400) -> RoadLine:
@@ -87,3 +90,56 @@ def test_impossible_lines_are_refused(
 ) -> None:
     with pytest.raises(RouteError, match=reason):
         RoadLine(np.array(latitudes), np.array(longitudes))
+
+
+def _line(corners: list[tuple[float, float]], spacing_m: float = 10.0) -> RoadLine:
+    """A road through corners east and north of a place, in m."""
+    points = [corners[0]]
+    for (east, north), (to_east, to_north) in pairwise(corners):
+        count = round(math.hypot(to_east - east, to_north - north) / spacing_m)
+        points += [
+            (east + k / count * (to_east - east), north + k / count * (to_north - north))
+            for k in range(1, count + 1)
+        ]
+    easts, norths = (np.array(values) for values in zip(*points, strict=True))
+    zeros = np.zeros(easts.size)
+    return RoadLine(*step_deg(48.0 + zeros, 11.0 + zeros, easts, norths))
+
+
+def _place(road: RoadLine, position_m: float) -> tuple[float, float]:
+    latitude, longitude, _ = road.locate(position_m)
+    return float(latitude), float(longitude)
+
+
+def test_of_two_laps_the_expected_one_counts() -> None:
+    lap = [(0.0, 0.0), (200.0, 0.0), (200.0, 200.0), (0.0, 200.0)]
+    road = _line([*lap, *lap, (0.0, 0.0)])
+    for expected_m in (150.0, 950.0, 1500.0):
+        place = _place(road, expected_m)
+        assert road.project(*place, expected_m - 40.0).position_m == pytest.approx(
+            expected_m, abs=0.1
+        )
+
+
+def test_of_two_directions_that_of_the_movement_counts() -> None:
+    road = _line([(0.0, 0.0), (0.0, 1000.0), (0.5, 1000.0), (0.5, 0.0)], spacing_m=0.5)
+    place = _place(road, 980.0)
+    out = road.project(*place, 990.0, heading_deg=0.0)
+    back = road.project(*place, 990.0, heading_deg=180.0)
+    assert out.position_m == pytest.approx(980.0, abs=0.2)
+    assert back.position_m == pytest.approx(1020.5, abs=0.2)
+
+
+def test_the_expected_position_hardly_moves_the_found_one() -> None:
+    """3 m beside a bend of 100 m, whose vertices are 5 m apart: two segments are about as near."""
+    angles = np.linspace(0.0, np.pi, 60)
+    road = _line(
+        [(100.0 - 100.0 * float(np.cos(a)), 100.0 * float(np.sin(a))) for a in angles], 2.0
+    )
+    for position_m in np.linspace(20.0, 280.0, 30):
+        latitude, longitude, heading = road.locate(position_m)
+        aside = np.radians(float(heading) + 90.0)
+        place = step_deg(latitude, longitude, 3.0 * np.sin(aside), 3.0 * np.cos(aside))
+        place_deg = float(place[0]), float(place[1])
+        free, near = road.project(*place_deg), road.project(*place_deg, position_m - 100.0)
+        assert near.position_m == pytest.approx(free.position_m, abs=0.2)

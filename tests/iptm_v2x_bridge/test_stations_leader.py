@@ -136,3 +136,32 @@ def test_a_car_that_reverses_slowly_towards_the_host_leads_on() -> None:
 def test_a_car_that_was_never_heard_driving_stands_in_the_way_without_a_heading() -> None:
     known = Station(station(1, 0, 80.0, 0.0, heading_deg=None), 0, ROAD)
     assert LeaderSelector().select([known], 70.0, 0.0) is known
+
+
+@pytest.mark.parametrize(
+    ("left_m", "accuracy_m", "leads"),
+    [
+        (1.6, 0.0, False),
+        (1.6, 2.82, True),
+        (2.3, 2.82, True),
+        (3.5, 2.82, False),
+        (3.5, 16.4, False),
+    ],
+)
+def test_the_stated_accuracy_widens_the_lane(left_m: float, accuracy_m: float, leads: bool) -> None:
+    selector, followed = LeaderSelector(), None
+    for tick in range(10):
+        message = station(1, 100 * tick, 80.0, 0.0, left_m, position_bound_m=accuracy_m)
+        if followed is None:
+            followed = Station(message, 100 * tick, ROAD)
+        else:
+            followed.update(message, 100 * tick)
+    assert followed is not None
+    assert (selector.select([followed], HOST_M, 0.9) is followed) == leads
+
+
+def test_a_leader_is_kept_through_a_short_error_of_its_position() -> None:
+    traffic = Traffic()
+    for left_m in (0.0,) * 5 + (2.8,) * 4 + (0.0,):
+        leader = traffic.hear({1: (80.0, left_m)})
+    assert (leader, traffic.selector.changes) == (1, 1)

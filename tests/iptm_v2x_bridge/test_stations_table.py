@@ -2,13 +2,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.iptm_v2x_bridge.radio import ROAD, station
 
+from iptm_core.routes.road_line import RoadLine
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms, resolve_delta_ms
 from iptm_v2x_bridge.rejections import Rejection
+from iptm_v2x_bridge.sending.sender import car_on_road
 from iptm_v2x_bridge.stations.table import MAX_CONFIRMED, MAX_NEWCOMERS, StationTable
 
 NOW_MS = 700_000_000_000
@@ -161,3 +164,17 @@ def test_too_many_proven_stations_give_way_from_afar() -> None:
     assert len(table.confirmed) == MAX_CONFIRMED
     assert table.hypotheses(7)
     assert table.rejections[Rejection.TABLE_FULL] == 1
+
+
+def test_on_the_second_lap_a_new_station_is_looked_for_near_the_ego_vehicle() -> None:
+    lap = [(0.0, 0.0), (0.003, 0.0), (0.003, 0.004), (0.0, 0.004)]
+    corners = np.array([*lap, *lap, (0.0, 0.0)])
+    road = RoadLine(48.0 + corners[:, 0], 11.0 + corners[:, 1])
+    lap_m = float(road.positions_m[4])
+    table = StationTable(road)
+    for number in range(5):
+        at_ms = NOW_MS + 100 * number
+        message = car_on_road(road, 1, at_ms, lap_m + 60.0 + 2.0 * number, 20.0)
+        assert heard(table, message, at_ms, host_position_m=lap_m + 30.0) is None
+    (found,) = table.confirmed
+    assert found.last.position_m == pytest.approx(lap_m + 68.0, abs=0.1)

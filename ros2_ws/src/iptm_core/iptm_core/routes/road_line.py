@@ -29,6 +29,11 @@ TEST_ROAD_LENGTH_M = 400_000.0
 _TEST_ROAD_SPACING_M = 1000.0
 NEAR_M = 1000.0
 """How far around the expected position a road is looked at."""
+EXPECTED_SHARE = 0.005
+"""Metres of distance from the road that a metre of distance from the expected position counts for: of several
+passes of a road through one place the expected one counts."""
+OPPOSITE_M = 20.0
+"""What a segment in the opposite direction of a heading counts for in distance from the road."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +84,11 @@ def _east_north(
     meridian = prime_vertical * (1.0 - _ECCENTRICITY_2) / flat
     east = prime_vertical * functions.cos(mean) * turns * _RADIANS_PER_DEGREE
     return east, meridian * (latitude - origin) * _RADIANS_PER_DEGREE
+
+
+def _apart_deg(first_deg: float, second_deg: float) -> float:
+    """Return the angle between two headings, 0 to 180 degrees."""
+    return abs((first_deg - second_deg + 180.0) % 360.0 - 180.0)
 
 
 def step_m(
@@ -216,15 +226,18 @@ class RoadLine:
         longitude_deg: float,
         near_m: float | None = None,
         around_m: float = NEAR_M,
+        heading_deg: float | None = None,
     ) -> RoadFix:
         """Return where a point lies as seen from the road.
 
         Args:
             latitude_deg: latitude of the point.
             longitude_deg: longitude.
-            near_m: where it is expected: only the road around it is looked at, which is quick and knows
-                one direction of a road that returns from the other; None looks at all of it.
+            near_m: where it is expected: only the road around it is looked at, and of several passes the
+                nearest one counts; None looks at all of it.
             around_m: how much of the road before and behind that is looked at.
+            heading_deg: direction of movement of the point, which distinguishes the two directions of a road
+                that returns on itself; used with `near_m` only.
         """
         if near_m is None:
             first, last = self._around_nearest(latitude_deg, longitude_deg)
@@ -244,8 +257,13 @@ class RoadLine:
         for index in range(first, last):
             start = (east, north)
             east, north = step_m(*self._vertices_deg[index + 1], point)
-            seen = self._seen_from(index, start, (east, north))
-            nearest = min(nearest, seen, key=lambda entry: entry[0])
+            away_m, fix = self._seen_from(index, start, (east, north))
+            if near_m is not None:
+                away_m += EXPECTED_SHARE * abs(fix.position_m - near_m)
+                if heading_deg is not None and _apart_deg(heading_deg, fix.heading_deg) > 90.0:
+                    away_m += OPPOSITE_M
+            if away_m < nearest[0]:
+                nearest = (away_m, fix)
         return nearest[1]
 
     def _around_nearest(self, latitude_deg: float, longitude_deg: float) -> tuple[int, int]:

@@ -18,8 +18,16 @@ LANE_HALF_WIDTH_M = 1.5
 """A station whose middle is closer to the host's path than this is in the host's lane ..."""
 LEFT_LANE_M = 2.5
 """... and has left it when it is farther away than this."""
+ACCURACY_SHARE = 0.5
+LARGEST_ALLOWANCE_M = 1.0
+"""Both grow with this share of the stated position accuracy, by this much at most: a car in the next lane may
+lead by mistake, one in the lane of the ego vehicle must not be lost."""
 LANE_VOTES = 2
-"""Messages in a row that it takes to change."""
+"""Messages in a row that it takes to enter the lane."""
+LEAVING_VOTES = 5
+"""Messages in a row that it takes to leave it."""
+NEAR_HOST_M = 50.0
+"""A new station this close to the road around the ego vehicle is not looked for elsewhere on the road."""
 MAX_HEADING_APART_DEG = 60.0
 OVERLAP_MS = 1000
 """A message that is older than this when it arrives is not compared with those around its generation."""
@@ -96,7 +104,9 @@ class Station:
         self._messages.append((generated_ms, message))
         if heard_ms <= self._learns_clock_until_ms:
             self._clock_ahead_ms = max(self._clock_ahead_ms, generated_ms - heard_ms)
-        self.fix: RoadFix = self._road.project(message.latitude_deg, message.longitude_deg, near_m)
+        if message.speed_m_s >= SLOW_M_S and not message.reversing:
+            self._driven_heading_deg = message.heading_deg
+        self.fix: RoadFix = self._project(message, near_m)
         self.observations.append(
             Observation(
                 time_s=generated_ms / 1000.0,
@@ -106,11 +116,18 @@ class Station:
                 bound_m=message.position_bound_m or 0.0,
             )
         )
-        if message.speed_m_s >= SLOW_M_S and not message.reversing:
-            self._driven_heading_deg = message.heading_deg
         if message.path is not None:
             self.path = (generated_ms, message.path, self.last.position_m)
         self._vote()
+
+    def _project(self, message: CamMessage, near_m: float | None) -> RoadFix:
+        """Return the place on the road, near the expected one if the road passes there."""
+        place = message.latitude_deg, message.longitude_deg
+        if near_m is not None:
+            fix = self._road.project(*place, near_m, heading_deg=self._driven_heading_deg)
+            if self.observations or abs(fix.lateral_m) <= NEAR_HOST_M:
+                return fix
+        return self._road.project(*place)
 
     def update(self, message: CamMessage, generated_ms: int, heard_ms: int = 0) -> None:
         """Take the next accepted message."""
@@ -179,13 +196,14 @@ class Station:
 
     def _vote(self) -> None:
         """Change lanes only after some messages in a row that say so."""
-        aside_m = abs(self.fix.lateral_m)
+        accuracy_m = self.message.position_bound_m or 0.0
+        aside_m = abs(self.fix.lateral_m) - min(ACCURACY_SHARE * accuracy_m, LARGEST_ALLOWANCE_M)
         says_inside = aside_m < (LEFT_LANE_M if self.in_lane else LANE_HALF_WIDTH_M)
         if says_inside == self.in_lane:
             self._votes = 0
             return
         self._votes += 1
-        if self._votes >= LANE_VOTES:
+        if self._votes >= (LEAVING_VOTES if self.in_lane else LANE_VOTES):
             self.in_lane, self._votes = says_inside, 0
 
     @property

@@ -92,7 +92,8 @@ class StationTable:
         if identity is None or not identity.forget_silent(now_ms):
             self._confirmed.pop(station_id, None)
             self._newcomers.pop(station_id, None)
-            self._admit(station_id, Identity(Station(message, generated_ms, self._road, now_ms)))
+            station = Station(message, generated_ms, self._road, now_ms, host_position_m)
+            self._admit(station_id, Identity(station))
             return None
         refused = identity.receive(message, generated_ms, now_ms, self._road, host_position_m)
         if refused is None and station_id in self._newcomers and identity.is_confirmed:
