@@ -93,6 +93,16 @@ def test_a_preview_received_again_is_not_counted_twice() -> None:
     assert fusion.memory is memory
 
 
+def test_another_preview_of_the_same_instant_replaces_it() -> None:
+    fusion = PreviewFusion()
+    for tick in range(20):
+        fusion.fused(distort(NOISY, true_preview(tick)))
+    whole = true_preview(19)
+    part = LeaderPreview(19.0, whole.times_s[:4], whole.positions_m[:4], whole.speeds_m_s[:4])
+    np.testing.assert_array_equal(fusion.fused(part).speeds_m_s, part.speeds_m_s)
+    assert fusion.fused(distort(NOISY, true_preview(20))).times_s.size == 61
+
+
 def test_a_preview_of_something_else_and_an_earlier_one_begin_a_new_average() -> None:
     fusion = PreviewFusion()
     for tick in range(20):

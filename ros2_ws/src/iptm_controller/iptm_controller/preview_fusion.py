@@ -72,14 +72,16 @@ class PreviewFusion:
         """Return a preview, averaged with those received before if they are noisy.
 
         Args:
-            preview: well formed, not empty. One that was received before is not counted again; an earlier
-                one begins a new trip.
+            preview: well formed, not empty. One that was received before is not counted again, a different
+                one of the same instant replaces it, and an earlier one begins a new trip.
         """
-        memory = self.memory
-        if memory.preview is None or preview.generated_at_s < memory.preview.generated_at_s:
+        memory, before = self.memory, self.memory.preview
+        if before is None or preview.generated_at_s < before.generated_at_s:
             self.memory = _alone(preview, 0.0)
-        elif preview.generated_at_s > memory.preview.generated_at_s:
-            self.memory = _updated(memory, memory.preview, preview)
+        elif preview.generated_at_s > before.generated_at_s:
+            self.memory = _updated(memory, before, preview)
+        elif not _are_equal(before, preview):
+            self.memory = _alone(preview, memory.roughness_m2_s4)
         return self._averaged(preview) if self._is_noisy else preview
 
     def _averaged(self, preview: LeaderPreview) -> LeaderPreview:
@@ -108,6 +110,12 @@ def _updated(memory: FusionMemory, before: LeaderPreview, now: LeaderPreview) ->
     new = _weights(now)
     speeds = (old * earlier + new * now.speeds_m_s) / (old + new)
     return FusionMemory(now, tuple(speeds.tolist()), tuple((old + new).tolist()), rough)
+
+
+def _are_equal(one: LeaderPreview, other: LeaderPreview) -> bool:
+    return np.array_equal(one.times_s, other.times_s) and np.array_equal(
+        one.speeds_m_s, other.speeds_m_s
+    )
 
 
 def _alone(preview: LeaderPreview, roughness_m2_s4: float) -> FusionMemory:
