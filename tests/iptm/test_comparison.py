@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 import iptm
-from iptm_recording.trajectory_reader import read_decisions, read_trajectory
+from iptm.compare_cli import main
+from iptm_recording.trajectory_reader import read_decisions, read_trajectoryfrom iptm_studies.run import perform_run
+from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies.run_spec import RunSpec, SolverSpec
+from iptm_studies.store import write_run
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 
@@ -92,3 +96,47 @@ def test_a_bag_beside_a_simulation(bag: iptm.Run, runs: list[iptm.Run]) -> None:
 def test_a_mistake_is_one_line(mistake, message: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(iptm.IptmError, match=message):
         mistake()
+
+
+def test_a_stored_run_is_the_same_object(runs: list[iptm.Run], tmp_path: Path) -> None:
+    spec = RunSpec(cycle="us06", duration_s=5.0, horizon="2x1", solver=SolverSpec(compile_code=False))
+    done = perform_run(resolve_inputs(spec))
+    path = tmp_path / "run.parquet"
+    write_run(path, done)
+    run = iptm.load(path)
+    assert run.frame["position_m"].tolist() == done.trajectory.position_m.tolist()
+    assert run.settings["horizon"] == "2x1"
+    assert "horizon" in iptm.compare(run, runs[0]).differences.index
+    with pytest.raises(iptm.IptmError, match="cannot be read"):
+        iptm.load(tmp_path / "none.parquet")
+
+
+def test_a_page_holds_what_differs(runs: list[iptm.Run], tmp_path: Path) -> None:
+    path = iptm.compare(one=runs[0], two=runs[1]).report(tmp_path / "page.html")
+    text = path.read_text(encoding="utf-8")
+    for part in ("<th>strategy</th>", "<td>reference</td>", "two: change", "Battery energy"):
+        assert part in text
+    with pytest.raises(iptm.IptmError, match="page.html exists already; allowed: a new file"):
+        runs[0].report(path)
+
+
+def test_the_command_prints_draws_and_writes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture, page = tmp_path / "both.png", tmp_path / "both.html"
+    files = ["--picture", str(picture), "--report", str(page)]
+    assert main([str(BAG), str(BAG), *files]) == 0
+    out = capsys.readouterr().out
+    assert "Battery energy per distance [kWh/100 km]" in out
+    assert "the settings do not differ" in out
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
+    for arguments, message in (
+        ([str(BAG)], "compare: 1 runs; allowed: two or more"),
+        ([str(BAG), "/no/such/bag"], "does not exist"),
+        ([str(BAG), str(BAG), *files], "both.png exists already; allowed: a new file"),
+        ([str(BAG), str(BAG), "--picture", str(tmp_path / "both.xyz")], "picture cannot be written"),
+        ([str(BAG), str(BAG), "--report", "/no/such/folder/x.html"], "No such file or directory"),
+    ):
+        assert main(arguments) == 2
+        assert message in capsys.readouterr().err

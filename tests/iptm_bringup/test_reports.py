@@ -15,7 +15,7 @@ from iptm_bringup import progress as progress_module
 from iptm_bringup.comparison import Comparison
 from iptm_bringup.evaluation import RunResults, evaluate
 from iptm_bringup.monitor import Snapshot
-from iptm_bringup.picture import save_picture
+from iptm_bringup.picture import save_picture, save_report
 from iptm_bringup.progress import BarProgress, LineProgress, make_progress
 from iptm_bringup.run_folder import RunFolder
 from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
@@ -212,3 +212,15 @@ def test_a_run_in_which_nothing_happens_can_be_drawn(results: RunResults, tmp_pa
     )
     save_picture(tmp_path / "still.png", calm)
     assert (tmp_path / "still.png").stat().st_size > 10_000
+
+
+def test_a_page_holds_the_run_and_needs_no_other_file(results: RunResults, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    comparison = Comparison("reference", results.metrics, results.trajectory)
+    save_report(path, dataclasses.replace(results, comparison=comparison))
+    text = path.read_text(encoding="utf-8")
+    assert results.prepared.heading in text
+    assert "<td>aging_cost_to_go</td>" in text
+    assert 'src="data:image/png;base64,' in text
+    assert text.count("src=") == 1
+    assert "href=" not in text

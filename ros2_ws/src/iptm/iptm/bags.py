@@ -1,4 +1,4 @@
-"""A bag as a run."""
+"""Bags and stored runs as runs."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from iptm.run import Run
+from iptm.simulation import run_of_study
 from iptm_controller.settings import ControllerSettings
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.declaration import parameter_specs, plain
@@ -22,20 +23,22 @@ from iptm_core.strict_mapping import shown
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.run_information import RunInformation
 
+_STORED = ".parquet"
 _GROUPS = (TripSettings, ControllerSettings, PreviewSettings, SamplingSettings, IntegrationSettings)
 _DEFAULTS = {spec.name: plain(spec.default) for group in _GROUPS for spec in parameter_specs(group)}
 """Parameters of nodes that are settings of a run; a bag names those that were set."""
 
 
 def load(path: str | Path, namespace: str | None = None) -> Run:
-    """Read the run of a bag; of several trips the last one.
+    """Read the run of a bag, of several trips the last one, or a run of a study.
 
     Args:
-        path: folder or file of a bag.
+        path: folder or file of a bag, or the .parquet file of a run in a store (which takes pyarrow to read).
         namespace: vehicle to read, if the bag holds several.
 
     Raises:
         BagError: the bag cannot be read, holds no complete run, or several vehicles and none is named.
+        StoreError: the stored run is missing or damaged.
     """
     # The topics are loaded only here: no simulation needs them.
     from iptm_recording.trajectory_reader import (  # noqa: PLC0415
@@ -46,6 +49,10 @@ def load(path: str | Path, namespace: str | None = None) -> Run:
     if not isinstance(path, (str, Path)):
         raise BagError(f"bag is {shown(path)}; allowed: the path of a bag")
     path = Path(path)
+    if path.suffix == _STORED:
+        from iptm_studies.store import read_run  # noqa: PLC0415  likewise
+
+        return run_of_study(read_run(path))
     parameters, _ = read_model_parameters(path)
     try:
         decisions = read_decisions(path, namespace)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -53,6 +54,19 @@ class Comparison:
         from iptm.picture import overlay_picture  # noqa: PLC0415  matplotlib takes a moment to load
 
         return overlay_picture(self.runs)
+
+    def report(self, path: str | Path) -> Path:
+        """Write table, picture and differences as one HTML page that needs no other file.
+
+        Args:
+            path: new file.
+
+        Raises:
+            StoreError: the file exists, or cannot be written.
+        """
+        from iptm.report import comparison_report, write_page  # noqa: PLC0415  as above
+
+        return write_page(path, comparison_report(self))
 
 
 def compare(*runs: Run, **labelled: Run) -> Comparison:

@@ -1,24 +1,19 @@
-"""Runs as pictures: panels over a common time axis."""
+"""Pictures of runs: their style, and the curves of several runs over each other."""
 
 from __future__ import annotations
 
 import io
-import textwrap
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
-import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from iptm.run import Run
-from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.units import CELSIUS_ZERO_K, KM_H_PER_M_S
-from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 
@@ -37,10 +32,6 @@ _WIDTH_INCHES = 12.0
 _INCHES_PER_HEIGHT = 1.72
 _HEADING_INCHES = 1.2
 _DOTS_PER_INCH = 100
-HEADING_COLUMNS = 130
-# Below these spans a curve is flat for the eye, whatever its digits say.
-_LEAST_TEMPERATURE_SPAN_K = 2.0
-_LEAST_COOLING_KW = 0.5
 STYLE: Any = {
     "font.size": 9.5,
     "axes.titlesize": 10.5,
@@ -64,50 +55,21 @@ STYLE: Any = {
 PPM = 1e6
 
 
-class _Shown(NamedTuple):
-    """A run, and the one whose curves are drawn behind it."""
-
-    run: Run
-    against: Run | None
-
-
-_Draw = Callable[[Axes, _Shown], None]
-
-
 class Picture(Figure):
     """A matplotlib figure that notebooks show without pyplot."""
 
-    def _repr_png_(self) -> bytes:
+    def png(self) -> bytes:
+        """Return the content of a PNG file."""
         file = io.BytesIO()
         self.savefig(file)
         return file.getvalue()
+
+    _repr_png_ = png
 
     def savefig(self, *args: Any, **options: Any) -> None:
         """Write the figure to a file; the options are those of matplotlib."""
         with rc_context(STYLE):
             super().savefig(*args, **options)
-
-
-def run_picture(
-    run: Run, against: Run | None = None, headline: str = "", footer: str = ""
-) -> Picture:
-    """Draw a run.
-
-    Args:
-        run: the run.
-        against: run whose curves are drawn behind it, None for none.
-        headline: lines above the panels; by default the name of the run.
-        footer: what stands below the panels, before the count of broken limits.
-    """
-    hard, soft = run.metrics.hard_violations, run.metrics.soft_violations
-    limits = f"limits broken: hard {hard}, soft {soft} rows"
-    shown = _Shown(run, against)
-    return _drawn(
-        dict(_panels(run)),
-        lambda draw, axes: draw(axes, shown),
-        headline or textwrap.fill(run.name, HEADING_COLUMNS),
-        "; ".join(filter(None, [footer, limits])),
-    )
 
 
 def overlay_picture(runs: Mapping[str, Run]) -> Picture:
@@ -123,18 +85,18 @@ def overlay_picture(runs: Mapping[str, Run]) -> Picture:
             colour = COLOURS[number % len(COLOURS)]
             trajectory = run.trajectory
             axes.plot(trajectory.time_s, values(trajectory), color=colour, label=label)
-        _titled(axes, title, unit)
+        titled(axes, title, unit)
         legend = axes.get_legend()
         if legend is not None and panel is not _OVERLAID[0]:
             legend.remove()
 
-    return _drawn(dict.fromkeys(_OVERLAID, 1.0), draw, "", "")
+    return drawn(dict.fromkeys(_OVERLAID, 1.0), draw, "", "")
 
 
 _Panel = TypeVar("_Panel")
 
 
-def _drawn(
+def drawn(
     panels: Mapping[_Panel, float],
     draw: Callable[[_Panel, Axes], None],
     headline: str,
@@ -160,24 +122,7 @@ def _drawn(
     return figure
 
 
-def _panels(run: Run) -> list[tuple[_Draw, float]]:
-    """Return what to draw, from top to bottom, with relative heights."""
-    grades = _grades_percent(run)
-    hills: list[tuple[_Draw, float]] = [(_grade, 0.6)] if np.any(grades) else []
-    solver: list[tuple[_Draw, float]] = [(_solver, 0.8)] if len(run.decisions) else []
-    return [
-        (_speed, 1.25),
-        *hills,
-        (_gap, 1.25),
-        (_driving_power, 1.0),
-        (_cooling_power, 1.0),
-        (_temperature, 1.2),
-        (_aging, 1.0),
-        *solver,
-    ]
-
-
-def _titled(axes: Axes, title: str, unit: str, *more: Axes) -> None:
+def titled(axes: Axes, title: str, unit: str, *more: Axes) -> None:
     """Put title and legend above a panel, the legend with the lines of all its axes."""
     axes.set_title(title)
     axes.set_ylabel(unit)
@@ -185,149 +130,17 @@ def _titled(axes: Axes, title: str, unit: str, *more: Axes) -> None:
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))
 
 
-def _speed(axes: Axes, shown: _Shown) -> None:
-    run = shown.run.trajectory
-    axes.plot(run.time_s, KM_H_PER_M_S * run.leader_speed_m_s, color=GREY, label="leader")
-    _reference(axes, shown.against, lambda other: KM_H_PER_M_S * other.speed_m_s)
-    axes.plot(run.time_s, KM_H_PER_M_S * run.speed_m_s, color=BLUE, label="host")
-    axes.set_ylim(bottom=0.0)
-    _titled(axes, "Speed", "km/h")
-
-
-def _grades_percent(run: Run) -> FloatArray:
-    """Return the road grade under the host at every instant; 0 where it is not known."""
-    slope = run.slope or SlopeProfile.flat()
-    grades: FloatArray = 100.0 * np.tan(slope.slope_at(run.trajectory.position_m))
-    return grades
-
-
-def _grade(axes: Axes, shown: _Shown) -> None:
-    times_s = shown.run.trajectory.time_s
-    axes.fill_between(times_s, _grades_percent(shown.run), color=GREY, alpha=0.5, lw=0)
-    axes.axhline(0.0, color="black", lw=0.6)
-    _titled(axes, "Road grade (positive: uphill)", "%")
-
-
-def _gap(axes: Axes, shown: _Shown) -> None:
-    run, parameters = shown.run.trajectory, shown.run.parameters
-    smallest = run.gap_m - gap_margins_m(run, parameters)
-    largest = parameters.gap.max_gap_m
-    floor = np.maximum(smallest, 0.0)
-    axes.fill_between(run.time_s, floor, largest, color=GREEN, alpha=0.10, lw=0)
-    axes.plot(run.time_s, floor, color=RED, lw=0.9, label="s_min (safety)")
-    axes.axhline(largest, color=RED, lw=0.9, ls="--", label=f"s_max = {largest:g} m")
-    _reference(axes, shown.against, lambda other: other.gap_m)
-    axes.plot(run.time_s, run.gap_m, color=BLUE, label="gap")
-    braked = run.time_s[run.service_braking_s > 0.0]
-    _marks(axes, braked, PURPLE, "safety monitor braked")
-    top = 1.05 * max(largest, float(np.fmax.reduce(run.gap_m)), float(np.fmax.reduce(smallest)))
-    axes.set_ylim(0.0, top)
-    _titled(axes, "Gap to the leader", "m")
-
-
-def _driving_power(axes: Axes, shown: _Shown) -> None:
-    run = shown.run.trajectory
-    axes.plot(run.time_s, 1e-3 * run.battery_power_w, color=SKY, lw=2.4, label="battery")
-    axes.plot(run.time_s, 1e-3 * run.traction_power_w, color=BLUE, lw=0.9, label="traction")
-    axes.axhline(0.0, color="black", lw=0.6)
-    _titled(axes, "Driving power (positive: drawn from the pack)", "kW")
-
-
-def _cooling_power(axes: Axes, shown: _Shown) -> None:
-    run = shown.run.trajectory
-    compressor_kw, heat_kw = 1e-3 * run.compressor_power_w, 1e-3 * run.chiller_heat_w
-    axes.fill_between(
-        run.time_s, compressor_kw, color=ORANGE, alpha=0.6, lw=0, step="pre", label="compressor"
-    )
-    axes.plot(run.time_s, heat_kw, color=GREEN, label="heat taken by the chiller")
-    highest = max(_LEAST_COOLING_KW, float(np.max(compressor_kw)), float(np.max(heat_kw)))
-    axes.set_ylim(min(0.0, 1.1 * float(np.min(heat_kw))), 1.1 * highest)
-    _titled(axes, "Cooling power", "kW")
-
-
-def _temperature(axes: Axes, shown: _Shown) -> None:
-    run, limits = shown.run.trajectory, shown.run.parameters.limits
-    _reference(axes, shown.against, _mean_temperature_c, "mean of the cells")
-    for values, color, style, width, label in (
-        (run.coolant_inlet_temperature_k, GREY, ":", 1.1, "coolant in"),
-        (run.coolant_outlet_temperature_k, GREY, "--", 1.1, "coolant out"),
-        (run.cell_n_temperature_k, RED, "-", 2.2, "cell N"),
-        (run.cell_1_temperature_k, BLUE, "-", 1.2, "cell 1"),
-    ):
-        values_c = values - CELSIUS_ZERO_K
-        axes.plot(run.time_s, values_c, color=color, ls=style, lw=width, label=label)
-    low, high = axes.get_ylim()
-    lacking = max(0.0, _LEAST_TEMPERATURE_SPAN_K - (high - low))
-    axes.set_ylim(low - 0.5 * lacking, high + 0.5 * lacking)
-    least_c, most_c = (
-        limit_k - CELSIUS_ZERO_K for limit_k in (limits.min_temperature_k, limits.max_temperature_k)
-    )
-    band = f"cells and coolant out: {least_c:g} to {most_c:g} °C"
-    axes.axhspan(least_c, most_c, color=GREEN, alpha=0.10, lw=0, label=band)
-    _titled(axes, "Temperatures", "°C")
-
-
-def _mean_temperature_c(run: Trajectory) -> FloatArray:
+def mean_temperature_c(run: Trajectory) -> FloatArray:
+    """Return the mean temperature of both cells in degrees Celsius, shape (n,)."""
     mean: FloatArray = 0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k) - CELSIUS_ZERO_K
     return mean
 
 
-def _aging(axes: Axes, shown: _Shown) -> None:
-    run = shown.run.trajectory
-    _reference(axes, shown.against, _aging_ppm, "both cells")
-    axes.plot(run.time_s, _aging_ppm(run), color=BLUE, lw=2.0, label="both cells")
-    spread = run.cell_n_capacity_loss - run.cell_1_capacity_loss
-    axes.plot(
-        run.time_s, PPM * (spread - spread[0]), color=PURPLE, ls="--", label="cell N − cell 1"
-    )
-    axes.set_ylim(bottom=0.0)
-    _titled(axes, "Capacity lost since the start", "ppm of nominal")
-
-
-def _aging_ppm(run: Trajectory) -> FloatArray:
+def aging_ppm(run: Trajectory) -> FloatArray:
+    """Return the capacity that both cells lost since the first row in ppm of nominal, shape (n,)."""
     loss = run.cell_1_capacity_loss + run.cell_n_capacity_loss
     ppm: FloatArray = PPM * (loss - loss[0])
     return ppm
-
-
-def _reference(
-    axes: Axes, against: Run | None, values: Callable[[Trajectory], FloatArray], what: str = ""
-) -> None:
-    """Draw a curve of the run behind the shown one, if there is one."""
-    if against is None:
-        return
-    name = str(against.settings.get("strategy", against.name))
-    label = f"{name}, {what}" if what else name
-    other = against.trajectory
-    axes.plot(other.time_s, values(other), color=ORANGE, lw=1.3, label=label)
-
-
-def _solver(axes: Axes, shown: _Shown) -> None:
-    decisions = shown.run.decisions
-    milliseconds = 1e3 * decisions.solve_time_s
-    rung = decisions.rung
-    axes.plot(decisions.time_s, milliseconds, ".", ms=2.2, color=BLUE, label="time of a solve")
-    if _has_positive(milliseconds):
-        axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axes.yaxis.set_minor_locator(NullLocator())
-    _marks(axes, decisions.time_s[rung > 0.0], RED, "fallback")
-    _titled(axes, "Solver", "ms")
-
-
-def _marks(axes: Axes, times_s: FloatArray, color: str, label: str) -> None:
-    """Mark instants at the top of a panel; without any, the legend stays as it is."""
-    if times_s.size:
-        axes.plot(
-            times_s, np.full(times_s.shape, 0.97), "v", ms=4, color=color,
-            transform=axes.get_xaxis_transform(), label=label,
-        )  # fmt: skip
-
-
-def _has_positive(values: FloatArray) -> bool:
-    known = values[np.isfinite(values)]
-    return bool(known.size) and bool(np.all(known > 0.0))
 
 
 _OVERLAID: tuple[tuple[str, str, Callable[[Trajectory], FloatArray]], ...] = (
@@ -335,7 +148,7 @@ _OVERLAID: tuple[tuple[str, str, Callable[[Trajectory], FloatArray]], ...] = (
     ("Gap to the leader", "m", lambda run: run.gap_m),
     ("Battery power (positive: drawn from the pack)", "kW", lambda run: 1e-3 * run.battery_power_w),
     ("Compressor power", "kW", lambda run: 1e-3 * run.compressor_power_w),
-    ("Mean temperature of the cells", "°C", _mean_temperature_c),
-    ("Capacity lost since the start, both cells", "ppm of nominal", _aging_ppm),
+    ("Mean temperature of the cells", "°C", mean_temperature_c),
+    ("Capacity lost since the start, both cells", "ppm of nominal", aging_ppm),
 )
 """Panels of several runs: title, unit and values."""

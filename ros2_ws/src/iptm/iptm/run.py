@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -76,9 +77,23 @@ class Run:
         Returns:
             A matplotlib figure; notebooks show it, and ``savefig`` writes it.
         """
-        from iptm.picture import run_picture  # noqa: PLC0415  matplotlib takes a moment to load
+        from iptm.run_picture import run_picture  # noqa: PLC0415  matplotlib takes a moment to load
 
         return run_picture(self, against)
+
+    def report(self, path: str | Path, against: Run | None = None) -> Path:
+        """Write figures, settings and picture as one HTML page that needs no other file.
+
+        Args:
+            path: new file.
+            against: see `plot`.
+
+        Raises:
+            StoreError: the file exists, or cannot be written.
+        """
+        from iptm.report import run_report, write_page  # noqa: PLC0415  as above
+
+        return write_page(path, run_report(self, against))
 
     def __repr__(self) -> str:
         """Name and length."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -17,8 +17,10 @@ from iptm_controller.strategy import DEFAULT_STRATEGY
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET
+from iptm_core.routes.slope import SlopeProfile
 from iptm_core.settings import TripSettings
 from iptm_core.strict_mapping import shown
+from iptm_studies.run import Run as StudyRun
 from iptm_studies.run import perform_run
 
 _OWN = "own"
@@ -78,22 +80,35 @@ def simulate(
     )
     leader = None if predictor is None else PredictedSource(inputs.route, predictor)
     done = perform_run(inputs, own_controller=own, leader=leader)
-    given = settings_of(inputs.spec)
-    name = inputs.spec.describe()
+    run = run_of_study(done, inputs.route.slope)
     if controller is not None:
-        given |= {"strategy": _OWN, "horizon": _OWN, "solver": _OWN}
-        name += f", controller {type(controller).__name__}"
+        own_settings = {"strategy": _OWN, "horizon": _OWN, "solver": _OWN}
+        run = _with_own(run, f"controller {type(controller).__name__}", own_settings)
     if predictor is not None:
-        given["predictor"] = type(predictor).__name__
-        name += f", predictor {type(predictor).__name__}"
+        name = type(predictor).__name__
+        run = _with_own(run, f"predictor {name}", {"predictor": name})
+    return run
+
+
+def run_of_study(done: StudyRun, slope: SlopeProfile | None = None) -> Run:
+    """Return a run of a study as one of the library.
+
+    Args:
+        done: the run.
+        slope: slope of its road, None where it is not known.
+    """
     return Run(
-        name=name,
-        settings=given,
+        name=done.spec.describe(),
+        settings=settings_of(done.spec),
         parameters=done.parameters,
         trajectory=done.trajectory,
         decisions=done.decisions or DecisionSeries.from_records([], []),
-        slope=inputs.route.slope,
+        slope=slope,
     )
+
+
+def _with_own(run: Run, what: str, settings: Mapping[str, Any]) -> Run:
+    return replace(run, name=f"{run.name}, {what}", settings={**run.settings, **settings})
 
 
 @dataclass(frozen=True, eq=False)

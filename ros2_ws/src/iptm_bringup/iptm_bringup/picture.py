@@ -1,4 +1,4 @@
-"""The picture of a run over ROS 2: that of the library, with the heading and the pace of the scenario."""
+"""Picture and page of a run over ROS 2: those of the library, with the heading and the pace of the scenario."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import math
 import textwrap
 from pathlib import Path
 
-from iptm.picture import HEADING_COLUMNS, run_picture
 from iptm.run import Run
+from iptm.run_picture import HEADING_COLUMNS, run_picture
 from iptm_bringup.evaluation import RunResults
+from iptm_bringup.scenario import Scenario
 from iptm_bringup.summary import AGING_SAVED
 from iptm_core.decision_record import DecisionSeries
+from iptm_core.declaration import parameter_specs, plain
 
 
 def save_picture(path: Path, results: RunResults) -> None:
@@ -20,16 +22,35 @@ def save_picture(path: Path, results: RunResults) -> None:
         path: PNG file to write.
         results: of the run.
     """
-    prepared, other = results.prepared, results.comparison
-    model, slope = prepared.model.values, prepared.route.slope
-    run = Run(prepared.heading, {}, model, results.trajectory, results.decisions, slope)
-    against = (
-        None
-        if other is None
-        else Run(other.strategy, {}, model, other.trajectory, DecisionSeries.from_records([], []))
-    )
+    run, against = _runs(results)
     picture = run_picture(run, against, _headline(results), _footer(results))
     picture.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
+
+
+def save_report(path: Path, results: RunResults) -> None:
+    """Write a run as one HTML page; see `Run.report`.
+
+    Args:
+        path: new file.
+        results: of the run.
+    """
+    run, against = _runs(results)
+    run.report(path, against)
+
+
+def _runs(results: RunResults) -> tuple[Run, Run | None]:
+    """Return a run, and the one that it is compared with."""
+    prepared, other = results.prepared, results.comparison
+    model, scenario = prepared.model.values, prepared.scenario
+    settings = {
+        spec.name: plain(getattr(scenario, spec.name)) for spec in parameter_specs(Scenario)
+    }
+    slope = prepared.route.slope
+    run = Run(prepared.heading, settings, model, results.trajectory, results.decisions, slope)
+    if other is None:
+        return run, None
+    no_decisions = DecisionSeries.from_records([], [])
+    return run, Run(other.strategy, {}, model, other.trajectory, no_decisions)
 
 
 def _headline(results: RunResults) -> str:

@@ -81,6 +81,9 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--no-picture", action="store_true", help="do not draw a picture")
     parser.add_argument(
+        "--report", action="store_true", help="write the run as one HTML page, too: report.html"
+    )
+    parser.add_argument(
         "--full", action="store_true", help="print the tables of all figures before the summary"
     )
     parser.add_argument(
@@ -194,6 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             output=parsed.output,
             record=not parsed.no_record,
             picture=not parsed.no_picture,
+            report=parsed.report,
             compression=parsed.compression,
             against=parsed.against,
             view=parsed.view,

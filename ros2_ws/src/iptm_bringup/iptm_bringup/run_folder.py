@@ -12,6 +12,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.strict_mapping import shown
 
 PICTURE = "closed_loop.png"
+REPORT = "report.html"
 RESULTS = "results.json"
 REFERENCE = "reference.parquet"
 LOGS = "logs"
@@ -70,6 +71,11 @@ class RunFolder:
     def picture(self) -> Path:
         """Path of the picture."""
         return self.output / PICTURE
+
+    @property
+    def report(self) -> Path:
+        """Path of the page of the run."""
+        return self.output / REPORT
 
     @property
     def results(self) -> Path:

@@ -63,6 +63,7 @@ class RunOptions:
         output: folder to create; None for a new one under ``bags/``.
         record: whether to record a bag.
         picture: whether to draw the run.
+        report: whether to write it as an HTML page.
         compression: of the bag: none, lz4 or zstd.
         against: strategy to compare with, driven without ROS after the run; "none" for no comparison.
         view: whether to show it in the browser while it takes place.
@@ -72,6 +73,7 @@ class RunOptions:
     output: Path | None = None
     record: bool = True
     picture: bool = True
+    report: bool = False
     compression: str = "none"
     against: str = NO_COMPARISON
     view: bool = False
@@ -301,11 +303,14 @@ def _report(
     if results.comparison is not None:
         results.comparison.save(folder.reference, prepared.heading)
     folder.results.write_text(results_json(results), encoding="utf-8")
-    if options.picture:
+    if options.picture or options.report:
         # Loaded only now: it takes half a second that the nodes can use better.
-        from iptm_bringup.picture import save_picture  # noqa: PLC0415
+        from iptm_bringup.picture import save_picture, save_report  # noqa: PLC0415
 
-        save_picture(folder.picture, results)
+        if options.picture:
+            save_picture(folder.picture, results)
+        if options.report:
+            save_report(folder.report, results)
     print_results(results, folder, console, full=options.full)
     return EXIT_RUN_FAILED if results.problems else EXIT_OK
 

@@ -72,7 +72,9 @@ def print_tables(results: RunResults, console: Console) -> None:
 def _files(results: RunResults, folder: RunFolder) -> str:
     bag = [] if results.bag_messages is None else ["bag"]
     others = [
-        path.name for path in (folder.picture, folder.reference, folder.results) if path.exists()
+        path.name
+        for path in (folder.picture, folder.report, folder.reference, folder.results)
+        if path.exists()
     ]
     return f"{folder.output} ({', '.join([*bag, *others, LOGS])})"
 

@@ -1,0 +1,127 @@
+"""Runs as one HTML page that needs nothing else: tables, and pictures inside the page."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from iptm_core.errors import StoreError
+from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
+
+if TYPE_CHECKING:
+    from iptm.comparison import Comparison
+    from iptm.picture import Picture
+    from iptm.run import Run
+
+_STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; max-width: 78rem; margin: 2rem auto; padding: 0 1rem; }
+img { max-width: 100%; } h1 { font-size: 1.35rem; } h2 { font-size: 1.1rem; margin-top: 2rem; }
+table { border-collapse: collapse; } th, td { padding: .15rem .7rem; border-bottom: 1px solid #ddd; }
+td { text-align: right; font-variant-numeric: tabular-nums; } th { text-align: left; font-weight: 600; }
+"""
+
+
+def run_report(run: Run, against: Run | None = None) -> str:
+    """Return the page of a run.
+
+    Args:
+        run: the run.
+        against: run whose curves are drawn behind those of this one.
+    """
+    settings = {"settings": {**run.settings}}
+    return _page(
+        run.name,
+        {
+            "Over time": _image(run.plot(against)),
+            "Figures": _table(figure_table({"value": run})),
+            "Settings": _table(pd.DataFrame(settings)) if run.settings else "",
+        },
+    )
+
+
+def comparison_report(comparison: Comparison) -> str:
+    """Return the page of several runs."""
+    differences = comparison.differences
+    listed = "".join(
+        f"<li>{escape(label)}: {escape(run.name)}</li>" for label, run in comparison.runs.items()
+    )
+    return _page(
+        "Runs side by side",
+        {
+            "Runs": f"<ul>{listed}</ul>",
+            "What differs": _table(differences) if len(differences) else "<p>no setting</p>",
+            "Over time": _image(comparison.plot()),
+            "Figures": _table(figure_table(comparison.runs)),
+        },
+    )
+
+
+def figure_table(runs: Mapping[str, Run]) -> pd.DataFrame:
+    """Return the figures of trips for people: label and unit, three significant digits, and changes.
+
+    Times out of limits are listed where there are any. The figures of decisions are left out.
+
+    Args:
+        runs: by the heads of their columns; changes are those against the first one.
+    """
+    values = {label: figure_values(run.metrics) for label, run in runs.items()}
+    first = next(iter(values.values()))
+    columns: dict[str, list[str]] = {}
+    shown = [key for key in TRIP_FIGURES if any(_counts(key, each) for each in values.values())]
+    for label, of_run in values.items():
+        columns[label] = [FIGURES[key].precise_text(of_run.get(key)) for key in shown]
+        if of_run is not first:
+            columns[f"{label}: change"] = [_change(key, of_run, first) for key in shown]
+    return pd.DataFrame(columns, index=[FIGURES[key].title for key in shown])
+
+
+def write_page(path: str | Path, text: str) -> Path:
+    """Write a page to a new file.
+
+    Raises:
+        StoreError: the file exists, or cannot be written.
+    """
+    path = Path(path)
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise StoreError(f"{path} exists already; allowed: a new file") from None
+    except OSError as error:
+        raise StoreError(f"{path} cannot be written: {error.strerror}") from None
+    return path
+
+
+def _counts(key: str, values: Mapping[str, float]) -> bool:
+    return bool(values.get(key)) if key.startswith("longest_") else key in values
+
+
+def _change(key: str, own: Mapping[str, float], first: Mapping[str, float]) -> str:
+    if not FIGURES[key].compared or key not in own or not first.get(key):
+        return ""
+    return f"{100.0 * (own[key] / first[key] - 1.0):+.1f} %"
+
+
+def _table(frame: pd.DataFrame) -> str:
+    text: Any = frame.to_html(border=0, na_rep="")
+    return str(text)
+
+
+def _image(picture: Picture) -> str:
+    data = b64encode(picture.png()).decode("ascii")
+    return f'<img alt="curves over time" src="data:image/png;base64,{data}">'
+
+
+def _page(title: str, sections: Mapping[str, str]) -> str:
+    body = "\n".join(
+        f"<h2>{escape(head)}</h2>\n{content}" for head, content in sections.items() if content
+    )
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        f"<style>{_STYLE}</style></head>\n<body><h1>{escape(title)}</h1>\n{body}\n</body></html>\n"
+    )
