@@ -114,7 +114,7 @@ RULES = (
     # Seconds.
     Rule(Way.ASK, r"(scripts/(call|param)|ros2 (service|param)) .*"),
     Rule(Way.RUN, r"source scripts/env.sh"),
-    Rule(Way.RUN, r"scripts/(bag_info|compare_bags|recover_bag|export|drive_file) .*"),
+    Rule(Way.RUN, r"scripts/(bag_info|compare|compare_bags|recover_bag|export|drive_file) .*"),
     Rule(Way.RUN, r"scripts/run_demo --list|scripts/reproduce list"),
     Rule(
         Way.RUN,

@@ -9,7 +9,8 @@ import pytest
 
 import iptm
 from iptm.compare_cli import main
-from iptm_recording.trajectory_reader import read_decisions, read_trajectoryfrom iptm_studies.run import perform_run
+from iptm_recording.trajectory_reader import read_decisions, read_trajectory
+from iptm_studies.run import perform_run
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunSpec, SolverSpec
 from iptm_studies.store import write_run
@@ -99,7 +100,9 @@ def test_a_mistake_is_one_line(mistake, message: str) -> None:  # type: ignore[n
 
 
 def test_a_stored_run_is_the_same_object(runs: list[iptm.Run], tmp_path: Path) -> None:
-    spec = RunSpec(cycle="us06", duration_s=5.0, horizon="2x1", solver=SolverSpec(compile_code=False))
+    spec = RunSpec(
+        cycle="us06", duration_s=5.0, horizon="2x1", solver=SolverSpec(compile_code=False)
+    )
     done = perform_run(resolve_inputs(spec))
     path = tmp_path / "run.parquet"
     write_run(path, done)
@@ -116,7 +119,7 @@ def test_a_page_holds_what_differs(runs: list[iptm.Run], tmp_path: Path) -> None
     text = path.read_text(encoding="utf-8")
     for part in ("<th>strategy</th>", "<td>reference</td>", "two: change", "Battery energy"):
         assert part in text
-    with pytest.raises(iptm.IptmError, match="page.html exists already; allowed: a new file"):
+    with pytest.raises(iptm.IptmError, match=r"page\.html exists already; allowed: a new file"):
         runs[0].report(path)
 
 
@@ -135,7 +138,10 @@ def test_the_command_prints_draws_and_writes(
         ([str(BAG)], "compare: 1 runs; allowed: two or more"),
         ([str(BAG), "/no/such/bag"], "does not exist"),
         ([str(BAG), str(BAG), *files], "both.png exists already; allowed: a new file"),
-        ([str(BAG), str(BAG), "--picture", str(tmp_path / "both.xyz")], "picture cannot be written"),
+        (
+            [str(BAG), str(BAG), "--picture", str(tmp_path / "both.xyz")],
+            "picture cannot be written",
+        ),
         ([str(BAG), str(BAG), "--report", "/no/such/folder/x.html"], "No such file or directory"),
     ):
         assert main(arguments) == 2

@@ -1,4 +1,4 @@
-"""Picture and page of a run over ROS 2: those of the library, with the heading and the pace of the scenario."""
+"""Picture and page of a run over ROS 2: those of the library, with heading and pace of the scenario."""
 
 from __future__ import annotations
 
