@@ -83,6 +83,9 @@ def simulate(
     run = run_of_study(done, inputs.route.slope)
     if controller is not None:
         own_settings = {"strategy": _OWN, "horizon": _OWN, "solver": _OWN}
+        # Strategy and horizon are those of the controller that did not drive.
+        planned = f", {inputs.spec.horizon}, {inputs.spec.strategy.name}"
+        run = replace(run, name=run.name.replace(planned, ""))
         run = _with_own(run, f"controller {type(controller).__name__}", own_settings)
     if predictor is not None:
         name = type(predictor).__name__
