@@ -15,6 +15,7 @@ setup(
         "setuptools",
         "dask>=2024.1",
         "distributed>=2024.1",
+        "matplotlib>=3.8",
         "numpy>=1.24",
         "pyarrow>=15",
         "rich>=13",
