@@ -65,7 +65,7 @@ RULES = (
     ),
     Rule(
         Way.NOT,
-        r".*python3? -m pip install .*|scripts/update_locks.*",
+        r".*pip install .*|scripts/update_locks.*",
         "changes the environment, over the network",
     ),
     Rule(
