@@ -131,3 +131,8 @@ def test_a_memory_can_be_saved_and_goes_on() -> None:
     preview = distort(NOISY, true_preview(20))
     np.testing.assert_array_equal(other.fused(preview).speeds_m_s, fusion.fused(preview).speeds_m_s)
     assert from_plain(ControllerMemory, to_plain(ControllerMemory())).fusion == FusionMemory()
+    quiet = PreviewFusion()
+    quiet.fused(true_preview(0))
+    assert from_plain(
+        ControllerMemory, to_plain(ControllerMemory(fusion=quiet.memory))
+    ).fusion.preview

@@ -28,6 +28,7 @@ LEAST_VARIANCE = 1e-3
 """Of the speed now, as a share of that at long lead times."""
 ANOTHER_PLAN_M_S = 5.0
 """A preview that differs from the average by more (root mean square) begins a new average."""
+_ROUNDING_S = 1e-9
 
 
 @dataclass(frozen=True)
@@ -36,15 +37,20 @@ class FusionMemory:
 
     Attributes:
         preview: the newest preview as received; None before the first one.
-        speeds_m_s: average speeds at its nodes.
-        weights: inverse variances of these, in multiples of that of a single preview far ahead.
         roughness_m2_s4: running mean of the squared rate at which consecutive previews differ.
+        speeds_m_s: average speeds at its nodes; None while previews pass unchanged.
+        weights: inverse variances of these, in multiples of that of a single preview far ahead.
     """
 
     preview: LeaderPreview | None = None
-    speeds_m_s: tuple[float, ...] = ()
-    weights: tuple[float, ...] = ()
     roughness_m2_s4: float = 0.0
+    speeds_m_s: FloatArray | None = None
+    weights: FloatArray | None = None
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether the previews are averaged."""
+        return self.roughness_m2_s4 >= ROUGH_M_S2**2
 
 
 class PreviewFusion:
@@ -60,13 +66,9 @@ class PreviewFusion:
     @property
     def noise(self) -> str:
         """How rough the previews are, empty if they pass unchanged."""
-        if not self._is_noisy:
+        if not self.memory.is_noisy:
             return ""
         return f"previews {math.sqrt(self.memory.roughness_m2_s4):.1f} m/s per s"
-
-    @property
-    def _is_noisy(self) -> bool:
-        return self.memory.roughness_m2_s4 >= ROUGH_M_S2**2
 
     def fused(self, preview: LeaderPreview) -> LeaderPreview:
         """Return a preview, averaged with those received before if they are noisy.
@@ -77,15 +79,14 @@ class PreviewFusion:
         """
         memory, before = self.memory, self.memory.preview
         if before is None or preview.generated_at_s < before.generated_at_s:
-            self.memory = _alone(preview, 0.0)
+            self.memory = FusionMemory(preview)
         elif preview.generated_at_s > before.generated_at_s:
             self.memory = _updated(memory, before, preview)
         elif not _are_equal(before, preview):
-            self.memory = _alone(preview, memory.roughness_m2_s4)
-        return self._averaged(preview) if self._is_noisy else preview
-
-    def _averaged(self, preview: LeaderPreview) -> LeaderPreview:
-        speeds = np.array(self.memory.speeds_m_s)
+            self.memory = FusionMemory(preview, memory.roughness_m2_s4)
+        speeds = self.memory.speeds_m_s
+        if speeds is None:
+            return preview
         moved = np.cumsum(0.5 * np.diff(preview.times_s) * (speeds[1:] + speeds[:-1]))
         positions = preview.positions_m[0] + np.concatenate([[0.0], moved])
         return replace(preview, positions_m=positions, speeds_m_s=speeds)
@@ -93,35 +94,38 @@ class PreviewFusion:
 
 def _updated(memory: FusionMemory, before: LeaderPreview, now: LeaderPreview) -> FusionMemory:
     """Return the memory after another preview."""
-    kept = (1.0 - FORGETTING_PER_S) ** (now.generated_at_s - before.generated_at_s)
+    elapsed_s = now.generated_at_s - before.generated_at_s
+    kept = (1.0 - FORGETTING_PER_S) ** elapsed_s
     times = now.times_s
-    common = (times >= before.times_s[0]) & (times <= before.times_s[-1])
-    if np.count_nonzero(common) < 2:
-        return _alone(now, memory.roughness_m2_s4)
-    differences = (now.speeds_m_s - np.interp(times, before.times_s, before.speeds_m_s))[common]
-    rates = np.diff(differences) / np.diff(times[common])
-    rough = float(np.mean(rates * rates))
-    rough = memory.roughness_m2_s4 + (1.0 - kept) * (rough - memory.roughness_m2_s4)
-    earlier = np.interp(times, before.times_s, np.array(memory.speeds_m_s))
-    innovation = (now.speeds_m_s - earlier)[common]
+    first, last = np.searchsorted(times, before.times_s[[0, -1]] + _ROUNDING_S * np.array([-1, 1]))
+    if last - first < 2:
+        return FusionMemory(now, memory.roughness_m2_s4)
+    common = slice(int(first), int(last))
+    difference = (now.speeds_m_s - np.interp(times, before.times_s, before.speeds_m_s))[common]
+    rates = np.diff(difference) / np.diff(times[common])
+    rough = memory.roughness_m2_s4
+    rough += (1.0 - kept) * (float(rates @ rates) / rates.size - rough)
+    begun = FusionMemory(now, rough)
+    if not begun.is_noisy:
+        return begun
+    earlier, weights = before.speeds_m_s, _weights(before)
+    if memory.speeds_m_s is not None and memory.weights is not None:
+        earlier, weights = memory.speeds_m_s, memory.weights
+    expected = np.interp(times, before.times_s, earlier)
+    innovation = (now.speeds_m_s - expected)[common]
     if float(np.mean(innovation * innovation)) > ANOTHER_PLAN_M_S**2:
-        return _alone(now, rough)
-    old = np.where(common, kept * np.interp(times, before.times_s, np.array(memory.weights)), 0.0)
+        return begun
+    old = np.zeros(times.size)
+    old[common] = kept * np.interp(times[common], before.times_s, weights)
     new = _weights(now)
-    speeds = (old * earlier + new * now.speeds_m_s) / (old + new)
-    return FusionMemory(now, tuple(speeds.tolist()), tuple((old + new).tolist()), rough)
+    speeds = (old * expected + new * now.speeds_m_s) / (old + new)
+    return replace(begun, speeds_m_s=speeds, weights=old + new)
 
 
 def _are_equal(one: LeaderPreview, other: LeaderPreview) -> bool:
     return np.array_equal(one.times_s, other.times_s) and np.array_equal(
         one.speeds_m_s, other.speeds_m_s
     )
-
-
-def _alone(preview: LeaderPreview, roughness_m2_s4: float) -> FusionMemory:
-    """Return the memory of a single preview."""
-    speeds, weights = preview.speeds_m_s.tolist(), _weights(preview).tolist()
-    return FusionMemory(preview, tuple(speeds), tuple(weights), roughness_m2_s4)
 
 
 def _weights(preview: LeaderPreview) -> FloatArray:
