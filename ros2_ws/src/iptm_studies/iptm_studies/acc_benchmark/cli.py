@@ -51,6 +51,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="folder with OpenACC files, the excerpts of the project by default",
     )
+    names = [car.parameter_set for car in CARS]
+    parser.add_argument("--car", choices=names, help="drive this car only; both by default")
     parser.add_argument("--store", default="", metavar="DIR", help="folder of the results")
     parser.add_argument(
         "--output",
@@ -69,7 +71,8 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     store = ResultStore(Path(options.store) if options.store else default_store_folder() / FOLDER)
     extent = (SHORT_SCENES, SHORTEST_S) if options.short else (SCENES, LONGEST_S)
     scenes = measured_scenes(options.measured, console.print, *extent)
-    cars = CARS[-1:] if options.short else CARS
+    wanted = options.car or (CARS[-1].parameter_set if options.short else None)
+    cars = [car for car in CARS if wanted in {None, car.parameter_set}]
     study = benchmark_study(scenes, cars, store.folder / "leads", compile_code=not options.short)
     campaign = Campaign([study])
     if options.dry_run:
@@ -114,6 +117,7 @@ def _figures(
 
 def _command(options: argparse.Namespace) -> str:
     flags = ["--short"] if options.short else []
+    flags += [f"--car {options.car}"] if options.car else []
     flags += ["--measured DIR"] if options.measured else []
     return " ".join(["scripts/acc_benchmark", *flags])
 
