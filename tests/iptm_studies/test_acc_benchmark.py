@@ -13,6 +13,7 @@ from iptm_core.routes import build_route
 from iptm_studies.acc_benchmark.cli import main
 from iptm_studies.acc_benchmark.comparison import Spread, figures_of
 from iptm_studies.acc_benchmark.drives import CARS, WAYS, headway_overrides, real_follower
+from iptm_studies.acc_benchmark.page import REAL, Findings, write_page
 from iptm_studies.acc_benchmark.scenes import LONGEST_S, RUN_IN_S, Scene, measured_scenes
 
 CAR = CARS[0]
@@ -105,8 +106,18 @@ def test_the_short_version(tmp_path: Path, capfd: pytest.CaptureFixture[str]) ->
     store = str(tmp_path / "store")
     assert main(["--short", "--dry-run", "--store", store]) == 0
     assert len(capfd.readouterr().out.splitlines()) == 2 * len(WAYS)
-    assert main(["--short", "--stored", "--store", store]) == 0
-    page = (tmp_path / "store" / "acc-benchmark.md").read_text(encoding="utf-8")
-    assert "real follower" in page
-    assert "120 m, no V2X" not in page
-    assert (tmp_path / "store" / "images" / "acc-benchmark.png").is_file()
+    assert main(["--short", "--stored", "--store", store]) == 2
+    assert "lacks runs" in capfd.readouterr().err
+
+
+def test_the_page_shows_every_way(tmp_path: Path, scenes: list[Scene]) -> None:
+    rows = []
+    for scene in scenes[:2]:
+        real = real_follower(scene, CAR)
+        rows.append(figures_of(real, real, scene, CAR.parameters()))
+    ways = dict.fromkeys((REAL, *(way.name for way in WAYS)), rows)
+    page = write_page(tmp_path, Findings("scripts/acc_benchmark", {CAR: ways}, {}))
+    text = page.read_text(encoding="utf-8")
+    assert "behind 2 lead\nvehicles" in text
+    assert all(text.count(f"| {name} |") == 2 for name in ways)
+    assert (tmp_path / "images" / "acc-benchmark.png").is_file()

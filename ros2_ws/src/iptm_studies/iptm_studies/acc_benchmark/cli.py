@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from iptm_core.errors import ScenarioError
 from iptm_studies.acc_benchmark.comparison import Figures, Found, figures_of
 from iptm_studies.acc_benchmark.drives import (
     CARS,
@@ -84,12 +85,12 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     else:
         compute(campaign, store, ClusterOptions(options.scheduler, options.workers), console)
     keys = {tuple(state.case.labels.values()): state.key for state in campaign.cases}
-    found = Findings(
-        _command(options),
-        scenes,
-        {car: _figures(car, scenes, keys, store) for car in cars},
-        campaign.failures,
-    )
+    figures = {car: _figures(car, scenes, keys, store) for car in cars}
+    if not all(rows[REAL] for rows in figures.values()):
+        raise ScenarioError(
+            f"{store.folder} lacks runs; allowed: all of one scene per car at least"
+        )
+    found = Findings(_command(options), figures, campaign.failures)
     print(write_page(options.output or store.folder, found))
     return EXIT_FAILED_RUNS if found.failures or found.collisions else os.EX_OK
 
@@ -100,19 +101,20 @@ def _figures(
     keys: Mapping[tuple[Label, ...], str | None],
     store: ResultStore,
 ) -> Found:
-    """Return the figures of a car by way of driving, of the runs that are there."""
+    """Return the figures of a car by way of driving, for the scenes of which all runs are there."""
     parameters = car.parameters()
     found: dict[str, list[Figures]] = {REAL: [], **{way.name: [] for way in WAYS}}
     for scene in scenes:
+        labels = {way.name: tuple(case_labels(scene, car, way).values()) for way in WAYS}
+        runs = {way: store.find(keys[label] or "") for way, label in labels.items()}
+        if not all(runs.values()):
+            continue
         real = real_follower(scene, car)
         found[REAL].append(figures_of(real, real, scene, parameters))
-        for way in WAYS:
-            key = keys[tuple(case_labels(scene, car, way).values())]
-            run = None if key is None else store.find(key)
+        for way, run in runs.items():
             if run is not None:
-                figures = figures_of(run.trajectory, real, scene, parameters)
-                found[way.name].append(figures)
-    return {way: rows for way, rows in found.items() if rows}
+                found[way].append(figures_of(run.trajectory, real, scene, parameters))
+    return found
 
 
 def _command(options: argparse.Namespace) -> str:

@@ -14,7 +14,7 @@ from iptm_core.markdown import markdown_table
 from iptm_core.parameters import load_parameters
 from iptm_studies.acc_benchmark.comparison import Figures, Found, Spread, column
 from iptm_studies.acc_benchmark.drives import Car
-from iptm_studies.acc_benchmark.scenes import LONGEST_S, RUN_IN_S, Scene
+from iptm_studies.acc_benchmark.scenes import LONGEST_S, RUN_IN_S
 
 PAGE = "acc-benchmark.md"
 PICTURE = "acc-benchmark.png"
@@ -35,13 +35,11 @@ class Findings:
 
     Attributes:
         command: what makes it.
-        scenes: the measured scenes.
         cars: figures by car and way of driving.
         failures: failed runs, address and cause.
     """
 
     command: str
-    scenes: Sequence[Scene]
     cars: Mapping[Car, Found]
     failures: Mapping[str, str]
 
@@ -65,14 +63,13 @@ def write_page(folder: Path, found: Findings) -> Path:
 
 def benchmark_page(found: Findings) -> str:
     """Return the page as Markdown."""
-    seconds = sum(scene.duration_s - scene.run_in_s for scene in found.scenes)
+    counts = sorted({len(rows[REAL]) for rows in found.cars.values()})
     parts = [
         f"# Behind measured lead vehicles\n\n{NOTICE}",
         f"""\
-Made by `{found.command}`. The default strategy drives behind {len(found.scenes)} lead vehicles of OpenACC
-({seconds / 60.0:.0f} min), beside what the production car behind each of them did in the same seconds with
-its adaptive cruise control.
-Collisions: {found.collisions}.
+Made by `{found.command}`. The default strategy drives behind {" and ".join(map(str, counts))} lead
+vehicles of OpenACC, beside what the production car behind each of them did in the same seconds with its
+adaptive cruise control. Collisions: {found.collisions}.
 
 ![Spread over the lead vehicles](images/{PICTURE})""",
         _METHOD,
