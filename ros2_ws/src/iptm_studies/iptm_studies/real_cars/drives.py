@@ -16,13 +16,14 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_studies.run_spec import RunSpec, SolverSpec
 
-DEFAULT, REFERENCE = "default", "reference"
+DEFAULT, REFERENCE, PRODUCTION = "default", "reference", "production"
 _CONTROLLER = ControllerSettings()
 STRATEGIES = {
     DEFAULT: (_CONTROLLER.strategy, _CONTROLLER.horizon),
     REFERENCE: ("reference", str(SINGLE_HORIZON)),
+    PRODUCTION: ("production", _CONTROLLER.horizon),
 }
-"""Strategy and grid by the role in the tables."""
+"""Strategy and grid by the role in the tables; the production-like one has no grid."""
 ROLES = tuple(STRATEGIES)
 CYCLE = "wltc_class3b"
 CARS = (DEFAULT_SET, "bmw_i3", "chevrolet_bolt", "tesla_model_3")
@@ -75,7 +76,7 @@ def drive(
     """Return a run of a car that was parked outside: the cells begin at the temperature of the air.
 
     Args:
-        role: `DEFAULT` or `REFERENCE`.
+        role: one of `ROLES`.
         car: name of its parameter set.
         ambient_c: temperature of the air in degC.
         cycle: driving cycle.

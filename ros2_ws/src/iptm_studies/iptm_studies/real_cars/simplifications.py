@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from iptm_core.metrics import RunMetrics
 from iptm_core.settings import ThermalModel
 from iptm_studies.campaign import CaseState
-from iptm_studies.real_cars.drives import DEFAULT, REFERENCE, Extent, Totals, drive
+from iptm_studies.real_cars.drives import DEFAULT, PRODUCTION, Extent, Totals, drive
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import Case, Study
 
@@ -23,6 +23,8 @@ LARGEST_LOSS = 0.5
 """Percentage points of the saving that a simplification may cost."""
 LOW_CHARGE = 0.3
 NARROW = 0.25
+
+_ROLES = (DEFAULT, PRODUCTION)
 
 Overrides = Mapping[str, float]
 
@@ -44,8 +46,8 @@ class Side:
     thermal_model: ThermalModel = ThermalModel.TWO_CELL
 
     def spec(self, role: str, ambient_c: float, extent: Extent) -> RunSpec:
-        """Return its run; the model of the reference is always the shipped one."""
-        shipped = role == REFERENCE
+        """Return its run; a controller that it is compared with has the shipped model."""
+        shipped = role != DEFAULT
         return drive(
             role,
             CAR,
@@ -192,7 +194,7 @@ def simplification_study(extent: Extent) -> Study:
         )
         for simplification in SIMPLIFICATIONS[: extent.simplifications]
         for side in ("simple", "refined")
-        for role in (DEFAULT, REFERENCE)
+        for role in _ROLES
         for ambient_c in CLIMATES_C
         if ambient_c in extent.climates_c
     ]
@@ -213,7 +215,7 @@ def losses(states: list[CaseState]) -> dict[str, dict[float, Loss]]:
             sides = {
                 (side, role): runs.get(_name(simplification, side, role, ambient_c))
                 for side in ("simple", "refined")
-                for role in (DEFAULT, REFERENCE)
+                for role in _ROLES
             }
             there = {key: run for key, run in sides.items() if run is not None}
             if len(there) == len(sides):
@@ -227,7 +229,7 @@ def _name(simplification: Simplification, side: str, role: str, ambient_c: float
 
 def _loss(runs: Mapping[tuple[str, str], RunMetrics]) -> Loss:
     def saved(side: str) -> tuple[float, float]:
-        own, other = (Totals.of([runs[side, role]]) for role in (DEFAULT, REFERENCE))
+        own, other = (Totals.of([runs[side, role]]) for role in _ROLES)
         return (
             100.0 * (1.0 - own.capacity_loss / other.capacity_loss),
             100.0 * (1.0 - own.consumption_kwh_100_km / other.consumption_kwh_100_km),
