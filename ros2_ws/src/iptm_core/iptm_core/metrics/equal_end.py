@@ -14,7 +14,7 @@ the other: at standstill, with a constant compressor power P, and with all rates
     t = N C_c (T - T*) / (Q_co - N q_bc),   E_cool = P_b t,   Q_cool = (dQ_loss/dt) t,
 
 where Q_co is the heat that the chiller takes, q_bc the heat that a cell makes, P_b = (P + P_aux) / eta_b the
-battery power, and P the power that takes the least energy. The kinetic energy counts as returned in full.
+battery power, and P the power that takes the least energy, at the state of charge at the end. The kinetic energy counts as returned in full.
 Energies are compared per distance.
 """
 
@@ -28,6 +28,7 @@ import numpy as np
 from iptm_core.metrics.run_metrics import EndState, RunMetrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell_thermal import cell_heat_w, heat_from_air_w
+from iptm_core.physics.charge import at_charge
 from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
@@ -70,6 +71,7 @@ def cool_down(end: EndState, temperature_k: float, parameters: ModelParameters) 
     warmer_k = end.temperature_k - temperature_k
     if warmer_k <= 0.0:
         return NO_COOLING
+    parameters = at_charge(parameters, end.state_of_charge)
     middle_k = end.temperature_k - 0.5 * warmer_k
     powers_w = np.arange(
         POWER_STEP_W,

@@ -57,7 +57,8 @@ class Extent:
     @classmethod
     def short(cls, trips: Sequence[str]) -> Extent:
         """Return a little of everything, in seconds."""
-        return cls(tuple(trips[:2]), CARS[1:2], (USUAL_C,), (), 1, 20.0, compile_code=False)
+        car, climate = CARS[1:2], CLIMATES_C[-1:]
+        return cls(tuple(trips[:2]), car, climate, car, 1, 20.0, compile_code=False)
 
     def solver(self, smoothing_factor: float = 1.0) -> SolverSpec:
         """Return the solver of a run."""

@@ -14,7 +14,6 @@ from iptm_studies.real_cars.drives import (
     CYCLE,
     DEFAULT,
     HEADWAY,
-    REFERENCE,
     ROLES,
     USUAL_C,
     Extent,
@@ -78,8 +77,8 @@ def savings_study(extent: Extent) -> Study:
 
 
 def _headways(role: str) -> tuple[float, ...]:
-    """Return the limits under which a role is driven: the production-like one keeps its own headway."""
-    return (SHIPPED_GAP, SHORT_HEADWAY) if role in {DEFAULT, REFERENCE} else (SHIPPED_GAP,)
+    """Return the limits under which a role is driven: what is compared with keeps its own distance."""
+    return (SHIPPED_GAP, SHORT_HEADWAY) if role == DEFAULT else (SHIPPED_GAP,)
 
 
 def _labels(

@@ -18,7 +18,7 @@ from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import Case, Study
 
 CAR = "bmw_i3"
-CLIMATES_C = (-10.0, 25.0, 35.0)
+CLIMATES_C = (-10.0, 35.0)
 LARGEST_LOSS = 0.5
 """Percentage points of the saving that a simplification may cost."""
 LOW_CHARGE = 0.3

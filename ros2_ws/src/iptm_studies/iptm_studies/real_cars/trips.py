@@ -17,7 +17,7 @@ from iptm_validation.models.i3_vehicle import road_slope_rad
 from iptm_validation.readers.folder import files_of, read_files
 
 TRIPS = 10
-LONGEST_S = 600.0
+LONGEST_S = 300.0
 FASTEST_M_S = 36.0
 """The slowest car does 40 m/s and has to follow."""
 MOVING_M_S = 0.5
@@ -27,7 +27,7 @@ STANDING_BEFORE_S = 2.0
 def trip_cycles(
     source: Path | None, folder: Path, tell: Callable[[str], None], count: int = TRIPS
 ) -> list[str]:
-    """Write the first ten minutes of measured trips as drive files, evenly spread over all trips.
+    """Write the first five minutes of measured trips as drive files, evenly spread over all trips.
 
     The slope is that of the recorded elevation, smoothed over 400 m to either side.
 
