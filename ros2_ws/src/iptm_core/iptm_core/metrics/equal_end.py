@@ -14,8 +14,8 @@ the other: at standstill, with a constant compressor power P, and with all rates
     t = N C_c (T - T*) / (Q_co - N q_bc),   E_cool = P_b t,   Q_cool = (dQ_loss/dt) t,
 
 where Q_co is the heat that the chiller takes, q_bc the heat that a cell makes, P_b = (P + P_aux) / eta_b the
-battery power, and P the power that takes the least energy, at the state of charge at the end. The kinetic energy counts as returned in full.
-Energies are compared per distance.
+battery power, and P the power that takes the least energy, at the state of charge at the end. The kinetic
+energy counts as returned in full. Energies are compared per distance.
 """
 
 from __future__ import annotations
