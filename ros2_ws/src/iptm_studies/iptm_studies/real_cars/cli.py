@@ -80,6 +80,7 @@ def _run(options: argparse.Namespace, console: Console) -> int:
         rows_on(extent, savings, extent.trips),
         losses(simplifications),
         campaign.failures,
+        len(campaign.keys) - campaign.finished - len(campaign.failures),
     )
     page = (options.output or store.folder) / PAGE
     page.parent.mkdir(parents=True, exist_ok=True)

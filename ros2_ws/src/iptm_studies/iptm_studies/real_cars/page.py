@@ -52,6 +52,7 @@ class Findings:
         road: rows on the measured trips.
         losses: losses by simplification and temperature.
         failures: failed runs, address and cause.
+        lacking: number of runs that are not stored yet.
     """
 
     command: str
@@ -60,6 +61,7 @@ class Findings:
     road: Sequence[Row]
     losses: Mapping[str, Mapping[float, Loss]]
     failures: Mapping[str, str]
+    lacking: int = 0
 
     def too_large(self) -> list[str]:
         """Return the shipped simplifications that cost more than they may."""
@@ -81,6 +83,10 @@ def real_cars_page(found: Findings) -> str:
         _road_part(found),
         _simplification_part(found.losses),
     ]
+    if found.lacking:
+        parts.insert(
+            2, f"{found.lacking} runs are not computed yet; rows that need them are left out."
+        )
     if found.failures:
         rows = list(found.failures.items())
         parts.append("## Failed runs\n\n" + markdown_table(("run", "cause"), rows))

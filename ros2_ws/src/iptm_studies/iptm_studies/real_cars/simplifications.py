@@ -7,10 +7,9 @@ it. The others it shares with the vehicle: there the loss is that of a controlle
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from iptm_core.metrics import RunMetrics
 from iptm_core.settings import ThermalModel
 from iptm_studies.campaign import CaseState
 from iptm_studies.real_cars.drives import DEFAULT, PRODUCTION, Extent, Totals, drive
@@ -23,8 +22,6 @@ LARGEST_LOSS = 0.5
 """Percentage points of the saving that a simplification may cost."""
 LOW_CHARGE = 0.3
 NARROW = 0.25
-
-_ROLES = (DEFAULT, PRODUCTION)
 
 Overrides = Mapping[str, float]
 
@@ -184,6 +181,10 @@ class Loss:
     consumption: float
 
 
+_RUNS = (("simple", DEFAULT), ("refined", DEFAULT), ("refined", PRODUCTION))
+"""Side and role of the runs of one simplification at one temperature."""
+
+
 def simplification_study(extent: Extent) -> Study:
     """Return all runs that the table of the simplifications needs."""
     cases = [
@@ -193,8 +194,7 @@ def simplification_study(extent: Extent) -> Study:
             getattr(simplification, side).spec(role, ambient_c, extent),
         )
         for simplification in SIMPLIFICATIONS[: extent.simplifications]
-        for side in ("simple", "refined")
-        for role in _ROLES
+        for side, role in _RUNS
         for ambient_c in CLIMATES_C
         if ambient_c in extent.climates_c
     ]
@@ -206,20 +206,16 @@ def simplification_study(extent: Extent) -> Study:
     )
 
 
-def losses(states: list[CaseState]) -> dict[str, dict[float, Loss]]:
+def losses(states: Sequence[CaseState]) -> dict[str, dict[float, Loss]]:
     """Return the losses by simplification and temperature, as far as all runs are there."""
     runs = {state.case.name: state.metrics for state in states}
     found: dict[str, dict[float, Loss]] = {}
     for simplification in SIMPLIFICATIONS:
         for ambient_c in CLIMATES_C:
-            sides = {
-                (side, role): runs.get(_name(simplification, side, role, ambient_c))
-                for side in ("simple", "refined")
-                for role in _ROLES
-            }
-            there = {key: run for key, run in sides.items() if run is not None}
-            if len(there) == len(sides):
-                found.setdefault(simplification.name, {})[ambient_c] = _loss(there)
+            three = [runs.get(_name(simplification, *run, ambient_c)) for run in _RUNS]
+            totals = [Totals.of([run]) for run in three if run is not None]
+            if len(totals) == len(_RUNS):
+                found.setdefault(simplification.name, {})[ambient_c] = _loss(*totals)
     return found
 
 
@@ -227,13 +223,17 @@ def _name(simplification: Simplification, side: str, role: str, ambient_c: float
     return f"{simplification.name}/{side}/{role}/{ambient_c:g}"
 
 
-def _loss(runs: Mapping[tuple[str, str], RunMetrics]) -> Loss:
-    def saved(side: str) -> tuple[float, float]:
-        own, other = (Totals.of([runs[side, role]]) for role in _ROLES)
-        return (
-            100.0 * (1.0 - own.capacity_loss / other.capacity_loss),
-            100.0 * (1.0 - own.consumption_kwh_100_km / other.consumption_kwh_100_km),
-        )
+def _loss(simple: Totals, refined: Totals, production: Totals) -> Loss:
+    """Return the loss in savings that are both against the same run of the production-like controller."""
 
-    simple, refined = saved("simple"), saved("refined")
-    return Loss(refined[0] - simple[0], refined[1] - simple[1])
+    def points(simple: float, refined: float, production: float) -> float:
+        return 100.0 * (simple - refined) / production
+
+    return Loss(
+        points(simple.capacity_loss, refined.capacity_loss, production.capacity_loss),
+        points(
+            simple.consumption_kwh_100_km,
+            refined.consumption_kwh_100_km,
+            production.consumption_kwh_100_km,
+        ),
+    )
