@@ -80,7 +80,7 @@ def real_cars_page(found: Findings) -> str:
         f"# Real cars\n\n{NOTICE}",
         f"Made by `{found.command}`.\n\n{_cars(found.extent)}\n\n{_LEGEND}",
         "## Saving on WLTC class 3b\n\n" + savings_table(found.cycle),
-        _road_part(found),
+        *([_road_part(found)] if found.road else []),
         _simplification_part(found.losses),
     ]
     if found.lacking:
@@ -183,7 +183,9 @@ def _simplification_part(losses: Mapping[str, Mapping[float, Loss]]) -> str:
             for ambient_c in climates:
                 loss = found.get(ambient_c)
                 cells.append(
-                    NO_VALUE if loss is None else f"{loss.aging:+.2f} / {loss.consumption:+.2f}"
+                    NO_VALUE
+                    if loss is None
+                    else f"{_points(loss.aging)} / {_points(loss.consumption)}"
                 )
             within = _worst(found) <= LARGEST_LOSS
             cells.append("within" if within else "**beyond**")
@@ -215,4 +217,8 @@ def _worst(found: Mapping[float, Loss]) -> float:
 
 
 def _number(value: float) -> str:
-    return NO_VALUE if math.isnan(value) else f"{value:.1f}"
+    return NO_VALUE if math.isnan(value) else f"{round(value, 1) + 0.0:.1f}"  # no negative zero
+
+
+def _points(value: float) -> str:
+    return f"{round(value, 2) + 0.0:+.2f}"
