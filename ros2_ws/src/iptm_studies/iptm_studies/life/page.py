@@ -1,0 +1,199 @@
+"""The page about capacity over years of use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from iptm_core.aging_laws.cells import AGING_CELLS, Experiments
+from iptm_core.markdown import markdown_table
+from iptm_studies.life.losses import BAND, DRAWS, LONGEST_YEARS, SERVICE_YEARS, SPREAD, Cause
+from iptm_studies.life.table import CONTROLS, MANAGED, Row, Spent
+from iptm_studies.life.trips import DEFAULT, NO_COOLING
+from iptm_studies.life.usage import CLIMATES, USAGES
+
+NOTICE = "<!-- Made by scripts/life from stored runs; do not edit. -->"
+_ABOUT = f"""\
+What temperature control is worth over years: capacity lost after {SERVICE_YEARS:g} years of the same use,
+in **percentage points of nominal capacity**, by cause, beside the energy that the cooling needs. A year is
+composed of closed-loop trips of the paper's car (a 72 kWh pack), parking and charging; trips are driven from
+five temperatures of the pack under every control and interpolated between them. Bands are the
+{BAND[0]:g} to {BAND[1]:g} % range of {DRAWS} seeded draws: rates vary by {100 * SPREAD.rate:.0f} %,
+activation energies by {100 * SPREAD.energy:.0f} % and exponents of time by {100 * SPREAD.exponent:.0f} %
+(standard deviations), all controls with the same draws."""
+_CONTROLS = f"""\
+- **{NO_COOLING}**: production-like driving, no cooling below 40 °C; savings are counted from here.
+- **thermostat**: production-like driving, compressor from 33 down to 30 °C while driving.
+- **reference**: the paper's reference strategy on 15 steps of 1 s.
+- **{DEFAULT}**: the shipped strategy, whose cost uses the paper's law and whose value of a cool pack ends
+  with the trip.
+- **{MANAGED}**: the same, with the charging managed."""
+_LIMITS = """\
+- The default strategy is driven with the paper's law. What it would do with the law of the cell, or with a
+  value of a cool pack that includes the hours after the trip, is not part of these numbers.
+- A parked pack approaches the air with a time constant of 10 h, without sun; heating is left out.
+- The chiller is that of 35 °C of air, a cool climate makes it cheaper. Cooling while charging counts with a
+  coefficient of performance of 2.4.
+- None of the laws contains lithium plating or a knee. Losses of high mileage and of years beyond the storage
+  tests (about one year) are extrapolations, worst for NMC811-Si, whose exponent of time is 0.74.
+- Savings are differences of the same law and are known better than losses. The order of the cells is that
+  of these makes, not of their chemistries."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What the page shows.
+
+    Attributes:
+        command: what makes it.
+        rows: the life table.
+        spent: energies.
+    """
+
+    command: str
+    rows: Sequence[Row]
+    spent: Sequence[Spent]
+
+
+def life_page(found: Findings) -> str:
+    """Return the page as Markdown."""
+    parts = [
+        NOTICE,
+        "# Capacity over years of use",
+        _ABOUT,
+        f"Command: `{found.command}`.",
+        "## In short",
+        _summary(found),
+        "## Controls",
+        _CONTROLS,
+        "## Energy and range",
+        _energy_table(found.spent),
+        "## Cells and laws",
+        _cell_table(),
+        "## Life tables",
+        f"Losses and savings in percentage points after {SERVICE_YEARS:g} years; calendar loss while charging "
+        f"counts as parked; years until 80 % of the capacity is left (at most {LONGEST_YEARS:g}). The last column "
+        "names what lies outside the experiments behind the law.",
+        *_life_tables(found.rows),
+        "## Usages and climates",
+        "\n".join(f"- **{usage.name}**: {usage.about}." for usage in USAGES),
+        "\n".join(f"- **{climate.name}**: {climate.source}." for climate in CLIMATES),
+        "## Limits",
+        _LIMITS,
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _points(share: float, digits: int = 1) -> str:
+    return f"{100.0 * share:.{digits}f}".replace("-0.00", "0.00")
+
+
+def _band(ends: tuple[float, float] | None, digits: int = 1) -> str:
+    return "" if ends is None else f" [{_points(ends[0], digits)}, {_points(ends[1], digits)}]"
+
+
+def _saved(row: Row) -> str:
+    return _points(row.saved, 2) + _band(row.saved_band, 2)
+
+
+def _summary(found: Findings) -> str:
+    usage = USAGES[0].name
+    rows = []
+    for control in CONTROLS[1:]:
+        for climate in CLIMATES:
+            cells = [
+                row
+                for row in found.rows
+                if (row.usage, row.climate, row.control) == (usage, climate.name, control)
+            ]
+            energy = next(
+                spent
+                for spent in found.spent
+                if (spent.usage, spent.climate, spent.control) == (usage, climate.name, control)
+            )
+            rows.append(
+                (control, climate.name, f"{energy.more_kwh:.0f}", *(_saved(row) for row in cells))
+            )
+    names = list(dict.fromkeys(row.cell for row in found.rows))
+    heads = ["Control", "Climate", "kWh a year:", *(f"{name}:" for name in names)]
+    return (
+        f"A {usage}, percentage points of capacity saved after {SERVICE_YEARS:g} years against no cooling below "
+        "40 °C, with bands; and the energy of the compressor beyond that:\n\n"
+        + markdown_table(heads, rows)
+    )
+
+
+def _energy_table(spent: Sequence[Spent]) -> str:
+    heads = [
+        "Usage",
+        "Climate",
+        "Control",
+        "km a year:",
+        "compressor kWh a year:",
+        "range by cooling:",
+        "consumption from the pack:",
+    ]
+    rows = [
+        (
+            one.usage,
+            one.climate,
+            one.control,
+            f"{one.distance_km:.0f}",
+            f"{one.compressor_kwh:.0f}",
+            f"{100.0 * one.range_change:+.1f} %",
+            f"{100.0 * one.consumption_change:+.1f} %",
+        )
+        for one in spent
+    ]
+    about = (
+        "Range by cooling is what the compressor takes; consumption includes the way of driving, which the "
+        "strategies change, too. Both are beside no cooling below 40 °C."
+    )
+    return f"{about}\n\n{markdown_table(heads, rows)}"
+
+
+def _cell_table() -> str:
+    rows = [
+        (name, cell.cell, cell.source, _tests(cell.experiments))
+        for name, cell in AGING_CELLS.items()
+    ]
+    return (
+        markdown_table(["Name", "Cell", "Source", "Experiments"], rows)
+        + "\n\nThe losses of these laws are within 10 % of those of BLAST-Lite 1.1.1 on the same profiles "
+        "(`benchmarks/aging_oracle.py`). **paper** is the law of the paper: cyclic ageing only."
+    )
+
+
+def _tests(tests: Experiments) -> str:
+    return (
+        f"storage {_span(tests.calendar_c)} °C, about {tests.days:.0f} days; cycling {_span(tests.cycling_c)} °C, "
+        f"depth {_span(tests.depth)}, up to {tests.largest_c_rate_1_h:g}C; charge {_span(tests.charge)}"
+    )
+
+
+def _span(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:g} to {ends[1]:g}" if ends[0] != ends[1] else f"{ends[0]:g}"
+
+
+def _life_tables(rows: Sequence[Row]) -> list[str]:
+    parts = []
+    for usage in USAGES:
+        for climate in CLIMATES:
+            shown = [row for row in rows if (row.usage, row.climate) == (usage.name, climate.name)]
+            heads = ["Cell", "Control", "Loss:", *(f"{cause}:" for cause in Cause), "Saved:"]
+            lines = [
+                (
+                    row.cell,
+                    row.control,
+                    _points(row.loss, 2) + _band(row.loss_band),
+                    *(_points(row.causes[cause], 2) for cause in Cause),
+                    _saved(row),
+                    f"> {LONGEST_YEARS:g}" if row.years >= LONGEST_YEARS else f"{row.years:.1f}",
+                    ", ".join(row.flags) or "–",
+                )
+                for row in shown
+            ]
+            title = f"### {usage.name.capitalize()}, {climate.name}"
+            table = markdown_table([*heads, "Years to 80 %:", "Outside"], lines)
+            parts.append(f"{title}\n\n{table}")
+    return parts

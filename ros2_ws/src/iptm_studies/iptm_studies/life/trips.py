@@ -1,0 +1,173 @@
+"""The closed-loop trips behind the years: cycles and controls, each from several temperatures of the pack."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from iptm_controller.horizon import SINGLE_HORIZON
+from iptm_controller.settings import ControllerSettings
+from iptm_controller.strategy import strategy_by_name
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
+from iptm_studies.campaign import CaseState
+from iptm_studies.run_spec import RunSpec, SolverSpec
+from iptm_studies.store import ResultStore
+from iptm_studies.study import Case, Study
+
+CITY, MOTORWAY = "wltc_class3b", "hwfet"
+NO_COOLING, THERMOSTAT, REFERENCE, DEFAULT = "none", "thermostat", "reference", "default"
+_OWN = ControllerSettings()
+_DRIVEN = {
+    NO_COOLING: ("production", str(SINGLE_HORIZON), {"limits.max_compressor_power_w": 1.0}),
+    THERMOSTAT: ("production", str(SINGLE_HORIZON), {}),
+    REFERENCE: ("reference", str(SINGLE_HORIZON), {}),
+    DEFAULT: (_OWN.strategy, _OWN.horizon, {}),
+}
+DRIVEN_CONTROLS = tuple(_DRIVEN)
+START_C = (10.0, 22.0, 28.0, 34.0, 40.0)
+SAMPLE_S = 300.0
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much is driven.
+
+    Attributes:
+        start_c: temperatures at which the pack begins a trip.
+        compile_code: whether controllers are compiled.
+        duration_s: where trips are cut, None for their ends.
+    """
+
+    start_c: tuple[float, ...] = START_C
+    compile_code: bool = True
+    duration_s: float | None = None
+
+
+def trip_study(extent: Extent) -> Study:
+    """Return the trips of all cycles, controls and temperatures."""
+    cases = []
+    for cycle in (CITY, MOTORWAY):
+        for control, (strategy, horizon, overrides) in _DRIVEN.items():
+            for start_c in extent.start_c:
+                start = {"environment.initial_cell_temperature_k": start_c + CELSIUS_ZERO_K}
+                spec = RunSpec(
+                    cycle=cycle,
+                    duration_s=extent.duration_s,
+                    overrides=tuple({**overrides, **start}.items()),
+                    strategy=strategy_by_name(strategy),
+                    horizon=horizon,
+                    solver=SolverSpec(compile_code=extent.compile_code),
+                )
+                labels = {"cycle": cycle, "control": control, "start_c": start_c}
+                cases.append(Case(f"{cycle}_{control}_{start_c:g}", labels, spec))
+    about = "Trips from several temperatures of the pack, of which years of use are composed."
+    return Study("life", "Years of use", about, tuple(cases))
+
+
+@dataclass(frozen=True)
+class TripMap:
+    """A trip under one control as a function of the temperature of the pack at its start.
+
+    Samples are means of intervals of `SAMPLE_S`, the last of which may be shorter.
+
+    Attributes:
+        start_k: temperatures at the start, increasing, shape (m,).
+        temperature_k: mean of the two cells, shape (m, n).
+        c_rate_1_h: mean magnitude of battery power over nominal energy, shape (m, n).
+        drawn: share of the nominal energy drawn since the start, shape (m, n).
+        end_k: temperature at the end, shape (m,).
+        compressor_j: energy of the compressor, shape (m,).
+        duration_s: length.
+        distance_m: length, mean over the starts.
+    """
+
+    start_k: FloatArray
+    temperature_k: FloatArray
+    c_rate_1_h: FloatArray
+    drawn: FloatArray
+    end_k: FloatArray
+    compressor_j: FloatArray
+    duration_s: float
+    distance_m: float
+
+    def from_start(self, start_k: float) -> TripMap:
+        """Return the trip from one temperature; beyond those driven, it is warmed by as much as from the nearest."""
+        inside_k = float(np.clip(start_k, self.start_k[0], self.start_k[-1]))
+        above = int(np.clip(np.searchsorted(self.start_k, inside_k), 1, self.start_k.size - 1))
+        low, high = self.start_k[above - 1 : above + 1]
+        share = (inside_k - low) / (high - low)
+
+        def between(values: FloatArray) -> FloatArray:
+            mixed: FloatArray = (1.0 - share) * values[above - 1] + share * values[above]
+            return np.asarray(mixed)[np.newaxis]
+
+        shift_k = start_k - inside_k
+        return TripMap(
+            np.array([start_k]),
+            between(self.temperature_k) + shift_k,
+            between(self.c_rate_1_h),
+            between(self.drawn),
+            between(self.end_k) + shift_k,
+            between(self.compressor_j),
+            self.duration_s,
+            self.distance_m,
+        )
+
+    @cached_property
+    def durations_s(self) -> FloatArray:
+        """Lengths of the samples, shape (n,)."""
+        lengths = np.full(self.drawn.shape[1], SAMPLE_S)
+        lengths[-1] = self.duration_s - SAMPLE_S * (lengths.size - 1)
+        return lengths
+
+
+def nominal_energy_j(parameters: ModelParameters) -> float:
+    """Return the energy of the full pack at its open-circuit voltage."""
+    cell, pack = parameters.cell, parameters.pack
+    return pack.open_circuit_voltage_v * cell.nominal_capacity_ah * pack.parallel * 3600.0
+
+
+def trip_maps(states: Sequence[CaseState], store: ResultStore) -> Mapping[tuple[str, str], TripMap]:
+    """Return the trips by cycle and control, from finished runs."""
+    runs: dict[tuple[str, str], list[Trajectory]] = {}
+    for state in states:
+        if state.key is not None and state.metrics is not None:
+            label = str(state.case.labels["cycle"]), str(state.case.labels["control"])
+            runs.setdefault(label, []).append(store.load(state.key).trajectory)
+    energy_j = nominal_energy_j(load_parameters().values)
+    return {label: _trip_map(trajectories, energy_j) for label, trajectories in runs.items()}
+
+
+def _trip_map(runs: Sequence[Trajectory], energy_j: float) -> TripMap:
+    rows = [_sampled(run, energy_j) for run in runs]
+    temperature_k, c_rate_1_h, drawn = (np.array(column) for column in zip(*rows, strict=True))
+    mean_k = [0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k) for run in runs]
+    compressor_j = [float(np.sum(run.compressor_power_w[1:] * np.diff(run.time_s))) for run in runs]
+    return TripMap(
+        np.array([kelvin[0] for kelvin in mean_k]),
+        temperature_k,
+        c_rate_1_h,
+        drawn,
+        np.array([kelvin[-1] for kelvin in mean_k]),
+        np.array(compressor_j),
+        float(runs[0].time_s[-1] - runs[0].time_s[0]),
+        float(np.mean([run.position_m[-1] - run.position_m[0] for run in runs])),
+    )
+
+
+def _sampled(run: Trajectory, energy_j: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    step_s = np.diff(run.time_s)
+    sample = ((run.time_s[1:] - run.time_s[0] - 0.5 * step_s) // SAMPLE_S).astype(int)
+    length_s = np.bincount(sample, step_s)
+    kelvin = 0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k)[1:]
+    power_w = run.battery_power_w[1:]
+    drawn = np.cumsum(np.bincount(sample, power_w * step_s)) / energy_j
+    c_rate = 3600.0 * np.bincount(sample, np.abs(power_w) * step_s) / length_s / energy_j
+    return np.bincount(sample, kelvin * step_s) / length_s, c_rate, drawn

@@ -1,0 +1,138 @@
+"""Climates, patterns of use and habits of charging."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from iptm_studies.life.trips import CITY, MOTORWAY
+
+DAY_S = 86400.0
+HOUR_S = 3600.0
+MONTH_DAYS = (31.0, 28.25, 31.0, 30.0, 31.0, 30.0, 31.0, 31.0, 30.0, 31.0, 30.0, 31.0)
+_WARMEST_H = 15.0
+
+
+@dataclass(frozen=True)
+class Climate:
+    """Air over the year, without sun.
+
+    Attributes:
+        name: place.
+        source: of the temperatures.
+        monthly_c: monthly means, January first, in degC.
+        daily_range_k: from the coldest to the warmest hour of a day.
+    """
+
+    name: str
+    source: str
+    monthly_c: tuple[float, ...]
+    daily_range_k: float
+
+    def air_c(self, month: int, time_s: float) -> float:
+        """Return the temperature of the air, warmest at 15 h.
+
+        Args:
+            month: 0 for January.
+            time_s: time of the day.
+        """
+        angle = 2.0 * np.pi * (time_s - _WARMEST_H * HOUR_S) / DAY_S
+        return float(self.monthly_c[month] + 0.5 * self.daily_range_k * np.cos(angle))
+
+
+@dataclass(frozen=True)
+class Charging:
+    """When and how far the pack is charged after the last trip of a day.
+
+    Attributes:
+        target: state of charge at the first departure.
+        just_in_time: the charging ends at the first departure instead of beginning on arrival.
+    """
+
+    target: float
+    just_in_time: bool = False
+
+
+@dataclass(frozen=True)
+class Usage:
+    """Equal driving days, and days of rest between them.
+
+    Attributes:
+        name: for tables.
+        about: in words.
+        cycle: driving cycle of every trip.
+        departures: hour of the day and number of trips in a row, for each drive of a day.
+        days_a_week: driving days.
+        charging: habit.
+        managed: the same with charging managed.
+        charging_c_rate_1_h: power of the charger at night over the nominal energy of the pack.
+        fast_target: state of charge up to which a fast charger is used between drives; 0 for none.
+    """
+
+    name: str
+    about: str
+    cycle: str
+    departures: tuple[tuple[float, int], ...]
+    days_a_week: float
+    charging: Charging
+    managed: Charging
+    charging_c_rate_1_h: float
+    fast_target: float = 0.0
+
+
+FAST_C_RATE_1_H = 1.0
+CLIMATES = (
+    Climate(
+        "Phoenix",
+        "normals 1991-2020, Sky Harbor, NOAA: mean of mean daily maximum and minimum",
+        (13.9, 15.6, 19.2, 23.1, 28.1, 33.1, 35.6, 34.7, 31.7, 25.3, 18.6, 13.1),
+        12.0,
+    ),
+    Climate(
+        "Rome",
+        "normals 1991-2020, Ciampino, WMO",
+        (7.6, 8.2, 11.0, 14.0, 18.5, 23.0, 25.7, 25.8, 21.3, 17.2, 12.4, 8.6),
+        11.0,
+    ),
+    Climate(
+        "Oslo",
+        "normals 1991-2020, Blindern, MET Norway",
+        (-2.3, -2.0, 1.3, 6.2, 11.4, 15.3, 17.6, 16.5, 12.1, 6.5, 1.7, -1.9),
+        7.0,
+    ),
+)
+USAGES = (
+    Usage(
+        "commuter",
+        "one WLTC at 7 and at 17 h on five days a week, 7 kW at home to 80 %; managed: to 60 %, just in time",
+        CITY,
+        ((7.0, 1), (17.0, 1)),
+        5.0,
+        Charging(0.8),
+        Charging(0.6, just_in_time=True),
+        0.1,
+    ),
+    Usage(
+        "taxi",
+        "four WLTC from 6 and from 13 h on six days a week, 11 kW to 90 %; managed: to 80 %, just in time",
+        CITY,
+        ((6.0, 4), (13.0, 4)),
+        6.0,
+        Charging(0.9),
+        Charging(0.8, just_in_time=True),
+        0.15,
+    ),
+    Usage(
+        "long distance",
+        "ten HWFET from 8 and eight from 12 h on five days a week, between them a fast charger at 1C to 80 %, "
+        "11 kW at night to 90 %; managed: to 80 %, just in time",
+        MOTORWAY,
+        ((8.0, 10), (12.0, 8)),
+        5.0,
+        Charging(0.9),
+        Charging(0.8, just_in_time=True),
+        0.15,
+        fast_target=0.8,
+    ),
+)

@@ -1,0 +1,224 @@
+"""A year of use: temperature, current and state of charge of the pack, driven, charged and parked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+
+from iptm_controller.production import ProductionSettings
+from iptm_core.aging_laws.law import Load
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.physics.resistance import cell_resistance_ohm
+from iptm_core.state import FloatArray
+from iptm_studies.life.trips import NO_COOLING, TripMap, nominal_energy_j
+from iptm_studies.life.usage import (
+    DAY_S,
+    FAST_C_RATE_1_H,
+    HOUR_S,
+    MONTH_DAYS,
+    Charging,
+    Climate,
+    Usage,
+)
+
+PARKED_TIME_CONSTANT_S = 10.0 * HOUR_S
+"""Of a parked pack towards the air: chosen, insulated packs of 60 to 80 kWh need that order of time."""
+COOLING_COP = 2.4
+"""While charging and at the upper limit: of the chiller of the paper's car at 450 to 600 W."""
+UPPER_LIMIT_K = 40.0 + CELSIUS_ZERO_K
+_STEP_S = 600.0
+_DAYS_TO_SETTLE = 4
+_J_PER_KWH = 3.6e6
+
+
+class Activity(IntEnum):
+    """What a car does."""
+
+    DRIVING = 0
+    CHARGING = 1
+    PARKED = 2
+
+
+@dataclass(frozen=True)
+class Year:
+    """All loads of a year, each with the time it lasts in a year.
+
+    Attributes:
+        duration_s: shape (n,).
+        activity: members of `Activity`, shape (n,).
+        load: arrays of shape (n,).
+        compressor_kwh: energy of the compressor, from the pack or, while charging, from the grid.
+        driving_kwh: energy drawn from the pack.
+        distance_km: distance.
+    """
+
+    duration_s: FloatArray
+    activity: FloatArray
+    load: Load
+    compressor_kwh: float
+    driving_kwh: float
+    distance_km: float
+
+
+@dataclass
+class _Day:
+    """A day in the making; it begins at the first departure with the target of charging."""
+
+    pack: _Pack
+    kelvin: float
+    charge: float
+    rows: list[tuple[float, int, float, float, float]] = field(default_factory=list)
+    compressor_j: float = 0.0
+    drawn: float = 0.0
+    distance_m: float = 0.0
+    elapsed_s: float = 0.0
+    arrival_charge: float = 0.0
+
+    def drive(self, trip_map: TripMap) -> None:
+        """Add a trip; above the upper limit the pack is cooled whatever the control."""
+        trip = trip_map.from_start(self.kelvin)
+        kelvin = np.minimum(trip.temperature_k[0], UPPER_LIMIT_K)
+        above_k = max(float(trip.end_k[0]) - UPPER_LIMIT_K, 0.0)
+        self.compressor_j += (
+            float(trip.compressor_j[0]) + above_k * self.pack.heat_capacity_j_k / COOLING_COP
+        )
+        for row in zip(
+            trip.durations_s, kelvin, trip.c_rate_1_h[0], self.charge - trip.drawn[0], strict=True
+        ):
+            duration_s, at_k, c_rate, charge = map(float, row)
+            self.rows.append((duration_s, Activity.DRIVING, at_k, c_rate, charge))
+        self.kelvin = float(trip.end_k[0]) - above_k
+        used = float(trip.drawn[0, -1])
+        self.charge, self.drawn = self.charge - used, self.drawn + used
+        self.distance_m += trip.distance_m
+        self.elapsed_s += trip.duration_s
+
+    def stand(self, until_s: float, c_rate_1_h: float = 0.0, target: float = 1.0) -> None:
+        """Park, or charge to a target, until an instant of the day, whichever comes first."""
+        pack = self.pack
+        while self.elapsed_s < until_s - 1e-6:
+            step_s = min(_STEP_S, until_s - self.elapsed_s)
+            activity = Activity.PARKED
+            if c_rate_1_h > 0.0:
+                to_target_s = (target - self.charge) / c_rate_1_h * HOUR_S
+                if to_target_s < 1.0:
+                    return
+                step_s, activity = min(step_s, to_target_s), Activity.CHARGING
+            air_k = pack.air_k(self.elapsed_s + 0.5 * step_s)
+            kept = float(np.exp(-step_s / PARKED_TIME_CONSTANT_S))
+            heat_j = step_s * pack.charging_heat_w(c_rate_1_h, self.kelvin)
+            after_k = air_k + (self.kelvin - air_k) * kept + heat_j / pack.heat_capacity_j_k
+            if activity is Activity.CHARGING and after_k > pack.charging_limit_k:
+                removed_k = after_k - max(pack.charging_limit_k, min(self.kelvin, after_k))
+                self.compressor_j += removed_k * pack.heat_capacity_j_k / COOLING_COP
+                after_k -= removed_k
+            gained = c_rate_1_h * step_s / HOUR_S
+            mean = 0.5 * (self.kelvin + after_k), c_rate_1_h, self.charge + 0.5 * gained
+            self.rows.append((step_s, activity, *mean))
+            self.kelvin, self.charge = after_k, self.charge + gained
+            self.elapsed_s += step_s
+
+
+@dataclass(frozen=True)
+class _Pack:
+    """The pack in one month of a climate."""
+
+    parameters: ModelParameters
+    climate: Climate
+    month: int
+    first_departure_s: float
+    charging_limit_k: float
+
+    @property
+    def heat_capacity_j_k(self) -> float:
+        return self._cells * self.parameters.cell.heat_capacity_j_k
+
+    @property
+    def _cells(self) -> float:
+        pack = self.parameters.pack
+        return float(pack.modules * pack.series_per_module * pack.parallel)
+
+    def air_k(self, elapsed_s: float) -> float:
+        clock_s = self.first_departure_s + elapsed_s
+        return self.climate.air_c(self.month, clock_s) + CELSIUS_ZERO_K
+
+    def charging_heat_w(self, c_rate_1_h: float, kelvin: float) -> float:
+        current_a = c_rate_1_h * self.parameters.cell.nominal_capacity_ah
+        ohm = float(cell_resistance_ohm(kelvin, 0.0, self.parameters.cell))
+        return self._cells * current_a**2 * ohm
+
+
+def year_of(
+    usage: Usage,
+    climate: Climate,
+    control: str,
+    charging: Charging,
+    trip: TripMap,
+    parameters: ModelParameters,
+) -> Year:
+    """Compose a year of settled days, a driving day and a day of rest for every month.
+
+    Args:
+        usage: pattern of use.
+        climate: air.
+        control: control of the trips; `NO_COOLING` cools at the upper limit only, when charging, too.
+        charging: habit of charging.
+        trip: a trip of the cycle of the usage under that control.
+        parameters: pack of the car.
+    """
+    limit_k = UPPER_LIMIT_K if control == NO_COOLING else ProductionSettings().thermostat_on_k
+    parts: list[tuple[float, _Day]] = []
+    for month, days in enumerate(MONTH_DAYS):
+        pack = _Pack(parameters, climate, month, usage.departures[0][0] * HOUR_S, limit_k)
+        kelvin = climate.monthly_c[month] + CELSIUS_ZERO_K
+        for _ in range(_DAYS_TO_SETTLE):
+            driven = _driving_day(pack, usage, charging, trip, kelvin)
+            kelvin = driven.kelvin
+        night = driven.arrival_charge if charging.just_in_time else driven.charge
+        rest = _Day(pack, driven.kelvin, night)
+        rest.stand(DAY_S)
+        share = usage.days_a_week / 7.0
+        parts += [(share * days, driven), ((1.0 - share) * days, rest)]
+    return _year(parts, nominal_energy_j(parameters))
+
+
+def _driving_day(
+    pack: _Pack, usage: Usage, charging: Charging, trip: TripMap, kelvin: float
+) -> _Day:
+    day = _Day(pack, kelvin, charging.target)
+    for number, (hour, repeats) in enumerate(usage.departures):
+        departure_s = (hour - usage.departures[0][0]) * HOUR_S
+        if number and usage.fast_target > day.charge:
+            day.stand(departure_s, FAST_C_RATE_1_H, usage.fast_target)
+        day.stand(departure_s)
+        for _ in range(repeats):
+            day.drive(trip)
+    day.arrival_charge = day.charge
+    needed_s = max(charging.target - day.charge, 0.0) / usage.charging_c_rate_1_h * HOUR_S
+    if charging.just_in_time:
+        day.stand(DAY_S - needed_s)
+    day.stand(DAY_S, usage.charging_c_rate_1_h, charging.target)
+    day.stand(DAY_S)
+    return day
+
+
+def _year(parts: list[tuple[float, _Day]], energy_j: float) -> Year:
+    columns = []
+    for days, day in parts:
+        rows = np.array(day.rows)
+        duration_s, c_rate, charge = rows[:, 0], rows[:, 3], rows[:, 4]
+        depth = np.full(len(rows), np.ptp(charge))
+        mean = np.full(len(rows), np.sum(duration_s * c_rate) / np.sum(duration_s))
+        columns.append(np.column_stack((days * duration_s, rows[:, 1:], depth, mean)))
+    table = np.concatenate(columns)
+    return Year(
+        table[:, 0],
+        table[:, 1],
+        Load(table[:, 2], table[:, 3], table[:, 4], table[:, 5], table[:, 6]),
+        sum(days * day.compressor_j for days, day in parts) / _J_PER_KWH,
+        sum(days * day.drawn for days, day in parts) * energy_j / _J_PER_KWH,
+        sum(days * day.distance_m for days, day in parts) / 1000.0,
+    )
