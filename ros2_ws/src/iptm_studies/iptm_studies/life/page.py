@@ -28,6 +28,10 @@ _CONTROLS = f"""\
 - **{DEFAULT}**: the shipped strategy, whose cost uses the paper's law and whose value of a cool pack ends
   with the trip.
 - **{MANAGED}**: the same, with the charging managed."""
+_LIFE = f"""\
+Losses and savings in percentage points after {SERVICE_YEARS:g} years; calendar loss while charging counts as
+parked; years until 80 % of the capacity is left (at most {LONGEST_YEARS:g}). The last column names what lies
+outside the experiments behind the law."""
 _LIMITS = """\
 - The default strategy is driven with the paper's law. What it would do with the law of the cell, or with a
   value of a cool pack that includes the hours after the trip, is not part of these numbers.
@@ -71,9 +75,7 @@ def life_page(found: Findings) -> str:
         "## Cells and laws",
         _cell_table(),
         "## Life tables",
-        f"Losses and savings in percentage points after {SERVICE_YEARS:g} years; calendar loss while charging "
-        f"counts as parked; years until 80 % of the capacity is left (at most {LONGEST_YEARS:g}). The last column "
-        "names what lies outside the experiments behind the law.",
+        _LIFE,
         *_life_tables(found.rows),
         "## Usages and climates",
         "\n".join(f"- **{usage.name}**: {usage.about}." for usage in USAGES),
@@ -117,8 +119,8 @@ def _summary(found: Findings) -> str:
     names = list(dict.fromkeys(row.cell for row in found.rows))
     heads = ["Control", "Climate", "kWh a year:", *(f"{name}:" for name in names)]
     return (
-        f"A {usage}, percentage points of capacity saved after {SERVICE_YEARS:g} years against no cooling below "
-        "40 °C, with bands; and the energy of the compressor beyond that:\n\n"
+        f"A {usage}, percentage points of capacity saved after {SERVICE_YEARS:g} years against no cooling "
+        "below 40 °C, with bands; and the energy of the compressor beyond that:\n\n"
         + markdown_table(heads, rows)
     )
 
@@ -166,8 +168,9 @@ def _cell_table() -> str:
 
 def _tests(tests: Experiments) -> str:
     return (
-        f"storage {_span(tests.calendar_c)} °C, about {tests.days:.0f} days; cycling {_span(tests.cycling_c)} °C, "
-        f"depth {_span(tests.depth)}, up to {tests.largest_c_rate_1_h:g}C; charge {_span(tests.charge)}"
+        f"storage {_span(tests.calendar_c)} °C, about {tests.days:.0f} days; cycling "
+        f"{_span(tests.cycling_c)} °C, depth {_span(tests.depth)}, up to {tests.largest_c_rate_1_h:g}C; "
+        f"charge {_span(tests.charge)}"
     )
 
 

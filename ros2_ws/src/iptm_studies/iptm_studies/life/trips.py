@@ -19,7 +19,7 @@ from iptm_core.trajectory import Trajectory
 from iptm_studies.campaign import CaseState
 from iptm_studies.run_spec import RunSpec, SolverSpec
 from iptm_studies.store import ResultStore
-from iptm_studies.study import Case, Study
+from iptm_studies.study import Case, Label, Study
 
 CITY, MOTORWAY = "wltc_class3b", "hwfet"
 NO_COOLING, THERMOSTAT, REFERENCE, DEFAULT = "none", "thermostat", "reference", "default"
@@ -65,7 +65,7 @@ def trip_study(extent: Extent) -> Study:
                     horizon=horizon,
                     solver=SolverSpec(compile_code=extent.compile_code),
                 )
-                labels = {"cycle": cycle, "control": control, "start_c": start_c}
+                labels: dict[str, Label] = {"cycle": cycle, "control": control, "start_c": start_c}
                 cases.append(Case(f"{cycle}_{control}_{start_c:g}", labels, spec))
     about = "Trips from several temperatures of the pack, of which years of use are composed."
     return Study("life", "Years of use", about, tuple(cases))
@@ -98,7 +98,10 @@ class TripMap:
     distance_m: float
 
     def from_start(self, start_k: float) -> TripMap:
-        """Return the trip from one temperature; beyond those driven, it is warmed by as much as from the nearest."""
+        """Return the trip from one temperature.
+
+        Beyond those driven, the pack changes its temperature by as much as from the nearest one.
+        """
         inside_k = float(np.clip(start_k, self.start_k[0], self.start_k[-1]))
         above = int(np.clip(np.searchsorted(self.start_k, inside_k), 1, self.start_k.size - 1))
         low, high = self.start_k[above - 1 : above + 1]

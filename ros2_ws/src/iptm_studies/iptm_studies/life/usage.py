@@ -125,8 +125,8 @@ USAGES = (
     ),
     Usage(
         "long distance",
-        "ten HWFET from 8 and eight from 12 h on five days a week, between them a fast charger at 1C to 80 %, "
-        "11 kW at night to 90 %; managed: to 80 %, just in time",
+        "ten HWFET from 8 and eight from 12 h on five days a week, between them a fast charger at 1C to "
+        "80 %, 11 kW at night to 90 %; managed: to 80 %, just in time",
         MOTORWAY,
         ((8.0, 10), (12.0, 8)),
         5.0,

@@ -1,0 +1,199 @@
+"""Years of use: balances of a day, losses by hand, bands, and what cooling saves, from made-up trips."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iptm_core.aging_laws.cells import AGING_CELLS, LFP, NCA
+from iptm_core.aging_laws.law import Load
+from iptm_core.parameters import load_parameters
+from iptm_studies.life.losses import (
+    Cause,
+    Spread,
+    band,
+    drawn_losses,
+    flags,
+    losses_by_cause,
+    years_to_end,
+)
+from iptm_studies.life.page import Findings, life_page
+from iptm_studies.life.table import CONTROLS, MANAGED, life_table
+from iptm_studies.life.trips import (
+    CITY,
+    DEFAULT,
+    DRIVEN_CONTROLS,
+    MOTORWAY,
+    NO_COOLING,
+    THERMOSTAT,
+    TripMap,
+)
+from iptm_studies.life.usage import CLIMATES, USAGES, Charging, Climate, Usage
+from iptm_studies.life.year import Activity, Year, year_of
+
+PARAMETERS = load_parameters().values
+COMMUTER = USAGES[0]
+MILD = Climate("mild", "made up", (20.0,) * 12, 0.0)
+YEAR_S = 365.25 * 86400.0
+
+
+def trip(warming_k: float, *, coolest_k: float = math.inf, compressor_j: float = 0.0) -> TripMap:
+    """Half an hour that draws 6 % and warms the pack; cooling keeps it at a temperature."""
+    start_k = np.array([283.15, 313.15])
+    samples = np.arange(1, 7) / 6.0
+    kelvin = np.minimum(start_k[:, np.newaxis] + warming_k * samples, coolest_k)
+    return TripMap(
+        start_k,
+        kelvin,
+        np.full((2, 6), 0.15),
+        np.tile(0.06 * samples, (2, 1)),
+        kelvin[:, -1],
+        np.array([0.0, compressor_j]),
+        1800.0,
+        20e3,
+    )
+
+
+def commuting(charging: Charging = COMMUTER.charging, warming_k: float = 2.0) -> Year:
+    return year_of(COMMUTER, MILD, DEFAULT, charging, trip(warming_k), PARAMETERS)
+
+
+def test_a_year_has_its_days_its_distance_and_its_charge() -> None:
+    """Two trips of 20 km and 6 % on five of seven days; what is drawn is charged at 0.1C."""
+    year = commuting()
+    driving_days = 365.25 * 5.0 / 7.0
+    assert np.sum(year.duration_s) == pytest.approx(YEAR_S)
+    assert year.distance_km == pytest.approx(40.0 * driving_days)
+    driving, charging = (
+        float(np.sum(year.duration_s[year.activity == activity])) / driving_days
+        for activity in (Activity.DRIVING, Activity.CHARGING)
+    )
+    assert driving == pytest.approx(3600.0)
+    assert charging == pytest.approx(0.12 / 0.1 * 3600.0)
+    assert year.driving_kwh == pytest.approx(0.12 * 72.47 * driving_days, rel=1e-3)
+
+
+def test_a_parked_pack_settles_at_the_air() -> None:
+    """Without warmth of trips, nothing but 55 W of charging keeps the pack above the air of 20 degC."""
+    year = commuting(warming_k=0.0)
+    kelvin = np.asarray(year.load.temperature_k)
+    assert np.min(kelvin) == pytest.approx(293.15, abs=0.2)
+    assert np.max(kelvin) < 293.15 + 2.0
+
+
+def test_charging_just_in_time_rests_at_a_lower_charge() -> None:
+    on_arrival, in_time = (
+        commuting(Charging(0.8, just_in_time=just_in_time)) for just_in_time in (False, True)
+    )
+    rests = [
+        float(np.average(np.asarray(year.load.charge), weights=year.duration_s))
+        for year in (on_arrival, in_time)
+    ]
+    assert rests[0] - rests[1] > 0.05
+    assert np.max(np.asarray(in_time.load.charge)) <= 0.8 + 1e-9
+
+
+def test_losses_of_a_constant_year_by_hand() -> None:
+    """Eight years at 25 degC and half charge, parked: 75.4 exp(-3340 / T + 353 s / T) days^0.512 for NCA."""
+    hours = np.full(24, YEAR_S / 24.0)
+    at = np.ones(24)
+    year = Year(
+        hours, 2.0 * at, Load(298.15 * at, 0.0 * at, 0.5 * at, 0.0 * at, 0.0 * at), 0.0, 1.0, 1.0
+    )
+    k = 75.4 * math.exp((-3340.0 + 353.0 * 0.5) / 298.15)
+    causes = losses_by_cause(NCA.law, year, 8.0)
+    assert causes[Cause.CALENDAR_PARKED] == pytest.approx(k * (8.0 * 365.25) ** 0.512)
+    assert sum(causes.values()) == causes[Cause.CALENDAR_PARKED]
+    assert years_to_end(NCA.law, year) == pytest.approx((0.2 / k) ** (1.0 / 0.512) / 365.25)
+    assert flags(NCA, replace(year, activity=np.array([0.0] + 23 * [2.0]))) == (
+        "depth of discharge",
+    )
+
+
+def test_causes_add_up_and_bands_hold_the_loss() -> None:
+    year = commuting()
+    for cell in AGING_CELLS.values():
+        causes = losses_by_cause(cell.law, year, 8.0)
+        assert all(loss > 0.0 for loss in causes.values())
+        drawn = drawn_losses(cell, year, draws=60)
+        low, high = band(drawn)
+        assert low < sum(causes.values()) < high
+        assert np.array_equal(drawn, drawn_losses(cell, year, draws=60))
+
+
+def test_without_spread_a_draw_is_the_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("iptm_studies.life.losses.SPREAD", Spread(0.0, 0.0, 0.0))
+    year = commuting()
+    for cell in AGING_CELLS.values():
+        expected = sum(losses_by_cause(cell.law, year, 8.0).values())
+        assert drawn_losses(cell, year, draws=2) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_warmer_trip_ages_more() -> None:
+    cool, warm = (
+        sum(losses_by_cause(LFP.law, commuting(warming_k=warming_k), 8.0).values())
+        for warming_k in (0.0, 8.0)
+    )
+    assert warm > cool
+
+
+def test_above_the_limit_the_pack_is_cooled_at_a_price() -> None:
+    hot = Climate("hot", "made up", (39.0,) * 12, 0.0)
+    year = year_of(COMMUTER, hot, NO_COOLING, COMMUTER.charging, trip(5.0), PARAMETERS)
+    assert np.max(np.asarray(year.load.temperature_k)) <= 313.15 + 1e-9
+    assert year.compressor_kwh > 0.0
+
+
+@pytest.fixture(scope="module")
+def findings() -> Findings:
+    warm, cooled = trip(3.0), trip(3.0, coolest_k=300.15, compressor_j=1e6)
+    by_control = {
+        control: cooled if control not in (NO_COOLING, THERMOSTAT) else warm
+        for control in DRIVEN_CONTROLS
+    }
+    trips = {
+        (cycle, control): one for cycle in (CITY, MOTORWAY) for control, one in by_control.items()
+    }
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("iptm_studies.life.table.USAGES", USAGES[:1])
+        patch.setattr("iptm_studies.life.table.CLIMATES", CLIMATES[:1])
+        return Findings("scripts/life", *life_table(trips))
+
+
+def test_the_table_has_all_cells_and_controls(findings: Findings) -> None:
+    shown = {(row.cell, row.control) for row in findings.rows}
+    expected = {(cell, control) for cell in ("paper", *AGING_CELLS) for control in CONTROLS}
+    assert shown == expected
+    by = {(row.cell, row.control): row for row in findings.rows}
+    for cell in AGING_CELLS:
+        assert by[cell, NO_COOLING].saved == 0.0
+        saved = by[cell, DEFAULT]
+        assert saved.saved_band is not None
+        assert 0.0 < saved.saved_band[0] < saved.saved < saved.saved_band[1]
+        assert by[cell, MANAGED].saved > saved.saved
+        assert saved.years >= by[cell, NO_COOLING].years
+    assert by["paper", DEFAULT].causes[Cause.CALENDAR_PARKED] == 0.0
+
+
+def test_the_page_states_points_energy_and_limits(
+    findings: Findings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("iptm_studies.life.page.USAGES", USAGES[:1])
+    monkeypatch.setattr("iptm_studies.life.page.CLIMATES", CLIMATES[:1])
+    page = life_page(findings)
+    for text in ("percentage points", "kWh a year", "Years to 80 %", "rest temperature", "doi:"):
+        assert text in page
+
+
+def _name(usage: Usage) -> str:
+    return usage.name
+
+
+@pytest.mark.parametrize("usage", USAGES, ids=_name)
+def test_no_usage_empties_the_pack(usage: Usage) -> None:
+    for charging in (usage.charging, usage.managed):
+        year = year_of(usage, CLIMATES[0], DEFAULT, charging, trip(1.0), PARAMETERS)
+        assert 0.0 < np.min(np.asarray(year.load.charge))
