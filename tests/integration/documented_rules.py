@@ -91,7 +91,7 @@ RULES = (
     Rule(Way.NOT, r"scripts/benchmark .*", "minutes to hours; benchmarks are no part of a run"),
     Rule(
         Way.NOT,
-        r"scripts/(safety|faults|campaign|identify|real_cars|acc_benchmark|reproduce)"
+        r"scripts/(safety|faults|campaign|identify|life|real_cars|acc_benchmark|reproduce)"
         r"( (?!.*--dry-run|list|status|tables|prune).*)?",
         "minutes to hours",
     ),

@@ -40,8 +40,14 @@ MILD = Climate("mild", "made up", (20.0,) * 12, 0.0)
 YEAR_S = 365.25 * 86400.0
 
 
-def trip(warming_k: float, *, coolest_k: float = math.inf, compressor_j: float = 0.0) -> TripMap:
-    """Half an hour that draws 6 % and warms the pack; cooling keeps it at a temperature."""
+def trip(
+    warming_k: float,
+    *,
+    drawn: float = 0.06,
+    coolest_k: float = math.inf,
+    compressor_j: float = 0.0,
+) -> TripMap:
+    """Half an hour that draws charge and warms the pack; cooling keeps it at a temperature."""
     start_k = np.array([283.15, 313.15])
     samples = np.arange(1, 7) / 6.0
     kelvin = np.minimum(start_k[:, np.newaxis] + warming_k * samples, coolest_k)
@@ -49,7 +55,7 @@ def trip(warming_k: float, *, coolest_k: float = math.inf, compressor_j: float =
         start_k,
         kelvin,
         np.full((2, 6), 0.15),
-        np.tile(0.06 * samples, (2, 1)),
+        np.tile(drawn * samples, (2, 1)),
         kelvin[:, -1],
         np.array([0.0, compressor_j]),
         1800.0,
@@ -195,5 +201,5 @@ def _name(usage: Usage) -> str:
 @pytest.mark.parametrize("usage", USAGES, ids=_name)
 def test_no_usage_empties_the_pack(usage: Usage) -> None:
     for charging in (usage.charging, usage.managed):
-        year = year_of(usage, CLIMATES[0], DEFAULT, charging, trip(1.0), PARAMETERS)
-        assert 0.0 < np.min(np.asarray(year.load.charge))
+        year = year_of(usage, CLIMATES[0], DEFAULT, charging, trip(1.0, drawn=0.03), PARAMETERS)
+        assert np.min(np.asarray(year.load.charge)) > 0.05
