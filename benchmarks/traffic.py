@@ -26,7 +26,7 @@ COLUMNS = {
     "way:": "{distance_km:.2f} km",
     "battery energy:": "{battery_energy_kj:.0f} kJ",
     "degradation:": "{degradation_1e7:.3f}·10⁻⁷",
-    "battery life saved:": "{saved_percent:.1f} %",
+    "ageing while driving saved:": "{saved_percent:.1f} %",
     "smallest gap:": "{smallest_gap_m:.2f} m",
     "smallest margin to s_min:": "{smallest_margin_m:.2f} m",
     "lines passed:": "{lines_passed}",

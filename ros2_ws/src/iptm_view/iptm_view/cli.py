@@ -89,7 +89,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--against",
         default="reference",
         metavar="STRATEGY",
-        help="strategy of the car to compare battery life with, none for no such car; beside one"
+        help="strategy of the car to compare the ageing with, none for no such car; beside one"
         " vehicle only (default: %(default)s)",
     )
     parser.add_argument(
