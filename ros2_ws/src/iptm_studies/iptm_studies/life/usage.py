@@ -85,20 +85,20 @@ FAST_C_RATE_1_H = 1.0
 CLIMATES = (
     Climate(
         "Phoenix",
-        "normals 1991-2020, Sky Harbor, NOAA: mean of mean daily maximum and minimum",
+        "NOAA normals 1991-2020, mean of the daily maximum and minimum of a month",
         (13.9, 15.6, 19.2, 23.1, 28.1, 33.1, 35.6, 34.7, 31.7, 25.3, 18.6, 13.1),
         12.0,
     ),
     Climate(
         "Rome",
-        "normals 1991-2020, Ciampino, WMO",
-        (7.6, 8.2, 11.0, 14.0, 18.5, 23.0, 25.7, 25.8, 21.3, 17.2, 12.4, 8.6),
-        11.0,
+        "the same mean, of the averages on climatestotravel.com/climate/italy/rome",
+        (7.5, 8.0, 10.0, 13.0, 17.5, 22.0, 25.0, 25.0, 21.5, 17.0, 12.0, 8.5),
+        10.0,
     ),
     Climate(
         "Oslo",
-        "normals 1991-2020, Blindern, MET Norway",
-        (-2.3, -2.0, 1.3, 6.2, 11.4, 15.3, 17.6, 16.5, 12.1, 6.5, 1.7, -1.9),
+        "the same mean, of the averages on climatestotravel.com/climate/norway/oslo",
+        (-4.5, -4.0, 0.5, 5.0, 11.5, 15.5, 17.0, 15.5, 11.5, 6.5, 0.5, -3.5),
         7.0,
     ),
 )
