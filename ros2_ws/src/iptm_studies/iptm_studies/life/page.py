@@ -17,7 +17,7 @@ _ABOUT = f"""\
 What temperature control is worth over years: capacity lost after {SERVICE_YEARS:g} years of the same use,
 in **percentage points of nominal capacity**, by cause, beside the energy that the cooling needs. A year is
 composed of closed-loop trips of the paper's car (a 72 kWh pack), parking and charging; trips are driven from
-five temperatures of the pack under every control and interpolated between them. Bands are the
+four temperatures of the pack under every control and interpolated between them. Bands are the
 {BAND[0]:g} to {BAND[1]:g} % range of {DRAWS} seeded draws: rates vary by {100 * SPREAD.rate:.0f} %,
 activation energies by {100 * SPREAD.energy:.0f} % and exponents of time by {100 * SPREAD.exponent:.0f} %
 (standard deviations), all controls with the same draws."""

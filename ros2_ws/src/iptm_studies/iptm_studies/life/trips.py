@@ -31,7 +31,7 @@ _DRIVEN = {
     DEFAULT: (_OWN.strategy, _OWN.horizon, {}),
 }
 DRIVEN_CONTROLS = tuple(_DRIVEN)
-START_C = (10.0, 22.0, 28.0, 34.0, 40.0)
+START_C = (22.0, 28.0, 34.0, 40.0)
 SAMPLE_S = 300.0
 
 
