@@ -25,11 +25,14 @@ from iptm_interfaces.codecs import (
 from iptm_interfaces.codecs.time import duration_from_ns
 
 
-def make_preview(generated_at_s: float, count: int, step_s: float = 1.0) -> LeaderPreview:
+def make_preview(
+    generated_at_s: float, count: int, step_s: float = 1.0, *, bounded: bool = False
+) -> LeaderPreview:
     times = np.round((generated_at_s + step_s * np.arange(count)) * 1e3) / 1e3
     speeds = 5.0 + np.sin(times)
     positions = 20.0 + 5.0 * times - np.cos(times)
-    return LeaderPreview(float(times[0]), times, positions, speeds)
+    bounds = 0.3 * (times - times[0]) ** 2 if bounded else np.empty(0)
+    return LeaderPreview(float(times[0]), times, positions, speeds, bounds)
 
 
 def assert_same(first: LeaderPreview, second: LeaderPreview) -> None:
@@ -37,12 +40,19 @@ def assert_same(first: LeaderPreview, second: LeaderPreview) -> None:
     np.testing.assert_array_equal(first.times_s, second.times_s)
     np.testing.assert_array_equal(first.positions_m, second.positions_m)
     np.testing.assert_array_equal(first.speeds_m_s, second.speeds_m_s)
+    np.testing.assert_array_equal(first.bounds_m, second.bounds_m)
 
 
+BOUNDED = pytest.mark.parametrize("bounded", [False, True], ids=["known", "bounded"])
+
+
+@BOUNDED
 @pytest.mark.parametrize("count", [1, 2, 61, 301])
 @pytest.mark.parametrize("age_s", [0.0, 0.25, 3.0])
-def test_both_encodings_carry_the_same_preview_exactly(count: int, age_s: float) -> None:
-    preview = make_preview(7.0, count)
+def test_both_encodings_carry_the_same_preview_exactly(
+    count: int, age_s: float, bounded: bool
+) -> None:
+    preview = make_preview(7.0, count, bounded=bounded)
     stamp_ns = round((7.0 + age_s) * 1e9)
     message = encode_leader_preview(preview, stamp_ns)
     data = encode_leader_preview_bytes(preview, stamp_ns)
@@ -63,6 +73,28 @@ def test_generation_time_survives_any_delay(
     preview = make_preview(generated_ms / 1e3, count, step_ms / 1e3)
     data = encode_leader_preview_bytes(preview, (generated_ms + age_ms) * 10**6)
     assert_same(decode_leader_preview_bytes(data)[1], preview)
+
+
+def test_bounds_are_a_second_joint_that_a_known_preview_leaves_out() -> None:
+    known = encode_leader_preview(make_preview(0.0, 3), 0)
+    bounded = encode_leader_preview(make_preview(0.0, 3, bounded=True), 0)
+    assert known.joint_names == ["leader"]
+    assert bounded.joint_names == ["leader", "leader_bound"]
+    for one, other in zip(known.points, bounded.points, strict=True):
+        assert other.positions[0] == one.positions[0]
+        assert other.velocities[0] == one.velocities[0]
+    # 0.3 m/s^2 t^2, and its mean rate up to the next node.
+    assert [point.positions[1] for point in bounded.points] == pytest.approx([0.0, 0.3, 1.2])
+    assert [point.velocities[1] for point in bounded.points] == pytest.approx([0.3, 0.9, 0.0])
+
+
+def test_joints_are_matched_by_name() -> None:
+    preview = make_preview(0.0, 3, bounded=True)
+    message = encode_leader_preview(preview, 0)
+    message.joint_names = message.joint_names[::-1]
+    for point in message.points:
+        point.positions, point.velocities = point.positions[::-1], point.velocities[::-1]
+    assert_same(decode_leader_preview_bytes(bytes(serialize_message(message)))[1], preview)
 
 
 def test_generation_is_the_first_point_before_the_stamp() -> None:
@@ -86,10 +118,11 @@ FRAMES = ["", "map", "odom", *(f"{'car_1234567'[:size]}/odom" for size in range(
 """Names of all lengths: the points that follow lie where CDR aligns them."""
 
 
+@BOUNDED
 @pytest.mark.parametrize("frame", FRAMES)
 @pytest.mark.parametrize("count", [0, 1, 2, 61])
-def test_the_frame_may_be_that_of_any_vehicle(frame: str, count: int) -> None:
-    preview = make_preview(7.0, count) if count else LeaderPreview.empty()
+def test_the_frame_may_be_that_of_any_vehicle(frame: str, count: int, bounded: bool) -> None:
+    preview = make_preview(7.0, count, bounded=bounded) if count else LeaderPreview.empty()
     message = encode_leader_preview(preview, 7_500_000_000)
     message.header.frame_id = frame
     data = encode_leader_preview_bytes(preview, 7_500_000_000, frame)
@@ -100,9 +133,12 @@ def test_the_frame_may_be_that_of_any_vehicle(frame: str, count: int) -> None:
         assert_same(decoded, preview)
 
 
+@BOUNDED
 @pytest.mark.parametrize("frame", FRAMES)
-def test_usual_messages_take_the_fast_way(monkeypatch: pytest.MonkeyPatch, frame: str) -> None:
-    preview = make_preview(0.0, 61)
+def test_usual_messages_take_the_fast_way(
+    monkeypatch: pytest.MonkeyPatch, frame: str, bounded: bool
+) -> None:
+    preview = make_preview(0.0, 61, bounded=bounded)
     message = encode_leader_preview(preview, 0)
     message.header.frame_id = frame
     slow = bytes(serialize_message(message))
@@ -126,6 +162,8 @@ def encode_ways(preview: LeaderPreview, stamp_ns: int) -> list[bytes]:
         ({"speeds_m_s": np.array([1.0, math.nan, 1.0])}, 0, r"speeds\[1\] is nan"),
         ({"positions_m": np.array([1.0, math.inf, 2.0])}, 0, r"positions\[1\] is inf"),
         ({"positions_m": np.array([3.0, 2.0, 4.0])}, 0, "never drives backwards"),
+        ({"bounds_m": np.array([0.0, -0.1, 0.2])}, 0, "bound is -0.1 m; allowed: at least 0 m"),
+        ({"bounds_m": np.array([0.0, math.nan, 0.2])}, 0, r"bounds\[1\] is nan"),
         ({"times_s": np.array([0.0, 2.0, 1.0])}, 0, "times do not increase: 2.0 is followed"),
         ({"times_s": np.array([0.0, 2.0, 2.0])}, 0, "times do not increase"),
         (
@@ -146,6 +184,7 @@ def test_broken_preview_is_refused(change: dict[str, Any], stamp_ns: int, reason
     ("change", "reason"),
     [
         ({"speeds_m_s": np.zeros(2)}, "have 3, 3, 2 entries"),
+        ({"bounds_m": np.zeros(2)}, "bounds have 2 entries; allowed: 0 or 3"),
         ({"times_s": np.array([0.0, math.nan, 2.0])}, r"times\[1\] is nan"),
         ({"generated_at_s": 0.5}, "first node lies at 0.0 s; allowed: the instant of generation"),
     ],
@@ -171,7 +210,7 @@ def test_point_without_speed_is_refused() -> None:
         (decode_leader_preview, message),
         (decode_leader_preview_bytes, bytes(serialize_message(message))),
     ):
-        with pytest.raises(MessageError, match="point 1 has 1 positions and 0 velocities"):
+        with pytest.raises(MessageError, match="point 1 has 1 positions and 0 velocities; allowed: 1 of each"):
             decode(given_)
 
 
@@ -200,11 +239,14 @@ def test_random_bytes_never_do_more_than_raise_message_errors(data: bytes) -> No
         decode_leader_preview_bytes(data)
 
 
-@given(st.lists(st.tuples(st.integers(0, 283), st.integers(0, 255)), min_size=1, max_size=4))
+@given(
+    st.lists(st.tuples(st.integers(0, 283), st.integers(0, 255)), min_size=1, max_size=4),
+    st.booleans(),
+)
 def test_damaged_bytes_decode_to_a_sound_preview_or_not_at_all(
-    damage: list[tuple[int, int]],
+    damage: list[tuple[int, int]], bounded: bool
 ) -> None:
-    data = bytearray(encode_leader_preview_bytes(make_preview(0.0, 5), 0))
+    data = bytearray(encode_leader_preview_bytes(make_preview(0.0, 5, bounded=bounded), 0))
     for place, value in damage:
         data[place] = value
     try:
@@ -213,6 +255,7 @@ def test_damaged_bytes_decode_to_a_sound_preview_or_not_at_all(
         return
     assert np.isfinite(preview.positions_m).all()
     assert (np.diff(preview.times_s) > 0.0).all()
+    assert preview.bounds_m.min(initial=0.0) >= 0.0
     assert (preview.speeds_m_s >= 0.0).all()
 
 

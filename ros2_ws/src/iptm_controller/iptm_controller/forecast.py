@@ -1,7 +1,8 @@
 """The leader's motion as the optimiser sees it: measured past, predicted future, and how good it is.
 
 A preview is used only if it is well formed and recent enough; beyond its end the leader keeps its last speed.
-It counts as known up to the horizon that earlier previews have earned. Without a preview the leader is
+It counts as known as far as its bounds allow, and up to the horizon that earlier previews have earned: from there
+on its expected motion is still followed, and the plan keeps its braking reserve. Without a preview the leader is
 extrapolated: its measured acceleration decays. Which of these holds, and why, is part of the result.
 """
 
@@ -36,9 +37,9 @@ class PreviewQuality(IntEnum):
     """How the leader's future is known."""
 
     FULL = 0
-    """A valid preview covers the whole horizon."""
+    """A valid preview, known over the whole horizon."""
     SHORT = 1
-    """A valid preview ends inside the horizon; constant speed beyond it."""
+    """A valid preview that ends inside the horizon, with constant speed beyond it, or is known up to there."""
     STALE = 2
     """The newest preview is too old; the measured motion is extrapolated."""
     MISSING = 3
@@ -58,7 +59,7 @@ class LeaderForecast:
         quality: how the future is known.
         reason: one sentence, empty while the quality is full.
         age_s: age of the preview used, NaN without one.
-        known_s: how far ahead a trusted preview backs the motion; 0 where it is extrapolated.
+        known_s: how far ahead the motion is known by a trusted preview; 0 where it is extrapolated.
     """
 
     motion: PredictedLeaderMotion
@@ -74,9 +75,16 @@ def preview_fault(preview: LeaderPreview) -> str:
     sizes = (times.size, positions.size, speeds.size)
     if len(set(sizes)) != 1:
         return f"preview has {sizes} times, positions and speeds; allowed: equal numbers"
+    if preview.bounds_m.size not in {0, times.size}:
+        return f"preview has {preview.bounds_m.size} bounds; allowed: 0 or {times.size}"
     if not np.isfinite(preview.generated_at_s):
         return f"preview was generated at {preview.generated_at_s} s; allowed: finite times"
-    for label, values in (("time", times), ("position", positions), ("speed", speeds)):
+    for label, values in (
+        ("time", times),
+        ("position", positions),
+        ("speed", speeds),
+        ("bound", preview.bounds_m),
+    ):
         finite = np.isfinite(values)
         if not finite.all():
             bad = _first(~finite)
@@ -85,6 +93,8 @@ def preview_fault(preview: LeaderPreview) -> str:
         passed_s, moved_m = times[1:] - times[:-1], positions[1:] - positions[:-1]
         halts, backwards = passed_s <= 0.0, moved_m < SPEED_AT_REST_M_S * np.maximum(passed_s, 1.0)
         leaps = moved_m > 1.0 + MAX_LEADER_SPEED_M_S * passed_s
+    if (preview.bounds_m < 0.0).any():
+        return f"preview bound is {preview.bounds_m.min()} m; allowed: at least 0 m"
     if halts.any():
         return f"preview times do not increase after node {_first(halts)}"
     if backwards.any():
@@ -171,8 +181,8 @@ class LeaderForecaster:
         known_s = 0.0
         if quality in {PreviewQuality.FULL, PreviewQuality.SHORT}:
             future = self._follow_preview(leader, self.fusion.fused(_never_backwards(preview)))
-            self.trust.remember(leader, future)
-            known_s = float(preview.times_s[-1]) - leader.time_s
+            self.trust.remember(leader, future, preview.known_until_s)
+            known_s = max(preview.known_until_s - leader.time_s, 0.0)
             present_error_m_s = abs(float(future.speeds_m_s[0]) - leader.speed_m_s)
             trusted_s = 0.0 if present_error_m_s > PRESENT_ERROR_M_S else self.trust.horizon_s
             if trusted_s < known_s:
@@ -238,6 +248,12 @@ class LeaderForecaster:
             return (
                 PreviewQuality.SHORT,
                 f"preview covers {last_s - leader.time_s:.1f} s of a {self._horizon_s:g} s horizon",
+            )
+        known_s = preview.known_until_s - leader.time_s
+        if known_s < self._horizon_s - 1e-6:
+            return (
+                PreviewQuality.SHORT,
+                f"preview is known for {max(known_s, 0.0):.1f} s of a {self._horizon_s:g} s horizon",
             )
         return PreviewQuality.FULL, ""
 

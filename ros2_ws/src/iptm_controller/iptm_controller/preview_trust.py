@@ -40,7 +40,7 @@ class Prediction:
     Attributes:
         tick: number of the tick.
         speed_m_s: speed measured then.
-        speeds_m_s: speeds predicted for the lead times, NaN behind the end of the preview.
+        speeds_m_s: speeds predicted for the lead times, NaN where the preview asserts none.
     """
 
     tick: int
@@ -146,16 +146,20 @@ class PreviewTrust:
             if self._proved and (tick - self._last_error_tick) * self._tick_s >= PROBATION_S:
                 self.horizon_s = math.inf
 
-    def remember(self, leader: LeaderState, future: PredictedLeaderMotion) -> None:
-        """Keep what a preview predicts for the lead times, to compare it later.
+    def remember(
+        self, leader: LeaderState, future: PredictedLeaderMotion, known_until_s: float = math.inf
+    ) -> None:
+        """Keep what a preview asserts for the lead times, to compare it later.
 
         Args:
             leader: as measured now.
             future: motion that the preview predicts.
+            known_until_s: trip time up to which it is asserted; later motion is an expectation.
         """
         tick = round(leader.time_s / self._tick_s)
         times_s = leader.time_s + self._lead_times_s
         speeds = np.interp(times_s, future.times_s, future.speeds_m_s, right=math.nan)
+        speeds[times_s > known_until_s + 1e-9] = math.nan
         self._predictions[tick] = Prediction(tick, leader.speed_m_s, tuple(speeds.tolist()))
         while next(iter(self._predictions)) < tick - self._leads[-1]:
             del self._predictions[next(iter(self._predictions))]

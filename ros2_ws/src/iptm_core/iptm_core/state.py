@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 
 SPEED_AT_REST_M_S = -0.5
 """Measured speeds from here to 0 are those of a vehicle at rest, with an error of the measurement."""
+KNOWN_BOUND_M = 1.5
+"""A predicted position counts as known while the leader is behind it by at most this."""
 
 
 @dataclass(frozen=True)
@@ -183,13 +185,15 @@ class LeaderState:
 
 @dataclass(frozen=True)
 class LeaderPreview:
-    """Predicted motion of the preceding vehicle.
+    """Predicted motion of the preceding vehicle: its expected motion, and how far it may be behind.
 
     Attributes:
         generated_at_s: instant at which the prediction was made; the first node lies there.
         times_s: node times, shape (n,), increasing, absolute (trip time).
-        positions_m: rear-bumper positions at the nodes, shape (n,), never decreasing.
-        speeds_m_s: speeds at the nodes, shape (n,), never negative.
+        positions_m: expected rear-bumper positions at the nodes, shape (n,), never decreasing.
+        speeds_m_s: expected speeds at the nodes, shape (n,), never negative.
+        bounds_m: distances by which the leader may be behind these positions (99 % bounds), beyond the error
+            of its present position, shape (n,), never negative; empty where the motion is known.
 
     An empty prediction (n = 0) means that none has been received yet.
     """
@@ -198,6 +202,7 @@ class LeaderPreview:
     times_s: FloatArray
     positions_m: FloatArray
     speeds_m_s: FloatArray
+    bounds_m: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def empty(cls) -> LeaderPreview:
@@ -207,6 +212,38 @@ class LeaderPreview:
     def age_s(self, now_s: float) -> float:
         """Return the time since the generation, infinite for an empty preview."""
         return now_s - self.generated_at_s if self.times_s.size else math.inf
+
+    @property
+    def known_nodes(self) -> int:
+        """Number of nodes from the first one on whose bounds are at most `KNOWN_BOUND_M`."""
+        if not self.bounds_m.size:
+            return self.times_s.size
+        unknown = self.bounds_m > KNOWN_BOUND_M
+        return int(unknown.argmax()) if unknown.any() else self.bounds_m.size
+
+    @property
+    def known_until_s(self) -> float:
+        """Time of the last known node; minus infinity if there is none."""
+        known = self.known_nodes
+        return float(self.times_s[known - 1]) if known else -math.inf
+
+    def cautious(self) -> LeaderPreview:
+        """Return the motion that the leader hardly falls behind, without bounds.
+
+        Positions are the expected ones less their bounds, but never decrease. Speeds are lowered by twice the
+        mean rate of the bound since the first node: its rate now if it grows with the square of time, as that
+        of an unknown acceleration does.
+        """
+        if not self.bounds_m.size:
+            return self
+        since = np.maximum(self.times_s - self.times_s[0], 1e-9)
+        rates = 2.0 * (self.bounds_m - self.bounds_m[0]) / since
+        return LeaderPreview(
+            self.generated_at_s,
+            self.times_s,
+            np.maximum.accumulate(self.positions_m - self.bounds_m),
+            np.maximum(self.speeds_m_s - rates, 0.0),
+        )
 
 
 @dataclass(frozen=True)

@@ -211,8 +211,9 @@ _SPECS = (
         Topic.LEADER_PREVIEW, JointTrajectory, BRIDGE, ROAD_FRAME, "m, m/s",
         "predicted motion of the preceding vehicle: positions [m], velocities [m/s] at "
         "header.stamp + time_from_start; the first point lies at the instant of generation "
-        "(time_from_start <= 0); no points: nothing received yet",
-        {"leader": "m, m/s"},
+        "(time_from_start <= 0); no points: nothing received yet; leader_bound: how far the vehicle may be "
+        "behind these positions (99 % bound), and its rate; left out where the motion is known",
+        {"leader": "m, m/s", "leader_bound": "m, m/s"},
     ),
     TopicSpec(
         Topic.SLOPE, Float64MultiArray, BRIDGE, "-", "m, rad",

@@ -6,6 +6,7 @@ before: a run can be repeated, joined late or replayed from the middle with the 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import IntEnum
 from itertools import accumulate
 
@@ -85,7 +86,7 @@ def distort(settings: PreviewSettings, preview: LeaderPreview) -> LeaderPreview:
     positions[1:] += moved
     # Between coarse nodes the true speed may dip below the line; no car drives backwards.
     np.maximum.accumulate(positions, out=positions)
-    return LeaderPreview(preview.generated_at_s, preview.times_s, positions, speeds)
+    return replace(preview, positions_m=positions, speeds_m_s=speeds)
 
 
 def _random(seed: int, purpose: _Purpose, number: int) -> np.random.Generator:

@@ -1,7 +1,7 @@
 """What lies ahead: the predicted motion of the leader and the slope of the road.
 
 A prediction carries two times: the stamp of its publication and the instant of its generation, which
-is the time of its first point. `codecs/preview_wire.py` does the same as the functions here, faster,
+is the time of its first point. Where it is uncertain, a second joint has its bounds. `codecs/preview_wire.py` does the same as the functions here, faster,
 on serialised bytes.
 """
 
@@ -29,6 +29,8 @@ from iptm_interfaces.message_types import (
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
 
 PREVIEW_NAMES = list(TOPICS[Topic.LEADER_PREVIEW].fields)
+KNOWN_NAMES = PREVIEW_NAMES[:1]
+"""Those of a prediction without bounds."""
 _SLOPE_LABEL = ", ".join(TOPICS[Topic.SLOPE].fields)
 _TOPIC = Topic.LEADER_PREVIEW
 
@@ -43,25 +45,36 @@ def encode_leader_preview(preview: LeaderPreview, stamp_ns: int) -> JointTraject
     Raises:
         MessageError: the arrays differ in length, or the first node is not the generation.
     """
-    points = []
-    columns = zip(
-        offsets_ns(preview, stamp_ns).tolist(),
-        preview.positions_m.tolist(),
-        preview.speeds_m_s.tolist(),
-        strict=True,
-    )
-    for offset_ns, position_m, speed_m_s in columns:
-        points.append(
-            JointTrajectoryPoint(
-                positions=[position_m],
-                velocities=[speed_m_s],
-                time_from_start=duration_from_ns(offset_ns),
-            )
+    offsets = offsets_ns(preview, stamp_ns)
+    positions, velocities = preview_columns(preview)
+    points = [
+        JointTrajectoryPoint(
+            positions=row_positions,
+            velocities=row_velocities,
+            time_from_start=duration_from_ns(offset_ns),
         )
-    message = JointTrajectory(joint_names=PREVIEW_NAMES, points=points)
+        for offset_ns, row_positions, row_velocities in zip(
+            offsets.tolist(), positions.tolist(), velocities.tolist(), strict=True
+        )
+    ]
+    names = PREVIEW_NAMES if preview.bounds_m.size else KNOWN_NAMES
+    message = JointTrajectory(joint_names=names, points=points)
     message.header.stamp = time_from_ns(stamp_ns)
     message.header.frame_id = ROAD_FRAME
     return message
+
+
+def preview_columns(preview: LeaderPreview) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities of the joints at the nodes, shape (n, 1), with bounds (n, 2) each.
+
+    The velocity of the bound is its mean rate up to the next node, 0 at the last one.
+    """
+    positions, speeds, bounds = preview.positions_m, preview.speeds_m_s, preview.bounds_m
+    if not bounds.size:
+        return positions[:, None], speeds[:, None]
+    rates = np.zeros(bounds.size)
+    rates[:-1] = np.diff(bounds) / np.maximum(np.diff(preview.times_s), 1e-9)
+    return np.column_stack([positions, bounds]), np.column_stack([speeds, rates])
 
 
 def offsets_ns(preview: LeaderPreview, stamp_ns: int) -> NDArray[np.int64]:
@@ -75,6 +88,8 @@ def offsets_ns(preview: LeaderPreview, stamp_ns: int) -> NDArray[np.int64]:
     if preview.positions_m.size != count or preview.speeds_m_s.size != count:
         sizes = f"{count}, {preview.positions_m.size}, {preview.speeds_m_s.size}"
         reject(_TOPIC, f"times, positions and speeds have {sizes} entries; allowed: equal numbers")
+    if preview.bounds_m.size not in {0, count}:
+        reject(_TOPIC, f"bounds have {preview.bounds_m.size} entries; allowed: 0 or {count}")
     if count == 0:
         return np.empty(0, dtype=np.int64)
     all_finite(_TOPIC, "times", preview.times_s)
@@ -92,26 +107,32 @@ def decode_leader_preview(message: JointTrajectory) -> tuple[int, LeaderPreview]
     """Return the stamp (ns) and the prediction.
 
     Raises:
-        MessageError: wrong joint name, a point without exactly one position and one velocity, a
-            value that is not finite, times that do not increase, a leader that drives backwards,
-            or a generation after the publication.
+        MessageError: wrong joint names, a point without exactly one position and one velocity for each, a
+            value that is not finite, times that do not increase, a leader that drives backwards, a negative
+            bound, or a generation after the publication.
     """
     stamp_ns = ns_from_time(message.header.stamp)
-    if message.joint_names != PREVIEW_NAMES:
-        reject(_TOPIC, f"joint_names are {message.joint_names}; allowed: {PREVIEW_NAMES}")
+    names = list(message.joint_names)
+    if sorted(names) not in (KNOWN_NAMES, PREVIEW_NAMES):
+        reject(_TOPIC, f"joint_names are {names}; allowed: {KNOWN_NAMES} or {PREVIEW_NAMES}")
     points = message.points
     for index, point in enumerate(points):
-        if len(point.positions) != 1 or len(point.velocities) != 1:
+        if len(point.positions) != len(names) or len(point.velocities) != len(names):
             reject(
                 _TOPIC,
                 f"point {index} has {len(point.positions)} positions and {len(point.velocities)} "
-                "velocities; allowed: one of each",
+                f"velocities; allowed: {len(names)} of each",
             )
+    places = [names.index(name) for name in PREVIEW_NAMES if name in names]
+    columns = [
+        np.array([point.positions[place] for point in points], dtype=np.float64) for place in places
+    ]
     preview = build_leader_preview(
         stamp_ns,
         np.array([ns_from_duration(point.time_from_start) for point in points], dtype=np.int64),
-        np.array([point.positions[0] for point in points], dtype=np.float64),
-        np.array([point.velocities[0] for point in points], dtype=np.float64),
+        columns[0],
+        np.array([point.velocities[places[0]] for point in points], dtype=np.float64),
+        columns[1] if len(columns) > 1 else np.empty(0),
     )
     return stamp_ns, preview
 
@@ -121,9 +142,10 @@ def build_leader_preview(
     node_offsets_ns: NDArray[np.int64],
     positions_m: FloatArray,
     speeds_m_s: FloatArray,
+    bounds_m: FloatArray,
     topic: Topic = _TOPIC,
 ) -> LeaderPreview:
-    """Return a checked prediction from decoded arrays, shape (n,) each.
+    """Return a checked prediction from decoded arrays, shape (n,) each; the bounds may be empty.
 
     Measured positions, those of ``v2x/leader_samples``, may go back and forth; predicted ones may not.
 
@@ -143,10 +165,14 @@ def build_leader_preview(
     all_finite(topic, "speeds", speeds_m_s)
     if float(speeds_m_s.min()) < SPEED_AT_REST_M_S:
         reject(topic, f"speed is {speeds_m_s.min()}; allowed: at least {SPEED_AT_REST_M_S:g} m/s")
+    if bounds_m.size:
+        all_finite(topic, "bounds", bounds_m)
+        if float(bounds_m.min()) < 0.0:
+            reject(topic, f"bound is {bounds_m.min()} m; allowed: at least 0 m")
     backwards_m = SPEED_AT_REST_M_S * np.maximum(np.diff(times_s), 1.0)
     if topic is _TOPIC and (np.diff(positions_m) < backwards_m).any():
         reject(topic, "positions decrease; allowed: a leader that never drives backwards")
-    return LeaderPreview(float(times_s[0]), times_s, positions_m, speeds_m_s)
+    return LeaderPreview(float(times_s[0]), times_s, positions_m, speeds_m_s, bounds_m)
 
 
 def encode_slope(slope: SlopePreview) -> Float64MultiArray:
