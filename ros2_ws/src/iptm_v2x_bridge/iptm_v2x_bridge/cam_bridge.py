@@ -1,9 +1,10 @@
 """The bridge of received messages: datagrams in, for every tick the leader and what it will do.
 
-Nobody but the messages tells where the leader is, so everything is said with caution: positions are the
-predicted ones less their 99 % bound, speeds less the rate at which it grows, and a prediction ends where the
-bound exceeds what may pass for known. From there on the controller keeps its braking reserve. A leader that
-falls silent is still there: it goes on leading, as one that brakes to a halt since its last message.
+Where the leader is, is known from its messages alone: its position is the predicted one less its 99 % bound,
+its speed less the rate at which that grows. The preview has the expected motion and its bounds, without what is
+unknown of the present position, which moves all of it nearer. The controller keeps its braking reserve from where
+the bounds exceed what counts as known. A leader that falls silent is still there: it goes on leading, as one that
+brakes to a halt since its last message.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from iptm_v2x_bridge.prediction.predictor import (
     Knowledge,
     Prediction,
     Predictor,
-    cautious_motion,
+    joined_motion,
 )
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
@@ -38,7 +39,6 @@ from iptm_v2x_bridge.stations.leader import LeaderSelector
 from iptm_v2x_bridge.stations.station import Station
 from iptm_v2x_bridge.stations.table import StationTable
 
-DEFAULT_KNOWN_BOUND_M = 1.5
 SILENT_MS = 1500
 """A leader from which nothing has arrived for longer is reckoned to brake."""
 HOLD_MS = 60_000
@@ -65,7 +65,6 @@ class CamBridge:
         settings: PreviewSettings | None = None,
         *,
         predictors: Sequence[Predictor] | None = None,
-        known_bound_m: float = DEFAULT_KNOWN_BOUND_M,
         start_timestamp_ms: int = 0,
         datagram_offset_bytes: int = 0,
         roadside: HeardRules | None = None,
@@ -76,7 +75,6 @@ class CamBridge:
             road: the host's route; position 0 is where the host starts.
             settings: length and step of the previews; the faults of a simulated link play no part.
             predictors: from the best informed to one that always knows an answer.
-            known_bound_m: a prediction ends where the leader may be farther behind it than this.
             start_timestamp_ms: TimestampIts at trip time 0.
             datagram_offset_bytes: length of what a receiver puts in front of every message or packet.
             roadside: takes in what roadside stations send; None refuses it.
@@ -86,7 +84,6 @@ class CamBridge:
         self._kinds = (MessageKind.CAM, *(ROADSIDE_KINDS if roadside else ()))
         self._settings = settings or PreviewSettings()
         self._predictors = tuple(predictors or (ReceivedPath(), History()))
-        self._known_bound_m = known_bound_m
         self._start_ms = start_timestamp_ms
         self._offset_bytes = datagram_offset_bytes
         self._restart()
@@ -195,28 +192,27 @@ class CamBridge:
         predictions = [
             self._predict(station, nodes, now_s, contested=contested) for station in stations
         ]
-        positions, speeds, bounds = cautious_motion(predictions)
+        positions, speeds, bounds = joined_motion(predictions)
         times = nodes[: positions.size]
         here = int(np.searchsorted(times, now_s - 1e-9))
-        state = LeaderState(now_s, float(positions[here]), float(speeds[here]))
-        preview = LeaderPreview.empty()
-        if self._settings.preview_mode is PreviewMode.FULL:
-            trusted = bounds <= self._known_bound_m
-            # The first node is the generation, where everything is known as well as it ever was.
-            count = max(int(np.argmin(trusted)) if not trusted.all() else trusted.size, 1)
-            preview = LeaderPreview(
-                generated_at_s=float(times[0]),
-                times_s=times[:count],
-                positions_m=positions[:count],
-                speeds_m_s=speeds[:count],
-            )
+        # A motion that is certain is sent without bounds.
+        certain = not bounds.any()
+        preview = LeaderPreview(
+            float(times[0]), times, positions, speeds, np.empty(0) if certain else bounds
+        )
+        cautious = preview.cautious()
+        state = LeaderState(
+            now_s, float(cautious.positions_m[here]), float(cautious.speeds_m_s[here])
+        )
+        if self._settings.preview_mode is not PreviewMode.FULL:
+            preview = LeaderPreview.empty()
         return BridgeAnswer(
             time_ns,
             state,
             preview,
             lost=False,
             predictor=str(predictions[0].predictor),
-            leader_bound_m=float(bounds[here]),
+            leader_bound_m=float(predictions[0].bounds_m[0] + bounds[here]),
             contested=contested,
         )
 

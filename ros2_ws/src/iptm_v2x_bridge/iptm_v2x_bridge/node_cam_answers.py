@@ -116,7 +116,6 @@ class CamAnswers:
             route.road_line,
             options,
             predictors=options.build_predictors(route, heard.leader if heard else self._given),
-            known_bound_m=options.known_bound_m,
             datagram_offset_bytes=options.datagram_offset_bytes,
             start_timestamp_ms=self._start_ms,
             roadside=heard,

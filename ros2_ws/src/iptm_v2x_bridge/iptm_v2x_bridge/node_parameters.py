@@ -18,7 +18,6 @@ from iptm_core.settings import (
 )
 from iptm_core.text_enum import TextEnum
 from iptm_core.trip_time import NS_PER_S
-from iptm_v2x_bridge.cam_bridge import DEFAULT_KNOWN_BOUND_M
 from iptm_v2x_bridge.road_knowledge import RoadKnowledgeSettings
 from iptm_v2x_bridge.sending.settings import SenderSettings
 from iptm_v2x_bridge.source import CycleSource
@@ -71,14 +70,6 @@ class CamSettings(Settings):
         "",
         0,
         1000,
-    )
-    known_bound_m: float = parameter(
-        DEFAULT_KNOWN_BOUND_M,
-        "cam: a prediction ends where the leader may be farther behind it than this; from there on the "
-        "controller keeps its braking reserve",
-        "m",
-        0.1,
-        100.0,
     )
     recorded_packets: str = parameter(
         "",

@@ -113,15 +113,15 @@ class RulesOfTheRoad:
         answer: BridgeAnswer, times: FloatArray, braking_m_s2: float
     ) -> tuple[int, _Motion]:
         """Return how many nodes the leader is known at, and its motion, which past them brakes."""
-        leader, preview = answer.leader, answer.preview
+        leader, preview = answer.leader, answer.preview.cautious()
         if leader is None:
             return times.size, _Motion(np.full(times.size, np.inf), np.zeros(times.size))
-        if not preview.times_s.size or preview.times_s[-1] < times[0]:
+        if answer.preview.known_until_s < times[0]:
             known, last = 1, (leader.position_m, leader.speed_m_s)
             positions: FloatArray = np.full(times.size, leader.position_m)
             speeds: FloatArray = np.full(times.size, leader.speed_m_s)
         else:
-            known = int(np.searchsorted(times, preview.times_s[-1] + 1e-6))
+            known = int(np.searchsorted(times, answer.preview.known_until_s + 1e-6))
             positions = np.interp(times, preview.times_s, preview.positions_m)
             speeds = np.interp(times, preview.times_s, preview.speeds_m_s)
             last = (float(positions[known - 1]), float(speeds[known - 1]))

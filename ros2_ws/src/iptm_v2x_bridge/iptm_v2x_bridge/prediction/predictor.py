@@ -113,33 +113,22 @@ class Predictor(Protocol):
         ...
 
 
-def cautious_motion(
+def joined_motion(
     predictions: Sequence[Prediction],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a motion that the leader hardly falls behind, whichever of the predictions is about it.
+    """Return the expected motion, and how far the leader may be behind whichever prediction is about it.
 
-    Positions are the predicted ones less their bounds, but never decrease: no leader drives backwards. Speeds
-    are lowered by twice the mean rate of the bound since the first node, its rate now if it grows with the
-    square of time, as that of an unknown acceleration does. Of several predictions the nearest position and
-    the lowest speed count.
+    What is unknown of the position from the beginning on stays: it moves the whole motion nearer, and is no part
+    of the bounds. Of several predictions the nearest position and the lowest speed count.
 
     Args:
         predictions: at least one, beginning at the same time with the same nodes.
 
     Returns:
-        Positions, speeds and the largest bounds up to the end of the shortest prediction, shape (n,) each.
+        Positions, speeds and bounds up to the end of the shortest prediction, shape (n,) each.
     """
     count = min(prediction.times_s.size for prediction in predictions)
-    times = predictions[0].times_s[:count]
-    since = np.maximum(times - times[0], 1e-9)
-    positions: FloatArray = np.full(count, np.inf)
-    speeds: FloatArray = np.full(count, np.inf)
-    bounds: FloatArray = np.zeros(count)
-    for prediction in predictions:
-        bound = prediction.bounds_m[:count]
-        position: FloatArray = np.maximum.accumulate(prediction.positions_m[:count] - bound)
-        rate = 2.0 * (bound - bound[0]) / since
-        positions = np.minimum(positions, position)
-        speeds = np.minimum(speeds, np.maximum(prediction.speeds_m_s[:count] - rate, 0.0))
-        bounds = np.maximum(bounds, bound)
-    return positions, speeds, bounds
+    positions = np.min([each.positions_m[:count] - each.bounds_m[0] for each in predictions], axis=0)
+    nearest = np.min([(each.positions_m - each.bounds_m)[:count] for each in predictions], axis=0)
+    speeds = np.min([each.speeds_m_s[:count] for each in predictions], axis=0)
+    return positions, speeds, np.maximum(positions - nearest, 0.0)

@@ -25,7 +25,7 @@ from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings,
 BEFORE_START_S = 3.0
 """The leader is heard for as long before the trip begins; it stands there."""
 POSITION_BOUND_M = 0.02
-"""The sender knows its position exactly, but for the resolution of the wire."""
+"""Of a sender that knows its position exactly, but for the resolution of the wire."""
 
 _ACCELERATION_WINDOW_S = 0.2
 _MAX_ACCELERATION_M_S2 = 16.0
@@ -41,6 +41,7 @@ def car_on_road(
     acceleration_m_s2: float = 0.0,
     length_m: float = ASSUMED_LENGTH_M,
     left_m: float = 0.0,
+    position_bound_m: float = POSITION_BOUND_M,
     path: PredictedPath | None = None,
 ) -> CamMessage:
     """Return what a car says that drives along a road.
@@ -54,6 +55,7 @@ def car_on_road(
         acceleration_m_s2: acceleration, cut to the range of the standard.
         length_m: length of the car.
         left_m: how far it is to the left of the middle.
+        position_bound_m: 95 % bound of its position that it states.
         path: its predicted path.
     """
     latitude, longitude, heading = (float(value) for value in road.locate(rear_m + length_m))
@@ -74,7 +76,7 @@ def car_on_road(
         ),
         length_m=length_m,
         width_m=1.8,
-        position_bound_m=POSITION_BOUND_M,
+        position_bound_m=position_bound_m,
         path=path,
     )
 
@@ -116,6 +118,7 @@ class CamSender:
             acceleration_m_s2=(speed - speed_before) / _ACCELERATION_WINDOW_S,
             length_m=settings.vehicle_length_m,
             left_m=self._left_m(time_s),
+            position_bound_m=settings.position_accuracy_m,
             path=self._path(time_s) if self._tells_path(time_ns) else None,
         )
 

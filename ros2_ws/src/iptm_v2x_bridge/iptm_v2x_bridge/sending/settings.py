@@ -67,6 +67,13 @@ class SenderSettings(Settings):
     vehicle_length_m: float = parameter(
         VEHICLE_LENGTH_M, "length of the sender, front to rear bumper", "m", *VEHICLE_LENGTHS_M
     )
+    position_accuracy_m: float = parameter(
+        0.02,
+        "95 % bound of its own position that the sender states; its messages have the exact one",
+        "m",
+        0.01,
+        40.93,
+    )
     link_delay_s: float = parameter(0.0, "delay of every message on its way", "s", 0.0, 60.0)
     link_jitter_s: float = parameter(
         0.0, "mean of an exponential delay on top of it", "s", 0.0, 10.0
