@@ -21,6 +21,7 @@ class PredictorName(TextEnum):
     LEARNT_PROFILE = "learnt_profile"
     SIGNALS = "signals"
     SPEED_LIMITS = "speed_limits"
+    REGRESSION = "regression"
     HISTORY = "history"
     ASSUMED_BRAKING = "assumed_braking"
     RULES = "rules"

@@ -11,7 +11,9 @@ from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.stations.plausibility import contradiction, lies_between, same_measurement
 
 HISTORY = 64
-"""Observations kept of a station: six seconds at 10 Hz."""
+"""Messages kept of a station: six seconds at 10 Hz."""
+OBSERVATIONS = 128
+"""Observations kept of a station: twelve seconds at 10 Hz, for predictors."""
 CONFIRMED_AFTER_MS = 300
 """A station counts once two or more messages over this time agree with each other."""
 LANE_HALF_WIDTH_M = 1.5
@@ -89,7 +91,7 @@ class Station:
         self._learns_clock_until_ms = heard_ms + CLOCK_LEARNING_MS
         self._clock_ahead_ms = 0
         self._messages: deque[tuple[int, CamMessage]] = deque(maxlen=HISTORY)
-        self.observations: deque[Observation] = deque(maxlen=HISTORY)
+        self.observations: deque[Observation] = deque(maxlen=OBSERVATIONS)
         self.path: tuple[int, PredictedPath, float] | None = None
         self._votes = LANE_VOTES - 1
         self._driven_heading_deg: float | None = None
