@@ -82,6 +82,68 @@ def test_short_preview_goes_on_at_its_last_speed(
     assert positions[1] - positions[0] == pytest.approx(50.0)
 
 
+def test_bounds_say_how_far_a_preview_is_known(
+    forecaster: LeaderForecaster, leader: LeaderState
+) -> None:
+    known = make_preview(leader, acceleration_m_s2=-0.2)
+    # 0.1 m/s^2 t^2: 0.9 m after 3 s, 1.6 m after 4 s.
+    bounded = replace(known, bounds_m=0.1 * (known.times_s - leader.time_s) ** 2)
+    forecast = forecaster.forecast(leader, bounded)
+    assert forecast.quality is PreviewQuality.SHORT
+    assert forecast.reason == "preview is known for 3.0 s of a 28 s horizon"
+    assert forecast.known_s == 3.0
+    # The expected motion is followed to its end.
+    positions, speeds = forecast.motion.at(known.times_s)
+    np.testing.assert_allclose(positions, known.positions_m, atol=1e-9)
+    np.testing.assert_allclose(speeds, known.speeds_m_s, atol=1e-12)
+
+
+def test_small_bounds_are_none(forecaster: LeaderForecaster, leader: LeaderState) -> None:
+    preview = make_preview(leader)
+    preview = replace(preview, bounds_m=np.linspace(0.0, 1.5, preview.times_s.size))
+    forecast = forecaster.forecast(leader, preview)
+    assert (forecast.quality, forecast.known_s) == (PreviewQuality.FULL, 60.0)
+
+
+def test_a_preview_that_is_not_known_at_all_is_an_expectation(
+    forecaster: LeaderForecaster, leader: LeaderState
+) -> None:
+    preview = make_preview(leader)
+    forecast = forecaster.forecast(leader, replace(preview, bounds_m=np.full(61, 2.0)))
+    assert (forecast.quality, forecast.known_s) == (PreviewQuality.SHORT, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("bounds_m", "reason"),
+    [
+        (np.zeros(60), "60 bounds; allowed: 0 or 61"),
+        (np.full(61, -0.1), "bound is -0.1 to -0.1 m"),
+        (np.full(61, math.nan), "bound is nan"),
+        (np.full(61, math.inf), "bound is inf"),
+    ],
+)
+def test_broken_bounds_make_a_preview_invalid(
+    forecaster: LeaderForecaster, leader: LeaderState, bounds_m: FloatArray, reason: str
+) -> None:
+    forecast = forecaster.forecast(leader, replace(make_preview(leader), bounds_m=bounds_m))
+    assert forecast.quality is PreviewQuality.INVALID
+    assert reason in forecast.reason
+
+
+def test_what_is_expected_and_not_asserted_costs_no_trust(
+    forecaster: LeaderForecaster, leader: LeaderState
+) -> None:
+    """A leader that brakes from 15 m/s behind previews that expect a constant speed."""
+    for second in range(8):
+        speed_m_s = 15.0 - 1.5 * second
+        now = replace(leader, time_s=100.0 + second, speed_m_s=speed_m_s)
+        preview = make_preview(now)
+        bounds = np.where(preview.times_s > now.time_s, 2.0, 0.0)
+        forecast = forecaster.forecast(now, replace(preview, bounds_m=bounds))
+        assert forecaster.trust.is_full
+        assert forecast.quality is PreviewQuality.SHORT
+
+
 @pytest.mark.parametrize(
     ("age_s", "quality"),
     [(0.0, 0), (3.0, 0), (MAX_AGE_S, 0), (MAX_AGE_S + 0.1, 2), (59.0, 2), (200.0, 2)],

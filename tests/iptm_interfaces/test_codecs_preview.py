@@ -210,7 +210,9 @@ def test_point_without_speed_is_refused() -> None:
         (decode_leader_preview, message),
         (decode_leader_preview_bytes, bytes(serialize_message(message))),
     ):
-        with pytest.raises(MessageError, match="point 1 has 1 positions and 0 velocities; allowed: 1 of each"):
+        with pytest.raises(
+            MessageError, match="point 1 has 1 positions and 0 velocities; allowed: 1 of each"
+        ):
             decode(given_)
 
 

@@ -58,7 +58,37 @@ def test_the_leader_is_known_from_its_messages(
 def test_without_foresight_little_is_claimed_to_be_known(route: Route) -> None:
     for answer in answers(radio(route, foresight=Foresight.NONE), route, range(60)):
         assert answer.predictor == "history"
-        assert answer.preview.times_s[-1] - answer.time_ns / NS == 2.0
+        now_s = answer.time_ns / NS
+        assert answer.preview.known_until_s - now_s == 2.0
+        # What is expected reaches farther.
+        assert answer.preview.times_s[-1] - now_s == 60.0
+        assert (np.diff(answer.preview.bounds_m) > 0.0).all()
+
+
+@pytest.mark.parametrize("foresight", list(Foresight))
+def test_position_accuracy_shifts_the_leader_and_nothing_else(
+    route: Route, foresight: Foresight
+) -> None:
+    exact, stated = (
+        list(
+            answers(
+                radio(route, foresight=foresight, position_accuracy_m=accuracy_m), route, range(60)
+            )
+        )
+        for accuracy_m in (0.02, 8.5)
+    )
+    for one, other in zip(exact, stated, strict=True):
+        assert one.leader is not None
+        assert other.leader is not None
+        assert one.leader.position_m - other.leader.position_m == pytest.approx(8.48)
+        assert one.leader.speed_m_s == other.leader.speed_m_s
+        assert other.leader_bound_m - one.leader_bound_m == pytest.approx(8.48)
+        assert one.preview.known_until_s == other.preview.known_until_s
+        np.testing.assert_array_equal(one.preview.speeds_m_s, other.preview.speeds_m_s)
+        np.testing.assert_allclose(
+            one.preview.positions_m - other.preview.positions_m, 8.48, atol=1e-6
+        )
+        np.testing.assert_allclose(one.preview.bounds_m, other.preview.bounds_m, atol=1e-6)
 
 
 @pytest.mark.parametrize("foresight", list(Foresight))

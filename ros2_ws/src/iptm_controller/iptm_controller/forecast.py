@@ -1,8 +1,8 @@
 """The leader's motion as the optimiser sees it: measured past, predicted future, and how good it is.
 
 A preview is used only if it is well formed and recent enough; beyond its end the leader keeps its last speed.
-It counts as known as far as its bounds allow, and up to the horizon that earlier previews have earned: from there
-on its expected motion is still followed, and the plan keeps its braking reserve. Without a preview the leader is
+It counts as known as far as its bounds allow, and up to the horizon that earlier previews have earned. From
+there on the plan follows what is expected and keeps its braking reserve. Without a preview the leader is
 extrapolated: its measured acceleration decays. Which of these holds, and why, is part of the result.
 """
 
@@ -39,7 +39,7 @@ class PreviewQuality(IntEnum):
     FULL = 0
     """A valid preview, known over the whole horizon."""
     SHORT = 1
-    """A valid preview that ends inside the horizon, with constant speed beyond it, or is known up to there."""
+    """A valid preview that ends inside the horizon (constant speed beyond it), or is known up to there."""
     STALE = 2
     """The newest preview is too old; the measured motion is extrapolated."""
     MISSING = 3
@@ -75,16 +75,9 @@ def preview_fault(preview: LeaderPreview) -> str:
     sizes = (times.size, positions.size, speeds.size)
     if len(set(sizes)) != 1:
         return f"preview has {sizes} times, positions and speeds; allowed: equal numbers"
-    if preview.bounds_m.size not in {0, times.size}:
-        return f"preview has {preview.bounds_m.size} bounds; allowed: 0 or {times.size}"
     if not np.isfinite(preview.generated_at_s):
         return f"preview was generated at {preview.generated_at_s} s; allowed: finite times"
-    for label, values in (
-        ("time", times),
-        ("position", positions),
-        ("speed", speeds),
-        ("bound", preview.bounds_m),
-    ):
+    for label, values in (("time", times), ("position", positions), ("speed", speeds)):
         finite = np.isfinite(values)
         if not finite.all():
             bad = _first(~finite)
@@ -93,8 +86,6 @@ def preview_fault(preview: LeaderPreview) -> str:
         passed_s, moved_m = times[1:] - times[:-1], positions[1:] - positions[:-1]
         halts, backwards = passed_s <= 0.0, moved_m < SPEED_AT_REST_M_S * np.maximum(passed_s, 1.0)
         leaps = moved_m > 1.0 + MAX_LEADER_SPEED_M_S * passed_s
-    if (preview.bounds_m < 0.0).any():
-        return f"preview bound is {preview.bounds_m.min()} m; allowed: at least 0 m"
     if halts.any():
         return f"preview times do not increase after node {_first(halts)}"
     if backwards.any():
@@ -111,6 +102,15 @@ def preview_fault(preview: LeaderPreview) -> str:
             f"preview speed is {speeds.min():.2f} to {speeds.max():.2f} m/s; "
             f"allowed: {SPEED_AT_REST_M_S:g} to {MAX_LEADER_SPEED_M_S:g} m/s"
         )
+    return _bounds_fault(preview)
+
+
+def _bounds_fault(preview: LeaderPreview) -> str:
+    bounds = preview.bounds_m
+    if bounds.size not in {0, preview.times_s.size}:
+        return f"preview has {bounds.size} bounds; allowed: 0 or {preview.times_s.size}"
+    if bounds.size and not (bounds.min() >= 0.0 and bounds.max() < np.inf):
+        return f"preview bound is {bounds.min():g} to {bounds.max():g} m; allowed: finite values from 0 m"
     return ""
 
 
@@ -244,16 +244,14 @@ class LeaderForecaster:
                 f"preview is {foretold_m_s - leader.speed_m_s:+.1f} m/s off the measured speed, "
                 f"more than {LARGEST_SPEED_ERROR_M_S:g} m/s"
             )
-        if last_s < leader.time_s + self._horizon_s - 1e-6:
+        until_s = min(last_s, preview.known_until_s)
+        if until_s < leader.time_s + self._horizon_s - 1e-6:
+            verb, ahead_s = "covers", max(until_s - leader.time_s, 0.0)
+            if until_s < last_s:
+                verb = "is known for"
             return (
                 PreviewQuality.SHORT,
-                f"preview covers {last_s - leader.time_s:.1f} s of a {self._horizon_s:g} s horizon",
-            )
-        known_s = preview.known_until_s - leader.time_s
-        if known_s < self._horizon_s - 1e-6:
-            return (
-                PreviewQuality.SHORT,
-                f"preview is known for {max(known_s, 0.0):.1f} s of a {self._horizon_s:g} s horizon",
+                f"preview {verb} {ahead_s:.1f} s of a {self._horizon_s:g} s horizon",
             )
         return PreviewQuality.FULL, ""
 

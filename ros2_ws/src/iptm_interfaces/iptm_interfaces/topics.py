@@ -76,6 +76,7 @@ class Topic(Enum):
     VISUAL_ROAD = "visual/road"
     VISUAL_PLAN = "visual/plan"
     VISUAL_LEADER_PREVIEW = "visual/leader_preview"
+    VISUAL_LEADER_BOUND = "visual/leader_bound"
     VISUAL_SCENE = "visual/scene"
 
 

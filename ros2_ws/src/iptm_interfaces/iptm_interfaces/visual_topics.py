@@ -35,6 +35,11 @@ _SPECS = (
         "the predicted motion of the leader's rear bumper, likewise", rate=_RATE,
     ),
     TopicSpec(
+        Topic.VISUAL_LEADER_BOUND, Path, PUBLISHER, MAP_FRAME, "m",
+        "the same motion less its bounds: where the leader is at least; no poses where it is known",
+        rate=_RATE,
+    ),
+    TopicSpec(
         Topic.VISUAL_SCENE, MarkerArray, PUBLISHER, MAP_FRAME, "m",
         "both cars, bars across the road where the gap would be s_min (red) and s_max (blue), and speed, "
         "gap and temperature in words",

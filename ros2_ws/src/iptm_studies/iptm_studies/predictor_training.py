@@ -1,4 +1,4 @@
-"""Training of the regression that predicts a leader: from recorded drives to coefficients, tried on others."""
+"""Train the regression that predicts a lead vehicle on recorded drives, and try it on others."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iptm_core.errors import IptmError, MeasurementError
 from iptm_core.markdown import markdown_table
@@ -36,12 +38,8 @@ LEVEL = 0.993
 """Level of the quantile regression: other drives keep about 99 %."""
 RIDGE = 10.0
 """Weight of the squared coefficients, in samples of unit size."""
-SHARE_OF_SAMPLES = 5
+SAMPLES_BETWEEN = 5
 """Bounds are fitted to every fifth second, means to all of them."""
-I3_SOURCE = (
-    "BMW i3 trips of Steinstraeter et al., Battery and Heating Data in Real Driving Cycles, TU Munich, "
-    "IEEE DataPort, CC BY 4.0"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +96,9 @@ def _measured(folder: Path) -> list[SpeedRecord]:
     return [
         SpeedRecord(drive.name, drive.speed_m_s)
         for drive in found.drives
-        if drive.driver is Driver.ROAD and drive.step_s == 1.0 and np.isfinite(drive.speed_m_s).all()
+        if drive.driver is Driver.ROAD
+        and drive.step_s == 1.0
+        and np.isfinite(drive.speed_m_s).all()
     ]
 
 
@@ -146,15 +146,15 @@ def train(drives: Sequence[SpeedRecord], trained_on: str) -> RegressionModel:
     _, expected_m, _ = without_bounds.at_leads(samples.past_m_s)
     behind_m = expected_m[:, 1:] - samples.driven_m
     weights = bound_weights(samples.past_m_s, BOUND_SPEEDS_M_S, BOUND_ACCELERATIONS_M_S2)
-    every = slice(None, None, SHARE_OF_SAMPLES)
+    every = slice(None, None, SAMPLES_BETWEEN)
     bounds = [quantile_regression(weights[every], column, LEVEL) for column in behind_m[every].T]
     return RegressionModel(
-        **{**vars(without_bounds), "bounds_m": _rows(np.maximum(bounds, 0.0), 3)}
+        **{**vars(without_bounds), "bounds_m": _rows(np.maximum(np.array(bounds), 0.0), 3)}
     )
 
 
-def _rows(table: FloatArray, digits: int) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(np.round(row, digits).tolist()) for row in table)
+def _rows(table: NDArray[np.floating[Any]], digits: int) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(round(float(value), digits) for value in row) for row in table)
 
 
 def evaluate(model: RegressionModel, drives: Sequence[SpeedRecord]) -> list[dict[str, float]]:
@@ -178,7 +178,9 @@ def evaluate(model: RegressionModel, drives: Sequence[SpeedRecord]) -> list[dict
             {
                 "lead_s": float(lead_s),
                 "rms_m": float(np.sqrt(np.mean(error_m**2))),
-                "decay_rms_m": float(np.sqrt(np.mean((decay_m - samples.driven_m[:, column]) ** 2))),
+                "decay_rms_m": float(
+                    np.sqrt(np.mean((decay_m - samples.driven_m[:, column]) ** 2))
+                ),
                 "bound_m": float(bound_m.mean()),
                 "kept_percent": float(100.0 * np.mean(error_m <= bound_m + 1e-6)),
             }
@@ -192,7 +194,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         "sources",
         nargs="*",
         metavar="DRIVES",
-        help="folders of measured drives, and cycles or recorded drives (default: the excerpts of the project)",
+        help="folders of measured drives, and cycles or recorded drives (default: excerpts of the project)",
     )
     parser.add_argument(
         "--output", type=Path, metavar="FILE", help="write the model there, for regression_model"
@@ -211,7 +213,13 @@ def _run(options: argparse.Namespace) -> None:
     print(f"trained on {len(drives) - len(tried)} drives")
     if tried:
         heads = ("after", "position error rms", "with decaying acceleration", "mean bound", "kept")
-        cells = ("{lead_s:g} s", "{rms_m:.2f} m", "{decay_rms_m:.2f} m", "{bound_m:.2f} m", "{kept_percent:.1f} %")
+        cells = (
+            "{lead_s:g} s",
+            "{rms_m:.2f} m",
+            "{decay_rms_m:.2f} m",
+            "{bound_m:.2f} m",
+            "{kept_percent:.1f} %",
+        )
         rows = evaluate(model, tried)
         print(f"tried on {len(tried)} others:\n")
         print(markdown_table(heads, ([cell.format_map(row) for cell in cells] for row in rows)))

@@ -1,10 +1,10 @@
 """The bridge of received messages: datagrams in, for every tick the leader and what it will do.
 
-Where the leader is, is known from its messages alone: its position is the predicted one less its 99 % bound,
-its speed less the rate at which that grows. The preview has the expected motion and its bounds, without what is
-unknown of the present position, which moves all of it nearer. The controller keeps its braking reserve from where
-the bounds exceed what counts as known. A leader that falls silent is still there: it goes on leading, as one that
-brakes to a halt since its last message.
+Where the leader is, is known from its messages alone: its position is the predicted one less its 99 %
+bound, its speed less the rate at which that grows. The preview has the expected motion and its bounds,
+without what is unknown of the present position, which moves all of it nearer. The controller keeps its
+braking reserve from where the bounds exceed what counts as known. A leader that falls silent is still
+there: it goes on leading, as one that brakes to a halt since its last message.
 """
 
 from __future__ import annotations

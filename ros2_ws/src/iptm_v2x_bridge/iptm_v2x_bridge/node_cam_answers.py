@@ -45,7 +45,9 @@ class CamAnswers:
         self._source, self._options, self._retry = source, options, retry
         self._model = options.model().values
         self._given = options.build_given_rules()
-        options.build_heard_rules(self._given, source.route.road_line)  # refused now, if at all
+        # Refused now, if at all.
+        options.build_heard_rules(self._given, source.route.road_line)
+        options.build_predictors(source.route, self._given)
         self._bridge: CamBridge | None = None
         self._rules: TickBridge | None = None
         self._before: tuple[CamBridge | None, TickBridge | None, int, int, int | None]

@@ -11,11 +11,13 @@ from iptm_core.errors import ParameterError, RouteError
 from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.road_line import RoadLine
+from iptm_core.text_enum import TextEnum
 from iptm_v2x_bridge.messages.pycrate_codec import specification
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
 from iptm_v2x_bridge.prediction.predictor import Predictor
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, GivenRules, RoadRules
 from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
 from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
@@ -23,9 +25,28 @@ from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.table import RoadsideTable
 
 
+class Expectation(TextEnum):
+    """What is expected of a leader of whose future nothing is known."""
+
+    HISTORY = "history"
+    """Its acceleration decays."""
+    REGRESSION = "regression"
+    """What other drivers did after the same seconds."""
+
+
 @dataclass(frozen=True)
 class RoadKnowledgeSettings(Settings):
-    """Earlier drives, and the rules of the road."""
+    """Earlier drives, the rules of the road, and what is expected where nothing is known."""
+
+    prediction: Expectation = parameter(
+        Expectation.REGRESSION,
+        "cam: expected motion of a leader that sends no path: history (its acceleration decays) or "
+        "regression (on its last 10 s)",
+    )
+    regression_model: str = parameter(
+        "",
+        "cam: file with the regression, written by scripts/train_predictor; empty: the shipped one",
+    )
 
     earlier_drives: str = parameter(
         "",
@@ -104,6 +125,9 @@ class RoadKnowledgeSettings(Settings):
         Raises:
             IptmError: a file is not usable.
         """
+        usual: Predictor = History()
+        if self.prediction is Expectation.REGRESSION:
+            usual = Regression(RegressionModel.load(self.regression_model))
         found: list[Predictor] = [ReceivedPath()]
         names = [name.strip() for name in self.earlier_drives.split(",") if name.strip()]
         if names:
@@ -111,8 +135,8 @@ class RoadKnowledgeSettings(Settings):
             drives = [build_route(name, initial_gap_m=gap_m).leader for name in names]
             found.append(LearntProfile([(drive.positions_m, drive.speeds_m_s) for drive in drives]))
         if self.leader_keeps_rules:
-            found.append(BoundedByRules(History(), rules))
-        return (*found, History())
+            found.append(BoundedByRules(usual, rules))
+        return (*found, usual)
 
 
 def read_limits(text: str) -> SpeedLimits:

@@ -179,7 +179,8 @@ def _decision(message: Any) -> dict[str, float]:
 def plan_ahead(messages: Mapping[Topic, bytes]) -> dict[str, list[float]]:
     """Return the plan as the page draws it; empty without one.
 
-    The gap ahead is that to the leader's preview, as far as this reaches.
+    The gap ahead is that to the leader's preview, as far as this reaches; the smallest gap ahead is that to a
+    leader behind it by its bounds, where it has any.
 
     Args:
         messages: CDR bytes of one stamp by topic.
@@ -192,17 +193,21 @@ def plan_ahead(messages: Mapping[Topic, bytes]) -> dict[str, list[float]]:
     _, plan = decode_plan(_message(Topic.PLAN, messages[Topic.PLAN]))
     if not plan.times_s.size:
         return {}
-    gaps_m = np.full(plan.times_s.shape, math.nan)
+    gaps_m = smallest_m = np.full(plan.times_s.shape, math.nan)
     if Topic.LEADER_PREVIEW in messages:
         _, preview = decode_leader_preview_bytes(messages[Topic.LEADER_PREVIEW])
         if preview.times_s.size:
             leader_m = np.interp(plan.times_s, preview.times_s, preview.positions_m)
             known = plan.times_s <= preview.times_s[-1]
             gaps_m = np.where(known, leader_m - plan.positions_m, math.nan)
+            if preview.bounds_m.size:
+                behind_m = np.interp(plan.times_s, preview.times_s, preview.bounds_m)
+                smallest_m = gaps_m - behind_m
     return {
         "time_s": plan.times_s.tolist(),
         "speed_m_s": plan.speeds_m_s.tolist(),
         "gap_m": gaps_m.tolist(),
+        "smallest_gap_m": smallest_m.tolist(),
         "cell_1_temperature_c": (plan.cell_1_temperatures_k - CELSIUS_ZERO_K).tolist(),
         "cell_n_temperature_c": (plan.cell_n_temperatures_k - CELSIUS_ZERO_K).tolist(),
         "compressor_power_w": plan.compressor_powers_w.tolist(),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -134,19 +135,23 @@ class VisualizerNode(SuiteNode):
         self._publish_if_heard(Topic.VISUAL_PLAN, build)
 
     def _draw_preview(self, data: bytes) -> None:
-        def build() -> Any:
+        def build(*, is_bound: bool) -> Any:
             stamp_ns, preview = decode_leader_preview_bytes(data)
             # A prediction that was sent long ago begins in the past; a stamp is never before 0.
             first = int(np.searchsorted(preview.times_s, max(0.0, stamp_ns * 1e-9)))
+            if is_bound and not preview.bounds_m.size:
+                first = preview.times_s.size
+            motion = preview.cautious() if is_bound else preview
             return path_message(
                 self._course,
                 stamp_ns,
-                preview.positions_m[first:],
+                motion.positions_m[first:],
                 LEADER_LENGTH_M,
-                preview.times_s[first:],
+                motion.times_s[first:],
             )
 
-        self._publish_if_heard(Topic.VISUAL_LEADER_PREVIEW, build)
+        self._publish_if_heard(Topic.VISUAL_LEADER_PREVIEW, partial(build, is_bound=False))
+        self._publish_if_heard(Topic.VISUAL_LEADER_BOUND, partial(build, is_bound=True))
 
     def _draw_scene(self) -> None:
         """Draw the newest instant of which both cars are known, or the host alone where nobody leads."""

@@ -1,8 +1,8 @@
 """What lies ahead: the predicted motion of the leader and the slope of the road.
 
 A prediction carries two times: the stamp of its publication and the instant of its generation, which
-is the time of its first point. Where it is uncertain, a second joint has its bounds. `codecs/preview_wire.py` does the same as the functions here, faster,
-on serialised bytes.
+is the time of its first point. Where it is uncertain, a second joint has its bounds.
+`codecs/preview_wire.py` does the same as the functions here, faster, on serialised bytes.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A preview of 61 nodes costs about 0.8 ms as message objects (build, serialise, parse, take apart),
 more than everything else in a tick but the solver; here it costs some tens of microseconds. In CDR,
 the encoding of DDS, every point of one position and one velocity takes 48 bytes, 64 with the bound, so a
-NumPy record array is laid over them. The result is an ordinary `trajectory_msgs/JointTrajectory` for any reader.
+NumPy record array is laid over them. The result is an ordinary `trajectory_msgs/JointTrajectory`.
 Received bytes of any other shape (byte order, names, points) are decoded the ordinary way.
 """
 

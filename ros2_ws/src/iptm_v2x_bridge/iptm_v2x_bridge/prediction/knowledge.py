@@ -19,7 +19,8 @@ MAX_ASIDE_M = 10.0
 def knowledge_of(station: Station, road: RoadLine) -> Knowledge:
     """Return the observations of a station, and its predicted path as far as it stays on the road."""
     length_m = station.message.front_to_rear_m
-    return Knowledge(tuple(station.observations), _road_path(station, road), length_m)
+    stood_s = station.last.time_s - station.moved_s
+    return Knowledge(tuple(station.observations), _road_path(station, road), length_m, stood_s)
 
 
 def _road_path(station: Station, road: RoadLine) -> RoadPath | None:

@@ -15,12 +15,11 @@ from iptm_v2x_bridge.prediction.predictor import (
     Prediction,
     PredictorName,
 )
+from iptm_v2x_bridge.stations.station import CREEP_M_S
 
 SPACING_M = 5.0
 """Grid of the profile along the road."""
-CREEP_M_S = 0.5
-"""Speed below which a driver is taken to stand."""
-BLEND_S = 8.0
+BLEND_S = 5.0
 """Time in which the driver's own speed gives way to the usual one."""
 GROWTH = ErrorGrowth(
     (0.0, 0.2, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0, 60.0),
@@ -112,6 +111,4 @@ class LearntProfile:
             return 0.0
         cell = int(np.clip((last.position_m - self._grid[0]) / SPACING_M, 0, self._grid.size - 1))
         usual_s = float(self._stands_s[max(cell - 1, 0) : cell + 2].sum())
-        moving = [seen.time_s for seen in known.observations if seen.speed_m_s > CREEP_M_S]
-        stood_s = last.time_s - (moving[-1] if moving else known.observations[0].time_s)
-        return max(usual_s - stood_s, 0.0)
+        return max(usual_s - known.stood_s, 0.0)

@@ -50,11 +50,13 @@ class Knowledge:
         observations: what it told, oldest first, at least one.
         path: what it said that it will do, None if it said nothing.
         length_m: from its rear end to its front.
+        stood_s: for how long it has stood, as far as it was heard.
     """
 
     observations: Sequence[Observation]
     path: RoadPath | None = None
     length_m: float = ASSUMED_LENGTH_M
+    stood_s: float = 0.0
 
     @property
     def last(self) -> Observation:
@@ -119,8 +121,8 @@ def joined_motion(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the expected motion, and how far the leader may be behind whichever prediction is about it.
 
-    What is unknown of the position from the beginning on stays: it moves the whole motion nearer, and is no part
-    of the bounds. Of several predictions the nearest position and the lowest speed count.
+    What is unknown of the position from the beginning on stays: it moves the whole motion nearer, and is no
+    part of the bounds. Of several predictions the nearest position and the lowest speed count.
 
     Args:
         predictions: at least one, beginning at the same time with the same nodes.
@@ -129,7 +131,9 @@ def joined_motion(
         Positions, speeds and bounds up to the end of the shortest prediction, shape (n,) each.
     """
     count = min(prediction.times_s.size for prediction in predictions)
-    positions = np.min([each.positions_m[:count] - each.bounds_m[0] for each in predictions], axis=0)
+    positions = np.min(
+        [each.positions_m[:count] - each.bounds_m[0] for each in predictions], axis=0
+    )
     nearest = np.min([(each.positions_m - each.bounds_m)[:count] for each in predictions], axis=0)
     speeds = np.min([each.speeds_m_s[:count] for each in predictions], axis=0)
     return positions, speeds, np.maximum(positions - nearest, 0.0)

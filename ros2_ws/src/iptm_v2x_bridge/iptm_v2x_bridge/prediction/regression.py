@@ -1,7 +1,7 @@
 """A prediction by linear regression on what the leader did in the last seconds.
 
-The expected change of speed up to some lead times is linear in features of the past speeds; the bound of the position
-is a table over speed and acceleration. Coefficients come from drives (`scripts/train_predictor`).
+The expected change of speed up to some lead times is linear in features of the past speeds; the bound of
+the position is a table over speed and acceleration. Both come from drives (`scripts/train_predictor`).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,8 +33,8 @@ def linear_weights(values: FloatArray, nodes: Sequence[float]) -> FloatArray:
 def regression_features(past_speeds_m_s: FloatArray) -> FloatArray:
     """Return the features of the regression, shape (n, features).
 
-    Weights of the speed at its nodes; these times the acceleration of the last second, where it is negative and
-    where it is positive; the changes of speed in each second of the past.
+    Weights of the speed at its nodes; these times the acceleration of the last second, where it is negative
+    and where it is positive; the changes of speed in each second of the past.
 
     Args:
         past_speeds_m_s: speeds now and 1 to `PAST_S` seconds ago, shape (n, `PAST_S` + 1).
@@ -149,8 +150,8 @@ class RegressionModel:
         try:
             read = json.loads(text)
             values = {entry.name: read[entry.name] for entry in fields(cls)}
-            numbers = {name: _tuples(value) for name, value in values.items() if name not in _TEXTS}
-            model = cls(str(values["trained_on"]), tuple(map(str, values["drives"])), **numbers)
+            values = {name: _tuples(value) for name, value in values.items()}
+            model = cls(**values)
         except (ValueError, KeyError, TypeError) as reason:
             raise RouteError(f"regression cannot be read: {reason!r}") from reason
         return model
@@ -170,11 +171,8 @@ class RegressionModel:
         return cls.from_json(text)
 
 
-_TEXTS = ("trained_on", "drives")
-
-
-def _tuples(value: object) -> object:
-    return tuple(map(_tuples, value)) if isinstance(value, list) else float(value)  # type: ignore[arg-type]
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
 class Regression:
@@ -200,11 +198,12 @@ class Regression:
         slopes = np.diff(speeds) / np.diff(leads)
         moved = driven[index] + since * (speeds[index] + 0.5 * slopes[index] * since)
         beyond = elapsed - inside
+        moved += speeds[-1] * beyond
         rate = (bounds[-1] - bounds[-2]) / (leads[-1] - leads[-2])
         return Prediction(
             PredictorName.REGRESSION,
             times_s,
-            last.position_m + moved + speeds[-1] * beyond,
+            last.position_m + moved,
             np.interp(inside, leads, speeds),
-            np.interp(inside, leads, bounds) + rate * beyond + last.bound_m,
+            np.minimum(np.interp(inside, leads, bounds) + rate * beyond, moved) + last.bound_m,
         )

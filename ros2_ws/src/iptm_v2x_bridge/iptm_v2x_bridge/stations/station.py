@@ -16,6 +16,8 @@ OBSERVATIONS = 128
 """Observations kept of a station: twelve seconds at 10 Hz, for predictors."""
 CONFIRMED_AFTER_MS = 300
 """A station counts once two or more messages over this time agree with each other."""
+CREEP_M_S = 0.5
+"""Speed below which a station is taken to stand."""
 LANE_HALF_WIDTH_M = 1.5
 """A station whose middle is closer to the host's path than this is in the host's lane ..."""
 LEFT_LANE_M = 2.5
@@ -73,6 +75,7 @@ class Station:
         heard_ms: when it arrived, TimestampIts of the receiver's clock.
         fix: its reference position as seen from the road.
         observations: what the accepted messages said, oldest first.
+        moved_s: when it was last heard moving, s of TimestampIts; when it was first heard if it never was.
         path: newest predicted path: TimestampIts of its message, the path, the rear end at its beginning.
         in_lane: whether it is in the lane of the host.
     """
@@ -118,6 +121,8 @@ class Station:
                 bound_m=message.position_bound_m or 0.0,
             )
         )
+        if self.last.speed_m_s > CREEP_M_S or len(self.observations) == 1:
+            self.moved_s = self.last.time_s
         if message.path is not None:
             self.path = (generated_ms, message.path, self.last.position_m)
         self._vote()

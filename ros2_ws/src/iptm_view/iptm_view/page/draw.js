@@ -109,6 +109,9 @@ function linesOf(panel, line, plan) {
     const future = line.holds ? stepped(plan.time_s, ahead) : { xs: plan.time_s, ys: ahead };
     lines.push({ ...future, color: line.color, dash: [3, 3], width: 1.5, isAhead: true });
   }
+  if (plan && line.worst && plan[line.worst]) {
+    lines.push({ xs: plan.time_s, ys: inUnit(plan[line.worst], line.factor), color: line.color, dash: [1, 3], width: 1, isAhead: true });
+  }
   const index = table.indexAt(readingTime());
   return { lines, value: index < 0 ? null : ys[index] };
 }

@@ -68,7 +68,7 @@ function reference(column, factor) {
 
 /**
  * Panels of curves. A line has a column (or `of`, which computes a curve), a factor into the unit of the panel, and
- * where the plan has it, its column there; one that `holds` keeps its value between nodes. `broken` names the limits
+ * where the plan has it, its column there, and that of its worst case; one that `holds` keeps its value between nodes. `broken` names the limits
  * of `Run.brokenRows` that hold for it. A limit has the colour of the curve that it holds for.
  */
 export const PANELS = [
@@ -95,7 +95,7 @@ export const PANELS = [
     lines: [
       { label: "s_min", color: "red", column: "min_gap_m", factor: 1, width: 1.1 },
       reference("gap_m", 1),
-      { label: "this car", color: "blue", column: "gap_m", factor: 1, plan: "gap_m", broken: ["gap below s_min", "gap above s_max"] },
+      { label: "this car", color: "blue", column: "gap_m", factor: 1, plan: "gap_m", worst: "smallest_gap_m", broken: ["gap below s_min", "gap above s_max"] },
     ],
   },
   {
