@@ -24,6 +24,7 @@ from iptm_v2x_bridge.prediction.knowledge import knowledge_of
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
 from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.signals import BoundedBySignals
 from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits, SpeedLimits
 from iptm_v2x_bridge.rejections import Rejection
@@ -34,7 +35,9 @@ from iptm_v2x_bridge.stations.station import Station
 # The bounds of the predictors were read off udds, hwfet, us06 and sc03.
 NOT_FITTED_ON = ("wltc_class3b", "nycc")
 LEADS_S = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0, 60.0)
-HISTORY_MS = 1000
+LAST_SECOND_MS = range(-1000, 1, 100)
+BEFORE_MS = range(-11_000, -1000, 1000)
+"""When messages were heard, against the present: once a second, and ten times in the last one."""
 EARLIER_DRIVES = 5
 LIMITS_KM_H = (30.0, 50.0, 70.0, 100.0, 130.0)
 LIMIT_LENGTH_M = 500.0
@@ -43,10 +46,18 @@ SHORTEST_STAY_S = 180.0
 IN_TRAFFIC_EVERY_S = 10.0
 
 
-def knowledge_at(sender: CamSender, road: RoadLine, time_ms: int) -> Knowledge:
-    """Return what a receiver knows after a second of messages, through the bits of the wire."""
+def knowledge_at(sender: CamSender, road: RoadLine, time_ms: int, since_ms: int = 0) -> Knowledge:
+    """Return what a receiver knows after some seconds of messages, through the bits of the wire.
+
+    Args:
+        sender: sends them.
+        road: the road that they are projected onto.
+        time_ms: the present.
+        since_ms: nothing was heard before.
+    """
     station: Station | None = None
-    for at_ms in range(time_ms - HISTORY_MS, time_ms + 1, 100):
+    heard_ms = [time_ms + past_ms for past_ms in (*BEFORE_MS, *LAST_SECOND_MS)]
+    for at_ms in (at_ms for at_ms in heard_ms if at_ms >= since_ms):
         read = decode_datagram(sender.datagram_at(at_ms * 1_000_000))
         if isinstance(read, Rejection):
             raise SystemExit(f"own message is rejected: {read}")
@@ -108,6 +119,7 @@ def on_cycle(cycle: str) -> list[Case]:
         (PredictorName.RECEIVED_PATH, planned, ReceivedPath()),
         (PredictorName.LEARNT_PROFILE, driven, learnt),
         (PredictorName.SPEED_LIMITS, planned, limited),
+        (PredictorName.REGRESSION, planned, Regression(RegressionModel.load())),
         (PredictorName.HISTORY, planned, History()),
     ]
 
@@ -151,7 +163,9 @@ def errors(
         sender = CamSender(motion, road, SenderSettings())
         first_s = motion.times_s[0] + 1.5  # a second of messages, and between the samples
         for time_s in np.arange(first_s, motion.times_s[-1] - until_before_end_s, every_s):
-            known = knowledge_at(sender, road, round(1000.0 * time_s))
+            known = knowledge_at(
+                sender, road, round(1000.0 * time_s), round(1000.0 * motion.times_s[0])
+            )
             times = time_s + leads
             told = predictor.predict(known, times)
             if told is None or told.times_s.size < times.size:

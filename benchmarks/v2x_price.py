@@ -1,18 +1,23 @@
 """Measures the price of not knowing the leader's future: known from a file, and from messages.
 
-Each row drives the whole trip without ROS; the messages are real bits that are sent, lost, delayed and read.
+Each row drives the whole trip without ROS; the messages are real bits that are sent, lost, delayed and read. The
+price is the difference in degradation between a leader that is expected to let its acceleration decay and one that
+is known from the file. What another predictor recovers of it is counted against the row with the same accuracy and
+link.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from collections import Counter
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from benchmarks.harness import formatted_table, run_benchmark
+from benchmarks.v2x_prediction import EARLIER_DRIVES, other_drive
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon
@@ -23,35 +28,60 @@ from iptm_core.decision_record import Rung
 from iptm_core.metrics import compute_metrics
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
 from iptm_core.parameters import load_parameters
-from iptm_core.routes import build_route
+from iptm_core.routes import Route, build_route
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import PreviewSettings
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
+from iptm_v2x_bridge.prediction.predictor import Predictor
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
 from iptm_v2x_bridge.simulated_radio import SimulatedRadio
 from iptm_v2x_bridge.source import CycleSource
 
-LOSSES = (0.0, 0.2, 0.5)
-DELAYS_S = (0.0, 0.3, 1.0)
-SENDERS = {
-    "path prediction, 10 Hz": (Foresight.PATH, 10.0),
-    "plain, 10 Hz": (Foresight.NONE, 10.0),
-    "plain, 1 Hz": (Foresight.NONE, 1.0),
-}
 FILE = "file"
+DECAY = "decaying acceleration"
+PATH = "path prediction"
+EARLIER = "earlier drives"
+REGRESSION = "regression"
+RARE = "decaying acceleration, 1 Hz"
+LEADERS = (DECAY, PATH, EARLIER, REGRESSION, RARE)
+CYCLES = ("wltc_class3b", "us06", "nycc")
+ACCURACIES_M = (0.02, 1.0, 2.8, 8.5)
+USUAL_ACCURACY_M = 2.8
+"""Of real cars; the others are looked at on a perfect link."""
+LINKS = ((0.2, 0.3), (0.5, 1.0))
+"""Loss and delay in s."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One row: who tells of the leader, and what the link makes of it."""
+    """One row: the trip, how the leader is predicted, its stated accuracy and the link."""
 
+    cycle: str
     leader: str
+    accuracy_m: float = 0.0
     loss: float = 0.0
     delay_s: float = 0.0
+
+
+def predictors_of(leader: str, route: Route) -> tuple[Predictor, ...]:
+    """Return the predictors of a row; earlier drives are other drives of the same road."""
+    if leader == PATH:
+        return ReceivedPath(), History()
+    if leader == REGRESSION:
+        return (Regression(RegressionModel.load()),)
+    if leader == EARLIER:
+        source = np.random.default_rng(1)
+        drives = [other_drive(route.leader, source) for _ in range(EARLIER_DRIVES)]
+        return LearntProfile([(drive.positions_m, drive.speeds_m_s) for drive in drives]), History()
+    return (History(),)
 
 
 class Watched:
@@ -70,10 +100,12 @@ class Watched:
         return answer
 
 
-def drive(case: Case, cycle: str, duration_s: float | None, seed: int) -> dict[str, Any]:
+def drive(case: Case, duration_s: float | None, seed: int) -> dict[str, Any]:
     """Drive one trip and return its figures."""
     parameters = load_parameters().values
-    route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
+    route = build_route(
+        case.cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s
+    )
     chosen = ControllerSettings()
     options = ControllerOptions(
         strategy=strategy_by_name(chosen.strategy),
@@ -85,16 +117,17 @@ def drive(case: Case, cycle: str, duration_s: float | None, seed: int) -> dict[s
         faults = PreviewSettings(latency_s=case.delay_s, dropout_probability=case.loss, seed=seed)
         bridge = V2xBridge(CycleSource(route), faults)
     else:
-        foresight, rate_hz = SENDERS[case.leader]
         settings = SenderSettings(
-            rate_hz=rate_hz,
-            foresight=foresight,
+            rate_hz=1.0 if case.leader == RARE else 10.0,
+            foresight=Foresight.PATH if case.leader == PATH else Foresight.NONE,
+            position_accuracy_m=case.accuracy_m,
             link_delay_s=case.delay_s,
             loss_probability=case.loss,
             sender_seed=seed,
         )
         road = RoadLine.test_road()
-        bridge = SimulatedRadio(CamSender(route.leader, road, settings), CamBridge(road))
+        receiver = CamBridge(road, predictors=predictors_of(case.leader, route))
+        bridge = SimulatedRadio(CamSender(route.leader, road, settings), receiver)
     watched = Watched(bridge)
     safe_law: list[int] = []
 
@@ -125,44 +158,69 @@ def drive(case: Case, cycle: str, duration_s: float | None, seed: int) -> dict[s
 
 
 def measure(
-    cycle: str = "wltc_class3b",
+    cycle: tuple[str, ...] = CYCLES,
     duration_s: float = 0.0,
     seed: int = 1,
     quick: int = 0,
-    leader: tuple[str, ...] = tuple(SENDERS),
+    leader: tuple[str, ...] = LEADERS,
 ) -> dict[str, Any]:
     """Measure all cases.
 
     Args:
-        cycle: driving cycle of the leader.
-        duration_s: length of the trip, s; 0 for all of it.
+        cycle: driving cycle of the leader, may be repeated.
+        duration_s: length of the trips, s; 0 for all of them.
         seed: of loss.
-        leader: known from the file, and from these messages; may be repeated.
-        quick: 1 takes only the best and the worst link.
+        quick: 1 leaves out losses, and all accuracies but that of real cars.
+        leader: how it is predicted, beside the file; may be repeated.
     """
-    links = [(loss, delay_s) for loss in LOSSES for delay_s in DELAYS_S]
-    if quick:
-        links = [links[0], links[-1]]
-    cases = [Case(FILE)] + [Case(sender, *link) for sender in leader for link in links]
-    rows = []
-    for case in cases:
-        rows.append(drive(case, cycle, duration_s or None, seed))
-        first = rows[0]
-        for key, name in (
-            ("degradation_1e7", "degradation_change"),
-            ("battery_energy_kj", "energy_change"),
-        ):
-            rows[-1][name] = 100.0 * (rows[-1][key] / first[key] - 1.0)
-        print(rows[-1], file=sys.stderr, flush=True)
-    return {"cycle": cycle, "duration_s": duration_s, "rows": rows}
+    rows: list[dict[str, Any]] = []
+    for trip in cycle:
+        cases = [Case(trip, FILE)]
+        for name in leader:
+            accuracies = (USUAL_ACCURACY_M,) if quick or name == RARE else ACCURACIES_M
+            cases += [Case(trip, name, accuracy_m) for accuracy_m in accuracies]
+            cases += [Case(trip, name, USUAL_ACCURACY_M, *link) for link in LINKS if not quick]
+        of_trip: dict[Case, dict[str, Any]] = {}
+        for case in cases:
+            row = of_trip[case] = drive(case, duration_s or None, seed)
+            _compare(row, of_trip[cases[0]], of_trip.get(replace(case, leader=DECAY)))
+            print(row, file=sys.stderr, flush=True)
+        rows += of_trip.values()
+    return {"duration_s": duration_s, "rows": rows}
+
+
+def _compare(row: dict[str, Any], file: dict[str, Any], plain: dict[str, Any] | None) -> None:
+    """Add how a row compares with the file, and with the decaying acceleration on the same link."""
+    for key, name in (
+        ("degradation_1e7", "degradation_change"),
+        ("battery_energy_kj", "energy_change"),
+    ):
+        row[name] = 100.0 * (row[key] / file[key] - 1.0)
+    row["recovered_percent"] = math.nan
+    if plain is not None and plain is not row and row is not file:
+        price = plain["degradation_1e7"] - file["degradation_1e7"]
+        gain = plain["degradation_1e7"] - row["degradation_1e7"]
+        row["recovered_percent"] = 100.0 * gain / price
+
+
+def _text(row: dict[str, Any]) -> dict[str, Any]:
+    share = row["recovered_percent"]
+    return {
+        **row,
+        "accuracy": f"{row['accuracy_m']:g} m" if row["accuracy_m"] else "-",
+        "recovered": "-" if math.isnan(share) else f"{share:.0f} %",
+    }
 
 
 COLUMNS = {
+    "trip": "{cycle}",
     "leader known from": "{leader}",
+    "accuracy:": "{accuracy}",
     "lost:": "{loss_percent:.0f} %",
     "delay:": "{delay_s:g} s",
     "degradation:": "{degradation_1e7:.3f}·10⁻⁷",
     "against the file:": "{degradation_change:+.2f} %",
+    "of the price recovered:": "{recovered}",
     "battery energy:": "{battery_energy_kj:.0f} kJ",
     "against the file :": "{energy_change:+.2f} %",
     "smallest gap:": "{smallest_gap_m:.2f} m",
@@ -176,7 +234,7 @@ COLUMNS = {
 
 def as_table(numbers: dict[str, Any]) -> str:
     """Return the numbers as a table in Markdown."""
-    return formatted_table(numbers["rows"], COLUMNS)
+    return formatted_table(map(_text, numbers["rows"]), COLUMNS)
 
 
 if __name__ == "__main__":
