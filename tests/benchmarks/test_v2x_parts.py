@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
+from benchmarks import v2x_price
 from benchmarks.v2x_fuzz import fuzz
 from benchmarks.v2x_page import put
 
@@ -29,3 +32,17 @@ def test_a_table_is_put_between_its_marks_and_nowhere_else() -> None:
     assert put(once, "price", "| new |") == once
     with pytest.raises(StoreError, match="no marks"):
         put("nothing", "price", "| new |")
+
+
+def test_the_price_of_a_short_trip() -> None:
+    numbers = v2x_price.measure(("nycc",), 60.0, quick=1, leader=(v2x_price.DECAY, v2x_price.PATH))
+    file, decay, path = numbers["rows"]
+    assert [row["leader"] for row in (file, decay, path)] == [
+        "file",
+        v2x_price.DECAY,
+        v2x_price.PATH,
+    ]
+    assert path["degradation_1e7"] == pytest.approx(file["degradation_1e7"], rel=0.02)
+    assert path["recovered_percent"] == pytest.approx(100.0, abs=10.0)
+    assert math.isnan(decay["recovered_percent"])
+    assert v2x_price.as_table(numbers).count("\n") == 4

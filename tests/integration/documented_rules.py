@@ -97,7 +97,9 @@ RULES = (
     ),
     Rule(Way.NOT, r"export .*", "sets a variable"),
     Rule(
-        Way.NOT, r"scripts/validate --data .*", "measured data that are not part of the repository"
+        Way.NOT,
+        r"scripts/(validate --data|train_predictor) .*",
+        "measured data that are not part of the repository",
     ),
     Rule(
         Way.NOT,
@@ -131,6 +133,7 @@ RULES = (
     Rule(Way.SERVE, r"scripts/controller .*", _INTERPRETED, node="controller"),
     Rule(Way.SERVE, r"scripts/v2x_send .*", node="v2x_sender"),
     Rule(Way.DRIVE, r"scripts/(validate|replay --check .*)"),
+    Rule(Way.DRIVE, r"scripts/train_predictor"),
     Rule(Way.DRIVE, r"scripts/campaign --dry-run", "--store {out}"),
     Rule(Way.DRIVE, r"scripts/run_demo .*--output.*", _SHORT),
     Rule(Way.DRIVE, r"(IPTM_COMPILER=none )?scripts/run_demo.*", f"{_SHORT} --output {{out}}"),
