@@ -1,9 +1,9 @@
 """Measures the price of not knowing the leader's future: known from a file, and from messages.
 
 Each row drives the whole trip without ROS; the messages are real bits that are sent, lost, delayed and read.
-The price is the difference in degradation between a leader whose acceleration is expected to decay and one that
-is known from the file. What another predictor recovers of it is counted against the row with the same accuracy
-and link.
+The price is the difference in degradation between a leader whose acceleration is expected to decay and one
+that is known from the file. What another predictor recovers of it is counted against the row with the same
+accuracy and link.
 """
 
 from __future__ import annotations

@@ -39,9 +39,10 @@ def test_what_is_regular_is_learnt() -> None:
     model = train(drives[:2], "made")
     rows = evaluate(model, drives[2:])
     assert model.drives == ("0", "1")
-    assert max(row["rms_m"] for row in rows) < 2.0
     assert rows[3]["lead_s"] == 10.0
-    assert rows[3]["decay_rms_m"] > 20.0 * rows[3]["rms_m"]
+    # But for the chords between the lead times.
+    assert max(row["rms_m"] for row in rows[:4]) < 0.5
+    assert rows[3]["decay_rms_m"] > 10.0
     assert min(row["kept_percent"] for row in rows) > 95.0
 
 

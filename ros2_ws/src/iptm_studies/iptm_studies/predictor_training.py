@@ -85,7 +85,7 @@ def read_drives(sources: Sequence[str]) -> list[SpeedRecord]:
         if Path(source).is_dir():
             drives += _measured(Path(source))
             continue
-        motion = build_route(source, initial_gap_m=0.0).leader
+        motion = build_route(source, initial_gap_m=1.0).leader
         seconds = np.arange(motion.times_s[0], motion.times_s[-1] + 0.5)
         drives.append(SpeedRecord(source, motion.speeds_at(seconds)))
     return drives
