@@ -180,7 +180,11 @@ class LeaderForecaster:
         age_s = leader.time_s - preview.generated_at_s if preview.times_s.size else float("nan")
         known_s = 0.0
         if quality in {PreviewQuality.FULL, PreviewQuality.SHORT}:
-            future = self._follow_preview(leader, self.fusion.fused(_never_backwards(preview)))
+            preview = _never_backwards(preview)
+            # An expectation is revised from tick to tick, which is not noise.
+            if preview.known_nodes == preview.times_s.size:
+                preview = self.fusion.fused(preview)
+            future = self._follow_preview(leader, preview)
             self.trust.remember(leader, future, preview.known_until_s)
             known_s = max(preview.known_until_s - leader.time_s, 0.0)
             present_error_m_s = abs(float(future.speeds_m_s[0]) - leader.speed_m_s)
