@@ -72,6 +72,20 @@ def test_averages_are_nearer_the_truth_than_the_newest_preview(seed: int) -> Non
     assert np.std([each[near] for each in averaged]) < np.std([each[near] for each in newest])
 
 
+def test_a_preview_that_is_repeated_at_other_nodes_begins_a_new_average() -> None:
+    fusion = PreviewFusion()
+    for tick in range(20):
+        preview = distort(NOISY, true_preview(tick))
+        assert fusion.fused(preview).times_s.size == 61
+    again = LeaderPreview(
+        preview.generated_at_s,
+        preview.times_s[::2],
+        preview.positions_m[::2],
+        preview.speeds_m_s[::2],
+    )
+    np.testing.assert_array_equal(fusion.fused(again).speeds_m_s, again.speeds_m_s)
+
+
 def test_positions_are_the_integral_of_the_averaged_speeds() -> None:
     fusion = PreviewFusion()
     for tick in range(20):

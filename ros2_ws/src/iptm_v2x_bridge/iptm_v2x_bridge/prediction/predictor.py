@@ -131,8 +131,9 @@ def joined_motion(
         Positions, speeds and bounds up to the end of the shortest prediction, shape (n,) each.
     """
     count = min(prediction.times_s.size for prediction in predictions)
-    positions = np.min(
-        [each.positions_m[:count] - each.bounds_m[0] for each in predictions], axis=0
+    # Between the present and an observation by a clock that is ahead, a path may roll backwards.
+    positions = np.maximum.accumulate(
+        np.min([each.positions_m[:count] - each.bounds_m[0] for each in predictions], axis=0)
     )
     nearest = np.min([(each.positions_m - each.bounds_m)[:count] for each in predictions], axis=0)
     speeds = np.min([each.speeds_m_s[:count] for each in predictions], axis=0)
