@@ -107,7 +107,13 @@ def test_losses_of_a_constant_year_by_hand() -> None:
     hours = np.full(24, YEAR_S / 24.0)
     at = np.ones(24)
     year = Year(
-        hours, 2.0 * at, Load(298.15 * at, 0.0 * at, 0.5 * at, 0.0 * at, 0.0 * at), 0.0, 1.0, 1.0
+        hours,
+        2.0 * at,
+        Load(298.15 * at, 0.0 * at, 0.5 * at, 0.0 * at, 0.0 * at),
+        0.0,
+        0.0,
+        1.0,
+        1.0,
     )
     k = 75.4 * math.exp((-3340.0 + 353.0 * 0.5) / 298.15)
     causes = losses_by_cause(NCA.law, year, 8.0)

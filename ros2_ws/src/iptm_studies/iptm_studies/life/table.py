@@ -34,9 +34,9 @@ class Spent:
         usage: pattern of use.
         climate: place.
         control: control.
-        compressor_kwh: energy of the compressor in a year.
+        compressor_kwh: energy of the compressor in a year, while driving and while charging.
         more_kwh: the same, beyond that without cooling.
-        range_change: change of the range by that, as a share.
+        range_change: change of the range by the part of that which comes from the pack, as a share.
         consumption_change: change of the energy for driving by that and by the way of driving, as a share.
         driving_kwh: energy from the pack in a year.
         distance_km: distance in a year.
@@ -123,12 +123,13 @@ def _spent(usage: Usage, climate: Climate, years: Mapping[str, Year]) -> Iterato
     least = years[NO_COOLING]
     for control, year in years.items():
         more_kwh = year.compressor_kwh - least.compressor_kwh
+        grid_kwh = year.grid_compressor_kwh - least.grid_compressor_kwh
         yield Spent(
             usage.name,
             climate.name,
             control,
-            year.compressor_kwh,
-            more_kwh,
+            year.compressor_kwh + year.grid_compressor_kwh,
+            more_kwh + grid_kwh,
             least.driving_kwh / (least.driving_kwh + more_kwh) - 1.0,
             (year.driving_kwh / year.distance_km) / (least.driving_kwh / least.distance_km) - 1.0,
             year.driving_kwh,

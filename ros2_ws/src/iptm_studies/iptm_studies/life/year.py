@@ -50,7 +50,8 @@ class Year:
         duration_s: shape (n,).
         activity: members of `Activity`, shape (n,).
         load: arrays of shape (n,).
-        compressor_kwh: energy of the compressor, from the pack or, while charging, from the grid.
+        compressor_kwh: energy of the compressor while driving, from the pack.
+        grid_compressor_kwh: the same while charging, from the grid.
         driving_kwh: energy drawn from the pack.
         distance_km: distance.
     """
@@ -59,6 +60,7 @@ class Year:
     activity: FloatArray
     load: Load
     compressor_kwh: float
+    grid_compressor_kwh: float
     driving_kwh: float
     distance_km: float
 
@@ -72,6 +74,7 @@ class _Day:
     charge: float
     rows: list[tuple[float, int, float, float, float]] = field(default_factory=list)
     compressor_j: float = 0.0
+    grid_compressor_j: float = 0.0
     drawn: float = 0.0
     distance_m: float = 0.0
     elapsed_s: float = 0.0
@@ -113,7 +116,7 @@ class _Day:
             after_k = air_k + (self.kelvin - air_k) * kept + heat_j / pack.heat_capacity_j_k
             if activity is Activity.CHARGING and after_k > pack.charging_limit_k:
                 removed_k = after_k - max(pack.charging_limit_k, min(self.kelvin, after_k))
-                self.compressor_j += removed_k * pack.heat_capacity_j_k / COOLING_COP
+                self.grid_compressor_j += removed_k * pack.heat_capacity_j_k / COOLING_COP
                 after_k -= removed_k
             gained = c_rate_1_h * step_s / HOUR_S
             mean = 0.5 * (self.kelvin + after_k), c_rate_1_h, self.charge + 0.5 * gained
@@ -219,6 +222,7 @@ def _year(parts: list[tuple[float, _Day]], energy_j: float) -> Year:
         table[:, 1],
         Load(table[:, 2], table[:, 3], table[:, 4], table[:, 5], table[:, 6]),
         sum(days * day.compressor_j for days, day in parts) / _J_PER_KWH,
+        sum(days * day.grid_compressor_j for days, day in parts) / _J_PER_KWH,
         sum(days * day.drawn for days, day in parts) * energy_j / _J_PER_KWH,
         sum(days * day.distance_m for days, day in parts) / 1000.0,
     )
