@@ -304,3 +304,17 @@ def make_chunk_list(whole: bytes, folder: Path) -> Iterator[list[ChunkIndex]]:
         summary = make_reader(stream).get_summary()
         assert summary is not None
         yield sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+def test_a_chunk_that_occurs_twice_is_taken_over_once(
+    compression: str, content: dict[str, tuple[bytes, list[RawMessage]]], tmp_path: Path
+) -> None:
+    whole, messages = content[compression]
+    with make_chunk_list(whole, tmp_path) as chunks:
+        start = chunks[1].chunk_start_offset
+        end = start + chunks[1].chunk_length
+    bag = cut(tmp_path / "repeated", whole[:end] + whole[start:end] + whole[end:])
+    report = recover(bag, tmp_path / "recovered")
+    assert messages_of(tmp_path / "recovered") == messages
+    assert f"chunk at byte {end} occurs before and is left out" in report.notes

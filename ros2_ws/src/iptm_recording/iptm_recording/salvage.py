@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import mmap
 import struct
+import zlib
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
@@ -96,6 +97,7 @@ class SalvageReader:
     damages: list[Damage] = field(init=False, default_factory=list)
     notes: list[str] = field(init=False, default_factory=list)
     statistics: Statistics | None = field(init=False, default=None)
+    _chunks: set[tuple[int, int, int]] = field(init=False, default_factory=set, repr=False)
 
     def __post_init__(self) -> None:
         try:
@@ -127,6 +129,7 @@ class SalvageReader:
 
     def _walk(self, data: mmap.mmap) -> Generator[McapRecord, None, bool]:
         """Yield the sound records; return whether the footer was reached."""
+        self._chunks.clear()
         position = len(MAGIC)
         of_chunk: Damage | None = None  # the damaged chunk to which message indexes may belong
         while position < self.total_bytes:
@@ -156,14 +159,21 @@ class SalvageReader:
         return False
 
     def _chunk(self, chunk: Chunk, position: int, end: int) -> list[McapRecord]:
-        """Return the content of a whole chunk; nothing if it does not match its checksum."""
+        """Return the content of a whole chunk; nothing if it does not match its checksum or occurs before."""
         try:
-            return breakup_chunk(chunk, validate_crc=True)
+            content = breakup_chunk(chunk, validate_crc=True)
         except DAMAGE as error:
             reason = f"a damaged chunk ({error or type(error).__name__})"
             span_ns = (chunk.message_start_time, chunk.message_end_time)
             self.damages.append(Damage(position, end - position, reason, span_ns=span_ns))
             return []
+        # Its messages hold their times, so that two chunks of a recording are never equal.
+        key = chunk.message_start_time, chunk.message_end_time, zlib.crc32(chunk.data)
+        if key in self._chunks:
+            self.notes.append(f"chunk at byte {position} occurs before and is left out")
+            return []
+        self._chunks.add(key)
+        return content
 
     def _after_damage(
         self, data: mmap.mmap, position: int, reason: str
