@@ -12,7 +12,7 @@ from nbclient import NotebookClient
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
-TIMEOUT_S = 300
+TIMEOUT_S = 900
 KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 
 
