@@ -39,7 +39,7 @@ class RoadKnowledgeSettings(Settings):
     """Earlier drives, the rules of the road, and what is expected where nothing is known."""
 
     prediction: Expectation = parameter(
-        Expectation.REGRESSION,
+        Expectation.HISTORY,
         "cam: expected motion of a leader that sends no path: history (its acceleration decays) or "
         "regression (on its last 10 s)",
     )
