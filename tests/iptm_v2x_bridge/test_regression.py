@@ -49,14 +49,14 @@ def heard(speeds_m_s: list[float], every_s: float = 1.0) -> Knowledge:
 
 
 def test_motion_and_bounds_by_hand() -> None:
-    told = Regression(BY_HAND).predict(
+    predicted = Regression(BY_HAND).predict(
         heard([9.0, 10.0]), np.array([100.0, 101.0, 102.0, 103.0, 105.0])
     )
-    assert told.speeds_m_s.tolist() == [10.0, 12.0, 11.0, 10.0, 10.0]
+    assert predicted.speeds_m_s.tolist() == [10.0, 12.0, 11.0, 10.0, 10.0]
     # 11 m in the first second, 22 m in the next two, half of which is at 11.5 m/s in the mean.
-    assert told.positions_m.tolist() == [1000.0, 1011.0, 1022.5, 1033.0, 1053.0]
+    assert predicted.positions_m.tolist() == [1000.0, 1011.0, 1022.5, 1033.0, 1053.0]
     # At 10 m/s half-way between the nodes: 1 m and 4 m, linear between and on with 1.5 m/s.
-    assert told.bounds_m.tolist() == [0.0, 1.0, 2.5, 4.0, 7.0]
+    assert predicted.bounds_m.tolist() == [0.0, 1.0, 2.5, 4.0, 7.0]
 
 
 def test_features_by_hand() -> None:
@@ -70,8 +70,8 @@ def test_features_by_hand() -> None:
 
 
 def test_a_leader_never_falls_behind_where_it_stands() -> None:
-    told = Regression(SHIPPED).predict(heard([0.0] * 20), 100.0 + np.arange(61.0))
-    assert (told.positions_m - told.bounds_m >= 1000.0 - 1e-9).all()
+    predicted = Regression(SHIPPED).predict(heard([0.0] * 20), 100.0 + np.arange(61.0))
+    assert (predicted.positions_m - predicted.bounds_m >= 1000.0 - 1e-9).all()
 
 
 def test_the_rate_of_the_messages_does_not_matter() -> None:
@@ -84,13 +84,13 @@ def test_the_rate_of_the_messages_does_not_matter() -> None:
 
 @given(st.lists(st.floats(0.0, 45.0), min_size=1, max_size=30))
 def test_whatever_was_driven_the_motion_is_one(speeds_m_s: list[float]) -> None:
-    told = Regression(SHIPPED).predict(heard(speeds_m_s), 100.0 + np.arange(0.0, 91.0, 0.5))
-    assert told.positions_m[0] == 1000.0
-    assert told.speeds_m_s.min() >= 0.0
-    assert (np.diff(told.positions_m) >= -1e-9).all()
-    assert told.bounds_m[0] == 0.0
-    assert (np.diff(told.bounds_m) >= -1e-9).all()
-    assert np.isfinite(told.bounds_m).all()
+    predicted = Regression(SHIPPED).predict(heard(speeds_m_s), 100.0 + np.arange(0.0, 91.0, 0.5))
+    assert predicted.positions_m[0] == 1000.0
+    assert predicted.speeds_m_s.min() >= 0.0
+    assert (np.diff(predicted.positions_m) >= -1e-9).all()
+    assert predicted.bounds_m[0] == 0.0
+    assert (np.diff(predicted.bounds_m) >= -1e-9).all()
+    assert np.isfinite(predicted.bounds_m).all()
 
 
 def test_bounds_hold_on_a_cycle_that_was_not_trained_on() -> None:
@@ -107,8 +107,8 @@ def test_bounds_hold_on_a_cycle_that_was_not_trained_on() -> None:
                 for t, p, v in zip(seconds, positions, speeds, strict=True)
             )
         )
-        told = Regression(SHIPPED).predict(known, now_s + leads)
-        late.append(told.positions_m - told.bounds_m > motion.positions_at(now_s + leads))
+        predicted = Regression(SHIPPED).predict(known, now_s + leads)
+        late.append(predicted.positions_m - predicted.bounds_m > motion.positions_at(now_s + leads))
     assert np.mean(late, axis=0).max() < 0.015
 
 

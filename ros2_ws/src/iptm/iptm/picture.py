@@ -17,7 +17,7 @@ from iptm_core.parameters.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 
-# Colours of Okabe and Ito, which colour-blind readers can tell apart.
+# Colours of Okabe and Ito, distinguishable for colour-blind readers.
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
     "#0072B2",
     "#E69F00",

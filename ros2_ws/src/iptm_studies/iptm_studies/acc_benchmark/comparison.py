@@ -36,7 +36,7 @@ class Figures:
         emergency_s: time with braking beyond the limits of comfort by the safety monitor.
         consumption_kwh_100_km: battery energy per distance.
         energy_saving: saving of battery energy per distance in percent of the real follower's, at equal ends.
-        aging_saving: saving of capacity loss likewise.
+        aging_saving: the same of capacity loss.
         end_gap_m: gap at the end less that of the real follower.
         end_kinetic_j: kinetic energy at the end less that of the real follower.
     """

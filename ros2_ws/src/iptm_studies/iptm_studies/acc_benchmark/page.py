@@ -100,7 +100,7 @@ _METHOD = f"""\
   run-in of {RUN_IN_S} s leads up to its speed, and that of the real follower to its own. Gap, headway, jerk
   and time below count in the measured seconds only; energy and ageing from standstill.
 - **Equal ends:** energy is that from the battery per distance, less the kinetic energy at the end, and with
-  what it takes to cool the warmer pack to the temperature of the other; ageing likewise
+  what it takes to cool the warmer pack to the temperature of the other; ageing in the same way
   ([formula](explanation/comparison.md)). The remaining differences in gap and kinetic energy at the end are
   in the tables.
 - **Limits of the gap:** *120 m* is the shipped one. With *real headway* the time headway may be at most the

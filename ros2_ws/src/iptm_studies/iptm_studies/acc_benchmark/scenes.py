@@ -78,7 +78,7 @@ class Scene:
 
 def measured_scenes(
     source: Path | None,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
     count: int = SCENES,
     longest_s: int = LONGEST_S,
 ) -> list[Scene]:
@@ -86,7 +86,7 @@ def measured_scenes(
 
     Args:
         source: folder with measurements; None for the excerpts of the project.
-        tell: takes one line per file that was left out.
+        report: takes one line per file that was left out.
         count: number of scenes.
         longest_s: length of a scene at most.
 
@@ -99,7 +99,7 @@ def measured_scenes(
     with ExitStack() as stack:
         if source is None:
             source = stack.enter_context(as_file(files("iptm_validation.data")))
-        followings = [item for path in files_of(source) for item in _read(path, tell)]
+        followings = [item for path in files_of(source) for item in _read(path, report)]
     scenes = [
         scene
         for item in followings
@@ -115,7 +115,7 @@ def measured_scenes(
     return [scenes[place] for place in places]
 
 
-def _read(path: Path, tell: Callable[[str], None]) -> list[Following]:
+def _read(path: Path, report: Callable[[str], None]) -> list[Following]:
     try:
         if path.suffix.lower() == ".mat":
             return []
@@ -124,7 +124,7 @@ def _read(path: Path, tell: Callable[[str], None]) -> list[Following]:
             return compact_followings(path)
         return original_followings(path) if is_original_openacc(head) else []
     except (MeasurementError, OSError, ValueError, EOFError) as error:
-        tell(f"{path.name}: {error}; left out")
+        report(f"{path.name}: {error}; left out")
         return []
 
 

@@ -25,7 +25,7 @@ STANDING_BEFORE_S = 2.0
 
 
 def trip_cycles(
-    source: Path | None, folder: Path, tell: Callable[[str], None], count: int = TRIPS
+    source: Path | None, folder: Path, report: Callable[[str], None], count: int = TRIPS
 ) -> list[str]:
     """Write the first five minutes of measured trips as drive files, evenly spread over all trips.
 
@@ -34,14 +34,14 @@ def trip_cycles(
     Args:
         source: folder with measurements; None for the excerpts of the project.
         folder: for the drive files; made if need be.
-        tell: takes one line per file of measurements that was left out.
+        report: takes one line per file of measurements that was left out.
         count: number of trips.
 
     Returns:
         Paths of the drive files, as cycles of a run.
 
     Raises:
-        MeasurementError: there are not so many trips in the folder.
+        MeasurementError: the folder holds fewer trips.
     """
     with ExitStack() as stack:
         if source is None:
@@ -49,7 +49,7 @@ def trip_cycles(
             paths = sorted(source.glob("bmw_i3*"))
         else:
             paths = files_of(source)
-        trips = read_files(paths, tell).trips
+        trips = read_files(paths, report).trips
     parts = {trip.name: _beginning(trip) for trip in trips}
     slow = [name for name, (speeds, _) in parts.items() if speeds.max() <= FASTEST_M_S]
     if len(slow) < count:
