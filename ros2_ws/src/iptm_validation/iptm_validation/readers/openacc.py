@@ -78,7 +78,7 @@ def compact_drives(path: Path) -> list[Drive]:
 
 
 def compact_followings(path: Path) -> list[Following]:
-    """Read lead vehicles and followers of a compact file, where neighbours of a platoon were both recorded."""
+    """Read lead vehicles and followers of a compact file, where platoon neighbours were both recorded."""
     columns = compact_columns(path, ("run", "time_s", "place", "speed_m_s", "gap_to_car_ahead_m"))
     runs = np.array(texts(columns, "run"))
     places, times = numbers(columns, "place"), numbers(columns, "time_s")
