@@ -28,7 +28,6 @@ ROLES = tuple(STRATEGIES)
 CYCLE = "wltc_class3b"
 CARS = (DEFAULT_SET, "bmw_i3", "chevrolet_bolt", "tesla_model_3")
 CLIMATES_C = (-10.0, 10.0, 25.0, 35.0)
-USUAL_C = 25.0
 HEADWAY = "gap.max_time_headway_s"
 
 
@@ -40,7 +39,6 @@ class Extent:
         trips: measured trips, as paths of drive files.
         cars: parameter sets.
         climates_c: temperatures of the air.
-        everywhere: cars that drive the measured trips at all temperatures; the others at 25 degC.
         simplifications: number of the simplifications that are tried.
         duration_s: where all trips are cut, None for their ends.
         compile_code: whether controllers are compiled.
@@ -49,7 +47,6 @@ class Extent:
     trips: tuple[str, ...]
     cars: tuple[str, ...] = CARS
     climates_c: tuple[float, ...] = CLIMATES_C
-    everywhere: tuple[str, ...] = CARS[:2]
     simplifications: int | None = None
     duration_s: float | None = None
     compile_code: bool = True
@@ -58,7 +55,7 @@ class Extent:
     def short(cls, trips: Sequence[str]) -> Extent:
         """Return a little of everything, in seconds."""
         car, climate = CARS[1:2], CLIMATES_C[-1:]
-        return cls(tuple(trips[:2]), car, climate, car, 1, 20.0, compile_code=False)
+        return cls(tuple(trips[:2]), car, climate, 1, 20.0, compile_code=False)
 
     def solver(self, smoothing_factor: float = 1.0) -> SolverSpec:
         """Return the solver of a run."""

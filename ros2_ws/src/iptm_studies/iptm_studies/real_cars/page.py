@@ -142,7 +142,6 @@ def gap_text(row: Row) -> str:
 
 def _road_part(found: Findings) -> str:
     count = len(found.extent.trips)
-    everywhere = ", ".join(f"`{car}`" for car in found.extent.everywhere)
     others = [role for role in ROLES if role != DEFAULT]
     heads = ["car", "air:", "gap"]
     for role in others:
@@ -162,8 +161,7 @@ def _road_part(found: Findings) -> str:
 The lead vehicle drives the first five minutes of {count} recorded trips of a BMW i3 around Munich, with the
 slope of their elevation (smoothed over 400 m to either side; sources in
 [SOURCES.md](../ros2_ws/src/iptm_validation/iptm_validation/data/SOURCES.md)), evenly spread over the
-excerpts of the project, trips faster than 130 km/h left out. To save time, {everywhere} drive them at all
-temperatures and the other cars at 25 °C. The figures are of the sums over the trips.
+excerpts of the project, trips faster than 130 km/h left out. The figures are of the sums over the trips.
 
 {savings_table(found.road)}
 

@@ -15,7 +15,6 @@ from iptm_studies.real_cars.drives import (
     DEFAULT,
     HEADWAY,
     ROLES,
-    USUAL_C,
     Extent,
     Saving,
     Totals,
@@ -53,8 +52,7 @@ def savings_study(extent: Extent) -> Study:
     cases = []
     for car in extent.cars:
         for ambient_c in extent.climates_c:
-            measured = car in extent.everywhere or ambient_c == USUAL_C
-            for trip in (CYCLE, *(extent.trips if measured else ())):
+            for trip in (CYCLE, *extent.trips):
                 for role in ROLES:
                     for headway_s in _headways(role):
                         labels = _labels(car, ambient_c, trip, role, headway_s)
