@@ -118,8 +118,7 @@ def test_rows_need_all_of_their_runs(trips: list[str]) -> None:
     assert len(cycle) == 4 * 4 * 2
     tractions = [saving.traction for row in cycle for saving in row.savings.values()]
     assert tractions == pytest.approx([10.0] * len(tractions))
-    # Two cars at four temperatures, the others at one.
-    assert len(rows_on(extent, states, extent.trips)) == (2 * 4 + 2) * 2
+    assert len(rows_on(extent, states, extent.trips)) == 4 * 4 * 2
     lacking = [replace(states[0], metrics=None), *states[1:]]
     assert len(rows_on(extent, lacking, [CYCLE])) == 4 * 4 * 2 - 1
 
