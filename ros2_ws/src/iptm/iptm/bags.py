@@ -50,7 +50,7 @@ def load(path: str | Path, namespace: str | None = None) -> Run:
         raise BagError(f"bag is {shown(path)}; allowed: the path of a bag")
     path = Path(path)
     if path.suffix == _STORED:
-        from iptm_studies.store import read_run  # noqa: PLC0415  likewise
+        from iptm_studies.store import read_run  # noqa: PLC0415  as above
 
         return run_of_study(read_run(path))
     parameters, _ = read_model_parameters(path)

@@ -131,8 +131,8 @@ def perform_run(
     Args:
         inputs: the run.
         on_progress: called after every tick of a closed loop and every solve of a whole trip.
-        own_controller: drives instead of the specified one; such a run is no content of a store.
-        leader: motion and predictions of the leader, where they are not those of the route; likewise.
+        own_controller: drives instead of the specified one; such a run cannot be stored.
+        leader: motion and predictions of the leader, where they are not those of the route.
 
     Raises:
         ScenarioError: this process has other code or libraries than those the run is meant for.

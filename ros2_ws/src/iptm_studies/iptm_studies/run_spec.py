@@ -103,7 +103,7 @@ class RunSpec(Settings):
         duration_s: length of the trip, None for the whole cycle.
         parameter_set: shipped set by name, or the path of a .yaml file.
         overrides: single parameters that differ, dotted key and value, sorted by key.
-        controller_overrides: those in which the controller's model differs from the vehicle, likewise.
+        controller_overrides: those in which the controller's model differs from the vehicle.
         strategy: cost terms and weights. Its name is a label only.
         horizon: prediction grid such as ``3x1+5x5``; of a whole trip, that of the run it starts from.
         solver: solver of the controller.

@@ -65,7 +65,7 @@ class Row:
         causes: loss by cause.
         loss_band: of the loss; None for the paper's law, whose spread is not published.
         saved: less loss than without cooling below 40 degC.
-        saved_band: of that, likewise.
+        saved_band: band of that.
         years: until 80 % of the capacity is left.
         flags: quantities outside the experiments behind the law.
     """

@@ -36,7 +36,7 @@ class Row:
         headway_s: largest time headway, 0 for none.
         consumption_kwh_100_km: of the default strategy.
         savings: of the default strategy by what it is compared with.
-        by_trip: saving in aging on each trip, likewise.
+        by_trip: saving in aging on each trip.
     """
 
     car: str

@@ -14,11 +14,11 @@ _HASH_ALGORITHMS = (0, 1)
 _DATA_ONLY = 0x40
 _SHORT_LENGTH = 0x80
 _LONGEST_LENGTH = 2
-"""Octets of a length; an envelope is no longer than a datagram."""
+"""Octets of a length; an envelope fits into a datagram."""
 
 
 def signed_octets(envelope: bytes) -> bytes | None:
-    """Return the octets that an envelope signs, None where it is no envelope around data.
+    """Return the octets that an envelope signs, None for anything but an envelope around data.
 
     Args:
         envelope: from the version on, with anything behind the octets.
