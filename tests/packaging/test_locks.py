@@ -20,7 +20,9 @@ LOCKS = [
 ]
 FOLDER = Path(__file__).resolve().parents[2] / "requirements"
 
-PIN = re.compile(r"(?P<name>[a-z0-9][a-z0-9-]*)==(?P<version>[\w.!+]+)(?: ; (?P<marker>[^\\]+?))?")
+PIN = re.compile(
+    r"(?P<name>[a-z0-9][a-z0-9-]*)(?:\[[a-z0-9, -]+\])?==(?P<version>[\w.!+]+)(?: ; (?P<marker>[^\\]+?))?"
+)
 
 
 @functools.cache
