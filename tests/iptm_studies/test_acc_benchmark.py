@@ -13,7 +13,7 @@ from iptm_core.routes import build_route
 from iptm_studies.acc_benchmark.cli import main
 from iptm_studies.acc_benchmark.comparison import Spread, figures_of
 from iptm_studies.acc_benchmark.drives import CARS, WAYS, headway_overrides, real_follower
-from iptm_studies.acc_benchmark.page import REAL, Findings, write_page
+from iptm_studies.acc_benchmark.page import REAL, Findings, benchmark_page, draw_picture
 from iptm_studies.acc_benchmark.scenes import LONGEST_S, RUN_IN_S, Scene, measured_scenes
 
 CAR = CARS[0]
@@ -116,8 +116,9 @@ def test_the_page_shows_every_way(tmp_path: Path, scenes: list[Scene]) -> None:
         real = real_follower(scene, CAR)
         rows.append(figures_of(real, real, scene, CAR.parameters()))
     ways = dict.fromkeys((REAL, *(way.name for way in WAYS)), rows)
-    page = write_page(tmp_path, Findings("scripts/acc_benchmark", {CAR: ways}, {}))
-    text = page.read_text(encoding="utf-8")
+    found = Findings("scripts/acc_benchmark", {CAR: ways}, {})
+    text = benchmark_page(found)
+    draw_picture(tmp_path, found)
     assert "behind 2 lead\nvehicles" in text
     assert all(text.count(f"| {name} |") == 2 for name in ways)
     assert (tmp_path / "images" / "acc-benchmark.png").is_file()

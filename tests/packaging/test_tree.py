@@ -1,4 +1,4 @@
-"""Nothing in the tree tells of the machine it was made on."""
+"""The tree holds no trace of the machine it was made on, no large file, and its licence."""
 
 import re
 from pathlib import Path

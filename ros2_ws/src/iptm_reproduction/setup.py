@@ -18,6 +18,7 @@ setup(
         "jinja2>=3.1",
         "matplotlib>=3.8",
         "numpy>=1.24",
+        "PyYAML>=6.0",
         "rich>=13",
     ],
     extras_require={"test": ["pytest"]},

@@ -51,14 +51,11 @@ class Findings:
         )
 
 
-def write_page(folder: Path, found: Findings) -> Path:
-    """Write page and picture; returns the path of the page."""
+def draw_picture(folder: Path, found: Findings) -> None:
+    """Draw the picture of the page in a folder."""
     pictures = folder / "images"
     pictures.mkdir(parents=True, exist_ok=True)
     _draw(found, pictures / PICTURE)
-    page = folder / PAGE
-    page.write_text(benchmark_page(found), encoding="utf-8")
-    return page
 
 
 def benchmark_page(found: Findings) -> str:

@@ -5,18 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-from rich.console import Console
 
 from iptm_core.errors import StoreError
 from iptm_core.text_enum import TextEnum
 from iptm_studies.campaign import NOT_COMPUTED, Campaign, CaseState
-from iptm_studies.cli import compute
-from iptm_studies.cluster import ClusterOptions
-from iptm_studies.execution import survey
+from iptm_studies.laboratory import Session
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.safety.braking import BrakingOutcomes, BrakingResults
 from iptm_studies.safety.findings import Before, Driven, Findings, JudgedTrial
@@ -43,83 +38,71 @@ class Part(TextEnum):
     DELAYS = "delays"
 
 
-@dataclass(frozen=True)
-class Performer:
-    """Drives parts of the trials.
+def perform(extent: Extent, parts: Collection[Part], session: Session) -> Findings | None:
+    """Drive what is missing of some parts and return everything that was found.
 
-    Attributes:
-        extent: how much is driven.
-        store: where runs are found and put.
-        cluster: where to perform them.
-        console: shows the progress.
-        stored_only: nothing is driven; what is stored is judged.
+    Returns:
+        The findings; None if the session was only to show the runs.
     """
+    studies = {
+        Part.DRIVING: driving_study(extent),
+        Part.TRIALS: disturbed_study(extent),
+        Part.DELAYS: delay_study(extent),
+    }
+    # The monitor brakes from instants of undisturbed drives.
+    needed = {Part.DRIVING if part is Part.BRAKING else part for part in parts}
+    campaign = Campaign([study for part, study in studies.items() if part in needed])
+    if not session.compute(campaign):
+        return None
+    states = {
+        part: [state for state in campaign.cases if state.study is study]
+        for part, study in studies.items()
+    }
+    stored_only = session.options.stored
+    return Findings(
+        _braking(states[Part.DRIVING], extent, session) if Part.BRAKING in parts else {},
+        [
+            _judged(state, session.store)
+            for state in states[Part.TRIALS]
+            if not (stored_only and state.reason == NOT_COMPUTED)
+        ],
+        (),
+        _driven(states[Part.DRIVING]) if Part.DRIVING in parts else (),
+        _driven(states[Part.DELAYS]),
+        # Savings of a part of a cycle compare with nothing.
+        read_before(BEFORE) if math.isinf(extent.longest_s) else Before(),
+    )
 
-    extent: Extent
-    store: ResultStore
-    cluster: ClusterOptions
-    console: Console
-    stored_only: bool = False
 
-    def perform(self, parts: Collection[Part]) -> Findings:
-        """Drive what is missing of some parts and return everything that was found."""
-        extent = self.extent
-        studies = {
-            Part.DRIVING: driving_study(extent),
-            Part.TRIALS: disturbed_study(extent),
-            Part.DELAYS: delay_study(extent),
-        }
-        # The monitor brakes from instants of undisturbed drives.
-        needed = {Part.DRIVING if part is Part.BRAKING else part for part in parts}
-        campaign = Campaign([study for part, study in studies.items() if part in needed])
-        if self.stored_only:
-            survey(campaign, self.store)
-        else:
-            compute(campaign, self.store, self.cluster, self.console)
-        states = {
-            part: [state for state in campaign.cases if state.study is study]
-            for part, study in studies.items()
-        }
-        return Findings(
-            self._braking(states[Part.DRIVING]) if Part.BRAKING in parts else {},
-            [
-                self._judged(state)
-                for state in states[Part.TRIALS]
-                if not (self.stored_only and state.reason == NOT_COMPUTED)
-            ],
-            (),
-            _driven(states[Part.DRIVING]) if Part.DRIVING in parts else (),
-            _driven(states[Part.DELAYS]),
-            # Savings of a part of a cycle compare with nothing.
-            read_before(BEFORE) if math.isinf(extent.longest_s) else Before(),
+def _braking(
+    driving: Iterable[CaseState], extent: Extent, session: Session
+) -> dict[str, BrakingOutcomes]:
+    drives = {
+        str(state.case.labels["cycle"]): (
+            resolve_inputs(state.case.spec),
+            session.store.load(str(state.key)).trajectory,
         )
+        for state in driving
+        if state.case.labels["setting"] == UNDISTURBED and state.metrics is not None
+    }
+    return BrakingResults(session.store.folder / "braking").complete(
+        drives,
+        extent.braking_trials,
+        extent.seed,
+        None if session.options.stored else session.cluster,
+        lambda name: session.console.print(f"braking lead vehicle: {name}"),
+    )
 
-    def _braking(self, driving: Iterable[CaseState]) -> dict[str, BrakingOutcomes]:
-        drives = {
-            str(state.case.labels["cycle"]): (
-                resolve_inputs(state.case.spec),
-                self.store.load(str(state.key)).trajectory,
-            )
-            for state in driving
-            if state.case.labels["setting"] == UNDISTURBED and state.metrics is not None
-        }
-        return BrakingResults(self.store.folder / "braking").complete(
-            drives,
-            self.extent.braking_trials,
-            self.extent.seed,
-            None if self.stored_only else self.cluster,
-            lambda name: self.console.print(f"braking lead vehicle: {name}"),
-        )
 
-    def _judged(self, state: CaseState) -> JudgedTrial:
-        case = state.case
-        disturbed, faults = str(case.labels["disturbed"]), case.spec.faults
-        what = f"{case.labels['cycle']}, {', '.join(fault.describe() for fault in faults)}"
-        if state.metrics is None:
-            return JudgedTrial(case.name, disturbed, what, faults, None, state.reason)
-        run = self.store.load(str(state.key))
-        verdict = judge_trial(run.trajectory, run.parameters, faults, run.reports)
-        return JudgedTrial(case.name, disturbed, what, faults, verdict)
+def _judged(state: CaseState, store: ResultStore) -> JudgedTrial:
+    case = state.case
+    disturbed, faults = str(case.labels["disturbed"]), case.spec.faults
+    what = f"{case.labels['cycle']}, {', '.join(fault.describe() for fault in faults)}"
+    if state.metrics is None:
+        return JudgedTrial(case.name, disturbed, what, faults, None, state.reason)
+    run = store.load(str(state.key))
+    verdict = judge_trial(run.trajectory, run.parameters, faults, run.reports)
+    return JudgedTrial(case.name, disturbed, what, faults, verdict)
 
 
 def _driven(states: Iterable[CaseState]) -> list[Driven]:
