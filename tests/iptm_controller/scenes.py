@@ -24,6 +24,7 @@ from iptm_controller.solvers.interface import SolverBackend, SolverOptions
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import REFERENCE_TEMPERATURE_K, strategy_by_name
 from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.power_thermal import Smoothing
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 
@@ -150,8 +151,10 @@ def transcription_of(horizon: str) -> Transcription:
 
 
 @lru_cache
-def _stage_function(step_s: float, samples: int, smoothing: Smoothing) -> ca.Function:
-    stage = build_stage(step_s, samples, PARAMETERS, smoothing)
+def _stage_function(
+    step_s: float, samples: int, smoothing: Smoothing, model: ModelParameters
+) -> ca.Function:
+    stage = build_stage(step_s, samples, model, smoothing)
     inputs = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
     return ca.Function("stage", inputs, [stage.next_state, stage.cost, stage.limits])
 
@@ -172,6 +175,7 @@ def run_stage(
     end_of_horizon: bool = False,
     prices: tuple[float, float, float] = (0.0, 0.0, 0.0),
     lowest_k: float = 0.0,
+    model: ModelParameters = PARAMETERS,
 ) -> tuple[FloatArray, float, FloatArray]:
     """Return the result of one step of the optimal control problem, in physical units.
 
@@ -192,7 +196,7 @@ def run_stage(
         ahead = leader[0] - state.position_m - leader[1] * (step_s - node)
         step_parameters += [*around, moved, speed_reference_m_s, ahead, leader[1]]
     losses = [state.cell_1_capacity_loss, state.cell_n_capacity_loss]
-    following, cost, limits = _stage_function(step_s, count, smoothing)(
+    following, cost, limits = _stage_function(step_s, count, smoothing, model)(
         (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,
         np.array([acceleration_m_s2, compressor_power_w, *slacks]) / layout.INPUT_SCALE,
         step_parameters,

@@ -27,7 +27,7 @@ IMPOSSIBLE = {
     "position_m": 2e9,
     "speed_m_s": -0.6,
     "acceleration_m_s2": 25.0,
-    "compressor_power_w": -1.0,
+    "compressor_power_w": -20001.0,
     "cell_1_temperature_k": 35.0,  # degrees Celsius by mistake
     "cell_n_temperature_k": 400.0,
     "cell_1_capacity_loss": 0.0,

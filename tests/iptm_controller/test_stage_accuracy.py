@@ -250,3 +250,34 @@ def test_ageing_is_smoothed_at_rest_only() -> None:
     assert (smooth - exact).max() < 0.01 * rate_at_1c
     running = np.abs(currents) > 1.0
     assert (smooth[running] / exact[running]).max() < 1.0 + 2e-3
+
+
+def test_heater_and_radiator_agree_with_the_plant(step_s: float) -> None:
+    """The sign change of the actuator is smooth in the problem: 10 W at most of heat and of power."""
+    model = replace(
+        PARAMETERS,
+        limits=replace(PARAMETERS.limits, max_heater_power_w=5000.0),
+        cooling=replace(PARAMETERS.cooling, radiator_w_k=150.0),
+        environment=replace(PARAMETERS.environment, ambient_temperature_k=288.15),
+    )
+    plant = Plant(model, np.zeros_like, step_s=0.1)
+    for power_w in (-5000.0, -800.0, -50.0, 0.0, 50.0, 300.0, 2000.0):
+        for cells_k in (278.15, 308.15):
+            state = make_state(
+                compressor_power_w=power_w,
+                cell_1_temperature_k=cells_k,
+                cell_n_temperature_k=cells_k + 2.0,
+            )
+            step = plant.advance(state, Command(0.2, power_w), step_s)
+            assert not step.report.clamps
+            following, energy_j, _ = run_stage(state, 0.2, power_w, step_s, ENERGY, model=model)
+            # Off, 10 W of fan power open the radiator by a tenth, 14 W/K, for up to 22 K: 330 W make the
+            # coolant 0.7 K colder, and a cell of 45 J/K gives it 0.49 W/K.
+            bound_k = 5e-3 + (step_s * 0.7 * 0.49 / 45.0 if abs(power_w) < 200.0 else 0.0)
+            for index, end_k in (
+                (StateIndex.CELL_1_TEMPERATURE, step.state.cell_1_temperature_k),
+                (StateIndex.CELL_N_TEMPERATURE, step.state.cell_n_temperature_k),
+            ):
+                assert following[index] == pytest.approx(end_k, abs=bound_k)
+            drawn_j = step.powers.battery_power_w * step_s
+            assert energy_j == pytest.approx(drawn_j, rel=1e-2, abs=25.0 * step_s)

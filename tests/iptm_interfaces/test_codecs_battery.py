@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from sensor_msgs.msg import BatteryState
@@ -65,6 +66,8 @@ def test_powers_round_trip_with_signs() -> None:
     assert decode_powers(encode_powers(7.0, powers)) == powers
 
 
-def test_negative_compressor_power_is_refused() -> None:
-    with pytest.raises(MessageError, match=r"compressor_power_w is -4\.0"):
-        decode_powers(encode_powers(0.0, IntervalPowers(0.0, -4.0, 0.0, 0.0, 0.0)))
+def test_the_power_of_a_heater_keeps_its_sign_and_none_is_refused() -> None:
+    powers = IntervalPowers(0.0, -4000.0, 0.0, 4100.0, -4000.0)
+    assert decode_powers(encode_powers(0.0, powers)) == powers
+    with pytest.raises(MessageError, match="compressor_power_w"):
+        decode_powers(encode_powers(0.0, replace(powers, compressor_power_w=math.nan)))

@@ -67,3 +67,14 @@ def test_deceleration_is_cut_to_the_limits(plant: Plant) -> None:
     state = replace(plant.initial_state(speed_m_s=30.0), acceleration_m_s2=-1.9)
     command = controlled_stop_command(state, plant.parameters.limits, deceleration_m_s2=50.0)
     assert command == Command(-2.0, 0.0)
+
+
+def test_a_heater_runs_down_within_its_rate(plant: Plant) -> None:
+    limits = replace(plant.parameters.limits, max_heater_power_w=5000.0)
+    state = replace(plant.initial_state(), compressor_power_w=-450.0)
+    powers = []
+    while state.compressor_power_w != 0.0:
+        power_w = controlled_stop_command(state, limits).compressor_power_w
+        powers.append(power_w)
+        state = replace(state, compressor_power_w=power_w)
+    assert powers == [-250.0, -50.0, 0.0]

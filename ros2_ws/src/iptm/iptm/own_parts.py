@@ -33,8 +33,8 @@ class Controller(Protocol):
                 (newest prediction of the leader's motion, possibly empty) and ``slope`` (of the road ahead).
 
         Returns:
-            Acceleration (m/s^2) and compressor power (W, not negative). The loop keeps both within the bounds
-            and rates of the vehicle.
+            Acceleration (m/s^2) and compressor power (W, negative for a heater). The loop keeps both
+            within the bounds and rates of the vehicle.
         """
         ...
 

@@ -138,12 +138,14 @@ def _driving_power(axes: Axes, shown: _Shown) -> None:
 def _cooling_power(axes: Axes, shown: _Shown) -> None:
     run = shown.run.trajectory
     compressor_kw, heat_kw = 1e-3 * run.compressor_power_w, 1e-3 * run.chiller_heat_w
+    label = "compressor" if np.min(compressor_kw) >= 0.0 else "compressor; below zero: heater"
     axes.fill_between(
-        run.time_s, compressor_kw, color=ORANGE, alpha=0.6, lw=0, step="pre", label="compressor"
+        run.time_s, compressor_kw, color=ORANGE, alpha=0.6, lw=0, step="pre", label=label
     )
     axes.plot(run.time_s, heat_kw, color=GREEN, label="heat taken by the chiller")
     highest = max(_LEAST_COOLING_KW, float(np.max(compressor_kw)), float(np.max(heat_kw)))
-    axes.set_ylim(min(0.0, 1.1 * float(np.min(heat_kw))), 1.1 * highest)
+    lowest = min(float(np.min(compressor_kw)), float(np.min(heat_kw)))
+    axes.set_ylim(min(0.0, 1.1 * lowest), 1.1 * highest)
     titled(axes, "Cooling power", "kW")
 
 

@@ -50,7 +50,7 @@ class CommandLimiter:
             max(state.acceleration_m_s2, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2
         )
         last_power = min(
-            max(state.compressor_power_w, limits.min_compressor_power_w),
+            max(state.compressor_power_w, limits.lowest_thermal_power_w),
             limits.max_compressor_power_w,
         )
         if not math.isfinite(acceleration):
@@ -75,7 +75,7 @@ class CommandLimiter:
         power_steps = (
             (
                 "compressor power bound",
-                limits.min_compressor_power_w,
+                limits.lowest_thermal_power_w,
                 limits.max_compressor_power_w,
             ),
             ("compressor rate", last_power - rate_step, last_power + rate_step),

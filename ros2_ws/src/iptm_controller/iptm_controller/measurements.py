@@ -32,7 +32,7 @@ _MOTION: dict[str, tuple[float, float]] = {
     "acceleration_m_s2": (-20.0, 20.0),
 }
 _PACK: dict[str, tuple[float, float]] = {
-    "compressor_power_w": (0.0, 1e5),
+    "compressor_power_w": (-2e4, 1e5),
     "cell_1_temperature_k": (223.15, 373.15),
     "cell_n_temperature_k": (223.15, 373.15),
     "cell_1_capacity_loss": (1e-9, 0.9),

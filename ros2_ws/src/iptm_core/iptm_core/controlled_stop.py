@@ -16,11 +16,11 @@ def controlled_stop_command(
     duration_s: float = 1.0,
     deceleration_m_s2: float = COMFORTABLE_DECELERATION_M_S2,
 ) -> Command:
-    """Next command of a comfortable stop with the compressor run down.
+    """Next command of a comfortable stop with compressor and heater run down.
 
     The deceleration builds up within the jerk limit, stays at the comfortable value and fades out so that
-    the vehicle comes to rest without a jolt. The compressor ramps to its lower bound. Applied interval
-    after interval this brings the vehicle to standstill from any state.
+    the vehicle comes to rest without a jolt. The compressor ramps to its lower bound, a heater to it
+    from below. Applied interval after interval this brings the vehicle to standstill from any state.
 
     Args:
         state: present state; its inputs are the values last actuated.
@@ -40,5 +40,6 @@ def controlled_stop_command(
     last = max(state.acceleration_m_s2, limits.min_acceleration_m_s2)
     acceleration = min(max(wanted, last - jerk_step), last + jerk_step)
     power_step = limits.max_compressor_rate_w_s * duration_s
-    compressor = max(limits.min_compressor_power_w, state.compressor_power_w - power_step)
+    last_w = state.compressor_power_w
+    compressor = min(max(limits.min_compressor_power_w, last_w - power_step), last_w + power_step)
     return Command(float(acceleration), float(compressor))

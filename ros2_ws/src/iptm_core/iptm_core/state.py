@@ -30,7 +30,8 @@ class VehicleState:
         position_m: distance travelled along the road (p).
         speed_m_s: speed (v), never negative.
         acceleration_m_s2: acceleration command actuated over the interval that ended now (a).
-        compressor_power_w: compressor power actuated over the interval that ended now (P_cp).
+        compressor_power_w: compressor power actuated over the interval that ended now (P_cp), or the
+            negative one of the heater.
         cell_1_temperature_k: temperature of the first cell of a coolant channel (T_bc,1).
         cell_n_temperature_k: temperature of the last cell of a coolant channel (T_bc,Nc).
         cell_1_capacity_loss: capacity loss of cell 1 as a fraction of nominal (Q_loss,1).
@@ -116,7 +117,7 @@ class IntervalPowers:
 
     Attributes:
         traction_power_w: drawn by the motor (P_tra), negative when it feeds back.
-        compressor_power_w: drawn by the compressor (P_cp), never negative.
+        compressor_power_w: drawn by the compressor (P_cp), or its negative by the heater.
         auxiliary_power_w: drawn by the auxiliaries of the cooling system (P_aux).
         battery_power_w: delivered by the pack (P_b), positive when discharging.
         chiller_heat_w: heat taken from the coolant (Q_co), positive when cooling.
@@ -168,7 +169,10 @@ class PlantObservation:
 
 @dataclass(frozen=True)
 class Command:
-    """One decision: acceleration (a, m/s^2) and compressor power (P_cp, W), held for one sampling time."""
+    """One decision, held for one sampling time: acceleration (a, m/s^2) and thermal power (P_cp, W).
+
+    Positive power drives the compressor, negative power the heater.
+    """
 
     acceleration_m_s2: float
     compressor_power_w: float

@@ -31,7 +31,7 @@ class Trajectory:
         position_m: host position along the road.
         speed_m_s: host speed.
         acceleration_m_s2: acceleration actuated over the interval.
-        compressor_power_w: compressor power actuated over the interval (P_cp).
+        compressor_power_w: compressor power actuated over the interval (P_cp), negative where the heater ran.
         cell_1_temperature_k: temperature of the first cell of a coolant channel.
         cell_n_temperature_k: temperature of the last cell of a coolant channel.
         cell_1_capacity_loss: capacity loss of the first cell, fraction of nominal.

@@ -179,7 +179,8 @@ _SPECS = (
     TopicSpec(
         Topic.PLANT_POWERS, JointState, PLANT, PACK_FRAME, "see fields",
         "means over the interval that ended at the stamp; traction and battery power positive "
-        "when drawn from the pack, chiller heat positive when cooling",
+        "when drawn from the pack, chiller heat positive when cooling; a negative compressor power is that "
+        "of a heater",
         {
             "traction_power_w": "W", "compressor_power_w": "W", "auxiliary_power_w": "W",
             "battery_power_w": "W", "chiller_heat_w": "W",
@@ -231,7 +232,7 @@ _SPECS = (
     TopicSpec(
         Topic.COMMAND, JointState, CONTROLLER, HOST_FRAME, "see fields",
         "the decision for the interval that starts at the stamp of the state it answers; last "
-        "message of the controller in a tick",
+        "message of the controller in a tick; a negative compressor power is that of a heater",
         {"acceleration_m_s2": "m/s^2", "compressor_power_w": "W"},
     ),
     TopicSpec(

@@ -101,7 +101,7 @@ def limit_command(
     )
     compressor = _limit(
         wanted.compressor_power_w,
-        (limits.min_compressor_power_w, limits.max_compressor_power_w),
+        (limits.lowest_thermal_power_w, limits.max_compressor_power_w),
         (state.compressor_power_w, limits.max_compressor_rate_w_s * duration_s),
         (Clamp.COMPRESSOR_BOUND, Clamp.COMPRESSOR_RATE),
         COMPRESSOR_RESOLUTION_W,

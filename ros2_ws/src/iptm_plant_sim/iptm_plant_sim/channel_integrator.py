@@ -28,6 +28,7 @@ from iptm_core.physics.full_channel import FullChannel, mean_cell_heat_w
 from iptm_core.physics.ops import Scalar, maximum
 from iptm_core.physics.power_thermal import CellPair, electric_traction_power_w
 from iptm_core.physics.resistance import cell_resistance_ohm
+from iptm_core.physics.thermal_actuator import thermal_actuation
 from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
 from iptm_core.state import ChannelCells, FloatArray
 from iptm_plant_sim.integrator import IntervalResult, PackedFunction, cell_voltage_v
@@ -131,10 +132,13 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
         ca.vertcat(*(slopes[2 * step + stage] for step, stage in instants)),
         parameters,
     )
+    actuation = thermal_actuation(compressor, parameters)
     battery = battery_power_w(
-        traction, compressor, cooling.auxiliary_power_w, pack, parameters.powertrain
+        traction, actuation.drawn_w, cooling.auxiliary_power_w, pack, parameters.powertrain
     )
-    chiller = chiller_line(compressor, speeds, parameters.chiller, cooling, parameters.environment)
+    chiller = chiller_line(
+        actuation.compressor_w, speeds, parameters.chiller, cooling, parameters.environment
+    )
     weights = ca.vec(ca.mtimes(_SIMPSON, lengths.T))
     length = ca.dot(ca.DM.ones(n), lengths)
     # An interval of no length, where only the end counts, has means all the same.
@@ -149,7 +153,9 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
 
     def coolant_loop(at: Scalar) -> CoolantLoop:
         equivalent = channel.equivalent_cell_k(at)
-        return solve_coolant_loop(equivalent, equivalent, chiller, channel.outlet, cooling)
+        return solve_coolant_loop(
+            equivalent, equivalent, chiller, channel.outlet, cooling, actuation=actuation
+        )
 
     def means(at: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
         """Pack currents at the instants; means of heat, temperature rates and cooling rate over them."""

@@ -78,7 +78,7 @@ def stage_bounds(model: ModelParameters) -> Bounds:
     inputs_low, inputs_high = np.zeros(layout.INPUTS), np.full(layout.INPUTS, np.inf)
     inputs_low[InputIndex.ACCELERATION] = limits.min_acceleration_m_s2
     inputs_high[InputIndex.ACCELERATION] = limits.max_acceleration_m_s2
-    inputs_low[InputIndex.COMPRESSOR_POWER] = limits.min_compressor_power_w
+    inputs_low[InputIndex.COMPRESSOR_POWER] = limits.lowest_thermal_power_w
     inputs_high[InputIndex.COMPRESSOR_POWER] = largest_useful_power_w(model.chiller, limits)
     variables_low[layout.STATES :] = inputs_low / layout.INPUT_SCALE
     variables_high[layout.STATES :] = inputs_high / layout.INPUT_SCALE

@@ -35,6 +35,7 @@ DEFAULT_SMOOTHING = Smoothing(
     c_rate_1_h=0.05 / 5.019,  # 0.05 A of the paper's cell
     speed_m_s=0.3,
     cooling_w=50.0,
+    actuator_w=20.0,
     deliverable_margin=0.02,
     torque_nm=5.0,
     blend_m_s=0.5,
@@ -128,7 +129,7 @@ def build_stage(
         global_parameters=g,
         next_state=(next_state - layout.STATE_OFFSET) / layout.STATE_SCALE,
         cost=step.cost
-        + price_cost(step_s, change_1_k, change_n_k, power, g)
+        + price_cost(step_s, change_1_k, change_n_k, power, g, parameters.limits)
         + cold_cost(step_s, step.cell_1_k, g)
         + slack_cost(step_s, inputs, penalties),
         limits=limits,
@@ -156,14 +157,22 @@ def slack_cost(step_s: float, inputs: ca.SX, penalties: PenaltyWeights) -> ca.SX
 
 
 def price_cost(
-    step_s: float, change_1_k: ca.SX, change_n_k: ca.SX, power_w: ca.SX, g: ca.SX
+    step_s: float,
+    change_1_k: ca.SX,
+    change_n_k: ca.SX,
+    power_w: ca.SX,
+    g: ca.SX,
+    bounds: LimitParameters,
 ) -> ca.SX:
     """Return the share of a step in the cost to go, and the price of a compressor that runs in the cold.
 
     The price of a temperature at the end of the horizon is, up to a constant, the sum of the prices of its
-    changes: so all stages are alike.
+    changes: so all stages are alike. Beside a heater the compressor is priced by the square of its power,
+    which leaves heating alone without a kink where the actuator is off.
     """
     kilowatts = power_w / layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER]
+    if bounds.max_heater_power_w > 0.0:
+        kilowatts = maximum(kilowatts, 0.0) ** 2
     cost: ca.SX = (
         g[GlobalIndex.CELL_1_PRICE] * change_1_k
         + g[GlobalIndex.CELL_N_PRICE] * change_n_k

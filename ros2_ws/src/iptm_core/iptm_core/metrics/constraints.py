@@ -83,7 +83,7 @@ def check_constraints(
     free |= braked | np.concatenate(([False], braked[:-1]))
     jerk = np.where(free, -limits.max_jerk_m_s3 * intervals, jerk)
     compressor = _outside(
-        run.compressor_power_w, limits.min_compressor_power_w, limits.max_compressor_power_w
+        run.compressor_power_w, limits.lowest_thermal_power_w, limits.max_compressor_power_w
     )
     ramp = _steps(run.compressor_power_w) - limits.max_compressor_rate_w_s * intervals
     speed = _outside(run.speed_m_s, limits.min_speed_m_s, limits.max_speed_m_s)
@@ -152,7 +152,8 @@ def cold_compressor_energies_j(trajectory: Trajectory, parameters: ModelParamete
     warmest_k = np.maximum(trajectory.cell_1_temperature_k, trajectory.cell_n_temperature_k)
     energies: FloatArray = np.zeros(warmest_k.size)
     cold = warmest_k[:-1] < parameters.limits.min_temperature_k
-    energies[1:] = trajectory.compressor_power_w[1:] * trajectory.intervals_s * cold
+    compressor_w = np.maximum(trajectory.compressor_power_w[1:], 0.0)
+    energies[1:] = compressor_w * trajectory.intervals_s * cold
     return energies
 
 

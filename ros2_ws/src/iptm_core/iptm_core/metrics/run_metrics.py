@@ -22,7 +22,7 @@ class EnergyMetrics:
     """Energies of a run in joules.
 
     Attributes:
-        cooling_j: integral of P_cp + P_aux.
+        cooling_j: integral of abs(P_cp) + P_aux: a heater counts.
         traction_j: integral of P_tra, recuperation counted negative.
         total_printed_j: traction + cooling, which is what the six totals printed in the paper are.
         battery_j: integral of P_b, which is how the paper labels that row.
@@ -231,15 +231,16 @@ def compute_metrics(
 
 
 def _energy(run: Trajectory) -> EnergyMetrics:
-    compressor = _integral(run, run.compressor_power_w)
+    thermal = _integral(run, np.abs(run.compressor_power_w))
+    compressor = _integral(run, np.maximum(run.compressor_power_w, 0.0))
     auxiliary = _integral(run, run.auxiliary_power_w)
     traction = _integral(run, run.traction_power_w)
     battery = _integral(run, run.battery_power_w)
-    heat = _integral(run, run.chiller_heat_w)
+    heat = _integral(run, np.maximum(run.chiller_heat_w, 0.0))
     return EnergyMetrics(
-        cooling_j=compressor + auxiliary,
+        cooling_j=thermal + auxiliary,
         traction_j=traction,
-        total_printed_j=traction + compressor + auxiliary,
+        total_printed_j=traction + thermal + auxiliary,
         battery_j=battery,
         mean_battery_power_w=battery / _duration_s(run),
         peak_battery_power_w=float(run.battery_power_w[1:].max()),

@@ -164,6 +164,9 @@ class CoolingParameters:
     coolant_specific_heat_j_kg_k: float = quantity("C_p", "J/(kg K)", 500.0, 6000.0)
     auxiliary_power_w: float = quantity("P_aux", "W", 0.0, 10000.0)
     air_exchange_w_k: float = quantity("G_a", "W/K", 0.0, 1000.0, neutral=0.0)
+    heater_performance: float = quantity("COP_h", "1", 0.5, 6.0, neutral=1.0)
+    radiator_w_k: float = quantity("G_r", "W/K", 0.0, 5000.0, neutral=0.0)
+    radiator_fan_power_w: float = quantity("P_r", "W", 1.0, 2000.0, neutral=100.0)
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,7 @@ class EnvironmentParameters:
 
 @dataclass(frozen=True)
 class LimitParameters:
-    """Bounds and rates of the paper's Table I."""
+    """Bounds and rates of the paper's Table I, and the largest power of a heater, 0 for none."""
 
     min_acceleration_m_s2: float = quantity("a_min", "m/s^2", -12.0, -0.1)
     max_acceleration_m_s2: float = quantity("a_max", "m/s^2", 0.1, 12.0)
@@ -203,6 +206,13 @@ class LimitParameters:
     max_speed_m_s: float = quantity("v_max", "m/s", 1.0, 100.0)
     min_temperature_k: float = quantity("T_b,min", "K", 253.15, 333.15)
     max_temperature_k: float = quantity("T_b,max", "K", 263.15, 353.15)
+    max_heater_power_w: float = quantity("P_h,max", "W", 0.0, 20000.0, neutral=0.0)
+
+    @property
+    def lowest_thermal_power_w(self) -> float:
+        """Lower bound of the thermal actuator: full heating, with a heater, or the least compressor power."""
+        heater_w = self.max_heater_power_w
+        return -heater_w if heater_w > 0.0 else self.min_compressor_power_w
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from iptm_core.physics.longitudinal import traction_force_n
 from iptm_core.physics.motor import brake_release, motor_speed_rad_s, motor_torque_nm
 from iptm_core.physics.ops import Scalar
 from iptm_core.physics.resistance import cell_resistance_ohm
+from iptm_core.physics.thermal_actuator import thermal_actuation
 from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
 from iptm_core.physics.traction_power import traction_power_w
 
@@ -44,6 +45,7 @@ class Smoothing:
         torque_nm: limit of the regenerative torque.
         blend_m_s: ends of the blending between motor and friction brakes.
         cooling_w: bound of the cooling rate at zero.
+        actuator_w: sign change of the power of the thermal actuator.
         deliverable_margin: part of the largest power that the pack can deliver over which the current leaves
             its root for a tangent, see ``extended_pack_current_a``.
     """
@@ -53,6 +55,7 @@ class Smoothing:
     c_rate_1_h: float = 0.0
     speed_m_s: float = 0.0
     cooling_w: float = 0.0
+    actuator_w: float = 0.0
     deliverable_margin: float = 0.0
     torque_nm: float = 0.0
     blend_m_s: float = 0.0
@@ -138,7 +141,7 @@ def power_thermal_rates(
         speed_m_s: vehicle speed v.
         acceleration_m_s2: acceleration a.
         slope_rad: road slope theta under the vehicle.
-        compressor_power_w: compressor power P_cp.
+        compressor_power_w: compressor power P_cp, negative where the heater runs.
         cells: states of the two modelled cells.
         parameters: the model parameters.
         channel: reduced coolant channel, from ``reduce_channel``.
@@ -166,16 +169,17 @@ def rates_at_traction_power(
     Args:
         traction: traction power P_tra in W.
         speed_m_s: vehicle speed, for the air through the condenser.
-        compressor_power_w: compressor power P_cp.
+        compressor_power_w: compressor power P_cp, negative where the heater runs.
         cells: states of the two modelled cells.
         parameters: the model parameters.
         channel: reduced coolant channel, from ``reduce_channel``.
         smoothing: widths of the kinks; exact by default.
     """
     pack, cell = parameters.pack, parameters.cell
+    actuation = thermal_actuation(compressor_power_w, parameters, smoothing.actuator_w)
     terminal = battery_power_w(
         traction,
-        compressor_power_w,
+        actuation.drawn_w,
         parameters.cooling.auxiliary_power_w,
         pack,
         parameters.powertrain,
@@ -195,14 +199,14 @@ def rates_at_traction_power(
     current = cell_current_a(current_b, pack)
 
     line = chiller_line(
-        compressor_power_w,
+        actuation.compressor_w,
         speed_m_s,
         parameters.chiller,
         parameters.cooling,
         parameters.environment,
     )
     loop = solve_coolant_loop(
-        t_1, t_n, line, channel.outlet, parameters.cooling, smoothing.cooling_w
+        t_1, t_n, line, channel.outlet, parameters.cooling, smoothing.cooling_w, actuation
     )
     coolant_n = channel.last_cell.temperature_k(loop.inlet_k, t_1, t_n)
 

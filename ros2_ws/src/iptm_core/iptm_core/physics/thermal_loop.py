@@ -1,4 +1,7 @@
-"""The closed coolant loop: chiller, channel inlet and channel outlet, paper eqs. (14) and (15)."""
+"""The closed coolant loop: chiller, channel inlet and channel outlet, paper eqs. (14) and (15).
+
+Heater and radiator, where there are any, stand in the same loop.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,8 @@ from iptm_core.physics.chiller import (
     largest_useful_power_w,
 )
 from iptm_core.physics.coolant import ChannelWeights, reduce_channel
-from iptm_core.physics.ops import Scalar
+from iptm_core.physics.ops import Scalar, maximum
+from iptm_core.physics.thermal_actuator import ThermalActuation
 
 _POWERS = 200
 _SPEED_M_S = 10.0
@@ -27,7 +31,8 @@ class CoolantLoop:
     Attributes:
         inlet_k: channel inlet T_c,in, behind the chiller.
         outlet_k: channel outlet T_c,out, in front of the chiller.
-        cooling_rate_w: heat that the chiller takes from the coolant, Q_co.
+        cooling_rate_w: heat taken from the coolant, Q_co: by the chiller, and by a radiator less that of a
+            heater.
     """
 
     inlet_k: Scalar
@@ -42,6 +47,7 @@ def solve_coolant_loop(
     outlet: ChannelWeights,
     cooling: CoolingParameters,
     cooling_smoothing_w: float = 0.0,
+    actuation: ThermalActuation | None = None,
 ) -> CoolantLoop:
     """Inlet and outlet temperature that agree with the chiller (eq. 15), in closed form.
 
@@ -56,6 +62,7 @@ def solve_coolant_loop(
         outlet: channel weights of the outlet temperature.
         cooling: coolant flow and specific heat.
         cooling_smoothing_w: width of the smoothed bound at zero cooling; 0 is exact.
+        actuation: heater and radiator.
     """
     flow_w_k = cooling.coolant_mass_flow_kg_s * cooling.coolant_specific_heat_j_kg_k
     recirculated = outlet.inlet / flow_w_k
@@ -63,11 +70,29 @@ def solve_coolant_loop(
     cells_c = outlet.cell_1 * (cell_1_k - CELSIUS_ZERO_K) + outlet.cell_n * (
         cell_n_k - CELSIUS_ZERO_K
     )
-    fitted_outlet_c = (cells_c - recirculated * chiller.gate * chiller.offset_w) / (
-        1.0 - outlet.inlet + recirculated * chiller.gate * chiller.slope_w_k
-    )
-    cooling_rate_w = chiller.cooling_rate_w(fitted_outlet_c + CELSIUS_ZERO_K, cooling_smoothing_w)
-    outlet_k = (cells_c - recirculated * cooling_rate_w) / (1.0 - outlet.inlet) + CELSIUS_ZERO_K
+    taken_w: Scalar = 0.0 if actuation is None else -actuation.heating_w
+
+    def chilled_w(cells_c: Scalar, kept: Scalar) -> Scalar:
+        """What the chiller takes where the outlet is at cells_c / kept without it."""
+        fitted_outlet_c = (cells_c - recirculated * chiller.gate * chiller.offset_w) / (
+            kept + recirculated * chiller.gate * chiller.slope_w_k
+        )
+        return chiller.cooling_rate_w(fitted_outlet_c + CELSIUS_ZERO_K, cooling_smoothing_w)
+
+    kept = 1.0 - outlet.inlet
+    if actuation is not None and actuation.radiator_w_k is not None:
+        # Solved as if the radiator took heat in both directions, the outlet is on the side of the air on
+        # which it is without a radiator: then what the radiator takes is a heat like another.
+        conductance, air_k = actuation.radiator_w_k, actuation.air_k
+        open_c = cells_c + recirculated * (conductance * (air_k - CELSIUS_ZERO_K) - taken_w)
+        open_kept = kept + recirculated * conductance
+        open_k = (open_c - recirculated * chilled_w(open_c, open_kept)) / open_kept + CELSIUS_ZERO_K
+        smoothing_k = cooling_smoothing_w / cooling.radiator_w_k
+        taken_w = taken_w + conductance * maximum(open_k - air_k, 0.0, smoothing_k)
+    cells_c = cells_c - recirculated * taken_w
+    cooling_rate_w = chilled_w(cells_c, kept)
+    outlet_k = (cells_c - recirculated * cooling_rate_w) / kept + CELSIUS_ZERO_K
+    cooling_rate_w = cooling_rate_w + taken_w
     return CoolantLoop(outlet_k - cooling_rate_w / flow_w_k, outlet_k, cooling_rate_w)
 
 

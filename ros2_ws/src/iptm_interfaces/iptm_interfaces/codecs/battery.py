@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import IntervalPowers
-from iptm_interfaces.codecs._checks import finite, not_negative
+from iptm_interfaces.codecs._checks import finite
 from iptm_interfaces.codecs.fixed_layout import Numbers
 from iptm_interfaces.codecs.named_values import decode_named_values, named_values
 from iptm_interfaces.codecs.time import ns_from_s, time_from_s
@@ -58,11 +58,9 @@ def decode_powers(message: JointState) -> IntervalPowers:
     """Return the mean powers of the interval that ended at the stamp (W).
 
     Raises:
-        MessageError: a power is missing or not finite, or the compressor power is negative.
+        MessageError: a power is missing or not finite.
     """
-    powers = IntervalPowers(*decode_named_values(Topic.PLANT_POWERS, message))
-    not_negative(Topic.PLANT_POWERS, "compressor_power_w", powers.compressor_power_w)
-    return powers
+    return IntervalPowers(*decode_named_values(Topic.PLANT_POWERS, message))
 
 
 def encode_battery(reading: BatteryReading) -> BatteryState:
