@@ -265,7 +265,7 @@ def node_file(node: str) -> str:
     specs = parameter_specs(parameters)
     header = (
         f"# {about}\n# Made by scripts/update_docs from the code. These are the defaults; "
-        "`ros2 param describe` and `--help`\n# of the node tell the permitted ranges.\n"
+        "`ros2 param describe` and `--help`\n# of the node show the permitted ranges.\n"
     )
     return header + parameter_file_text(
         node,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm_bringup.fault_table.catalogue import Entry, PlannedTrip, Said, Way
+from iptm_bringup.fault_table.catalogue import DriveMode, Entry, PlannedTrip, ReportPolicy
 from iptm_bringup.fault_table.headless import PARAMETERS, HeadlessDriver
 from iptm_bringup.fault_table.judge import judge_trip
 from iptm_bringup.fault_table.observed import ObservedTrip
@@ -42,12 +42,14 @@ OF_TOPICS = (
 )
 
 
-def planned(*faults: Fault, said: Said = Said.NOTHING, within: int = 60) -> PlannedTrip:
+def planned(
+    *faults: Fault, reported: ReportPolicy = ReportPolicy.NEVER, within: int = 60
+) -> PlannedTrip:
     route = build_route(
         "us06", "as_designed", initial_gap_m=PARAMETERS.gap.initial_gap_m, duration_s=TRIP_S
     )
-    entries = tuple((Entry(fault, said, normal_within=within), fault) for fault in faults)
-    return PlannedTrip(Way.LOCK_STEP, "us06", entries, route)
+    entries = tuple((Entry(fault, reported, normal_within=within), fault) for fault in faults)
+    return PlannedTrip(DriveMode.LOCK_STEP, "us06", entries, route)
 
 
 @pytest.fixture
@@ -90,21 +92,21 @@ def test_the_safety_monitor_brakes_alike_with_and_without_ros(over_ros: OverRos)
     assert run.service_braking_s.sum() > 0.0
     assert run.closest_m.min() > 0.0
     assert run.acceleration_m_s2.min() < PARAMETERS.limits.min_acceleration_m_s2
-    told = [said for said in with_ros.statements if "the safety monitor brakes: gap" in said.reason]
-    assert told
+    brakings = [one for one in with_ros.reports if "the safety monitor brakes: gap" in one.reason]
+    assert brakings
     first = float(run.time_s[np.flatnonzero(run.service_braking_s)[0]])
-    assert abs(told[0].time_s - first) <= 2.0
+    assert abs(brakings[0].time_s - first) <= 2.0
     assert with_ros.rungs.items() >= without.rungs.items()
 
 
-def test_strangers_and_a_restart_are_told_and_survived(
+def test_foreign_messages_and_a_restart_are_reported_and_survived(
     over_ros: OverRos, headless: HeadlessDriver
 ) -> None:
     plan = planned(
         Fault(FaultKind.FOREIGN_CLOCK, 20.0, 3.0),
         Fault(FaultKind.FOREIGN_LEADER, 30.0, 3.0, size=-1e6),
         Fault(FaultKind.PROCESS_RESTARTED, 50.0, target="v2x_bridge"),
-        said=Said.NOTHING,
+        reported=ReportPolicy.NEVER,
     )
     verdicts = judge_trip(over_ros(plan), headless.drive(plan, ()))
     assert [verdict.problems for verdict in verdicts] == [(), (), ()]

@@ -89,7 +89,7 @@ def test_what_only_the_runner_missed_is_no_problem(
     del heard[Topic.PLANT_ODOMETRY][5]
     results = judge(prepared, heard, bag)
     assert results.problems == ()
-    assert any("did not hear 1 states" in note for note in results.warnings)
+    assert any("missed 1 states" in note for note in results.warnings)
 
 
 def test_figures_are_those_of_what_was_published_and_the_rest_is_named(
@@ -153,7 +153,7 @@ def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
         ((Topic.CLOCK, 4), "the bag holds 20 messages of clock, 21 are needed"),
         ((Topic.PLANT_SAFETY, 4), "the bag holds 20 messages of plant/safety_monitor, 21 are"),
         ((Topic.PLANT_ODOMETRY, 0), "the run covers 1 s to 20 s of a trip of 20 s"),
-        ((Topic.PLANT_ODOMETRY, 20), "the bag lacks 1 states that the runner heard"),
+        ((Topic.PLANT_ODOMETRY, 20), "the bag lacks 1 states that the runner received"),
         ((Topic.SOLVE, 20), None),
     ],
 )

@@ -12,16 +12,16 @@ import pytest
 from iptm_bringup.fault_table.catalogue import (
     CALM_S,
     FIRST_S,
+    DriveMode,
     Entry,
     PlannedTrip,
-    Said,
-    Way,
+    ReportPolicy,
     plan_trips,
     read_catalogue,
 )
 from iptm_bringup.fault_table.cli import EXIT_RED, main
 from iptm_bringup.fault_table.judge import TrialOutcome, judge_trip
-from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement, TripTime
+from iptm_bringup.fault_table.observed import FaultInterval, ObservedTrip, StatusReport, TripTime
 from iptm_bringup.fault_table.page import faults_page
 from iptm_bringup.fault_table.store import VerdictStore
 from iptm_core.decision_record import Rung
@@ -60,22 +60,22 @@ def observe() -> Observe:
     route = build_route("us06", "flat", initial_gap_m=15.0, duration_s=ROWS - 1)
 
     def made(
-        *statements: tuple[float, Level, str],
+        *reports: tuple[float, Level, str],
         fault: Fault = LOST,
-        said: Said = Said.ALWAYS,
+        reported: ReportPolicy = ReportPolicy.ALWAYS,
         rungs: dict[float, Rung] | None = None,
         apart: int = ROWS,
         **columns: object,
     ) -> ObservedTrip:
-        plan = PlannedTrip(Way.LOCK_STEP, "us06", ((Entry(fault, said), fault),), route)
+        plan = PlannedTrip(DriveMode.LOCK_STEP, "us06", ((Entry(fault, reported), fault),), route)
         return ObservedTrip(
             plan,
             PARAMETERS,
             trip_of(**columns),
             np.arange(ROWS) >= apart,
             rungs or {},
-            [Statement(time_s, "controller", level, text) for time_s, level, text in statements],
-            [Happened(fault.start_s, fault.end_s)],
+            [StatusReport(time_s, "controller", level, text) for time_s, level, text in reports],
+            [FaultInterval(fault.start_s, fault.end_s)],
         )
 
     return made
@@ -94,16 +94,18 @@ def test_a_fault_that_is_told_and_gone_is_green(observe: Observe) -> None:
     verdict = verdict_on(observe(*WARNED, CALM_AGAIN), observe)
     assert verdict.problems == ()
     assert verdict.normal_after == 0.0
-    assert verdict.said == ("controller: no preview",)
+    assert verdict.reasons == ("controller: no preview",)
     assert verdict.level is Level.WARN
     assert verdict.smallest_gap_m == pytest.approx(30.0)
 
 
 def test_silence_is_red(observe: Observe) -> None:
     silent = (0.0, Level.OK, "optimal plans")
-    assert "without a word" in verdict_on(observe(silent), observe).problems[0]
-    assert verdict_on(observe(silent, said=Said.ONCE), observe).problems == ("nothing was said",)
-    assert verdict_on(observe(silent, said=Said.NOTHING), observe).problems == ()
+    assert "without a report" in verdict_on(observe(silent), observe).problems[0]
+    assert verdict_on(observe(silent, reported=ReportPolicy.ONCE), observe).problems == (
+        "no report",
+    )
+    assert verdict_on(observe(silent, reported=ReportPolicy.NEVER), observe).problems == ()
 
 
 def test_where_a_run_may_end_its_last_word_is_one(observe: Observe) -> None:
@@ -114,13 +116,13 @@ def test_where_a_run_may_end_its_last_word_is_one(observe: Observe) -> None:
     ended = replace(silent, plan=plan, ended="recorder ended with exit code 2")
     verdict = verdict_on(ended, observe)
     assert verdict.problems == ()
-    assert verdict.said == ("recorder ended with exit code 2",)
+    assert verdict.reasons == ("recorder ended with exit code 2",)
 
 
 def test_a_word_in_between_is_enough_only_where_one_is_asked_for(observe: Observe) -> None:
     words = (*WARNED, (13.0, Level.OK, "optimal plans"))
-    assert verdict_on(observe(*words), observe).problems == ("7 of 10 ticks without a word",)
-    assert verdict_on(observe(*words, said=Said.ONCE), observe).problems == ()
+    assert verdict_on(observe(*words), observe).problems == ("7 of 10 ticks without a report",)
+    assert verdict_on(observe(*words, reported=ReportPolicy.ONCE), observe).problems == ()
 
 
 def test_a_fallback_or_a_warning_that_stays_is_not_normal(observe: Observe) -> None:
@@ -132,8 +134,8 @@ def test_a_fallback_or_a_warning_that_stays_is_not_normal(observe: Observe) -> N
 
 
 def test_what_is_said_without_faults_as_well_is_nobodys_fault(observe: Observe) -> None:
-    twin = observe((0.0, Level.WARN, "gap above s_max for long"))
-    (verdict,) = judge_trip(observe(*WARNED), twin)
+    fault_free = observe((0.0, Level.WARN, "gap above s_max for long"))
+    (verdict,) = judge_trip(observe(*WARNED), fault_free)
     assert verdict.problems == ()
 
 
@@ -142,7 +144,7 @@ def test_a_collision_counts_where_full_braking_avoids_it(observe: Observe) -> No
     leader = np.minimum(10.0 * np.arange(ROWS) + 30.0, standing)
     stop = Fault(FaultKind.LEADER_HARD_STOP, 10.0, 10.0)
     avoidable = observe(
-        fault=stop, said=Said.NOTHING, apart=11, leader_position_m=leader,
+        fault=stop, reported=ReportPolicy.NEVER, apart=11, leader_position_m=leader,
         leader_speed_m_s=np.where(np.arange(ROWS) > 13, 0.0, 10.0),
     )  # fmt: skip
     verdict = verdict_on(avoidable, observe)
@@ -150,7 +152,7 @@ def test_a_collision_counts_where_full_braking_avoids_it(observe: Observe) -> No
     assert any("collision that brakes avoid" in problem for problem in verdict.problems)
     # Three metres ahead nobody can stop, but braking less than possible is a fault of its own.
     near = leader - 27.0
-    late = observe(fault=stop, said=Said.NOTHING, apart=14, leader_position_m=near)
+    late = observe(fault=stop, reported=ReportPolicy.NEVER, apart=14, leader_position_m=near)
     assert any("worse than full braking" in what for what in verdict_on(late, observe).problems)
 
 
@@ -169,20 +171,22 @@ def test_what_was_heard_is_put_where_it_belongs_in_the_last_trip() -> None:
     assert [again.at_s(0, 62), again.at_s(5 * S, 66)] == [0.0, 5.0]
     doubled = TripTime([*ticks, 0, 61 * S, 0, 62 * S])
     assert doubled.at_s(50 * S, 51) == 50.0
-    assert doubled.at_s(0, 62) == 60.0  # said by, or of the time of, the second plant
+    assert doubled.at_s(0, 62) == 60.0  # reported by the second plant or stamped with its time
     assert doubled.at_s(62 * S, 64) == 62.0
 
 
 def test_a_restart_of_the_plant_is_judged_by_the_trip_that_it_begins(observe: Observe) -> None:
     fault = Fault(FaultKind.PROCESS_RESTARTED, 30.0, target="plant")
     begun = ((-1.0, Level.WARN, "waiting"), (0.0, Level.WARN, "another trip has begun"))
-    trip = observe(*begun, (3.0, Level.OK, "optimal plans"), fault=fault, said=Said.ONCE)
-    verdict = verdict_on(replace(trip, happened=[Happened(-1.0, -1.0)]), observe)
+    trip = observe(
+        *begun, (3.0, Level.OK, "optimal plans"), fault=fault, reported=ReportPolicy.ONCE
+    )
+    verdict = verdict_on(replace(trip, intervals=[FaultInterval(-1.0, -1.0)]), observe)
     assert verdict.problems == ()
     assert verdict.normal_after == 4.0
-    silent = observe((0.0, Level.OK, "optimal plans"), fault=fault, said=Said.ONCE)
-    verdict = verdict_on(replace(silent, happened=[Happened(-1.0, -1.0)]), observe)
-    assert verdict.problems == ("nothing was said",)
+    silent = observe((0.0, Level.OK, "optimal plans"), fault=fault, reported=ReportPolicy.ONCE)
+    verdict = verdict_on(replace(silent, intervals=[FaultInterval(-1.0, -1.0)]), observe)
+    assert verdict.problems == ("no report",)
 
 
 # --- catalogue and trips
@@ -198,8 +202,10 @@ def test_the_shipped_catalogue_has_every_kind() -> None:
 
 def test_a_row_that_nobody_understands_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
-    path.write_text("cycles: [us06]\nfaults: [{kind: preview_lost, said: sometimes}]\n")
-    with pytest.raises(ScenarioError, match="said is 'sometimes'; allowed: always, once, nothing"):
+    path.write_text("cycles: [us06]\nfaults: [{kind: preview_lost, reported: sometimes}]\n")
+    with pytest.raises(
+        ScenarioError, match="reported is 'sometimes'; allowed: always, once, never"
+    ):
         read_catalogue(path)
 
 
@@ -210,8 +216,8 @@ def test_faults_over_ros_follow_one_another_with_calm_between() -> None:
     long = {name: np.resize(column, rows) for name, column in sound.to_arrays().items()}
     long["time_s"] = np.arange(float(rows))
     whole = Trajectory.from_arrays(long)
-    over_ros = plan_trips(entries, Way.LOCK_STEP, "us06", whole)
-    headless = plan_trips(entries, Way.HEADLESS, "us06", whole)
+    over_ros = plan_trips(entries, DriveMode.LOCK_STEP, "us06", whole)
+    headless = plan_trips(entries, DriveMode.HEADLESS, "us06", whole)
     assert sum(len(trip.entries) for trip in over_ros) == len(entries)
     assert len(over_ros) < len(entries) / 2
     assert all(len(trip.entries) == 1 for trip in headless)
@@ -229,9 +235,9 @@ def test_faults_over_ros_follow_one_another_with_calm_between() -> None:
 def test_verdicts_are_kept_and_replaced(tmp_path: Path) -> None:
     _, entries = read_catalogue()
     store = VerdictStore(tmp_path)
-    red = replace(TrialOutcome(entries[0], Way.HEADLESS, "us06"), problems=("nothing was said",))
+    red = replace(TrialOutcome(entries[0], DriveMode.HEADLESS, "us06"), problems=("no report",))
     other = TrialOutcome(
-        entries[1], Way.REAL_TIME, "us06", ("controller: x",), Level.WARN, 2, 1.0, 9.0, 9.5
+        entries[1], DriveMode.REAL_TIME, "us06", ("controller: x",), Level.WARN, 2, 1.0, 9.0, 9.5
     )
     store.add(entries, [red, other])
     store.add(entries, [replace(red, problems=())])
@@ -244,25 +250,25 @@ def test_verdicts_are_kept_and_replaced(tmp_path: Path) -> None:
 
 def test_the_page_says_what_did_not_hold() -> None:
     _, entries = read_catalogue()
-    good = TrialOutcome(entries[0], Way.HEADLESS, "us06", (), Level.OK, 0, 0.0, 9.0, 9.5)
-    bad = replace(good, way=Way.LOCK_STEP, problems=("nothing was said",))
+    good = TrialOutcome(entries[0], DriveMode.HEADLESS, "us06", (), Level.OK, 0, 0.0, 9.0, 9.5)
+    bad = replace(good, mode=DriveMode.LOCK_STEP, problems=("no report",))
     page = faults_page("scripts/faults", [good, bad])
     assert "✓ 1 of 1 | ✗ 0 of 1" in page
-    assert f"| {entries[0].name} | lock-step | us06 | nothing was said |" in page
+    assert f"| {entries[0].name} | lock-step | us06 | no report |" in page
 
 
 def test_the_command_makes_a_green_row_without_ros(tmp_path: Path) -> None:
-    arguments = ["--way", "headless", "--cycle", "nycc", "--folder", str(tmp_path)]
+    arguments = ["--mode", "headless", "--cycle", "nycc", "--folder", str(tmp_path)]
     assert main([*arguments, "--only", "preview_nan"]) == 0
     assert "preview_nan" in (tmp_path / "faults.md").read_text()
 
 
 def test_the_command_tells_red_from_green(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
-    mine.write_text("cycles: [nycc]\nfaults: [{kind: slope_step, size: 0.001, said: always}]\n")
-    arguments = ["--way", "headless", "--folder", str(tmp_path), "--catalogue", str(mine)]
+    mine.write_text("cycles: [nycc]\nfaults: [{kind: slope_step, size: 0.001, reported: always}]\n")
+    arguments = ["--mode", "headless", "--folder", str(tmp_path), "--catalogue", str(mine)]
     assert main(arguments) == EXIT_RED
-    assert "without a word" in (tmp_path / "faults.md").read_text()
+    assert "without a report" in (tmp_path / "faults.md").read_text()
 
 
 def test_an_unknown_kind_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -138,7 +138,7 @@ def controller_for(
 
 
 def preview_for(prepared: PreparedScenario) -> PreviewSettings:
-    """Return what a scenario says about previews."""
+    """Return the preview settings of a scenario."""
     return given_settings(PreviewSettings, vars(prepared.scenario))
 
 

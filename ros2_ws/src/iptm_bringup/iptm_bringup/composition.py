@@ -1,6 +1,6 @@
 """Turns a scenario into the commands that start its processes; pure data, nothing is started here.
 
-The nodes are known by module and parameter names only, as for anyone who starts them by hand.
+The nodes are identified by module and parameter names only, as when started by hand.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from iptm_core.declaration import Scalar, plain
 from iptm_core.parameters import to_flat_dict
 from iptm_faults.fault import Fault, at_places, plain_faults
 from iptm_faults.kinds import FaultPlace
-from iptm_faults.wiring import route_name, told_name
+from iptm_faults.wiring import faulty_name, route_name
 from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT, STATE_TOPICS, Topic
 from iptm_recording.run_information import MODEL_KEY
 
@@ -27,7 +27,7 @@ RECORDER = "recorder"
 INJECTOR = "fault_injector"
 COMMENT_WIDTH = 100
 LEADER_FROM_MESSAGES = "cam"
-"""Value of the bridge's parameter `leader_source` with which it hears the leader's messages."""
+"""Value of the bridge's parameter `leader_source` that selects received CAM messages."""
 
 MODULES = {
     PLANT: "iptm_plant_sim.node",
@@ -40,7 +40,7 @@ FAULTY_NODES = {
     FaultPlace.SOLVER: (CONTROLLER, "iptm_faults.node_controller"),
     FaultPlace.VEHICLE: (PLANT, "iptm_faults.node_plant"),
 }
-"""Nodes with faults inside: the node that each stands for, and its module."""
+"""Node variants with faults inside, by the node that each replaces, and their modules."""
 
 _TOPIC_PLACES = (
     FaultPlace.TRAFFIC,
@@ -51,32 +51,32 @@ _TOPIC_PLACES = (
     FaultPlace.CLOCK,
     FaultPlace.STAMPS,
 )
-"""Places of faults at which the injector stands."""
+"""Fault places that need the injector."""
 
 _REMAPPED: Mapping[str, Mapping[str, str]] = {
     CONTROLLER: {
-        topic.value: told_name(topic.value)
+        topic.value: faulty_name(topic.value)
         for topic in (*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE)
     },
     BRIDGE: {
-        Topic.CLOCK.value: told_name(Topic.CLOCK.value),
+        Topic.CLOCK.value: faulty_name(Topic.CLOCK.value),
         Topic.LEADER.value: route_name(Topic.LEADER.value),
         Topic.LEADER_SAMPLES.value: route_name(Topic.LEADER_SAMPLES.value),
         Topic.LEADER_PREVIEW.value: route_name(Topic.LEADER_PREVIEW.value),
     },
 }
-"""Topics of nodes that go through the injector where there is one, by node and name."""
+"""Topics of nodes that are routed through the injector if there is one, by node and name."""
 
 
 @dataclass(frozen=True)
 class Listeners:
-    """Who else takes part in the run, beside the three nodes.
+    """Participants of the run in addition to the three nodes.
 
     Attributes:
         recorder: a recorder will join.
-        foreign_to_state: others (a viewer, say) that listen to the state and the clock already.
-        foreign_to_preview: others that listen to the leader and its preview already.
-        without: nodes that the user starts, who may be among the others already.
+        foreign_to_state: number of other nodes (such as a viewer) already subscribed to state and clock.
+        foreign_to_preview: number of other nodes already subscribed to the leader and its preview.
+        without: nodes that the user starts, which may already be among the others.
     """
 
     recorder: bool = True
@@ -90,20 +90,20 @@ def node_parameters(
 ) -> dict[str, dict[str, Scalar]]:
     """Return the parameters of each node.
 
-    The first message counts as much as the last, so plant and bridge are told how many listeners to
+    No message may be lost, so plant and bridge are given the number of listeners to
     wait for: the runner and the recorder, and the controller (to the odometry and the preview) or the
     bridge (to the clock).
 
     Args:
         prepared: the scenario.
-        listeners: who else listens.
+        listeners: other participants.
     """
     scenario = prepared.scenario
     recorder, runner = int(listeners.recorder), 1
-    # A controller of the user's need not listen to previews; to the state, it may listen already.
+    # A controller of the user need not subscribe to previews; it may already subscribe to the state.
     is_foreign = CONTROLLER in listeners.without
     controller = 1 - int(is_foreign and listeners.foreign_to_state > 0)
-    # A bridge that hears messages listens to the odometry, too, and in lock-step their sender to the clock.
+    # A bridge on received messages also subscribes to the odometry; in lock-step their sender to the clock.
     told = scenario.node_parameters.get(BRIDGE, {})
     wireless = int(
         told.get("leader_source") == LEADER_FROM_MESSAGES
@@ -116,7 +116,7 @@ def node_parameters(
         },
         BRIDGE: {
             "initial_gap_m": prepared.model.values.gap.initial_gap_m,
-            # The runner does not listen to previews.
+            # The runner does not subscribe to previews.
             "expected_peers": 1 - is_foreign + recorder + listeners.foreign_to_preview,
         },
         CONTROLLER: {"trip_duration_s": prepared.route.duration_s},
@@ -146,7 +146,7 @@ def with_faults(
             changed[node]["faults"] = json.dumps(plain_faults(inside))
     if needs_injector(faults):
         own = json.dumps(plain_faults(at_places(faults, *_TOPIC_PLACES)))
-        # It stands between bridge and controller: the recorder is left to listen to the true preview.
+        # The injector sits between bridge and controller: the recorder keeps the unmodified preview.
         listeners = int(changed[BRIDGE]["expected_peers"]) - 1
         changed[INJECTOR] = {"faults": own, "expected_peers": listeners}
         changed[BRIDGE]["expected_peers"] = 1
@@ -154,7 +154,7 @@ def with_faults(
 
 
 def needs_injector(faults: Sequence[Fault]) -> bool:
-    """Return whether one of the faults is of topics."""
+    """Return whether a fault acts on topics."""
     return bool(at_places(faults, *_TOPIC_PLACES))
 
 
@@ -204,7 +204,7 @@ def _remaps(namespace: str) -> list[str]:
 def parameter_file_text(
     node: str, parameters: Mapping[str, Scalar], comments: Mapping[str, str] | None = None
 ) -> str:
-    """Return a ROS 2 parameter file for a node in whatever namespace.
+    """Return a ROS 2 parameter file for a node in any namespace.
 
     Texts are always quoted: ROS would take a bare ``1e3`` or ``on`` for a number or a truth value.
 
@@ -233,7 +233,7 @@ def _scalar_text(value: Scalar) -> str:
 def run_information(
     prepared: PreparedScenario, parameters: Mapping[str, Mapping[str, Scalar]]
 ) -> dict[str, Any]:
-    """Return what the recorder shall store about the run; revision and versions it adds itself.
+    """Return the information about the run to be stored; the recorder adds revision and versions.
 
     Args:
         prepared: the scenario.

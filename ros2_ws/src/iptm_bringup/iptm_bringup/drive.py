@@ -1,4 +1,4 @@
-"""One run from the first process to the last: start, watch, and end in an order that loses nothing."""
+"""One run from the first process to the last: start, watch and shut down without losing messages."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from iptm_interfaces.process import StopRequest
 from iptm_interfaces.topics import PLANT, Topic
 
 START_TIMEOUT_S = 660.0
-"""Enough for the two compilations of a first start, which are given up after 300 s each."""
+"""Time for two compilations at a first start, each of which is aborted after 300 s."""
 SILENCE_TIMEOUT_S = 30.0
-"""The plant reports once a second even when it waits; silence for so long means that it hangs."""
+"""Silence after which the plant counts as hung; it reports once a second even while it waits."""
 AFTER_KILL_S = 10.0
-"""So long after a plant that was killed on purpose its run goes on."""
+"""Time for which a run continues after a fault has killed its plant."""
 IMPOSSIBLE_GAP_M = -1000.0
-"""The simulation continues behind a collision, but no host gets this far ahead of its leader."""
+"""Gap below which messages of different runs must have mixed; the simulation goes on after a collision."""
 _LAST_ANSWER_TIMEOUT_S = 2.0
 _REST_S = 0.05
 _SPIN_S = 0.001
@@ -54,7 +54,7 @@ class DriveResult:
     Attributes:
         outcome: how it ended.
         message: what happened, empty if it finished as it should.
-        last_lines: what the process that caused the end said last.
+        last_lines: last output of the process that caused the end.
         wall_time_s: from the first to the last clock.
     """
 
@@ -73,11 +73,11 @@ class Drive(AbstractContextManager["Drive"]):
         monitor: listens to them.
         executor: runs the monitor.
         progress: shows how far it is.
-        stop: tells that the user wants to stop.
+        stop: set when the user requests a stop.
         process_faults: what is done to the processes on purpose.
         foreign: nodes that the user starts.
-        duration_s: length of the trip; a later clock is that of another run.
-        least_gap_m: a smaller gap is one between the host and the leader of different runs.
+        duration_s: length of the trip; a later clock belongs to another run.
+        least_gap_m: a smaller gap mixes the ego vehicle and the leader of different runs.
     """
 
     supervisor: Supervisor
@@ -91,7 +91,7 @@ class Drive(AbstractContextManager["Drive"]):
     least_gap_m: float = IMPOSSIBLE_GAP_M
 
     def __exit__(self, *error: object) -> None:
-        """End the recorder last: what the others say in the end belongs into the bag."""
+        """End the recorder last, so that the final messages of the other nodes are in the bag."""
         self.progress.close()
         started = self.supervisor.names
         self.supervisor.stop(name for name in started if name != RECORDER)
@@ -112,7 +112,7 @@ class Drive(AbstractContextManager["Drive"]):
         self.monitor.expect(commands)
 
     def look_around(self, duration_s: float) -> DriveResult:
-        """Give the middleware time to find who else is in the domain.
+        """Give the middleware time to discover the other participants of the domain.
 
         Args:
             duration_s: how long.
@@ -182,7 +182,7 @@ class Drive(AbstractContextManager["Drive"]):
             if now_s - self.monitor.last_sign_s > SILENCE_TIMEOUT_S:
                 return DriveResult(
                     DriveOutcome.FAILED,
-                    f"nothing was heard of the plant for {SILENCE_TIMEOUT_S:g} s{self._at()}",
+                    f"no message from the plant for {SILENCE_TIMEOUT_S:g} s{self._at()}",
                 )
             return None
 
@@ -194,7 +194,7 @@ class Drive(AbstractContextManager["Drive"]):
                     or PLANT in self.monitor.awaited_nodes
                 )
             running = self.supervisor.is_running(self.process_faults.current(PLANT))
-            # What the others say about a plant that was killed on purpose is worth hearing.
+            # Reports of the other nodes about a plant killed by a fault are still recorded.
             silent_s = time.monotonic() - self.monitor.last_sign_s
             killed = self.process_faults.is_excused(self.process_faults.current(PLANT))
             return not running and not (killed and silent_s < AFTER_KILL_S)
@@ -214,7 +214,7 @@ class Drive(AbstractContextManager["Drive"]):
         return result
 
     def _contradiction(self, snapshot: Snapshot) -> str:
-        """Return what shows that messages of another run have mixed with those of this one, or nothing."""
+        """Return evidence that messages of another run are mixed in, empty if there is none."""
         if snapshot.time_s > self.duration_s + _TIME_TOLERANCE_S:
             found = f"the clock is at {snapshot.time_s:g} s of a trip of {self.duration_s:g} s"
         elif snapshot.gap_m < self.least_gap_m:
@@ -258,15 +258,15 @@ class Drive(AbstractContextManager["Drive"]):
             if ending.name == self.process_faults.current(PLANT) and self._has_ended():
                 continue
             if ending.code == EXIT_USER_ERROR and not started:
-                said = ending.last_lines[-1] if ending.last_lines else ""
-                return DriveResult(DriveOutcome.REFUSED, said or f"{ending.name} {ending.how}")
+                reason = ending.last_lines[-1] if ending.last_lines else ""
+                return DriveResult(DriveOutcome.REFUSED, reason or f"{ending.name} {ending.how}")
             return DriveResult(DriveOutcome.FAILED, self._what_ended(ending), ending.last_lines)
         return None
 
     def _has_ended(self) -> bool:
         """Return whether the plant ended as it does after a trip.
 
-        Of a recorded trip the runner may have heard nothing: the bag tells what happened.
+        The runner may have received nothing of a recorded trip: the bag decides.
         """
         is_witnessed = self.monitor.time_ns is not None or RECORDER in self.supervisor.names
         return is_witnessed and any(
@@ -285,7 +285,7 @@ class Drive(AbstractContextManager["Drive"]):
         )
 
     def _await_last_answers(self) -> None:
-        """Give bridge and controller the time to answer the last state, so that every run ends alike."""
+        """Give bridge and controller time to answer the last state, so that every run ends alike."""
         last_ns = self.monitor.time_ns
         deadline_s = time.monotonic() + _LAST_ANSWER_TIMEOUT_S
         while time.monotonic() < deadline_s:
@@ -295,9 +295,9 @@ class Drive(AbstractContextManager["Drive"]):
             self._hear()
 
     def _hear(self) -> None:
-        """Rest a little, then take all that has arrived.
+        """Rest briefly, then take all messages that have arrived.
 
-        Woken by every single message the runner would need twice the time, at the cost of the nodes.
+        Waking at every message would double the CPU time of the runner at the cost of the nodes.
         """
         time.sleep(_REST_S)
         quiet, before = 0, self.monitor.message_count
@@ -312,16 +312,16 @@ class Drive(AbstractContextManager["Drive"]):
 
 
 def unclean_ends(supervisor: Supervisor, process_faults: ProcessFaults) -> list[str]:
-    """Return a sentence for every process that did not end well although trip and faults let it.
+    """Return a sentence for every process that failed although trip and faults do not explain it.
 
-    A recorder that a fault has killed is no reason to end the run, but its bag lacks the rest of the trip.
+    A recorder killed by a fault does not end the run, but its bag lacks the rest of the trip.
     """
     sentences = []
     for ending in supervisor.endings():
         if ending.code == 0:
             continue
         if not process_faults.is_excused(ending.name):
-            sentences.append(f"{ending.name} {ending.how} when it was told to stop")
+            sentences.append(f"{ending.name} {ending.how} when it was stopped")
         elif ending.name == RECORDER:
             sentences.append(f"the bag is incomplete: {ending.name} {ending.how}, by a fault")
     return sentences

@@ -32,24 +32,24 @@ class RunDomain:
 
 @contextmanager
 def domain_of_run(
-    asked: int, namespace: str = "/", environment: Mapping[str, str] = os.environ
+    requested: int, namespace: str = "/", environment: Mapping[str, str] = os.environ
 ) -> Iterator[RunDomain]:
     """Provide the ROS domain of a run, which no other run has in the same namespace until the context ends.
 
     Args:
-        asked: domain of the scenario, `AUTOMATIC_DOMAIN` for the user's or a free one.
+        requested: domain of the scenario, `AUTOMATIC_DOMAIN` for the user's or a free one.
         namespace: full namespace of the run, `/` for none.
         environment: where ``ROS_DOMAIN_ID`` may be set.
 
     Raises:
-        ScenarioError: ``ROS_DOMAIN_ID`` is no domain, another run has the domain, or none is free.
+        ScenarioError: ``ROS_DOMAIN_ID`` is invalid, another run uses the domain, or none is free.
     """
-    given = environment.get(DOMAIN_VARIABLE, "").strip() if asked == AUTOMATIC_DOMAIN else ""
+    given = environment.get(DOMAIN_VARIABLE, "").strip() if requested == AUTOMATIC_DOMAIN else ""
     if given and not (given.isascii() and given.isdigit() and int(given) <= MAX_DOMAIN):
         raise ScenarioError(f"{DOMAIN_VARIABLE} is {given!r}; allowed: 0 to {MAX_DOMAIN}")
-    is_private = asked == AUTOMATIC_DOMAIN and not given
+    is_private = requested == AUTOMATIC_DOMAIN and not given
     with ExitStack() as stack:
-        number = int(given) if given else asked
+        number = int(given) if given else requested
         if is_private:
             number = stack.enter_context(reserve_domain())
         stack.enter_context(lock_run(number, namespace))
@@ -67,9 +67,9 @@ def environment_of_run(
         base: environment to start from.
     """
     defaults = {
-        # ROS from wheels does not say where it is installed.
+        # ROS from wheels does not set its install prefix.
         "AMENT_PREFIX_PATH": sys.prefix,
-        # Four processes share the cores already.
+        # Four processes already share the cores.
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
     }
@@ -77,7 +77,7 @@ def environment_of_run(
     return {
         **base,
         **chosen,
-        # A run must not drive a plant in the next room.
+        # Keep the run on this machine: it must not reach a plant elsewhere on the network.
         **middleware_settings(base),
         DOMAIN_VARIABLE: str(domain),
         "ROS_LOG_DIR": str(log_folder),

@@ -1,4 +1,4 @@
-"""The outcome of a run as data: its figures, from the bag if there is one, and what is amiss."""
+"""Results of a run as data: its figures, from the bag if there is one, and its problems."""
 
 from __future__ import annotations
 
@@ -44,19 +44,19 @@ _OF_CONTROLLER = (
 
 @dataclass(frozen=True, eq=False)
 class RunResults:
-    """Everything there is to say about a finished run.
+    """Results of a finished run.
 
     Attributes:
         prepared: what was driven.
-        trajectory: from the bag, or as heard where there is none.
-        decisions: likewise.
+        trajectory: from the bag, or from the received messages without one.
+        decisions: from the same source.
         metrics: what the run achieved.
         wall_time_s: from the first to the last clock.
         bag_messages: messages in the bag by topic, None without a bag.
-        problems: why the run does not count as good, empty if it does.
-        warnings: what the nodes complained about while it ran.
-        information: what the run depended on: revision, versions, time of the start.
-        comparison: the same trip under another strategy, None if none was asked for.
+        problems: why the run counts as failed, empty if it does not.
+        warnings: warnings of the nodes during the run.
+        information: provenance of the run: revision, versions, start time.
+        comparison: the same trip under another strategy, None without a comparison.
     """
 
     prepared: PreparedScenario
@@ -93,20 +93,20 @@ def evaluate(
     problems: Sequence[str] = (),
     warnings: Sequence[str] = (),
 ) -> RunResults:
-    """Work out the results of a run.
+    """Compute the results of a run.
 
     Args:
         prepared: what was to be driven.
-        heard: what the runner heard: the bytes of the messages by topic.
+        heard: serialised messages received by the runner, by topic.
         bag: what was recorded, None if nothing was.
         information: revision and versions, used without a bag.
         wall_time_s: from the first to the last clock.
-        problems: what is known to be amiss already.
-        warnings: what the nodes complained about.
+        problems: problems found so far.
+        warnings: warnings of the nodes.
 
     Raises:
         BagError: the bag cannot be read.
-        MessageError: there is no bag, and the runner heard no tick completely.
+        MessageError: there is neither a bag nor a complete tick among the received messages.
     """
     found, notes = list(problems), list(warnings)
     trips = split_trips((stamp_ns_of(data), None) for data in heard[Topic.PLANT_ODOMETRY])
@@ -138,12 +138,12 @@ def evaluate(
         found += _missing_messages(counts, len(trajectory), prepared)
         lost, missed = _unequal_states(trips[-1], trajectory)
         if lost:
-            # A plant of the user's need not wait for the recorder.
+            # A plant of the user need not wait for the recorder.
             (notes if PLANT in prepared.foreign else found).append(
-                f"the bag lacks {lost} states that the runner heard"
+                f"the bag lacks {lost} states that the runner received"
             )
         if missed:
-            notes.append(f"the runner did not hear {missed} states; the bag holds them")
+            notes.append(f"the runner missed {missed} states; the bag holds them")
     losses = None if bag is None else stored_losses(information)
     notes += unpublished(trajectory)
     notes += [remark] if (remark := leader_remark(trajectory, losses)) else []
@@ -179,8 +179,8 @@ def _unequal_states(heard: Iterable[int], trajectory: Trajectory) -> tuple[int, 
 def _missing_messages(
     counts: Mapping[str, int], ticks: int, prepared: PreparedScenario
 ) -> list[str]:
-    """Return a sentence per topic of which the bag does not hold a message for every tick."""
-    # On the wall clock nobody waits for an answer, so only the plant's own messages are certain.
+    """Return a sentence per topic for which the bag lacks the message of a tick."""
+    # In real time the plant does not wait for answers, so only its own messages are certain.
     complete = (*_OF_PLANT, *_OF_BRIDGE) if prepared.is_lock_step else _OF_PLANT
     expected = dict.fromkeys(complete, ticks)
     if prepared.is_lock_step:
@@ -261,7 +261,7 @@ def results_json(results: RunResults) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value with everything that JSON does not know replaced."""
+    """Return a value with non-finite numbers, which JSON cannot represent, replaced."""
     if isinstance(value, Mapping):
         return {_name(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""Listens to a run: keeps the bytes of every message that the figures of a run need.
+"""Monitor node of a run: keeps the serialised messages that the figures of a run need.
 
 A lock-step run passes some thousand messages a second, and the runner must not take time from the
 nodes. So messages stay bytes until the run is over; while it lasts, only the newest are decoded, a
@@ -57,7 +57,7 @@ _LOOK_PERIOD_S = 0.05
 # A node that was found a moment ago has no name yet; it may be one of the run.
 _NOT_FOREIGN = {PLANT, BRIDGE, CONTROLLER, RECORDER, INJECTOR, NAME, "_NODE_NAME_UNKNOWN_"}
 _NEEDED = (*PEER_TOPICS, Topic.LEADER, Topic.COMMAND)
-"""What a run cannot do without, whoever publishes it."""
+"""Topics that a run requires, whichever node publishes them."""
 _ONLY_ONE_PUBLISHES = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
 
 
@@ -91,9 +91,9 @@ class HeardStatus(NamedTuple):
 
     Attributes:
         about_ns: trip time that it is about.
-        node: who.
-        status: what.
-        clocks: clocks heard before it; they tell the trip where there are several.
+        node: name of the node.
+        status: the status.
+        clocks: number of clocks received before it; identifies the trip where there are several.
     """
 
     about_ns: int
@@ -112,7 +112,7 @@ class RunMonitor(SuiteNode):
         last_sign_s: steady time of the newest clock or diagnostics of the plant, else of the start.
         warnings: reasons that the nodes gave in their diagnostics since the first clock, worse than
             OK, once each.
-        statements: every status of the nodes, in order of arrival.
+        reports: every status of the nodes, in order of arrival.
         plant_reason: latest reason of the plant's diagnostics.
 
     Args:
@@ -133,7 +133,7 @@ class RunMonitor(SuiteNode):
         self.last_clock_s: float | None = None
         self.last_sign_s = time.monotonic()
         self.warnings: dict[str, None] = {}
-        self.statements: list[HeardStatus] = []
+        self.reports: list[HeardStatus] = []
         self.plant_reason = ""
         self._diagnostics_count = 0
         self._started: set[str] = set(foreign)
@@ -158,7 +158,7 @@ class RunMonitor(SuiteNode):
 
     @property
     def crowded_topics(self) -> tuple[str, ...]:
-        """Topics with more publishers than the run has: another one takes place in the domain."""
+        """Topics with more publishers than the run has: another run shares the domain."""
         return tuple(
             topic.value
             for topic in _ONLY_ONE_PUBLISHES
@@ -170,7 +170,7 @@ class RunMonitor(SuiteNode):
         return self.get_node_names_and_namespaces().count((node, self.get_namespace())) > 1
 
     def expect(self, nodes: Iterable[str]) -> None:
-        """Listen to nodes from now on, as they have been started; to nobody else before."""
+        """Subscribe from now on to nodes that have been started, and to none before."""
         self._started.update(nodes)
 
     def foreign_listeners(self, *topics: Topic) -> int:
@@ -184,7 +184,7 @@ class RunMonitor(SuiteNode):
 
     @property
     def message_count(self) -> int:
-        """Messages heard so far."""
+        """Messages received so far."""
         return self._diagnostics_count + sum(map(len, self.recorded.values()))
 
     @property
@@ -195,7 +195,7 @@ class RunMonitor(SuiteNode):
 
     @property
     def clocks(self) -> int:
-        """Clocks heard so far."""
+        """Clocks received so far."""
         return len(self.recorded[Topic.CLOCK])
 
     def newest_stamp_ns(self, topic: Topic) -> int | None:
@@ -293,11 +293,11 @@ class RunMonitor(SuiteNode):
             status = find_status(message, f"{self._prefix}/{node}")
             if status is None:
                 continue
-            # A node that has just been started does not know the time yet.
+            # A node that has just been started has no trip time yet.
             about_s = float(status_values(status).get(TRIP_TIME, 0.0))
             about_ns = ns_from_s(about_s) or self.time_ns or 0
-            self.statements.append(HeardStatus(about_ns, node, status, self.clocks))
-            # Before the first tick everybody waits for somebody, which is worth no word.
+            self.reports.append(HeardStatus(about_ns, node, status, self.clocks))
+            # Before the first tick all nodes wait for inputs; not reported.
             if self.first_clock_s is not None and status.level != Level.OK.value:
                 self.warnings[f"{node}: {status.message}"] = None
         plant = find_status(message, f"{self._prefix}/{PLANT}")

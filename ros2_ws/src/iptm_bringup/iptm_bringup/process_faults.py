@@ -27,8 +27,8 @@ class ProcessFaultRecord:
         fault: the fault.
         began_ns: trip time of its beginning.
         ended_ns: trip time at which it was undone; None if it was not.
-        began_clocks: clocks heard before its beginning; they tell the trip where there are several.
-        ended_clocks: clocks heard before it was undone.
+        began_clocks: clocks received before its start; identifies the trip where there are several.
+        ended_clocks: clocks received before it was undone.
     """
 
     fault: Fault
@@ -39,7 +39,7 @@ class ProcessFaultRecord:
 
 
 class ProcessFaults:
-    """Does to the processes of a run what its faults say; call `act` again and again.
+    """Injects the process faults of a run; call `act` periodically.
 
     Attributes:
         records: faults that have begun, in order.
@@ -92,7 +92,7 @@ class ProcessFaults:
 
         Args:
             time_ns: newest trip time, None before the first tick.
-            clocks: clocks heard so far.
+            clocks: clocks received so far.
             is_doubled: whether two nodes of a name take part in the graph.
         """
         now_s = self._steady_time_s()

@@ -21,13 +21,13 @@ _BAR_WIDTH = 60
 
 
 class Progress(Protocol):
-    """What a run tells about itself while it lasts."""
+    """Display of the progress of a run."""
 
     def waiting(self, reason: str) -> None:
-        """Say what the start waits for."""
+        """Show what the start waits for."""
 
     def running(self, snapshot: Snapshot, wall_s: float) -> None:
-        """Say where the run stands, `wall_s` after its first state."""
+        """Show the state of the run, `wall_s` after its first state."""
 
     def close(self) -> None:
         """Leave the terminal as it was."""
@@ -55,7 +55,7 @@ class BarProgress:
         self._live.start()
 
     def waiting(self, reason: str) -> None:
-        """Say what the start waits for."""
+        """Show what the start waits for."""
         self._show(Text(f"starting: {reason}", style="dim"))
 
     def running(self, snapshot: Snapshot, wall_s: float) -> None:

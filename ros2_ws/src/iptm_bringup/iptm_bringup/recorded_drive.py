@@ -97,8 +97,8 @@ def description(trip: UserTrip) -> str:
         grades = 100.0 * np.tan(trip.slope.slopes_rad)
         lines.append(f"grade {grades.min():.1f} to {grades.max():.1f} %")
     if drive is not None:
-        told = "of the receiver" if drive.track.speeds_m_s is not None else "from the places"
-        lines.append(f"{drive.track.times_s.size} points, speed {told}")
+        source = "of the receiver" if drive.track.speeds_m_s is not None else "from the places"
+        lines.append(f"{drive.track.times_s.size} points, speed {source}")
         lines.append(f"grade bounded on {drive.bounded_m:.0f} m of the road")
     return "\n".join(lines)
 

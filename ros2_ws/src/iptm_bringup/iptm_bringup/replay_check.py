@@ -1,4 +1,4 @@
-"""The command `replay --check`: does a node still answer what a bag says that it answered?
+"""The command `replay --check`: does a node reproduce the answers recorded in a bag?
 
 A fresh process of the node gets the recorded inputs tick by tick, each when it has answered the one before.
 Its answers are recorded and compared with those of the bag, field by field.
@@ -44,7 +44,7 @@ FINE_TOLERANCES: Mapping[Topic, tuple[tuple[str, ...], NumberTolerance]] = {
 }
 """Of fields whose numbers are small: an absolute tolerance would hide every difference."""
 IGNORED_FIELDS = ("solve_time_s", "iterations", "objective", "header.frame_id", "child_frame_id")
-"""They tell of the machine, amplify the last digits, or name frames, which had other names in older bags."""
+"""Fields not compared: they depend on the machine, amplify rounding, or are frame names, which changed."""
 
 
 def check_node(
@@ -56,7 +56,7 @@ def check_node(
     tolerance: NumberTolerance | None = None,
     on_tick: Callable[[int, int], None] = lambda done, all_steps: None,  # noqa: ARG005
 ) -> list[TopicComparison]:
-    """Feed a node what a bag recorded, and compare its answers.
+    """Feed a node the inputs of a bag, and compare its answers.
 
     Args:
         bag: bag folder or file.
@@ -64,7 +64,7 @@ def check_node(
         namespace: of the vehicle; needed only if the bag holds several.
         changes: parameters of the node to change against the recorded ones.
         tolerance: of all numbers; None for `TOLERANCE` and `FINE_TOLERANCES`.
-        on_tick: told how many ticks are done, and of how many.
+        on_tick: called with the number of completed ticks and the number of all ticks.
 
     Returns:
         The outcome for every topic that the node publishes.
@@ -132,8 +132,8 @@ def _alive(supervisor: Supervisor) -> Callable[[], None]:
     def check() -> None:
         for ending in supervisor.endings():
             if ending.code != 0:
-                said = ending.last_lines[-1] if ending.last_lines else "no reason given"
-                raise ScenarioError(f"{ending.name} {ending.how}: {said}")
+                reason = ending.last_lines[-1] if ending.last_lines else "no reason given"
+                raise ScenarioError(f"{ending.name} {ending.how}: {reason}")
 
     return check
 
@@ -157,8 +157,8 @@ def build_parser() -> argparse.ArgumentParser:
         help="a parameter of the node to change against the recorded one; repeatable",
     )
     for name in ("absolute", "relative"):
-        said = f"{name} tolerance of all numbers (default: {_tolerances_text()})"
-        parser.add_argument(f"--{name}", type=float, help=said)
+        description = f"{name} tolerance of all numbers (default: {_tolerances_text()})"
+        parser.add_argument(f"--{name}", type=float, help=description)
     return parser
 
 

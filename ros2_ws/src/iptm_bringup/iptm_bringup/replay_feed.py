@@ -1,4 +1,4 @@
-"""Feeds a node step by step over ROS and records what it answers."""
+"""Feeds a node with recorded inputs step by step and records its answers."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Step:
     """One tick of the check.
 
     Attributes:
-        inputs: what the node is told, CDR bytes by topic.
-        awaited: topic of its last word in the tick.
+        inputs: inputs of the node, CDR bytes by topic.
+        awaited: topic of its final answer in the tick.
         stamp_ns: stamp of that message.
     """
 
@@ -51,15 +51,15 @@ def answer_steps(
     check_alive: Callable[[], None],
     on_tick: Callable[[int, int], None],
 ) -> None:
-    """Feed a node that is being started, and write what it answers into a bag.
+    """Feed a node that is starting, and record its answers in a bag.
 
     Args:
-        steps: what to tell it, in order.
+        steps: the inputs, in order.
         outputs: topics that it publishes.
         names: full names of the topics.
         answers: bag folder to create.
         check_alive: raises when the node has ended.
-        on_tick: told how many steps are done, and of how many.
+        on_tick: called with the number of completed steps and the number of all steps.
 
     Raises:
         ScenarioError: the node does not come up, ends, or gives no answer to a step.
@@ -141,7 +141,7 @@ class _Feed:
         }
 
     def wait_for_peers(self, inputs: Collection[Topic]) -> None:
-        """Advertise the inputs, and wait until everything said will be heard on either side."""
+        """Advertise the inputs, and wait until both sides are connected."""
         self._publishers = {
             topic: self._node.create_publisher(
                 TOPICS[topic].message_type, self._names[topic], TOPICS[topic].offered_qos
@@ -158,7 +158,7 @@ class _Feed:
         )
 
     def take(self, step: Step) -> None:
-        """Tell the inputs of a step, and wait for the last word of the answer."""
+        """Publish the inputs of a step, and wait for the final answer."""
         self._now_ns = step.stamp_ns
         for topic, data in step.inputs.items():
             self._publishers[topic].publish(data)
@@ -169,7 +169,7 @@ class _Feed:
         )
 
     def settle(self) -> None:
-        """Hear what is still under way; a node that has finished its trip may end now."""
+        """Receive pending messages; a node that has finished its trip may end now."""
         until_s = time.monotonic() + SETTLE_S
         while time.monotonic() < until_s:
             self._executor.spin_once(timeout_sec=_SPIN_S)

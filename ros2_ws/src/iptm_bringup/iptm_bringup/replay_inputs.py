@@ -1,4 +1,4 @@
-"""What a bag holds for the check of one node: what to tell it, tick by tick, and how to start it."""
+"""Recorded inputs and parameters for the check of one node, tick by tick."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
     BRIDGE: (Topic.SLOPE, Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW),
     PLANT: (*OBSERVATION_TOPICS, Topic.PLANT_SAFETY, Topic.CLOCK),
 }  # fmt: skip
-"""What each node says; its diagnostics tell of the machine."""
+"""Compared outputs of each node; its diagnostics depend on the machine and are left out."""
 
 INPUTS: Mapping[str, tuple[Topic, ...]] = {
     CONTROLLER: (Topic.SLOPE, *STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW),
     BRIDGE: (Topic.CLOCK,),
     PLANT: (Topic.LEADER_SAMPLES, Topic.COMMAND),
 }
-"""What each node is told; a bridge that listens to messages needs the place of the host, too."""
+"""Recorded inputs of each node; a bridge on received messages also needs the position of the ego vehicle."""
 
 _LATER = (Topic.PLANT_SAFETY, Topic.LEADER_SAMPLES)
 """Topics that older bags lack."""
-_LAST_WORD = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
+_FINAL_ANSWER = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
 _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
-    # This program alone listens, and nobody is late.
+    # The check is the only subscriber, and its inputs are never late.
     CONTROLLER: {"input_timeout_s": 60.0},
     BRIDGE: {"expected_peers": 1},
     PLANT: {"expected_peers": 1, "command_timeout_wall_s": 3600.0, "linger_s": 1.0,
@@ -58,13 +58,13 @@ _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
 
 @dataclass(frozen=True)
 class Recorded:
-    """What a bag holds for the check of one node.
+    """Recorded inputs and parameters of one node.
 
     Attributes:
         names: full names of the topics.
         namespace: of the node.
         parameters: of the node.
-        steps: what to tell it, and what to wait for, in order.
+        steps: inputs and awaited answers, in order.
     """
 
     names: Mapping[Topic, str]
@@ -107,7 +107,7 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
             stamp_ns = 0 if topics[raw.topic] is Topic.SLOPE else read_stamp_ns(raw.data)
             if stamp_ns is not None:
                 heard[topics[raw.topic]][stamp_ns] = raw.data
-                if topics[raw.topic] is _LAST_WORD[node]:
+                if topics[raw.topic] is _FINAL_ANSWER[node]:
                     answered.append((stamp_ns, None))
     trips = len(split_trips(answered))
     if trips > 1:
@@ -131,10 +131,12 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
 def _steps(
     node: str, inputs: Collection[Topic], heard: Mapping[Topic, Mapping[int, bytes]], bag: Path
 ) -> list[Step]:
-    last_word = _LAST_WORD[node]
-    answers = sorted(heard[last_word])
+    final_answer = _FINAL_ANSWER[node]
+    answers = sorted(heard[final_answer])
     if not answers:
-        raise BagError(f"{bag} holds no message of {last_word.value}: there is nothing to compare")
+        raise BagError(
+            f"{bag} holds no message of {final_answer.value}: there is nothing to compare"
+        )
     if node == PLANT:
         if answers[0] != 0:
             raise BagError(
@@ -160,4 +162,4 @@ def _steps(
         ]
         if Topic.SLOPE in inputs:
             told[0] = {Topic.SLOPE: heard[Topic.SLOPE][0], **told[0]}
-    return [Step(inputs, last_word, stamp) for inputs, stamp in zip(told, answers, strict=True)]
+    return [Step(inputs, final_answer, stamp) for inputs, stamp in zip(told, answers, strict=True)]

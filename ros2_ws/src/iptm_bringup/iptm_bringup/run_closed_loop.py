@@ -33,11 +33,11 @@ WATCHING_RATE = 10.0
 """Seconds of trip time per second of wall time when someone watches: WLTC class 3b in three minutes."""
 _DESCRIPTION = """\
 Starts plant, V2X bridge, controller and recorder as processes of their own, drives one scenario, and ends
-with a summary, a picture and results.json beside the bag.
+with a summary, a picture and results.json next to the bag.
 """
 _EPILOG = """\
 exit code: 0 when the trip was finished, no hard limit was broken and the bag is complete and equal to
-what was heard live; 1 when not; 2 for a mistake in scenario or options; 130 after Ctrl-C.
+the received messages; 1 when not; 2 for a mistake in scenario or options; 130 after Ctrl-C.
 """
 
 
@@ -109,12 +109,12 @@ def build_parser() -> argparse.ArgumentParser:
     fields = parser.add_argument_group("fields of the scenario")
     for spec in parameter_specs(Scenario):
         allowed = "" if spec.allowed == "a text" else f"; {spec.allowed}"
-        said = f"{spec.description}{allowed} (default: {plain(spec.default)!r})"
+        description = f"{spec.description}{allowed} (default: {plain(spec.default)!r})"
         fields.add_argument(
             f"--{spec.name.replace('_', '-')}",
             dest=f"field_{spec.name}",
             metavar="VALUE",
-            help=said.replace("%", "%%"),
+            help=description.replace("%", "%%"),
         )
     return parser
 

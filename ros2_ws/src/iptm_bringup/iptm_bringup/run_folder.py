@@ -1,4 +1,4 @@
-"""The folder of a run: the bag, and beside it picture, results and logs."""
+"""The folder of a run: bag, picture, results and logs."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class RunFolder:
         return self.logs / f"{name}.log"
 
     def write_log(self, name: str, text: str) -> Path:
-        """Write a file beside the logs; return its path."""
+        """Write a file next to the logs; return its path."""
         path = self.logs / name
         path.write_text(text, encoding="utf-8")
         return path

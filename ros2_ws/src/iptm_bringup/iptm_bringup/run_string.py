@@ -43,7 +43,7 @@ PAGE = "string.md"
 _DESCRIPTION = """\
 Drives a string of vehicles in lock-step, each with its own nodes, clock, frames and bag: car_1 follows the
 driving cycle, every other vehicle follows the one before, whose plan of a tick is the preview of that tick.
-Ends with a table and with a page (string.md) and picture beside the bags.
+Ends with a table and with a page (string.md) and picture next to the bags.
 """
 _EPILOG = """\
 All other arguments are those of scripts/run_demo (see its --help) and hold for every vehicle, for example
@@ -99,7 +99,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--page",
         type=Path,
         metavar="FILE",
-        help=f"write the page here, its picture beside it (default: {PAGE} in the output folder)",
+        help=f"write the page here, its picture next to it (default: {PAGE} in the output folder)",
     )
     parser.add_argument(
         "--view",
@@ -138,8 +138,8 @@ def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
         asked, own = prepared.scenario.domain, prepared.scenario.full_namespace
         domain = stack.enter_context(domain_of_run(asked, own))
         output = RunFolder.of_run(parsed.output, "string").output
-        said = f"{len(vehicles)} vehicles; to watch: export ROS_DOMAIN_ID={domain.number}"
-        console.print(said, highlight=False)
+        heading = f"{len(vehicles)} vehicles; to watch: export ROS_DOMAIN_ID={domain.number}"
+        console.print(heading, highlight=False)
         stay_open = None
         if parsed.view:
             stay_open = stack.enter_context(
@@ -204,8 +204,8 @@ def _prepared(rest: list[str]) -> PreparedScenario:
     options = parsed_options(rest)
     unfit = [name for name in ("list", "no_record", "without") if getattr(options, name)]
     if unfit:
-        told = unfit[0].replace("_", "-")
-        raise ScenarioError(f"--{told} is given for a string; allowed: with one vehicle")
+        option = unfit[0].replace("_", "-")
+        raise ScenarioError(f"--{option} is given for a string; allowed: with one vehicle")
     prepared = prepared_from(options)
     if not prepared.is_lock_step:
         raise ScenarioError("mode is real_time; allowed in a string: lock_step")

@@ -57,7 +57,7 @@ LOOK_AROUND_S = 2.0
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What the user wants in addition to the scenario.
+    """Options of the user in addition to the scenario.
 
     Attributes:
         output: folder to create; None for a new one under ``bags/``.
@@ -137,9 +137,9 @@ class Driven:
 
     Attributes:
         result: how it ended.
-        monitor: what was heard.
+        monitor: received messages.
         supervisor: how the processes ended.
-        process_faults: what was done to them on purpose.
+        process_faults: faults injected into the processes.
     """
 
     result: DriveResult
@@ -163,8 +163,8 @@ def drive_processes(
         prepared: the scenario.
         options: output and recording.
         domain: ROS domain of the run.
-        progress: told how far it is.
-        stop: tells that the user wants to stop.
+        progress: display of the progress.
+        stop: set when the user requests a stop.
     """
     environment = environment_of_run(domain.number, folder.logs / "ros")
     supervisor = Supervisor(environment, folder.log_path)
@@ -188,7 +188,7 @@ def drive_processes(
     ):
         start = _ProcessStarter(folder, prepared, options)
         drive.start(start.first())
-        # Nobody else can be in a private domain.
+        # A private domain has no other participants.
         result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
         if result.outcome is DriveOutcome.FINISHED:
             drive.start(start.then(monitor))
@@ -207,7 +207,7 @@ class _ProcessStarter:
         self._faults = prepared.scenario.faults
 
     def first(self) -> dict[str, list[str]]:
-        """Return the commands that do not depend on who listens; they take longest to start."""
+        """Return the commands that do not depend on the listeners; they take longest to start."""
         parameters = self._parameters(Listeners(self._options.record))
         commands = {node: self._node(node, parameters) for node in parameters if node == CONTROLLER}
         if self._options.record:
@@ -220,7 +220,7 @@ class _ProcessStarter:
         return commands
 
     def then(self, monitor: RunMonitor) -> dict[str, list[str]]:
-        """Return the commands of the nodes that are told how many listeners to wait for."""
+        """Return the commands of the nodes that need the number of listeners."""
         listeners = Listeners(
             self._options.record,
             foreign_to_state=monitor.foreign_listeners(Topic.PLANT_ODOMETRY, Topic.CLOCK),
@@ -291,7 +291,7 @@ def _report(
             unclean,
             tuple(driven.monitor.warnings),
         )
-        # The reference would drive the plant of the suite, not that of the user.
+        # The reference would drive the plant of the suite, not the user's.
         if options.against != NO_COMPARISON and PLANT not in prepared.foreign:
             with console.status(f"driving the same trip with strategy {options.against} ..."):
                 comparison = drive_comparison(prepared, options.against)

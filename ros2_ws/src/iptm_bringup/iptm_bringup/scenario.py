@@ -90,7 +90,7 @@ class Scenario(
     ModelSettings,
     TripSettings,
 ):
-    """What is driven, by whom, under which conditions; ranges and units are in the declarations.
+    """Route, vehicle, controller and conditions of a run; ranges and units are in the declarations.
 
     Attributes:
         name: short name, also that of the run's folder.
@@ -157,7 +157,7 @@ class PreparedScenario:
         return ", ".join(parts)
 
     def _changes(self) -> list[str]:
-        """Return the settings that are no defaults and stand nowhere else in the heading."""
+        """Return the non-default settings that do not appear elsewhere in the heading."""
         scenario = self.scenario
         changes = [
             f"{spec.name}={plain(getattr(scenario, spec.name))}"
@@ -206,7 +206,7 @@ def prepare(scenario: Scenario) -> PreparedScenario:
 def _check_periods(scenario: Scenario) -> None:
     (spec,) = parameter_specs(SamplingSettings)
     given = scenario.node_parameters
-    # The bridge tells ticks from the times between them by the period.
+    # The bridge needs the period to separate ticks from the clocks between them.
     others = (CONTROLLER, BRIDGE) if scenario.clock_hz > 0.0 else (CONTROLLER,)
     plant, *periods = (
         checked_value(spec, given.get(node, {}).get(spec.name, spec.default))

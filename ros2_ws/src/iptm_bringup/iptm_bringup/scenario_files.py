@@ -1,4 +1,4 @@
-"""Reads scenarios from YAML and from options, and refuses everything that it does not know.
+"""Reads scenarios from YAML and from options; unknown keys are errors.
 
     description: WLTC class 3b on hills, an unreliable radio link
     slope: small

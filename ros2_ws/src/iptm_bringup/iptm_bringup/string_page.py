@@ -31,7 +31,7 @@ INTRODUCTION = """\
 how fast that is, and takes its published plan for the preview of its motion. Each vehicle has nodes, clock,
 frames and a bag of its own (`scripts/run_string`, or `string.launch.py`).
 
-**Who knows what when.** To the tick at *t* of a vehicle belong the state of the vehicle ahead at *t* and
+**Timing of information.** The tick of a vehicle at *t* uses the state of the vehicle ahead at *t* and
 the plan that it made at *t*, matched by stamp: what arrives first plays no part, and repeats are bit-
 identical. So a tick passes along the string from front to rear, while the front is at the next tick
 already; a vehicle is never more than one tick ahead of the one behind. That stands for a radio that is fast
@@ -47,7 +47,7 @@ class StringRun:
     Attributes:
         prepared: what every vehicle drove.
         trajectories: of the vehicles, the first one first.
-        decisions: likewise.
+        decisions: of the vehicles, in the same order.
         wall_time_s: from the first to the last clock of the vehicle that took longest.
         cores: processors that it had.
         against: strategy of the string that it is compared with, "none" without one.
@@ -155,7 +155,7 @@ LATE_COLUMNS = (
 
 
 def late_rows(run: StringRun) -> Rows:
-    """Return the cells of the table of late plans; the worst of all vehicles where nothing else is said."""
+    """Return the cells of the table of late plans; the worst of all vehicles unless stated otherwise."""
     rows = []
     for late_s, runs in run.late.items():
         own = run.deviations_of(runs)[1:]
@@ -176,8 +176,8 @@ def _number(value: float, digits: int = 2) -> str:
 
 
 def _with_ratio(value: float, ratio: float, digits: int = 2) -> str:
-    told = "" if np.isnan(ratio) else f" (× {ratio:.2f})"
-    return _number(value, digits) + told
+    suffix = "" if np.isnan(ratio) else f" (× {ratio:.2f})"
+    return _number(value, digits) + suffix
 
 
 def pace(run: StringRun) -> str:
@@ -208,7 +208,7 @@ def write_page(page: Path, run: StringRun) -> None:
     """Write the page and its picture.
 
     Args:
-        page: Markdown file; the picture has the same name, in a folder `images` beside it if there is one.
+        page: Markdown file; the picture has the same name, in a folder `images` next to it if that exists.
         run: the string.
     """
     images = page.parent / "images"
@@ -216,7 +216,7 @@ def write_page(page: Path, run: StringRun) -> None:
     save_string_picture(picture, run.trajectories, run.prepared.model.values)
     scenario = run.prepared.scenario
     title = f"# A string of {len(run.trajectories)} vehicles"
-    told = (
+    conditions = (
         f"{run.prepared.route.name}, strategy `{scenario.strategy}`, horizon `{scenario.horizon}`, over "
         f"ROS 2. {pace(run)}"
     )
@@ -224,7 +224,7 @@ def write_page(page: Path, run: StringRun) -> None:
         title,
         NOTICE,
         INTRODUCTION,
-        told,
+        conditions,
         f"![Speeds and gaps of the string]({picture.relative_to(page.parent)})",
     ]
     parts += [

@@ -107,8 +107,8 @@ def drive_string(
         length_m: of every vehicle.
         output: folder that exists, with one for logs in it; that of each vehicle becomes a bag in it.
         domain: ROS domain of the string.
-        stop: tells that the user wants to stop.
-        console: told how far it is.
+        stop: set when the user requests a stop.
+        console: shows the progress.
     """
     logs = output / LOGS
     environment = environment_of_run(domain.number, logs / "ros")
@@ -170,8 +170,8 @@ def _progress(supervisor: Supervisor, driving: Iterable[str], wall_s: float) -> 
 def _reason(end: ProcessEnd) -> str:
     """Return why the run of a vehicle failed, in its own words if there are any."""
     begin = "run_closed_loop: "
-    said = [line.removeprefix(begin) for line in end.last_lines if line.startswith(begin)]
-    return said[-1] if said else end.how
+    reasons = [line.removeprefix(begin) for line in end.last_lines if line.startswith(begin)]
+    return reasons[-1] if reasons else end.how
 
 
 def _results_in(folder: Path) -> dict[str, Any]:

@@ -30,7 +30,7 @@ class ProcessEnd:
     Attributes:
         name: of the process.
         code: exit code, negative for a signal as in `subprocess`.
-        last_lines: what it said last.
+        last_lines: its last output.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Supervisor:
         Args:
             environment: of every process.
             log_path: file for the output of a process, by its name.
-            interrupt_patience_s: wall time that a process may take to end after it was asked to.
+            interrupt_patience_s: wall time that a process may take to end after SIGINT.
         """
         self._interrupt_patience_s = interrupt_patience_s
         self._environment = dict(environment)
@@ -101,7 +101,7 @@ class Supervisor:
         return self._processes[name].pid
 
     def send(self, name: str, number: signal.Signals) -> None:
-        """Send a signal to a process; to one that has ended, nothing."""
+        """Send a signal to a process that still runs."""
         self._processes[name].send_signal(number)
 
     def endings(self) -> tuple[ProcessEnd, ...]:
@@ -113,14 +113,14 @@ class Supervisor:
         )
 
     def log_text(self, name: str) -> str:
-        """Return what a process has said so far."""
+        """Return the output of a process so far."""
         try:
             return self._log_path(name).read_text(errors="replace")
         except OSError:
             return ""
 
     def stop(self, names: Iterable[str] | None = None) -> None:
-        """End processes: ask, insist, force, each with a limit; return when they are gone.
+        """End processes with SIGINT, SIGTERM and SIGKILL in turn, each with a timeout.
 
         Args:
             names: processes to end together; all by default.
@@ -136,7 +136,7 @@ class Supervisor:
                 return
             for process in running:
                 process.send_signal(number)
-                process.send_signal(signal.SIGCONT)  # one that is frozen could not end
+                process.send_signal(signal.SIGCONT)  # a stopped process could not end
             deadline_s = time.monotonic() + patience_s
             while any(process.poll() is None for process in running):
                 if time.monotonic() > deadline_s:

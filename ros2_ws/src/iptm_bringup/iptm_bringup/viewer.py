@@ -1,4 +1,4 @@
-"""The live view beside a run: a process of its own that the run neither waits for nor depends on."""
+"""The live view of a run: a separate process on which the run neither waits nor depends."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def live_view(
         bags: of the vehicles, read when they are complete; empty if nothing is recorded.
         against: strategy of the reference car, "none" for no such car.
         console: for the address.
-        errors: for the reason if there is no view; the run goes on without.
+        errors: for the reason if the view fails; the run continues without it.
 
     Yields:
         To be called at the end of the run: on a terminal it keeps the view open until Ctrl-C.
@@ -64,8 +64,8 @@ def live_view(
         if address:
             console.print(f"live view: {address}", style="bold", highlight=False, soft_wrap=True)
         else:
-            said = (supervisor.log_text(VIEW).strip().splitlines() or ["no reason given"])[-1]
-            errors.print(f"no live view: {said}", markup=False, highlight=False, soft_wrap=True)
+            reason = (supervisor.log_text(VIEW).strip().splitlines() or ["no reason given"])[-1]
+            errors.print(f"no live view: {reason}", markup=False, highlight=False, soft_wrap=True)
         yield lambda stop: _stay_open(supervisor, stop, address, bags, console)
     finally:
         supervisor.stop()

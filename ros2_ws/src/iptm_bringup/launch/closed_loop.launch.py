@@ -172,7 +172,7 @@ def generate_launch_description() -> LaunchDescription:
     clock = LaunchConfiguration("clock")
     common = {
         "namespace": LaunchConfiguration("namespace"),
-        # The second is what rclpy itself listens to with use_sim_time.
+        # rclpy itself subscribes to the second one with use_sim_time.
         "remappings": [("clock", clock), ("/clock", clock)],
         "output": "screen",
     }

@@ -55,7 +55,7 @@ def loops(context: LaunchContext) -> list[RegisterEventHandler | GroupAction]:
     """Return a closed loop for each vehicle.
 
     Raises:
-        ScenarioError: an argument is no number, or out of range.
+        ScenarioError: an argument is not a number, or out of range.
     """
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     vehicles = vehicles_in_string(

@@ -60,8 +60,8 @@ class ControllerNodeParameters(
     )
     trip_duration_s: float = parameter(
         0.0,
-        "trip time at which the trip ends, as navigation tells; 0 where it is not known. The cost to go "
-        "counts no later aging",
+        "trip time at which the trip ends, from navigation; 0 if unknown. The cost to go "
+        "excludes aging after it",
         "s",
         0.0,
         1e7,

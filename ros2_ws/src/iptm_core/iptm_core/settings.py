@@ -114,7 +114,7 @@ class PreviewSettings(Settings):
     """
 
     preview_mode: PreviewMode = parameter(
-        PreviewMode.FULL, "what the host is told about the future of the leader"
+        PreviewMode.FULL, "preview of the leader's motion that the host receives"
     )
     preview_length_s: float = parameter(
         60.0, "how far a prediction of the leader reaches", "s", 1.0, 3600.0

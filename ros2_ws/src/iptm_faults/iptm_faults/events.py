@@ -1,6 +1,6 @@
 """Events on the road, one class per kind: each turns a lead vehicle and its previews into others.
 
-A preview that was made before an event began cannot know of it.
+A preview made before an event began does not contain it.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ DRIVE_OFF_M_S2 = 2.0
 """Acceleration of a lead vehicle that drives off after a hard stop."""
 
 REMEMBERED_S = 300.0
-"""Age in s up to which a preview still knows of a hard stop; older motion is discarded."""
+"""Age in s up to which a preview may contain a hard stop; older motion is discarded."""
 
 
 class TrafficEvent(Protocol):
-    """What happens to the lead vehicle."""
+    """Behaviour of the lead vehicle."""
 
     def leader(self, own: LeaderState, host_position_m: float) -> LeaderState:
         """Return the leader that counts; ticks in increasing order of time."""
@@ -90,7 +90,7 @@ class _Stopping:
 class HardStop:
     """A leader that brakes to a standstill, stands, and drives off until it has its own speed again.
 
-    Its previews say so from the beginning of the stop on.
+    Its previews contain the stop from its beginning on.
     """
 
     def __init__(self, fault: Fault) -> None:

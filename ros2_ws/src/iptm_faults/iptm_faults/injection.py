@@ -1,4 +1,4 @@
-"""Faults in the loop without ROS: one call a tick, from what is to what is measured."""
+"""Faults in the loop without ROS: turns the true values of a tick into measured ones."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
 from iptm_faults.signals import (
     PreviewFaults,
-    told_leader,
-    told_samples,
-    told_slope,
-    told_state,
+    faulty_leader,
+    faulty_samples,
+    faulty_slope,
+    faulty_state,
 )
 from iptm_faults.traffic import Traffic
 
@@ -39,7 +39,7 @@ def check_headless(faults: Iterable[Fault]) -> None:
 class FaultInjection:
     """Changes traffic and measurements of a closed loop; ticks in increasing order of time.
 
-    The controller is given what its node would give it: what does not arrive is left out, with the reason.
+    The controller is given what its node would give it: missing inputs are left out, with the reason.
     """
 
     def __init__(self, faults: Iterable[Fault]) -> None:
@@ -61,7 +61,7 @@ class FaultInjection:
         self._past: deque[Measurements] = deque(maxlen=longest + 1)
 
     def disturb(self, measured: Measurements) -> tuple[LeaderState, Measurements]:
-        """Return the leader that counts, and what the controller is told.
+        """Return the effective leader, and the measurements that the controller receives.
 
         Args:
             measured: state, leader, preview and slope as they are; all but the preview are there.
@@ -69,19 +69,19 @@ class FaultInjection:
         state, own = measured.state, measured.leader
         if state is None or own is None:
             raise ScenarioError(
-                "measurements lack state or leader; allowed: what the plant and bridge say"
+                "measurements lack state or leader; allowed: complete outputs of plant and bridge"
             )
         now_ns = round(state.time_s * NS_PER_S)
         leader = self._traffic.leader(own, state.position_m)
-        told = told_leader(self._faults, now_ns, leader, state.position_m)
-        preview = self._previews.told(now_ns, self._traffic.preview(measured.preview))
+        faulty = faulty_leader(self._faults, now_ns, leader, state.position_m)
+        preview = self._previews.apply(now_ns, self._traffic.preview(measured.preview))
         seen = replace(
             measured,
-            state=told_state(self._faults, now_ns, state),
-            leader=told,
+            state=faulty_state(self._faults, now_ns, state),
+            leader=faulty,
             preview=LeaderPreview.empty() if preview is None else preview,
-            slope=self._told_slope(now_ns, measured.slope),
-            fault="" if told is not None else NO_LEADER,
+            slope=self._faulty_slope(now_ns, measured.slope),
+            fault="" if faulty is not None else NO_LEADER,
         )
         return leader, self._delayed(now_ns, seen)
 
@@ -94,7 +94,7 @@ class FaultInjection:
         return self._past[max(len(self._past) - 1 - ticks, 0)]
 
     def sampled(self, own: LeaderPreview, host_position_m: float) -> LeaderPreview | None:
-        """Return what a range sensor measures of the leader that counts in an interval.
+        """Return the measurements of a range sensor in an interval.
 
         Args:
             own: the leader of the route at the instants of the interval, the first of which is a tick.
@@ -104,12 +104,12 @@ class FaultInjection:
             The measurements that arrive, None for none.
         """
         true = own if self._traffic.is_quiet else self._traffic.sampled(own, host_position_m)
-        return told_samples(self._of_leader, true, host_position_m)
+        return faulty_samples(self._of_leader, true, host_position_m)
 
-    def _told_slope(self, now_ns: int, slope: SlopePreview) -> SlopePreview:
+    def _faulty_slope(self, now_ns: int, slope: SlopePreview) -> SlopePreview:
         if not self._road:
             return slope
         hit = tuple(fault.hits(now_ns) for fault in self._road)
         if self._slope is None or self._slope[0] != hit:
-            self._slope = (hit, told_slope(self._road, now_ns, slope))
+            self._slope = (hit, faulty_slope(self._road, now_ns, slope))
         return self._slope[1]

@@ -17,24 +17,24 @@ class FaultPlace(Enum):
     """Where a fault takes place."""
 
     TRAFFIC = "traffic"
-    """On the road: the leader that counts behaves otherwise."""
+    """On the road: the effective leader behaves differently."""
     VEHICLE = "vehicle"
-    """What the ego vehicle makes of its commands. All places below leave the truth alone."""
+    """The response of the ego vehicle to its commands. All places below leave the true motion unchanged."""
     PREVIEW = "preview"
     LEADER = "leader"
     ROAD = "road"
     STATE = "state"
-    """What the controller is told, by topic."""
+    """Inputs of the controller, by topic."""
     CLOCK = "clock"
-    """What the bridge is told of the time."""
+    """The clock that the bridge receives."""
     STAMPS = "stamps"
-    """Messages of a stranger beside the right ones."""
+    """Additional messages with foreign stamps."""
     SOLVER = "solver"
     PROCESS = "process"
 
 
 class FaultKind(TextEnum):
-    """What goes wrong; `KINDS` says how."""
+    """Kind of a fault; specified in `KINDS`."""
 
     LEADER_CUT_IN = "leader_cut_in"
     LEADER_HARD_STOP = "leader_hard_stop"
@@ -92,17 +92,17 @@ class FaultKind(TextEnum):
 
 @dataclass(frozen=True)
 class KindSpec:
-    """What a kind of fault is.
+    """Specification of a kind of fault.
 
     Attributes:
         place: where it takes place.
-        meaning: what it does while it lasts.
-        size: what nobody needs to state, NaN where a size means nothing.
+        meaning: its effect while it is active.
+        size: default size, NaN for kinds without a size.
         unit: unit of the size.
         smallest: smallest permitted size.
         largest: largest permitted size.
-        headless: whether it can happen without ROS: it is one of what is measured, driven or solved.
-        effect: what it does, in the form of its place, see ``effects`` and ``events``; None where node,
+        headless: whether it can be injected without ROS: it affects measurements, motion or solver.
+        effect: its function, as its place needs it, see ``effects`` and ``events``; None where node,
             vehicle, solver or runner does it.
         whole: whether the size is a whole number.
     """
@@ -234,7 +234,7 @@ KINDS: Mapping[FaultKind, KindSpec] = MappingProxyType({
     FaultKind.CLOCK_PAUSED: KindSpec(
         FaultPlace.CLOCK, "no clock reaches the bridge", headless=False),
     FaultKind.CLOCK_JUMP: KindSpec(
-        FaultPlace.CLOCK, "the clock tells the bridge a time off by the size", 100.0, "s", -1e9, 1e9,
+        FaultPlace.CLOCK, "the bridge receives a clock shifted by the size", 100.0, "s", -1e9, 1e9,
         headless=False),
     FaultKind.FOREIGN_CLOCK: KindSpec(
         FaultPlace.STAMPS, "20 more clocks a tick, from the size on", 1000.0, "s", -2e9, 2e9, headless=False),
@@ -260,10 +260,10 @@ KINDS: Mapping[FaultKind, KindSpec] = MappingProxyType({
         FaultPlace.PROCESS, f"the target is stopped for the size, {_WALL}", 3.0, "s", 0.0, 600.0,
         headless=False),
     FaultKind.PROCESS_DOUBLED: KindSpec(
-        FaultPlace.PROCESS, f"a second one of the target takes part beside it for the size, {_WALL}", 3.0,
+        FaultPlace.PROCESS, f"a second instance of the target runs for the size, {_WALL}", 3.0,
         "s", 0.0, 600.0, headless=False),
     FaultKind.DISK_FULL: KindSpec(
         FaultPlace.PROCESS, "no file of the target may grow any more (RLIMIT_FSIZE)", headless=False),
 })
 # fmt: on
-"""What each kind is, in the order of the tables."""
+"""Specification of each kind, in the order of the tables."""

@@ -1,7 +1,7 @@
-"""The injector as a node: comes between the nodes of the loop and changes what they tell each other.
+"""The injector node: forwards the messages between the nodes of the loop and applies faults to them.
 
-Without a fault it hands on the very bytes; a fault changes the messages of the ticks that it hits. Ticks are
-told by stamps and no timer takes part, so lock-step runs repeat.
+Without a fault the bytes are forwarded unchanged; a fault changes the messages of the ticks that it hits.
+Ticks are identified by stamps and no timer is involved, so lock-step runs are repeatable.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 from iptm_faults.node_messages import changed_state_message, with_stamp
 from iptm_faults.node_parameters import InjectorNodeParameters
-from iptm_faults.signals import PreviewFaults, told_leader, told_samples, told_slope
+from iptm_faults.signals import PreviewFaults, faulty_leader, faulty_samples, faulty_slope
 from iptm_faults.traffic import Traffic
-from iptm_faults.wiring import route_name, told_name
+from iptm_faults.wiring import faulty_name, route_name
 from iptm_interfaces.codecs import (
     decode_leader,
     decode_leader_preview_bytes,
@@ -43,11 +43,11 @@ from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import ROAD_FRAME, STATE_TOPICS, TOPICS, Topic
 
 MATCHING_PERIOD_S = 0.02
-STRANGERS = 20
-"""Messages of a stranger in a tick."""
+FOREIGN_MESSAGES_PER_TICK = 20
+"""Foreign messages sent per tick while such a fault is active."""
 
 _REMEMBERED_TICKS = 50
-_STRANGER = {
+_FOREIGN_TOPICS = {
     FaultKind.FOREIGN_CLOCK: Topic.CLOCK,
     FaultKind.FOREIGN_LEADER: Topic.LEADER,
     FaultKind.FOREIGN_PREVIEW: Topic.LEADER_PREVIEW,
@@ -56,7 +56,7 @@ _STRANGER = {
 
 
 class InjectorNode(SuiteNode):
-    """Hands on state, leader, preview, slope and clock, and changes what the faults of the run say."""
+    """Forwards state, leader, preview, slope and clock with the faults of the run applied."""
 
     def __init__(self) -> None:
         super().__init__("fault_injector")
@@ -68,7 +68,7 @@ class InjectorNode(SuiteNode):
         self._of_state = at_places(self._faults, FaultPlace.STATE)
         self._of_leader = at_places(self._faults, FaultPlace.LEADER)
         self._of_clock = at_places(self._faults, FaultPlace.CLOCK)
-        self._strangers = at_places(self._faults, FaultPlace.STAMPS)
+        self._foreign = at_places(self._faults, FaultPlace.STAMPS)
         self._road = at_places(self._faults, FaultPlace.ROAD)
         self._slope: SlopePreview | None = None
         self._slope_hit: tuple[bool, ...] = ()
@@ -88,8 +88,10 @@ class InjectorNode(SuiteNode):
         self._held_back: list[tuple[Publisher, bytes]] = []
         self._now_ns = 0
         self._changed = 0
-        told = (*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE, Topic.CLOCK)
-        self._told = {topic: self._publisher(topic, told_name(topic.value)) for topic in told}
+        outputs = (*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE, Topic.CLOCK)
+        self._outputs = {
+            topic: self._publisher(topic, faulty_name(topic.value)) for topic in outputs
+        }
         self._newest: dict[Topic, bytes] = {}
         self._true = {
             topic: self.advertise(topic)
@@ -97,14 +99,16 @@ class InjectorNode(SuiteNode):
         }
         self._reporter = DiagnosticsReporter.of_node(self, "faults")
         self._matching_timer = self.every(MATCHING_PERIOD_S, self._release_if_matched)
-        self._hear(Topic.SLOPE, Topic.SLOPE.value, self._on_slope)
+        self._subscribe(Topic.SLOPE, Topic.SLOPE.value, self._on_slope)
         for topic in STATE_TOPICS:
-            self._hear(topic, topic.value, partial(self._on_state, topic))
-        self._hear(Topic.LEADER, route_name(Topic.LEADER.value), self._on_leader)
+            self._subscribe(topic, topic.value, partial(self._on_state, topic))
+        self._subscribe(Topic.LEADER, route_name(Topic.LEADER.value), self._on_leader)
         samples_name = route_name(Topic.LEADER_SAMPLES.value)
-        self._hear(Topic.LEADER_SAMPLES, samples_name, self._on_samples)
-        self._hear(Topic.LEADER_PREVIEW, route_name(Topic.LEADER_PREVIEW.value), self._on_preview)
-        self._hear(Topic.CLOCK, Topic.CLOCK.value, self._on_clock)
+        self._subscribe(Topic.LEADER_SAMPLES, samples_name, self._on_samples)
+        self._subscribe(
+            Topic.LEADER_PREVIEW, route_name(Topic.LEADER_PREVIEW.value), self._on_preview
+        )
+        self._subscribe(Topic.CLOCK, Topic.CLOCK.value, self._on_clock)
         self.every(REPORT_PERIOD_S, self._report)
         self._report()
 
@@ -112,30 +116,30 @@ class InjectorNode(SuiteNode):
         spec = TOPICS[topic]
         return self.create_publisher(spec.message_type, name, spec.qos)
 
-    def _hear(self, topic: Topic, name: str, callback: Callable[[bytes], None]) -> None:
+    def _subscribe(self, topic: Topic, name: str, callback: Callable[[bytes], None]) -> None:
         spec = TOPICS[topic]
         guarded = partial(self.guard, name, callback)
         self.create_subscription(spec.message_type, name, guarded, spec.offered_qos, raw=True)
 
-    # --- what is handed on
+    # --- forwarding
 
     def _send(self, publisher: Publisher, data: bytes) -> None:
-        """Publish bytes; before everyone listens, keep them, as the first message counts, too."""
+        """Publish bytes; until all subscribers are matched, keep them so that none is lost."""
         if self._matching_timer.is_canceled():
             publisher.publish(data)
         else:
             self._held_back.append((publisher, data))
 
-    def _tell(self, topic: Topic, data: bytes, *, changed: bool = False) -> None:
+    def _forward(self, topic: Topic, data: bytes, *, changed: bool = False) -> None:
         self._changed += changed
         self._newest[topic] = data
-        self._send(self._told[topic], data)
+        self._send(self._outputs[topic], data)
 
     def _release_if_matched(self) -> None:
         expected = self._options.expected_peers
         if self._true[Topic.LEADER_PREVIEW].get_subscription_count() < expected:
             return
-        if min(publisher.get_subscription_count() for publisher in self._told.values()) < 1:
+        if min(publisher.get_subscription_count() for publisher in self._outputs.values()) < 1:
             return
         self._matching_timer.cancel()
         for publisher, data in self._held_back:
@@ -147,7 +151,7 @@ class InjectorNode(SuiteNode):
     def _on_state(self, topic: Topic, data: bytes) -> None:
         stamp_ns = stamp_ns_of(data)
         if topic is not Topic.PLANT_ODOMETRY:
-            self._tell_state(topic, stamp_ns, data)
+            self._forward_state(topic, stamp_ns, data)
             return
         message = deserialize_message(data, Odometry)
         self._host_positions_m[stamp_ns] = message.pose.pose.position.x
@@ -158,26 +162,26 @@ class InjectorNode(SuiteNode):
             if not fault.hits(stamp_ns):
                 continue
             if fault.kind is FaultKind.STATE_LATE:
-                self._later(fault.magnitude, partial(self._tell, topic, data, changed=True))
+                self._later(fault.magnitude, partial(self._forward, topic, data, changed=True))
                 break
             if fault.kind is FaultKind.STATE_REPEATED:
-                self._tell(topic, before or data, changed=True)
+                self._forward(topic, before or data, changed=True)
                 break
             if fault.kind is FaultKind.STATE_BACKWARDS:
                 past_ns = stamp_ns - round(fault.magnitude * NS_PER_S)
-                self._tell(topic, with_stamp(data, past_ns), changed=True)
+                self._forward(topic, with_stamp(data, past_ns), changed=True)
                 break
         else:
-            self._tell_state(topic, stamp_ns, data)
+            self._forward_state(topic, stamp_ns, data)
         if stamp_ns in self._waiting_leaders:
             self._on_leader(self._waiting_leaders.pop(stamp_ns))
 
-    def _tell_state(self, topic: Topic, stamp_ns: int, data: bytes) -> None:
+    def _forward_state(self, topic: Topic, stamp_ns: int, data: bytes) -> None:
         past = self._past[topic]
         past.append(changed_state_message(self._of_state, topic, stamp_ns, data))
         ticks = round(sum(fault.magnitude for fault in self._delays if fault.hits(stamp_ns)))
-        told = past[max(len(past) - 1 - ticks, 0)]
-        self._tell(topic, told, changed=told is not data)
+        faulty = past[max(len(past) - 1 - ticks, 0)]
+        self._forward(topic, faulty, changed=faulty is not data)
 
     def _later(self, delay_s: float, action: Callable[[], None]) -> None:
         timer: Any = None
@@ -191,28 +195,28 @@ class InjectorNode(SuiteNode):
 
     def _on_clock(self, data: bytes) -> None:
         self._now_ns = now_ns = stamp_ns_of(data)
-        self._visit_strangers(now_ns)
+        self._send_foreign(now_ns)
         hitting = [fault for fault in self._of_clock if fault.hits(now_ns)]
         if not any(fault.kind is FaultKind.CLOCK_PAUSED for fault in hitting):
             off_s = sum(fault.magnitude for fault in hitting)
-            told = with_stamp(data, now_ns + round(off_s * NS_PER_S)) if hitting else data
-            self._tell(Topic.CLOCK, told)
+            faulty = with_stamp(data, now_ns + round(off_s * NS_PER_S)) if hitting else data
+            self._forward(Topic.CLOCK, faulty)
         self._changed += bool(hitting)
         self._report()
 
-    def _visit_strangers(self, now_ns: int) -> None:
-        """Send the messages of strangers: the newest ones with stamps of their own."""
-        for fault in self._strangers:
+    def _send_foreign(self, now_ns: int) -> None:
+        """Publish foreign messages: the newest ones with foreign stamps."""
+        for fault in self._foreign:
             if not fault.hits(now_ns):
                 continue
-            topic = _STRANGER[fault.kind]
+            topic = _FOREIGN_TOPICS[fault.kind]
             newest = self._newest.get(topic)
             if newest is None:
                 continue
             first_ns = now_ns + round(fault.magnitude * NS_PER_S)
-            for number in range(STRANGERS):
+            for number in range(FOREIGN_MESSAGES_PER_TICK):
                 foreign = with_stamp(newest, first_ns + number * NS_PER_S)
-                self._send(self._told[topic], foreign)
+                self._send(self._outputs[topic], foreign)
             self._changed += 1
 
     # --- leader, its previews, and the road
@@ -222,7 +226,7 @@ class InjectorNode(SuiteNode):
         self._update_slope(stamp_ns)
         if self._traffic.is_quiet and not self._of_leader:
             self._send(self._true[Topic.LEADER], data)
-            self._tell(Topic.LEADER, data)
+            self._forward(Topic.LEADER, data)
             return
         host_m = self._host_positions_m.get(stamp_ns)
         if host_m is None:
@@ -231,17 +235,19 @@ class InjectorNode(SuiteNode):
         try:
             own = decode_leader(deserialize_message(data, Odometry))
         except MessageError:
-            self._tell(Topic.LEADER, data)
+            self._forward(Topic.LEADER, data)
             return
         true = self._traffic.leader(own, host_m)
         true_data = data if true is own else _with_exact_stamp(encode_leader(true), data)
         self._send(self._true[Topic.LEADER], true_data)
-        told = told_leader(self._of_leader, stamp_ns, true, host_m)
-        if told is None:
+        faulty = faulty_leader(self._of_leader, stamp_ns, true, host_m)
+        if faulty is None:
             self._changed += 1
         else:
-            told_data = true_data if told is true else _with_exact_stamp(encode_leader(told), data)
-            self._tell(Topic.LEADER, told_data, changed=told is not true)
+            faulty_data = (
+                true_data if faulty is true else _with_exact_stamp(encode_leader(faulty), data)
+            )
+            self._forward(Topic.LEADER, faulty_data, changed=faulty is not true)
         self._leader_ns = stamp_ns
         for waiting_ns in sorted(self._waiting_samples):
             if waiting_ns <= stamp_ns:
@@ -251,7 +257,7 @@ class InjectorNode(SuiteNode):
                 self._on_preview(self._waiting_previews.pop(waiting_ns))
 
     def _on_samples(self, data: bytes) -> None:
-        """Hand on what the range sensor measures: the leader that counts, with the faults of the sensor."""
+        """Forward the measurements of the range sensor: the effective leader with sensor faults."""
         stamp_ns = stamp_ns_of(data)
         publisher = self._true[Topic.LEADER_SAMPLES]
         if self._traffic.is_quiet and not self._of_leader:
@@ -263,11 +269,11 @@ class InjectorNode(SuiteNode):
         stamp_ns, own = decode_leader_preview_bytes(data, Topic.LEADER_SAMPLES)
         host_m = self._host_positions_m[stamp_ns]
         true = own if self._traffic.is_quiet else self._traffic.sampled(own, host_m)
-        told = told_samples(self._of_leader, true, host_m)
-        if told is None:
+        faulty = faulty_samples(self._of_leader, true, host_m)
+        if faulty is None:
             return
-        if told is not own:
-            data = encode_leader_preview_bytes(told, stamp_ns, self.frame(ROAD_FRAME))
+        if faulty is not own:
+            data = encode_leader_preview_bytes(faulty, stamp_ns, self.frame(ROAD_FRAME))
         self._send(publisher, data)
 
     def _on_preview(self, data: bytes) -> None:
@@ -275,32 +281,32 @@ class InjectorNode(SuiteNode):
         hit = self._previews.hits(stamp_ns)
         if self._traffic.is_quiet and not hit:
             self._send(self._true[Topic.LEADER_PREVIEW], data)
-            self._tell(Topic.LEADER_PREVIEW, data)
+            self._forward(Topic.LEADER_PREVIEW, data)
             return
         if not self._traffic.is_quiet and self._leader_ns < stamp_ns:
-            # Where its leader is belongs to the prediction.
+            # The prediction needs the position of its leader.
             self._waiting_previews[stamp_ns] = data
             return
         try:
             stamp_ns, own = decode_leader_preview_bytes(data)
         except MessageError:
-            self._tell(Topic.LEADER_PREVIEW, data)
+            self._forward(Topic.LEADER_PREVIEW, data)
             return
         true = self._traffic.preview(own)
         frame = self.frame(ROAD_FRAME)
         true_data = data if true is own else encode_leader_preview_bytes(true, stamp_ns, frame)
         self._send(self._true[Topic.LEADER_PREVIEW], true_data)
-        told = self._previews.told(stamp_ns, true)
-        if told is None:
+        faulty = self._previews.apply(stamp_ns, true)
+        if faulty is None:
             self._changed += 1
-        elif told is true:
-            self._tell(Topic.LEADER_PREVIEW, true_data)
+        elif faulty is true:
+            self._forward(Topic.LEADER_PREVIEW, true_data)
         else:
-            told_data = encode_leader_preview_bytes(told, stamp_ns, frame)
-            self._tell(Topic.LEADER_PREVIEW, told_data, changed=True)
+            faulty_data = encode_leader_preview_bytes(faulty, stamp_ns, frame)
+            self._forward(Topic.LEADER_PREVIEW, faulty_data, changed=True)
 
     def _on_slope(self, data: bytes) -> None:
-        self._told[Topic.SLOPE].publish(data)
+        self._outputs[Topic.SLOPE].publish(data)
         try:
             spec = TOPICS[Topic.SLOPE]
             self._slope = decode_slope(deserialize_message(data, spec.message_type))
@@ -308,13 +314,13 @@ class InjectorNode(SuiteNode):
             self._slope = None
 
     def _update_slope(self, stamp_ns: int) -> None:
-        """Tell the map of the road anew where a fault of it begins or ends with a tick."""
+        """Republish the map of the road when a road fault begins or ends at a tick."""
         if not self._road or self._slope is None:
             return
         hit = tuple(fault.hits(stamp_ns) for fault in self._road)
         if hit != (self._slope_hit or (False,) * len(hit)):
-            message = encode_slope(told_slope(self._road, stamp_ns, self._slope))
-            self._send(self._told[Topic.SLOPE], serialized(message))
+            message = encode_slope(faulty_slope(self._road, stamp_ns, self._slope))
+            self._send(self._outputs[Topic.SLOPE], serialized(message))
         self._slope_hit = hit
 
     # --- diagnostics

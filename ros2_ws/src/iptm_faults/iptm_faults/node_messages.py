@@ -18,7 +18,7 @@ from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import VehicleState
 from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault
-from iptm_faults.signals import told_state
+from iptm_faults.signals import faulty_state
 from iptm_interfaces.codecs import serialized
 from iptm_interfaces.topics import Topic
 
@@ -28,7 +28,7 @@ _MAX_S = 2**31 - 1
 
 
 class _Content:
-    """The attributes of a state that one message holds, and where."""
+    """The state attributes in one message type, with their fields."""
 
     def __init__(self, message_type: type[Any], offset: float = 0.0, **places: str) -> None:
         self._message_type = message_type
@@ -36,18 +36,18 @@ class _Content:
         self._places = places
 
     def changed(self, faults: Iterable[Fault], stamp_ns: int, data: bytes) -> bytes:
-        """Return what faults make of a message; the very same bytes where they change nothing."""
+        """Return a message with faults applied; the same bytes object if they change nothing."""
         message = deserialize_message(data, self._message_type)
         held = {
             name: operator.attrgetter(place)(message) + self._offset
             for name, place in self._places.items()
         }
-        told = told_state(faults, stamp_ns, VehicleState(**{**_UNKNOWN, **held}))
-        changed = [name for name, value in held.items() if getattr(told, name) != value]
+        faulty = faulty_state(faults, stamp_ns, VehicleState(**{**_UNKNOWN, **held}))
+        changed = [name for name, value in held.items() if getattr(faulty, name) != value]
         for name in changed:
             parent, _, leaf = self._places[name].rpartition(".")
             owner = operator.attrgetter(parent)(message) if parent else message
-            setattr(owner, leaf, float(getattr(told, name)) - self._offset)
+            setattr(owner, leaf, float(getattr(faulty, name)) - self._offset)
         return serialized(message) if changed else data
 
 
@@ -77,11 +77,11 @@ def with_stamp(data: bytes, stamp_ns: int) -> bytes:
 def changed_state_message(
     faults: Iterable[Fault], topic: Topic, stamp_ns: int, data: bytes
 ) -> bytes:
-    """Return what faults make of one message of the state; the very same bytes where none hits it.
+    """Return a state message with faults applied; the same bytes object if none hits it.
 
     Args:
         faults: faults of the state.
-        topic: what the message tells.
+        topic: topic of the message.
         stamp_ns: its stamp.
         data: the message.
     """

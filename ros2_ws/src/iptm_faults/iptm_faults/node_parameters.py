@@ -20,12 +20,12 @@ class FaultSettings(Settings):
         """Return the faults.
 
         Raises:
-            ScenarioError: the text is no list of faults.
+            ScenarioError: the text is not a list of faults.
         """
         try:
             entries = json.loads(self.faults)
         except ValueError as error:
-            raise ScenarioError(f"faults are no JSON: {error}; allowed: a list") from None
+            raise ScenarioError(f"faults are not valid JSON: {error}; allowed: a list") from None
         return faults_from(entries, "parameter faults")
 
 

@@ -1,4 +1,4 @@
-"""A solver that fails on demand, and the controller that tells it the time."""
+"""A solver that fails on demand, and a controller wrapper that passes it the time."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from iptm_plant_sim.plant_step import PlantStep
 class FaultyPlant(Plant):
     """The simulated vehicle with faults of its actuators.
 
-    Unlike the sound one it remembers the commands of a trip; a state earlier than the last begins anew.
+    Unlike the base class it stores the commands of a trip; a state earlier than the last starts a new trip.
     """
 
     def __init__(self, faults: Iterable[Fault], *arguments: Any, **settings: Any) -> None:

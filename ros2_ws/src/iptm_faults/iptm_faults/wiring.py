@@ -1,21 +1,21 @@
-"""Names of the topics that the injector comes between.
+"""Names of the topics on both sides of the injector.
 
-What is true keeps its name, for whoever records or watches: the plant's topics, and `v2x/leader` and
-`v2x/leader_preview` of the leader that counts. What controller and bridge are told has names of its own, to
-which their inputs are remapped; so have the leader of the route and its predictions, the bridge's outputs.
+True values keep their names for recorders and viewers: the plant's topics, and `v2x/leader` and
+`v2x/leader_preview` of the effective leader. The faulty inputs of controller and bridge have their own names,
+to which these inputs are remapped, and so have the bridge's outputs for the leader of the route.
 """
 
 from __future__ import annotations
 
-_TOLD = "faults/told/"
+_FAULTY = "faults/faulty/"
 _ROUTE = "faults/route/"
 
 
-def told_name(topic: str) -> str:
-    """Return the name under which a receiver is told what faults make of a topic."""
-    return _TOLD + topic.lstrip("/")
+def faulty_name(topic: str) -> str:
+    """Return the name of a topic with faults applied, as its receiver subscribes to it."""
+    return _FAULTY + topic.lstrip("/")
 
 
 def route_name(topic: str) -> str:
-    """Return the name under which the bridge tells the leader of the route."""
+    """Return the name under which the bridge publishes a topic of the route's leader."""
     return _ROUTE + topic.lstrip("/")

@@ -63,11 +63,11 @@ class RoadKnowledgeSettings(Settings):
     roadside_messages: bool = parameter(
         default=False,
         description="cam: take signals and speed limits from the messages of roadside stations, too (SPATEM, "
-        "MAPEM, IVIM; needs requirements/roadside.txt); what they say replaces what is given",
+        "MAPEM, IVIM; needs requirements/roadside.txt); they override the given ones",
     )
     leader_keeps_rules: bool = parameter(
         default=True,
-        description="cam: what is foretold keeps the speed limits and signals that are known",
+        description="cam: the prediction obeys the known speed limits and signals",
     )
     host_keeps_rules: bool = parameter(
         default=False,

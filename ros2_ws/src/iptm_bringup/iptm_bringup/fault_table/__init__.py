@@ -1,1 +1,1 @@
-"""The table of faults: what happens, what is said, how long until normal; made by one command."""
+"""Table of injected faults: expected reports, recovery times and collision checks."""

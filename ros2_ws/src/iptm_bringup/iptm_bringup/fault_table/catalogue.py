@@ -1,4 +1,4 @@
-"""The faults of the table as data, and the trips that they are put into."""
+"""Catalogue of faults and the trips in which they are injected."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from iptm_faults.fault import Fault, faults_from, in_order
 from iptm_faults.kinds import FaultPlace
 
 FIRST_S = 60.0
-"""No fault begins before: the trip has to be under way."""
+"""Earliest trip time at which a fault begins."""
 LOOK_AHEAD_S = 60.0
-"""Where nothing comes before it, a fault has so long to find a tight moment; else as long as the calm."""
+"""Search window for the worst moment of the first fault; later faults use CALM_S."""
 CALM_S = 15.0
-"""Trip time between what a fault is given to end in and the next one."""
+"""Trip time between the time by which one fault must have settled and the start of the next."""
 NORMAL_WITHIN = 5
 
 REAL_TIME_RATE = 10.0
-"""Seconds of the trip in a second of the wall clock, where trips follow it."""
+"""Trip seconds per wall-clock second in real-time mode."""
 START_UP_S = 6.0
-"""Wall time in which a process that was started takes part."""
+"""Wall time that a started process may need before it takes part."""
 
-_OWN_KEYS = ("said", "quiet_in", "normal_within", "ends", "alone", "cycle")
+_OWN_KEYS = ("reported", "silent_in", "normal_within", "ends", "alone", "cycle")
 
 
-class Way(TextEnum):
+class DriveMode(TextEnum):
     """How a trip is driven."""
 
     HEADLESS = "headless"
@@ -42,12 +42,12 @@ class Way(TextEnum):
     REAL_TIME = "real_time"
 
 
-class Said(TextEnum):
-    """When a fault has to be told on the diagnostics."""
+class ReportPolicy(TextEnum):
+    """When a fault must be reported on the diagnostics."""
 
     ALWAYS = "always"
     ONCE = "once"
-    NOTHING = "nothing"
+    NEVER = "never"
 
 
 @dataclass(frozen=True)
@@ -55,18 +55,18 @@ class Entry:
     """One row of the table.
 
     Attributes:
-        fault: the fault; when it begins is left to the trip.
-        said: when it has to be told.
-        quiet_in: ways in which it need not be told.
-        normal_within: ticks after its end after which all has to be normal.
-        ends: whether the run may end with it.
-        alone: whether it needs a trip of its own over ROS 2.
-        cycle: the only cycle for it, empty for all of the table.
+        fault: the fault; its start time is set by the trip.
+        reported: when it must be reported.
+        silent_in: modes in which no report is required.
+        normal_within: ticks after the end of the fault within which operation must be normal.
+        ends: whether the fault may end the run.
+        alone: whether it needs its own trip over ROS 2.
+        cycle: the only cycle it is driven on; empty for all cycles of the table.
     """
 
     fault: Fault
-    said: Said
-    quiet_in: tuple[Way, ...] = ()
+    reported: ReportPolicy
+    silent_in: tuple[DriveMode, ...] = ()
     normal_within: int = NORMAL_WITHIN
     ends: bool = False
     alone: bool = False
@@ -74,34 +74,34 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """What the row is called: kind, size, target and probability."""
+        """Label of the row: kind, size, target and probability."""
         return self.fault.describe().split(" at ")[0] + (
             f" in {100.0 * self.fault.probability:g} % of the ticks"
             if self.fault.probability < 1.0
             else ""
         )
 
-    def goes(self, way: Way) -> bool:
-        """Return whether it can happen on a way."""
-        return way is not Way.HEADLESS or self.fault.spec.headless
+    def supports(self, mode: DriveMode) -> bool:
+        """Return whether the fault can be injected in a mode."""
+        return mode is not DriveMode.HEADLESS or self.fault.spec.headless
 
-    def asked(self, way: Way) -> Said:
-        """Return when it has to be told on a way."""
-        return Said.NOTHING if way in self.quiet_in else self.said
+    def report_policy(self, mode: DriveMode) -> ReportPolicy:
+        """Return when the fault must be reported in a mode."""
+        return ReportPolicy.NEVER if mode in self.silent_in else self.reported
 
 
 @dataclass(frozen=True, eq=False)
 class PlannedTrip:
-    """A trip with faults one after the other.
+    """A trip with one or more faults in sequence.
 
     Attributes:
-        way: how it is driven.
+        mode: how it is driven.
         cycle: what the leader drives.
-        entries: rows of the table in the order of their beginning, each with when it begins.
-        route: leader and road, as long as the trip takes.
+        entries: rows of the table in order of start time, each with its placed fault.
+        route: leader and road, cut to the duration of the trip.
     """
 
-    way: Way
+    mode: DriveMode
     cycle: str
     entries: tuple[tuple[Entry, Fault], ...]
     route: Route
@@ -113,9 +113,9 @@ class PlannedTrip:
 
     @property
     def name(self) -> str:
-        """Name for files and progress: way, cycle, the first fault and how many others there are."""
+        """Name for files and progress: mode, cycle, the first fault and the number of others."""
         first, others = self.entries[0][1], len(self.entries) - 1
-        parts = [self.way, self.cycle, first.kind, first.target, f"and_{others}" if others else ""]
+        parts = [self.mode, self.cycle, first.kind, first.target, f"and_{others}" if others else ""]
         return "_".join(str(part) for part in parts if part)
 
 
@@ -133,12 +133,12 @@ def read_catalogue(path: Path | None = None) -> tuple[tuple[str, ...], tuple[Ent
         row = StrictMapping(content, f"{path.name}: row {number}")
         given = {key: row.content[key] for key in row if key not in _OWN_KEYS}
         (fault,) = faults_from([given], f"{path.name}: row {number}")
-        ways = StrictMapping({"quiet_in": row.content.get("quiet_in", [])}, row.where)
+        modes = StrictMapping({"silent_in": row.content.get("silent_in", [])}, row.where)
         entries.append(
             Entry(
                 fault,
-                Said(row.choice("said", [said.value for said in Said])),
-                tuple(Way(way) for way in ways.entries("quiet_in", may_be_empty=True)),
+                ReportPolicy(row.choice("reported", [policy.value for policy in ReportPolicy])),
+                tuple(DriveMode(mode) for mode in modes.entries("silent_in", may_be_empty=True)),
                 int(row.number("normal_within")) if "normal_within" in row else NORMAL_WITHIN,
                 ends=bool(row.content.get("ends", False)),
                 alone=bool(row.content.get("alone", False)),
@@ -154,45 +154,49 @@ def sound_trip(cycle: str) -> PlannedTrip:
     Raises:
         IptmError: the cycle is not known.
     """
-    return PlannedTrip(Way.HEADLESS, cycle, (), _route(cycle))
+    return PlannedTrip(DriveMode.HEADLESS, cycle, (), _route(cycle))
 
 
 def plan_trips(
-    entries: Sequence[Entry], way: Way, cycle: str, sound: Trajectory
+    entries: Sequence[Entry], mode: DriveMode, cycle: str, sound: Trajectory
 ) -> list[PlannedTrip]:
-    """Return the trips of one way and cycle: without ROS one for each fault, over ROS 2 as few as possible.
+    """Return the trips of one mode and cycle: headless one per fault, over ROS 2 as few as possible.
 
     Args:
-        entries: rows of the table; those that cannot happen on the way are left out.
-        way: how they are driven.
+        entries: rows of the table; those that cannot be injected in the mode are left out.
+        mode: how they are driven.
         cycle: what the leader drives.
-        sound: the whole cycle as driven without faults; faults begin where it is tight.
+        sound: the fault-free run of the whole cycle; faults begin where its time headway is smallest.
     """
-    fitting = [entry for entry in entries if entry.goes(way)]
+    fitting = [entry for entry in entries if entry.supports(mode)]
     return [
-        PlannedTrip(way, cycle, tuple(group), _route(cycle, _duration_s(group, way, sound)))
-        for group in _groups(fitting, way, sound)
+        PlannedTrip(mode, cycle, tuple(group), _route(cycle, _duration_s(group, mode, sound)))
+        for group in _groups(fitting, mode, sound)
     ]
 
 
 def _groups(
-    entries: Iterable[Entry], way: Way, sound: Trajectory
+    entries: Iterable[Entry], mode: DriveMode, sound: Trajectory
 ) -> list[list[tuple[Entry, Fault]]]:
     groups: list[list[tuple[Entry, Fault]]] = []
     was_alone = False
     for entry in entries:
-        # In lock-step trip time may run on while a process starts: nobody knows how far.
+        # In lock-step, trip time may advance by an unknown amount while a process starts.
         of_process = entry.fault.spec.place is FaultPlace.PROCESS
-        alone = entry.alone or way is Way.HEADLESS or (of_process and way is Way.LOCK_STEP)
+        alone = (
+            entry.alone
+            or mode is DriveMode.HEADLESS
+            or (of_process and mode is DriveMode.LOCK_STEP)
+        )
         last = groups[-1] if groups and not was_alone and not alone else None
-        start_s = _tight_s(sound, FIRST_S)
+        start_s = _closest_s(sound, FIRST_S)
         if last is not None:
-            earliest_s = _over_s(*last[-1]) + CALM_S
+            earliest_s = _settled_s(*last[-1]) + CALM_S
             if (
-                _over_s(entry, replace(entry.fault, start_s=earliest_s + CALM_S))
+                _settled_s(entry, replace(entry.fault, start_s=earliest_s + CALM_S))
                 <= sound.time_s[-1]
             ):
-                start_s = _tight_s(sound, earliest_s, CALM_S)
+                start_s = _closest_s(sound, earliest_s, CALM_S)
             else:
                 last = None
         was_alone = alone
@@ -204,8 +208,8 @@ def _groups(
     return groups
 
 
-def _over_s(entry: Entry, fault: Fault) -> float:
-    """Return when a fault has to be over and forgotten; one of a process lasts by the wall clock."""
+def _settled_s(entry: Entry, fault: Fault) -> float:
+    """Return the trip time by which a fault must have settled; process faults last in wall time."""
     lasts_s = fault.duration_s
     if fault.spec.place is FaultPlace.PROCESS:
         wall_s = fault.magnitude if fault.spec.has_size else 0.0
@@ -213,8 +217,8 @@ def _over_s(entry: Entry, fault: Fault) -> float:
     return fault.start_s + lasts_s + entry.normal_within
 
 
-def _tight_s(sound: Trajectory, earliest_s: float, within_s: float = LOOK_AHEAD_S) -> float:
-    """Return when the host follows fastest and closest from a time on: smallest time headway."""
+def _closest_s(sound: Trajectory, earliest_s: float, within_s: float = LOOK_AHEAD_S) -> float:
+    """Return the time of the smallest time headway within a window."""
     rows = (sound.time_s >= earliest_s) & (sound.time_s < earliest_s + within_s)
     headway_s = sound.gap_m[rows] / (sound.speed_m_s[rows] + 1.0)
     return float(sound.time_s[rows][int(np.argmin(headway_s))])
@@ -225,10 +229,10 @@ def _route(cycle: str, duration_s: float | None = None) -> Route:
     return build_route(cycle, "as_designed", initial_gap_m=gap_m, duration_s=duration_s)
 
 
-def _duration_s(entries: list[tuple[Entry, Fault]], way: Way, sound: Trajectory) -> float:
+def _duration_s(entries: list[tuple[Entry, Fault]], mode: DriveMode, sound: Trajectory) -> float:
     entry, fault = entries[-1]
     whole_s = float(sound.time_s[-1])
     of_process = fault.spec.place is FaultPlace.PROCESS
-    if way is Way.LOCK_STEP and of_process and not entry.ends:
+    if mode is DriveMode.LOCK_STEP and of_process and not entry.ends:
         return whole_s
-    return min(whole_s, float(np.ceil(_over_s(entry, fault) + CALM_S)))
+    return min(whole_s, float(np.ceil(_settled_s(entry, fault) + CALM_S)))

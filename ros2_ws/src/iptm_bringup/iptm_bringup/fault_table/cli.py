@@ -1,4 +1,4 @@
-"""The command behind ``scripts/faults``: trips with faults, driven and judged, and a page of them."""
+"""Command line of ``scripts/faults``: drive and judge trips with faults and write their page."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pathlib import Path
 from rich.console import Console
 
 from iptm_bringup.fault_table.catalogue import (
+    DriveMode,
     Entry,
     PlannedTrip,
-    Way,
     plan_trips,
     read_catalogue,
     sound_trip,
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        0 when every fault is green, 1 when one is not, 2 for a mistake of the user, 128 + n after signal n.
+        0 if every fault passes, 1 if one fails, 2 for a usage error, 128 + n after signal n.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -57,29 +57,35 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="KIND",
-        help="only this kind of fault; repeatable. The verdicts on others are those found before",
+        help="only this kind of fault; repeatable. Earlier verdicts on other kinds are kept",
     )
     parser.add_argument(
-        "--way",
+        "--mode",
         action="append",
         default=[],
-        choices=[way.value for way in Way],
-        help="only this way to drive; repeatable",
+        choices=[mode.value for mode in DriveMode],
+        help="only this mode; repeatable",
     )
     parser.add_argument(
         "--cycle", action="append", default=[], metavar="NAME", help="another cycle; repeatable"
     )
     parser.add_argument(
-        "--catalogue", type=Path, metavar="FILE", help="another list of faults than the shipped one"
+        "--catalogue",
+        type=Path,
+        metavar="FILE",
+        help="catalogue of faults (default: the shipped one)",
     )
     parser.add_argument(
         "--folder",
         type=Path,
         metavar="DIR",
-        help="for verdicts, scenarios and logs (results/faults)",
+        help="folder of verdicts, scenarios and logs (default: results/faults)",
     )
     parser.add_argument(
-        "--output", type=Path, metavar="DIR", help=f"folder of {PAGE} (that of the verdicts)"
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help=f"folder of {PAGE} (default: the folder of the verdicts)",
     )
     return parser
 
@@ -105,7 +111,7 @@ def _run(options: argparse.Namespace) -> int:
         entries, folder, HeadlessDriver(), VerdictStore(folder), stop, Console(highlight=False)
     )
     chosen = [entry for entry in entries if not options.only or entry.fault.kind in options.only]
-    ways = [Way(way) for way in options.way] or list(Way)
+    modes = [DriveMode(mode) for mode in options.mode] or list(DriveMode)
     began_s = time.monotonic()
     own = dict.fromkeys(entry.cycle for entry in chosen if entry.cycle)
     for cycle in options.cycle or [*cycles, *own]:
@@ -114,8 +120,8 @@ def _run(options: argparse.Namespace) -> int:
             for entry in chosen
             if options.cycle or entry.cycle == cycle or (not entry.cycle and cycle in cycles)
         ]
-        if any(entry.goes(way) for entry in wanted for way in ways):
-            _drive_cycle(context, wanted, ways, cycle)
+        if any(entry.supports(mode) for entry in wanted for mode in modes):
+            _drive_cycle(context, wanted, modes, cycle)
         if stop.number is not None:
             return EXIT_SIGNAL + int(stop.number)
     verdicts = context.store.load(entries)
@@ -129,49 +135,49 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _drive_cycle(
-    context: _Context, entries: Sequence[Entry], ways: Iterable[Way], cycle: str
+    context: _Context, entries: Sequence[Entry], modes: Iterable[DriveMode], cycle: str
 ) -> None:
-    twin = context.driver.drive(sound_trip(cycle))
-    for way in ways:
+    fault_free = context.driver.drive(sound_trip(cycle))
+    for mode in modes:
         waiting = list(entries)
         while waiting:
             tried: list[Entry] = []
-            for plan in plan_trips(waiting, way, cycle, twin.trajectory):
+            for plan in plan_trips(waiting, mode, cycle, fault_free.trajectory):
                 began_s = time.monotonic()
-                verdicts = _judged(context, plan, twin)
+                verdicts = _judged(context, plan, fault_free)
                 if context.stop.is_set:
-                    return  # what was cut short says nothing
-                # A trip that one of its faults ended leaves the next ones to another trip.
-                came = [one for one in verdicts if not one.never_came] or verdicts[:1]
+                    return  # an interrupted trip has no verdict
+                # Faults after one that ended the trip are driven in another trip.
+                came = [one for one in verdicts if not one.not_reached] or verdicts[:1]
                 context.store.add(context.entries, came)
                 tried += [one.entry for one in came]
-                _tell(context.console, plan, came, time.monotonic() - began_s)
+                _print_outcomes(context.console, plan, came, time.monotonic() - began_s)
             waiting = [entry for entry in waiting if entry not in tried] if tried else []
 
 
-def _judged(context: _Context, plan: PlannedTrip, twin: ObservedTrip) -> list[TrialOutcome]:
+def _judged(context: _Context, plan: PlannedTrip, fault_free: ObservedTrip) -> list[TrialOutcome]:
     try:
-        if plan.way is Way.HEADLESS:
+        if plan.mode is DriveMode.HEADLESS:
             trip = context.driver.drive(plan)
         else:
             trip = drive_over_ros(plan, context.folder, context.stop)
-        return judge_trip(trip, twin)
-    except Exception as error:  # noqa: BLE001  a fault that breaks the loop is red, and the others go on
-        why = f"the trip came to nothing: {type(error).__name__}: {error}"
-        return [failed(entry, plan.way, plan.cycle, why) for entry, _ in plan.entries]
+        return judge_trip(trip, fault_free)
+    except Exception as error:  # noqa: BLE001  an unexpected error fails this trip only
+        why = f"the trip failed: {type(error).__name__}: {error}"
+        return [failed(entry, plan.mode, plan.cycle, why) for entry, _ in plan.entries]
 
 
-def _tell(
+def _print_outcomes(
     console: Console, plan: PlannedTrip, verdicts: Sequence[TrialOutcome], lasted_s: float
 ) -> None:
-    if plan.way is not Way.HEADLESS:
+    if plan.mode is not DriveMode.HEADLESS:
         console.print(f"[dim]{plan.name}: {plan.route.duration_s:g} s in {lasted_s:.0f} s[/]")
     for one in verdicts:
         mark = "[red]✗[/]" if one.problems else "[green]✓[/]"
         normal = f"normal after {one.normal_after:g}" if not one.entry.ends else "ends"
         text = (
-            f"{mark} {one.way.value:<9} {one.cycle:<5} {one.entry.name:<45} {one.level.name:<5} {normal:<16} "
-            f"gap {one.smallest_gap_m:.1f} (brakes {one.braking_gap_m:.1f}) m"
+            f"{mark} {one.mode.value:<9} {one.cycle:<5} {one.entry.name:<45} {one.level.name:<5} "
+            f"{normal:<16} gap {one.smallest_gap_m:.1f} (brakes {one.braking_gap_m:.1f}) m"
         )
         console.print(text + "".join(f"\n      {what}" for what in one.problems), soft_wrap=True)
 

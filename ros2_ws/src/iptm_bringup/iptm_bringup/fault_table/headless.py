@@ -1,4 +1,4 @@
-"""Trips without ROS: the same pure faults, a thousand times faster, judged by the same measures."""
+"""Trips without ROS: the same faults and measures, a thousand times faster."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from iptm_bringup.fault_table.catalogue import PlannedTrip
-from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement
+from iptm_bringup.fault_table.observed import FaultInterval, ObservedTrip, StatusReport
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
@@ -32,7 +32,7 @@ PARAMETERS = load_parameters().values
 
 
 class HeadlessDriver:
-    """Drives one trip after the other with one solver, which remembers nothing."""
+    """Drives trips one after the other with one stateless solver."""
 
     def __init__(self) -> None:
         self._backend: SolverBackend = build_solver(
@@ -44,22 +44,22 @@ class HeadlessDriver:
 
         Args:
             plan: the trip.
-            faults: those of the plan by default; none for its sound twin.
+            faults: those of the plan by default; none for the fault-free run.
         """
         chosen = plan.faults if faults is None else tuple(faults)
         options = ControllerOptions(trip_duration_s=plan.route.duration_s)
         sound = Controller(PARAMETERS, options, self._backend)
         controller = FaultyController(PARAMETERS, sound, chosen, lambda _: None)
         watch = OperatorWatch(PARAMETERS, ControllerNodeParameters())
-        statements: list[Statement] = []
+        reports: list[StatusReport] = []
         rungs: dict[float, Rung] = {}
 
         def note(tick: int, measured: Measurements, decision: Decision) -> None:
             watch.update(measured, decision)
             level, reason = situation(decision, Road(known=True), watch)
-            last = statements[-1] if statements else None
+            last = reports[-1] if reports else None
             if last is None or (last.level, last.reason) != (level, reason):
-                statements.append(Statement(float(tick), CONTROLLER, level, reason))
+                reports.append(StatusReport(float(tick), CONTROLLER, level, reason))
             rungs[float(tick)] = decision.rung
 
         plant = FaultyPlant(chosen, PARAMETERS, plan.route.slope.slope_at)
@@ -78,12 +78,12 @@ class HeadlessDriver:
             run.trajectory,
             leader_apart(plan, run.trajectory),
             rungs,
-            statements,
-            [Happened(fault.start_s, fault.end_s) for _, fault in plan.entries],
+            reports,
+            [FaultInterval(fault.start_s, fault.end_s) for _, fault in plan.entries],
         )
 
 
 def leader_apart(plan: PlannedTrip, trajectory: Trajectory) -> BoolArray:
-    """Return the rows in which the leader that counts is not where that of the route is."""
+    """Return the rows in which the effective leader is not where the leader of the route is."""
     own: FloatArray = plan.route.leader.positions_at(trajectory.time_s)
     return np.abs(trajectory.leader_position_m - own) > 1e-6

@@ -1,7 +1,7 @@
-"""The verdict on one fault of a trip: collision avoidable or not, commands bounded, a word, normal again.
+"""Verdict on one fault of a trip: avoidable collisions, input limits, reports and recovery.
 
-What the brakes allow is computed: a car that brakes with full jerk and full deceleration from the first tick
-at which the fault can be seen, behind the leader as it drove.
+The braking reference is computed: a car that brakes with full jerk and full deceleration from the first
+tick at which the fault is observable, behind the leader as recorded.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_bringup.fault_table.catalogue import Entry, Said, Way
-from iptm_bringup.fault_table.observed import QUIET, Happened, ObservedTrip, Statement
+from iptm_bringup.fault_table.catalogue import DriveMode, Entry, ReportPolicy
+from iptm_bringup.fault_table.observed import NO_REPORT, FaultInterval, ObservedTrip, StatusReport
 from iptm_core.decision_record import Rung
 from iptm_core.metrics.constraints import check_constraints
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
@@ -23,87 +23,89 @@ from iptm_interfaces.diagnostics import Level
 from iptm_studies.random_cars.bounds import gaps_when_braking
 
 STEADY_TICKS = 3
-"""Ticks in a row that count as normal again."""
-GRACE_TICKS = 2
-"""Ticks for a word after the beginning: what is missing is missed when its time is over."""
-LATER_TICKS = 10
-"""Ticks after the end of a fault in which a word still counts as one about it, where one is asked for."""
+"""Consecutive normal ticks after which operation counts as normal."""
+REPORT_DELAY_TICKS = 2
+"""Ticks after the start of a fault before a missing report is a problem."""
+LATE_REPORT_TICKS = 10
+"""Ticks after the end of a fault in which a report is still attributed to it."""
 
 BRAKING_TOLERANCE_M = 0.5
-"""What a collision that cannot be avoided may be worse than with full braking."""
+"""Tolerance (m) by which an unavoidable collision may be worse than with full braking."""
 
 
 @dataclass(frozen=True)
 class TrialOutcome:
-    """What became of one fault.
+    """Outcome of one fault.
 
     Attributes:
         entry: row of the table.
-        way: how the trip was driven.
+        mode: how the trip was driven.
         cycle: what the leader drove.
-        said: reasons that were given, in order, with the node.
-        level: worst level while it lasted.
-        changes: changes of what was said from its beginning until all was normal.
-        normal_after: ticks after its end, NaN if it never was.
-        smallest_gap_m: from its beginning until all was normal.
-        braking_gap_m: the same with full braking from the first tick at which it could be seen.
-        problems: what did not hold, empty for green.
-        never_came: whether the trip was over before.
+        reasons: reported reasons with the node, in order.
+        level: worst level during the fault.
+        changes: number of status changes from its start until operation was normal.
+        normal_after: ticks from its end until operation was normal, NaN if never.
+        smallest_gap_m: from its start until operation was normal.
+        braking_gap_m: the same with full braking from the first tick at which the fault was observable.
+        problems: failed checks, empty if it passed.
+        not_reached: whether the trip ended before the fault began.
     """
 
     entry: Entry
-    way: Way
+    mode: DriveMode
     cycle: str
-    said: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
     level: Level = Level.OK
     changes: int = 0
     normal_after: float = math.nan
     smallest_gap_m: float = math.nan
     braking_gap_m: float = math.nan
     problems: tuple[str, ...] = ()
-    never_came: bool = False
+    not_reached: bool = False
 
 
-def judge_trip(trip: ObservedTrip, twin: ObservedTrip) -> list[TrialOutcome]:
+def judge_trip(trip: ObservedTrip, fault_free: ObservedTrip) -> list[TrialOutcome]:
     """Judge every fault of a trip.
 
     Args:
         trip: with the faults.
-        twin: the same trip without ROS and without faults: what is said there is nobody's fault.
+        fault_free: the same trip headless and without faults; its reports are not held against the fault.
     """
-    pairs = zip(trip.plan.entries, trip.happened, strict=True)
-    return [_judge(trip, twin, entry, fault, happened) for (entry, fault), happened in pairs]
+    pairs = zip(trip.plan.entries, trip.intervals, strict=True)
+    return [_judge(trip, fault_free, entry, fault, interval) for (entry, fault), interval in pairs]
 
 
 def _judge(
-    trip: ObservedTrip, twin: ObservedTrip, entry: Entry, fault: Fault, happened: Happened | None
+    trip: ObservedTrip,
+    fault_free: ObservedTrip,
+    entry: Entry,
+    fault: Fault,
+    interval: FaultInterval | None,
 ) -> TrialOutcome:
-    way, cycle = trip.plan.way, trip.plan.cycle
-    if happened is None:
+    mode, cycle = trip.plan.mode, trip.plan.cycle
+    if interval is None:
         why = trip.ended or "the trip was over before"
-        return TrialOutcome(
-            entry, way, cycle, problems=(f"never came to pass: {why}",), never_came=True
-        )
+        return TrialOutcome(entry, mode, cycle, problems=(f"not reached: {why}",), not_reached=True)
     run = trip.trajectory
     times = run.time_s
-    first = int(np.searchsorted(times, happened.start_s - 1e-9))
-    end = min(int(np.searchsorted(times, happened.end_s - 1e-9)), len(run) - 1)
+    first = int(np.searchsorted(times, interval.start_s - 1e-9))
+    end = min(int(np.searchsorted(times, interval.end_s - 1e-9)), len(run) - 1)
     if first >= len(run):
         return TrialOutcome(
-            entry, way, cycle, problems=("no tick was observed after its beginning",)
+            entry, mode, cycle, problems=("no tick was observed after its beginning",)
         )
     worst = trip.worst()
-    levels = [said.level for said in worst]
-    normal = _normal_row(trip, twin, worst, end)
-    last = len(run) - 1 if normal is None else min(normal + LATER_TICKS, len(run) - 1)
-    normal_after = math.nan if normal is None else float(times[normal] - happened.end_s)
-    problems = _words(trip, entry, levels, happened.start_s, first, end)
+    levels = [report.level for report in worst]
+    normal = _normal_row(trip, fault_free, worst, end)
+    last = len(run) - 1 if normal is None else min(normal + LATE_REPORT_TICKS, len(run) - 1)
+    normal_after = math.nan if normal is None else float(times[normal] - interval.end_s)
+    problems = _missing_reports(trip, entry, levels, interval.start_s, first, end)
     if not entry.ends:
         if normal is None:
             problems.append("not normal again before the trip ended")
         elif normal_after > entry.normal_within:
             problems.append(f"normal after {normal_after:g} ticks")
-        if trip.ended and happened is trip.happened[-1]:
+        if trip.ended and interval is trip.intervals[-1]:
             problems.append(trip.ended)
     smallest_m = float(run.closest_m[first : last + 1].min())
     braking_m = _braking_gap_m(trip, fault, first, last)
@@ -112,15 +114,15 @@ def _judge(
     elif smallest_m < min(braking_m, 0.0) - BRAKING_TOLERANCE_M:
         problems.append(f"{braking_m - smallest_m:.1f} m worse than full braking")
     problems += _unbounded(trip, first, last)
-    since_s, until_s = happened.start_s - 1e-9, times[last] + 1e-9
-    around = [one for one in trip.statements if since_s <= one.time_s <= until_s]
+    since_s, until_s = interval.start_s - 1e-9, times[last] + 1e-9
+    around = [one for one in trip.reports if since_s <= one.time_s <= until_s]
     reasons = [f"{one.node}: {one.reason}" for one in around if one.level is not Level.OK]
     if entry.ends and trip.ended:
         reasons.append(trip.ended)
     while_it_lasts = levels[first : max(end, first + 1)]
     return TrialOutcome(
         entry,
-        way,
+        mode,
         cycle,
         tuple(dict.fromkeys(reasons)),
         max(while_it_lasts, key=lambda level: (level is not Level.OK, level.value)),
@@ -133,14 +135,19 @@ def _judge(
 
 
 def _normal_row(
-    trip: ObservedTrip, twin: ObservedTrip, worst: Sequence[Statement], end: int
+    trip: ObservedTrip, fault_free: ObservedTrip, worst: Sequence[StatusReport], end: int
 ) -> int | None:
-    """Return the first row from the end of a fault on with optimal commands and nothing to complain about."""
+    """Return the first row after the end of a fault with steady optimal commands and normal status."""
     times = trip.trajectory.time_s.tolist()
-    at_twin = dict(zip(twin.trajectory.time_s.tolist(), twin.worst(), strict=True))
+    fault_free_reports = dict(
+        zip(fault_free.trajectory.time_s.tolist(), fault_free.worst(), strict=True)
+    )
     steady = 0
     for row in range(end, len(times)):
-        calm = worst[row].is_calm or at_twin.get(times[row], QUIET).level is not Level.OK
+        calm = (
+            worst[row].is_calm
+            or fault_free_reports.get(times[row], NO_REPORT).level is not Level.OK
+        )
         good = calm and trip.rungs.get(times[row], Rung.OPTIMAL) is Rung.OPTIMAL
         steady = steady + 1 if good else 0
         if steady == STEADY_TICKS:
@@ -148,38 +155,38 @@ def _normal_row(
     return None
 
 
-def _words(
+def _missing_reports(
     trip: ObservedTrip, entry: Entry, levels: Sequence[Level], start_s: float, first: int, end: int
 ) -> list[str]:
-    """Return what is amiss with what was said."""
-    asked = entry.asked(trip.plan.way)
-    if asked is Said.NOTHING or (entry.ends and trip.ended):
+    """Return the problems with the reports on a fault."""
+    policy = entry.report_policy(trip.plan.mode)
+    if policy is ReportPolicy.NEVER or (entry.ends and trip.ended):
         return []
-    silent = [row for row in range(first + GRACE_TICKS, end) if levels[row] is Level.OK]
-    if asked is Said.ALWAYS and silent:
-        return [f"{len(silent)} of {end - first} ticks without a word"]
-    later_s = trip.trajectory.time_s[end] + LATER_TICKS
+    silent = [row for row in range(first + REPORT_DELAY_TICKS, end) if levels[row] is Level.OK]
+    if policy is ReportPolicy.ALWAYS and silent:
+        return [f"{len(silent)} of {end - first} ticks without a report"]
+    later_s = trip.trajectory.time_s[end] + LATE_REPORT_TICKS
     since_s = min(trip.trajectory.time_s[first], start_s) - 1e-9
-    words = [said for said in trip.statements if since_s <= said.time_s <= later_s]
-    if not any(said.level is not Level.OK for said in words) and len(silent) == max(
-        end - first - GRACE_TICKS, 0
+    late = [report for report in trip.reports if since_s <= report.time_s <= later_s]
+    if not any(report.level is not Level.OK for report in late) and len(silent) == max(
+        end - first - REPORT_DELAY_TICKS, 0
     ):
-        return ["nothing was said"]
+        return ["no report"]
     return []
 
 
 def _braking_gap_m(trip: ObservedTrip, fault: Fault, first: int, last: int) -> float:
-    """Return the smallest gap of a car that does nothing but brake."""
+    """Return the smallest gap of a car that only brakes."""
     seen = first
     if fault.spec.place is FaultPlace.TRAFFIC:
         apart = np.flatnonzero(trip.leader_apart[first:])
-        # What cannot be seen before all is over (a cut-in farther away than the leader) is none.
+        # A change after the judged window (a cut-in beyond the leader) does not count.
         seen += int(apart[0]) if apart.size and first + apart[0] <= last else 0
     return float(gaps_when_braking(trip.trajectory, trip.parameters, seen, last).min())
 
 
 def _unbounded(trip: ObservedTrip, first: int, last: int) -> list[str]:
-    """Return the hard limits of the inputs that the actuated commands broke."""
+    """Return the hard input limits violated by the actuated commands."""
     rows = slice(max(first - 1, 0), last + 1)
     arrays = trip.trajectory.to_arrays()
     part = Trajectory.from_arrays({name: arrays[name][rows] for name in TRAJECTORY_COLUMNS})

@@ -1,4 +1,4 @@
-"""What is known of a trip after it was driven, on whichever way: the same for all, to be judged alike."""
+"""Observations of a driven trip, in the same form for all drive modes."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _SEVERITY = {Level.OK: 0, Level.WARN: 1, Level.ERROR: 2, Level.STALE: 2}
 
 
 @dataclass(frozen=True)
-class Statement:
-    """What a node said on the diagnostics from a trip time on, until it said something else.
+class StatusReport:
+    """Status of a node on the diagnostics, valid until its next report.
 
     Attributes:
         time_s: trip time.
-        node: who.
+        node: name of the node.
         level: severity.
-        reason: the sentence.
+        reason: message of the status.
     """
 
     time_s: float
@@ -38,16 +38,16 @@ class Statement:
 
     @property
     def is_calm(self) -> bool:
-        """Whether it complains about nothing, or only about limits that the trip still breaks."""
+        """Whether the status is OK, or only reports limits that the trip still violates."""
         return self.level is Level.OK or (self.level is Level.WARN and is_about_limits(self.reason))
 
 
-QUIET = Statement(0.0, "", Level.OK, "")
+NO_REPORT = StatusReport(0.0, "", Level.OK, "")
 
 
 @dataclass(frozen=True)
-class Happened:
-    """When a fault really began and ended; those of processes do not keep to trip time.
+class FaultInterval:
+    """Actual start and end of a fault; process faults do not keep to trip time.
 
     Attributes:
         start_s: trip time.
@@ -59,11 +59,10 @@ class Happened:
 
 
 class TripTime:
-    """Puts what was heard in a run where it belongs in the time of its last trip.
+    """Maps received messages to the time of the last trip of a run.
 
-    A plant that was started again begins at 0 once more, a second plant beside the first one tells another
-    time, and a node that has just been started knows none. What was heard before the last trip has negative
-    times.
+    A restarted plant begins at 0 again, a duplicate plant publishes another time, and a node that has
+    just been started has none. Messages from before the last trip have negative times.
     """
 
     def __init__(self, clocks_ns: Sequence[int]) -> None:
@@ -76,7 +75,7 @@ class TripTime:
         self._newest_ns = list(accumulate(own, max))
 
     def at_s(self, about_ns: int, clocks: int) -> float:
-        """Return the time in s of what was heard after so many clocks and is about some instant."""
+        """Return the trip time in s of a message from its stamp and the number of clocks received before."""
         if clocks <= self._begins:
             return (
                 min(about_ns - self._ended_ns, 0) / NS_PER_S
@@ -94,11 +93,11 @@ class ObservedTrip:
     Attributes:
         plan: what was to be driven.
         parameters: of the vehicle.
-        trajectory: what happened, with the leader that counted.
-        leader_apart: rows in which that leader is not where the one of the route is, shape (n,).
-        rungs: where the commands came from, by tick.
-        statements: what was said, in order.
-        happened: when each fault began and ended, in the order of the plan; None for one that never came.
+        trajectory: the driven trajectory, with the effective leader.
+        leader_apart: rows in which that leader is not where the leader of the route is, shape (n,).
+        rungs: source of the commands, by tick.
+        reports: status reports in order.
+        intervals: actual start and end of each fault in the order of the plan; None if not reached.
         ended: why the trip ended early, empty if it did not.
     """
 
@@ -107,26 +106,26 @@ class ObservedTrip:
     trajectory: Trajectory
     leader_apart: BoolArray
     rungs: Mapping[float, Rung]
-    statements: Sequence[Statement]
-    happened: Sequence[Happened | None]
+    reports: Sequence[StatusReport]
+    intervals: Sequence[FaultInterval | None]
     ended: str = ""
 
-    def worst(self) -> list[Statement]:
-        """Return the worst of what the nodes were saying at every row, nothing before they said anything."""
-        rows = [QUIET] * len(self.trajectory)
-        for node in sorted({said.node for said in self.statements}):
-            for row, said in enumerate(self._spoken(node)):
-                if _SEVERITY[said.level] > _SEVERITY[rows[row].level]:
-                    rows[row] = said
+    def worst(self) -> list[StatusReport]:
+        """Return the worst status of all nodes at every row, OK before the first report."""
+        rows = [NO_REPORT] * len(self.trajectory)
+        for node in sorted({report.node for report in self.reports}):
+            for row, report in enumerate(self._status_by_row(node)):
+                if _SEVERITY[report.level] > _SEVERITY[rows[row].level]:
+                    rows[row] = report
         return rows
 
-    def _spoken(self, node: str) -> list[Statement]:
-        """Return what a node was saying at every row."""
-        own = [said for said in self.statements if said.node == node]
-        rows, place, said = [], 0, QUIET
+    def _status_by_row(self, node: str) -> list[StatusReport]:
+        """Return the status of a node at every row."""
+        own = [report for report in self.reports if report.node == node]
+        rows, place, report = [], 0, NO_REPORT
         for time_s in self.trajectory.time_s.tolist():
             while place < len(own) and own[place].time_s <= time_s + 1e-9:
-                said = own[place]
+                report = own[place]
                 place += 1
-            rows.append(said)
+            rows.append(report)
         return rows

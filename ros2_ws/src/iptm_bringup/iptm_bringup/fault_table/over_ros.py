@@ -1,4 +1,4 @@
-"""Trips over ROS 2: real processes, lock-step or real time, and what was heard of them."""
+"""Trips over ROS 2: real processes in lock-step or real time, and what they published."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from iptm_bringup.environment import domain_of_run
-from iptm_bringup.fault_table.catalogue import REAL_TIME_RATE, PlannedTrip, Way
+from iptm_bringup.fault_table.catalogue import REAL_TIME_RATE, DriveMode, PlannedTrip
 from iptm_bringup.fault_table.headless import PARAMETERS, leader_apart
-from iptm_bringup.fault_table.observed import Happened, ObservedTrip, Statement, TripTime
+from iptm_bringup.fault_table.observed import FaultInterval, ObservedTrip, StatusReport, TripTime
 from iptm_bringup.monitor import Snapshot, heard_by_stamp
 from iptm_bringup.run_folder import RunFolder
 from iptm_bringup.runner import Driven, RunOptions, drive_processes
@@ -30,26 +30,26 @@ from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.process import StopRequest
 from iptm_interfaces.topics import OBSERVATION_TOPICS, TICK_TOPICS, Topic
 
-INPUT_TIMEOUT_S = {Way.LOCK_STEP: 0.3, Way.REAL_TIME: 0.05}
+INPUT_TIMEOUT_S = {DriveMode.LOCK_STEP: 0.3, DriveMode.REAL_TIME: 0.05}
 """Wall time for which the controller waits for missing inputs; half a tick in real time."""
 
 
 class _Quiet:
-    """Shows nothing: the table has a line for each trip."""
+    """Progress display that shows nothing; the table prints a line for each trip."""
 
     def waiting(self, reason: str) -> None:
-        """Say nothing."""
+        """Do nothing."""
 
     def running(self, snapshot: Snapshot, wall_s: float) -> None:
-        """Say nothing."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Leave everything as it is."""
+        """Do nothing."""
 
 
 def scenario_of(plan: PlannedTrip) -> Scenario:
-    """Return the scenario of a trip, as `scripts/run_demo` drives it as well."""
-    lock_step = plan.way is Way.LOCK_STEP
+    """Return the scenario of a trip, as driven by `scripts/run_demo`."""
+    lock_step = plan.mode is DriveMode.LOCK_STEP
     return Scenario(
         name=plan.name,
         description=f"Faults of the table: {len(plan.entries)} on {plan.cycle}",
@@ -57,7 +57,7 @@ def scenario_of(plan: PlannedTrip) -> Scenario:
         duration_s=plan.route.duration_s,
         mode=LoopMode.LOCK_STEP if lock_step else LoopMode.REAL_TIME,
         rate_factor=1.0 if lock_step else REAL_TIME_RATE,
-        node_parameters={"controller": {"input_timeout_s": INPUT_TIMEOUT_S[plan.way]}},
+        node_parameters={"controller": {"input_timeout_s": INPUT_TIMEOUT_S[plan.mode]}},
         faults=plan.faults,
     )
 
@@ -68,10 +68,10 @@ def drive_over_ros(plan: PlannedTrip, folder: Path, stop: StopRequest) -> Observ
     Args:
         plan: the trip.
         folder: for its scenario and logs; a subfolder of its own is made.
-        stop: tells that the user wants to stop.
+        stop: set when the user requests a stop.
 
     Raises:
-        IptmError: the run cannot be set up, or not a single tick was heard.
+        IptmError: the run cannot be set up, or no tick was received.
     """
     scenario = scenario_of(plan)
     folder.mkdir(parents=True, exist_ok=True)
@@ -90,7 +90,7 @@ def _observed(plan: PlannedTrip, driven: Driven) -> ObservedTrip:
     heard = driven.monitor.recorded
     by_stamp = heard_by_stamp(heard, (*TICK_TOPICS, Topic.PLANT_SAFETY))
     complete = set.intersection(*(set(by_stamp[topic]) for topic in OBSERVATION_TOPICS))
-    # A bridge that is away or deaf tells no leader; it is on the road all the same.
+    # A missing or disconnected bridge publishes no leader, but the leader is still on the road.
     traffic, leaders = Traffic(plan.faults), {}
     for stamp_ns in sorted(complete):
         host = decode_observation(
@@ -105,14 +105,14 @@ def _observed(plan: PlannedTrip, driven: Driven) -> ObservedTrip:
         for stamp_ns, message in decisions.items()
     }
     time = TripTime([stamp_ns_of(data) for data in heard[Topic.CLOCK]])
-    statements = [
-        Statement(
-            time.at_s(said.about_ns, said.clocks),
-            said.node,
-            Level(said.status.level),
-            said.status.message,
+    reports = [
+        StatusReport(
+            time.at_s(report.about_ns, report.clocks),
+            report.node,
+            Level(report.status.level),
+            report.status.message,
         )
-        for said in driven.monitor.statements
+        for report in driven.monitor.reports
     ]
     ended = driven.result.message
     if driven.result.last_lines:
@@ -123,19 +123,19 @@ def _observed(plan: PlannedTrip, driven: Driven) -> ObservedTrip:
         trajectory,
         leader_apart(plan, trajectory),
         rungs,
-        sorted(statements, key=lambda said: said.time_s),
-        list(_happened(plan, driven, time, float(trajectory.time_s[-1]))),
+        sorted(reports, key=lambda report: report.time_s),
+        list(_intervals(plan, driven, time, float(trajectory.time_s[-1]))),
         ended,
     )
 
 
-def _happened(
+def _intervals(
     plan: PlannedTrip, driven: Driven, time: TripTime, last_s: float
-) -> Iterable[Happened | None]:
+) -> Iterable[FaultInterval | None]:
     records = {record.fault: record for record in driven.process_faults.records}
     for _, fault in plan.entries:
         if fault.spec.place is not FaultPlace.PROCESS:
-            yield Happened(fault.start_s, fault.end_s) if fault.start_s <= last_s else None
+            yield FaultInterval(fault.start_s, fault.end_s) if fault.start_s <= last_s else None
             continue
         record = records.get(fault)
         if record is None:
@@ -144,4 +144,4 @@ def _happened(
         began_s, ended_s = time.at_s(record.began_ns, record.began_clocks), last_s
         if record.ended_ns is not None:
             ended_s = time.at_s(record.ended_ns, record.ended_clocks)
-        yield Happened(began_s, max(ended_s, began_s))
+        yield FaultInterval(began_s, max(ended_s, began_s))

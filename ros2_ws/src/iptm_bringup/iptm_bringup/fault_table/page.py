@@ -1,4 +1,4 @@
-"""The page of the table: a row for each fault, the worst of all its trips, and what was said."""
+"""Page of the fault table: one row per fault with the worst of its trips, and the reports."""
 
 from __future__ import annotations
 
@@ -8,28 +8,43 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from iptm_bringup.fault_table.catalogue import FIRST_S, REAL_TIME_RATE, Entry, Said, Way
-from iptm_bringup.fault_table.judge import GRACE_TICKS, LATER_TICKS, STEADY_TICKS, TrialOutcome
+from iptm_bringup.fault_table.catalogue import (
+    FIRST_S,
+    REAL_TIME_RATE,
+    DriveMode,
+    Entry,
+    ReportPolicy,
+)
+from iptm_bringup.fault_table.judge import (
+    LATE_REPORT_TICKS,
+    REPORT_DELAY_TICKS,
+    STEADY_TICKS,
+    TrialOutcome,
+)
 from iptm_bringup.fault_table.over_ros import INPUT_TIMEOUT_S
 from iptm_core.markdown import markdown_table
 from iptm_faults.kinds import KINDS
 
 NOTICE = "<!-- Made by scripts/faults; do not edit. -->"
-_WAYS = {
-    Way.HEADLESS: "without ROS",
-    Way.LOCK_STEP: "lock-step",
-    Way.REAL_TIME: "real time",
+_MODES = {
+    DriveMode.HEADLESS: "without ROS",
+    DriveMode.LOCK_STEP: "lock-step",
+    DriveMode.REAL_TIME: "real time",
 }
 _FOLDER_OF_A_BAG = re.compile(r"/\S*/(?=\S+\.mcap)")
-"""Where a bag lay is the machine's own affair."""
-_ASKED = {Said.ALWAYS: "every tick", Said.ONCE: "a word", Said.NOTHING: "nothing"}
+"""Folder part of a bag's path, removed because it depends on the machine."""
+_EXPECTED = {
+    ReportPolicy.ALWAYS: "every tick",
+    ReportPolicy.ONCE: "once",
+    ReportPolicy.NEVER: "not required",
+}
 
 
 def faults_page(command: str, verdicts: Sequence[TrialOutcome]) -> str:
     """Return the page.
 
     Args:
-        command: what it was made with.
+        command: the command that made the page.
         verdicts: of all faults and trips.
     """
     red = [verdict for verdict in verdicts if verdict.problems]
@@ -40,32 +55,32 @@ def faults_page(command: str, verdicts: Sequence[TrialOutcome]) -> str:
         NOTICE,
         (
             f"Made with `{command}` on {os.cpu_count()} cores at a load average of "
-            f"{os.getloadavg()[1]:.0f}: {kinds} kinds of faults, {len(verdicts)} times on {cycles}; "
-            f"{len(verdicts) - len(red)} times everything held, {len(red)} times not. What each kind does "
+            f"{os.getloadavg()[1]:.0f}: {kinds} kinds of faults, {len(verdicts)} trials on {cycles}; "
+            f"{len(verdicts) - len(red)} passed, {len(red)} failed. What each kind does "
             "and how it is stated in a scenario: [reference](reference/faults.md). Each verdict is that of "
-            "its last trial, maybe in another sitting; the load is that at the writing of the page."
+            "its last trial, possibly of an earlier run; the load is that when the page was written."
         ),
         _legend(),
-        "## What happened",
+        "## Results",
         markdown_table(
             (
                 "fault",
-                "asked to be said",
-                *_WAYS.values(),
+                "required report",
+                *_MODES.values(),
                 "normal after (ticks; allowed)",
                 "smallest gap (m)",
                 "with full braking (m)",
             ),
             [_row(entry, of_it) for entry, of_it in _by_entry(verdicts)],
         ),
-        "## What did not hold",
+        "## Failures",
         markdown_table(
             ("fault", "how", "cycle", "what"),
-            [(one.entry.name, _WAYS[one.way], one.cycle, "; ".join(one.problems)) for one in red],
+            [(one.entry.name, _MODES[one.mode], one.cycle, "; ".join(one.problems)) for one in red],
         )
         if red
         else "Nothing.",
-        "## What was said",
+        "## Reports",
         markdown_table(
             ("fault", "reasons on the diagnostics, worse than OK, and in how many trips"),
             [(entry.name, _reasons(of_it)) for entry, of_it in _by_entry(verdicts)],
@@ -75,26 +90,24 @@ def faults_page(command: str, verdicts: Sequence[TrialOutcome]) -> str:
 
 
 def _legend() -> str:
-    lock_s, real_s = INPUT_TIMEOUT_S[Way.LOCK_STEP], INPUT_TIMEOUT_S[Way.REAL_TIME]
+    lock_s, real_s = INPUT_TIMEOUT_S[DriveMode.LOCK_STEP], INPUT_TIMEOUT_S[DriveMode.REAL_TIME]
     return (
-        "- **Green (✓)** is a fault with which no collision happened that brakes avoid, none was harder than "
-        "with full braking, the actuated commands kept all bounds and rates, what is asked to be said was "
-        "said, and all was normal again in time.\n"
-        f"- *Asked to be said*: every tick has a status worse than OK, the first {GRACE_TICKS} excepted; or "
-        f"a word while it lasts or within {LATER_TICKS} ticks; or nothing, where traffic does as it likes, "
-        "strangers are turned away, or nobody can know.\n"
-        f"- *Normal* is an optimal command and every node at OK, {STEADY_TICKS} ticks in a row. Limits that "
-        "the trip still breaks, such as a gap to be made up after braking, are told as long as they last and "
-        "do not count, nor does what is said at the same tick of the same trip without faults. Ticks count "
-        "from the end of the fault; of a process, from when it is started again, woken up or its double is "
-        "gone.\n"
-        f"- *With full braking*: the smallest gap of a car that brakes with full jerk and deceleration from "
-        "the first tick at which the fault can be seen, behind the leader as it drove. Both gaps are those "
-        "of the trip in which brakes left least.\n"
-        f"- Faults begin where the sound trip has its smallest time headway, at {FIRST_S:g} s at the "
-        "earliest. Over ROS 2 they follow one another in few trips. Real time runs "
+        "- **Passed (✓)**: no collision that brakes could avoid, none harder than with full braking, all "
+        "input bounds and rates kept, the required report made, and normal operation restored in time.\n"
+        f"- *Required report*: a status worse than OK at every tick after the first {REPORT_DELAY_TICKS}; "
+        f"once during the fault or up to {LATE_REPORT_TICKS} ticks later; or not required (traffic events, "
+        "discarded foreign messages, plausible values that cannot be detected).\n"
+        f"- *Normal* is {STEADY_TICKS} consecutive ticks with an optimal command and every node at OK. "
+        "Limits still violated, such as a gap to be restored after braking, do not count, nor do "
+        "reports made at the same tick of the fault-free trip. Ticks count from the end of the fault; for a "
+        "process, from when it is restarted or resumed, or its duplicate has ended.\n"
+        "- *With full braking*: the smallest gap of a car that brakes with full jerk and deceleration from "
+        "the first tick at which the fault is observable, behind the leader as recorded. Both gaps are from "
+        "the trip in which brakes left the smallest gap.\n"
+        f"- Faults begin at the smallest time headway of the fault-free trip, at {FIRST_S:g} s at the "
+        "earliest. Over ROS 2 several faults share a trip. Real time runs "
         f"{REAL_TIME_RATE:g} times as fast as the wall clock; `input_timeout_s` is {lock_s:g} s in lock-step "
-        f"and {real_s:g} s in real time. A machine too busy for that pace loses commands in real time, with "
+        f"and {real_s:g} s in real time. A machine too slow for that pace loses commands in real time, with "
         "or without faults."
     )
 
@@ -109,8 +122,8 @@ def _by_entry(verdicts: Iterable[TrialOutcome]) -> list[tuple[Entry, list[TrialO
 
 def _row(entry: Entry, verdicts: Sequence[TrialOutcome]) -> tuple[object, ...]:
     marks = []
-    for way in _WAYS:
-        of_way = [verdict for verdict in verdicts if verdict.way is way]
+    for mode in _MODES:
+        of_way = [verdict for verdict in verdicts if verdict.mode is mode]
         green = sum(not verdict.problems for verdict in of_way)
         mark = "✓" if green == len(of_way) else "✗"
         marks.append(f"{mark} {green} of {len(of_way)}" if of_way else "–")
@@ -122,7 +135,7 @@ def _row(entry: Entry, verdicts: Sequence[TrialOutcome]) -> tuple[object, ...]:
         else (f"{tightest.smallest_gap_m:.1f}", f"{tightest.braking_gap_m:.1f}")
     )
     normal = "–" if entry.ends else f"{_slowest(verdicts)}; {entry.normal_within}"
-    return (entry.name, _ASKED[entry.said], *marks, normal, *gaps)
+    return (entry.name, _EXPECTED[entry.reported], *marks, normal, *gaps)
 
 
 def _slowest(verdicts: Sequence[TrialOutcome]) -> str:
@@ -131,6 +144,6 @@ def _slowest(verdicts: Sequence[TrialOutcome]) -> str:
 
 
 def _reasons(verdicts: Sequence[TrialOutcome]) -> str:
-    said = (reason for verdict in verdicts for reason in verdict.said)
-    counts = Counter(_FOLDER_OF_A_BAG.sub("", reason) for reason in said)
+    reasons = (reason for verdict in verdicts for reason in verdict.reasons)
+    counts = Counter(_FOLDER_OF_A_BAG.sub("", reason) for reason in reasons)
     return "<br>".join(f"{reason} ({count})" for reason, count in counts.most_common()) or "nothing"

@@ -1,4 +1,4 @@
-"""Verdicts on disk, so that a table can be made in several sittings."""
+"""Verdicts on disk, so that a table can be made in several runs of the command."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from iptm_bringup.fault_table.catalogue import Entry, Way
+from iptm_bringup.fault_table.catalogue import DriveMode, Entry
 from iptm_bringup.fault_table.judge import TrialOutcome
 from iptm_core.errors import StoreError
 from iptm_interfaces.diagnostics import Level
 
 
 class VerdictStore:
-    """A folder of verdicts; a newer one replaces an older one of the same fault, way and cycle."""
+    """Folder of verdicts; a new verdict replaces the old one of the same fault, mode and cycle."""
 
     def __init__(self, folder: Path) -> None:
         self._file = folder / "verdicts.json"
@@ -25,7 +25,7 @@ class VerdictStore:
         """Return the verdicts on the rows of a table; those on other rows are left out.
 
         Raises:
-            StoreError: the file is not one of verdicts.
+            StoreError: the file is not a verdict file.
         """
         if not self._file.is_file():
             return []
@@ -47,9 +47,9 @@ class VerdictStore:
         content = [
             {
                 "fault": one.entry.name,
-                "way": one.way.value,
+                "mode": one.mode.value,
                 "cycle": one.cycle,
-                "said": one.said,
+                "reasons": one.reasons,
                 "level": one.level.name,
                 "changes": one.changes,
                 "normal_after": _plain(one.normal_after),
@@ -63,21 +63,21 @@ class VerdictStore:
         self._file.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def failed(entry: Entry, way: Way, cycle: str, why: str) -> TrialOutcome:
-    """Return the verdict on a fault whose trip came to nothing."""
-    return replace(TrialOutcome(entry, way, cycle), problems=(why,))
+def failed(entry: Entry, mode: DriveMode, cycle: str, why: str) -> TrialOutcome:
+    """Return the verdict on a fault whose trip failed."""
+    return replace(TrialOutcome(entry, mode, cycle), problems=(why,))
 
 
-def _key(verdict: TrialOutcome) -> tuple[str, Way, str]:
-    return verdict.entry.name, verdict.way, verdict.cycle
+def _key(verdict: TrialOutcome) -> tuple[str, DriveMode, str]:
+    return verdict.entry.name, verdict.mode, verdict.cycle
 
 
 def _verdict(entry: Entry, written: Mapping[str, Any]) -> TrialOutcome:
     return TrialOutcome(
         entry,
-        Way(written["way"]),
+        DriveMode(written["mode"]),
         written["cycle"],
-        tuple(written["said"]),
+        tuple(written["reasons"]),
         Level[written["level"]],
         written["changes"],
         _number(written["normal_after"]),

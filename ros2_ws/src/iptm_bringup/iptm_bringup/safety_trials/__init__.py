@@ -1,1 +1,1 @@
-"""The command of the safety trials, and those of them that are driven over ROS 2."""
+"""Command line of the safety trials, and their trials over ROS 2."""

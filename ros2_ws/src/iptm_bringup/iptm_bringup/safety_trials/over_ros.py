@@ -1,4 +1,4 @@
-"""Disturbed trials over ROS 2: real processes, judged as those without."""
+"""Disturbed trials over ROS 2: real processes, judged like the headless trials."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from iptm_bringup.fault_table.catalogue import Entry, PlannedTrip, Said, Way
+from iptm_bringup.fault_table.catalogue import DriveMode, Entry, PlannedTrip, ReportPolicy
 from iptm_bringup.fault_table.observed import ObservedTrip
 from iptm_bringup.fault_table.over_ros import drive_over_ros
 from iptm_core.errors import IptmError
@@ -26,7 +26,7 @@ from iptm_studies.study import Case, Study
 def drive_trials(
     study: Study, count: int, folder: Path, console: Console
 ) -> tuple[JudgedTrial, ...]:
-    """Drive the first trials on published cycles, in lock-step and in real time by turns.
+    """Drive the first trials on published cycles, alternating lock-step and real time.
 
     States that are late by ticks exist in real time only: in lock-step the plant waits.
 
@@ -41,7 +41,7 @@ def drive_trials(
     judged = []
     for number, case in enumerate(_first(study, count)):
         delayed = any(fault.kind is FaultKind.STATE_DELAYED for fault in case.spec.faults)
-        way = Way.REAL_TIME if delayed or number % 2 else Way.LOCK_STEP
+        way = DriveMode.REAL_TIME if delayed or number % 2 else DriveMode.LOCK_STEP
         if stop.is_set:
             break
         judged.append(_drive(case, way, folder, stop))
@@ -54,9 +54,9 @@ def _first(study: Study, count: int) -> Iterable[Case]:
     return fitting[:count]
 
 
-def _drive(case: Case, way: Way, folder: Path, stop: StopRequest) -> JudgedTrial:
+def _drive(case: Case, way: DriveMode, folder: Path, stop: StopRequest) -> JudgedTrial:
     route, faults = resolve_inputs(case.spec).route, case.spec.faults
-    entries = tuple((Entry(fault, Said.NOTHING), fault) for fault in faults)
+    entries = tuple((Entry(fault, ReportPolicy.NEVER), fault) for fault in faults)
     name, disturbed = f"{case.name}, {way}", str(case.labels["disturbed"])
     what = f"{case.spec.cycle}, {', '.join(fault.describe() for fault in faults)}"
     try:
@@ -70,6 +70,6 @@ def _drive(case: Case, way: Way, folder: Path, stop: StopRequest) -> JudgedTrial
 
 
 def _reports(trip: ObservedTrip) -> Iterator[Report]:
-    for said in trip.statements:
-        text = "" if said.level is Level.OK else said.reason
-        yield Report(said.time_s, VEHICLE if said.node == PLANT else CONTROLLER, text)
+    for report in trip.reports:
+        text = "" if report.level is Level.OK else report.reason
+        yield Report(report.time_s, VEHICLE if report.node == PLANT else CONTROLLER, text)
