@@ -7,6 +7,7 @@ from iptm.run import Run
 from iptm.simulation import Sweep, simulate, sweep
 from iptm_controller.measurements import Measurements
 from iptm_controller.strategy import STRATEGIES, Strategy
+from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.errors import IptmError
 from iptm_core.parameters import ModelParameters, available_parameter_sets, load_parameters
 from iptm_core.routes import ROUTE_CYCLES
@@ -15,6 +16,7 @@ from iptm_core.state import Command, LeaderState
 __all__ = [
     "ROUTE_CYCLES",
     "STRATEGIES",
+    "AgingLaw",
     "Command",
     "Comparison",
     "Controller",

@@ -9,6 +9,7 @@ from typing import Any
 from iptm.run import Run
 from iptm.simulation import run_of_study
 from iptm_controller.settings import ControllerSettings
+from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import BagError, MissingTopicError
@@ -24,7 +25,14 @@ from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.run_information import RunInformation
 
 _STORED = ".parquet"
-_GROUPS = (TripSettings, ControllerSettings, PreviewSettings, SamplingSettings, IntegrationSettings)
+_GROUPS = (
+    TripSettings,
+    ControllerSettings,
+    AgingSettings,
+    PreviewSettings,
+    SamplingSettings,
+    IntegrationSettings,
+)
 _DEFAULTS = {spec.name: plain(spec.default) for group in _GROUPS for spec in parameter_specs(group)}
 """Parameters of nodes that are settings of a run; a bag names those that were set."""
 

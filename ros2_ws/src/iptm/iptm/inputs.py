@@ -90,6 +90,7 @@ def settings_of(spec: RunSpec) -> dict[str, Any]:
         **({} if STRATEGIES.get(name) == spec.strategy else weights),
         "horizon": spec.horizon,
         "solver": spec.solver.name,
+        **asdict(spec.aging_settings()),
         **{key: plain(value) for key, value in asdict(spec.bridge_settings()).items()},
         "period_s": spec.tick_s,
         "integration_step_s": spec.plant_step_s,

@@ -14,6 +14,8 @@ from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor
 from iptm.run import Run
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import DEFAULT_STRATEGY
+from iptm_core.aging_laws.law import AgingLaw
+from iptm_core.aging_laws.parking import PAPER_LAW
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET
@@ -32,6 +34,7 @@ def simulate(
     strategy: Any = DEFAULT_STRATEGY,
     horizon: str = ControllerSettings.horizon,
     vehicle: Any = DEFAULT_SET,
+    aging_law: Any = PAPER_LAW,
     overrides: Mapping[str, float] | None = None,
     controller: Controller | None = None,
     predictor: Predictor | None = None,
@@ -51,6 +54,9 @@ def simulate(
         vehicle: a parameter set by name or path, `ModelParameters`, or a mapping of dotted keys and numbers,
             with ``base`` for a set other than the default.
         overrides: single parameters that differ, by dotted key.
+        aging_law: law of the controller's cost: ``paper``, a cell such as ``nca``, or an `AgingLaw`. Use of
+            the car and prices are settings: ``parking_air_k``, ``charging_target`` and others of
+            `AgingSettings`.
         controller: drives instead of the controller of the suite, see `Controller`; strategy and horizon then
             do not count.
         predictor: predicts the lead vehicle for the controller instead of its true future, see `Predictor`.
@@ -72,6 +78,8 @@ def simulate(
                 f"{name} is {shown(part)}; allowed: an object with the method {method}, see"
                 f" iptm.{name.title()}"
             )
+    own_law = aging_law if isinstance(aging_law, AgingLaw) else None
+    settings |= {"aging_law": PAPER_LAW if own_law else aging_law}
     inputs = run_inputs(cycle, strategy, vehicle, overrides, {"horizon": horizon, **settings})
     own = (
         None
@@ -79,7 +87,7 @@ def simulate(
         else OwnController(controller, inputs.parameters.limits, inputs.spec.tick_s)
     )
     leader = None if predictor is None else PredictedSource(inputs.route, predictor)
-    done = perform_run(inputs, own_controller=own, leader=leader)
+    done = perform_run(inputs, own_controller=own, leader=leader, own_law=own_law)
     run = run_of_study(done, inputs.route.slope)
     if controller is not None:
         own_settings = {"strategy": _OWN, "horizon": _OWN, "solver": _OWN}
@@ -87,6 +95,8 @@ def simulate(
         planned = f", {inputs.spec.horizon}, {inputs.spec.strategy.name}"
         run = replace(run, name=run.name.replace(planned, ""))
         run = _with_own(run, f"controller {type(controller).__name__}", own_settings)
+    if own_law is not None:
+        run = _with_own(run, f"law {own_law.name}", {"aging_law": own_law.name})
     if predictor is not None:
         name = type(predictor).__name__
         run = _with_own(run, f"predictor {name}", {"predictor": name})

@@ -16,6 +16,7 @@ from rclpy.validate_namespace import validate_namespace
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.settings import ControllerSettings
+from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.declaration import (
     Scalar,
     Settings,
@@ -65,7 +66,7 @@ SETTINGS_OF_NODES: Mapping[str, tuple[type[Settings], ...]] = {
         FrameSettings,
         RangeSensorSettings,
     ),
-    CONTROLLER: (ControllerSettings, ModelSettings, FrameSettings),
+    CONTROLLER: (ControllerSettings, AgingSettings, ModelSettings, FrameSettings),
 }
 """Which settings of a scenario each node of the loop takes, as parameters of the same names."""
 
@@ -86,6 +87,7 @@ class Scenario(
     ClockSettings,
     PaceSettings,
     PreviewSettings,
+    AgingSettings,
     ControllerSettings,
     ModelSettings,
     TripSettings,

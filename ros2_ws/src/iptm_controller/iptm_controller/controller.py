@@ -13,6 +13,12 @@ import time
 from dataclasses import dataclass, field, replace
 
 from iptm_controller.actuation import ActuationObserver
+from iptm_controller.cell_law import (
+    CellLawValuation,
+    cyclic_parameters,
+    energy_price_1_j,
+    with_energy_price,
+)
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
 from iptm_controller.decision import Decision, PlanningResult
 from iptm_controller.estimator import Estimator, NoiseSettings
@@ -38,6 +44,8 @@ from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
 from iptm_controller.traction_forecast import TractionForecaster
+from iptm_core.aging_laws.law import AgingLaw
+from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.charge import nominal_charge_parameters
@@ -58,6 +66,8 @@ class ControllerOptions:
         trip_duration_s: trip time at which the trip ends, infinite where that is not known.
         noise: stated noise of the measurements.
         production: laws of the strategy that optimises nothing.
+        aging: ageing law of the cost, and how the car is used between trips.
+        own_law: ageing law instead of the one named there.
     """
 
     strategy: Strategy = STRATEGIES[DEFAULT_STRATEGY]
@@ -69,6 +79,8 @@ class ControllerOptions:
     trip_duration_s: float = math.inf
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     production: ProductionSettings = field(default_factory=ProductionSettings)
+    aging: AgingSettings = field(default_factory=AgingSettings)
+    own_law: AgingLaw | None = None
 
 
 class Controller:
@@ -92,6 +104,12 @@ class Controller:
         """
         horizon = options.horizon
         parameters = nominal_charge_parameters(parameters)
+        law = options.own_law or options.aging.law()
+        self._parked: ParkedAging | None = None
+        if law is not None:
+            ambient_k = parameters.environment.ambient_temperature_k
+            self._parked = ParkedAging(law, options.aging, ambient_k)
+            parameters = replace(parameters, aging=cyclic_parameters(self._parked, parameters))
         self.options = options
         self.backend = backend or build_solver(horizon, parameters, options.solver)
         self._grid = ProblemGrid(horizon)
@@ -119,17 +137,19 @@ class Controller:
 
     def _pose(self, strategy: Strategy) -> None:
         """Set up what depends on the cost terms and their weights, which are numbers of a problem."""
-        self._builder = ProblemDataBuilder(self._grid, strategy, self._model, self.options.tick_s)
-        self._valuation = (
-            TemperatureValuation(
-                self._model,
-                strategy.aging_weight,
-                self.options.horizon.duration_s,
-                self.options.trip_duration_s,
+        duration_s, ends_s = self.options.horizon.duration_s, self.options.trip_duration_s
+        self._valuation: TemperatureValuation | CellLawValuation | None = None
+        if self._parked is not None and strategy.aging_weight > 0.0:
+            price_1_j = energy_price_1_j(self.options.aging, self._model)
+            strategy = with_energy_price(strategy, price_1_j)
+            self._valuation = CellLawValuation(
+                self._parked, strategy, price_1_j, self._model, duration_s, ends_s
             )
-            if strategy.cost_to_go
-            else None
-        )
+        elif strategy.cost_to_go:
+            self._valuation = TemperatureValuation(
+                self._model, strategy.aging_weight, duration_s, ends_s
+            )
+        self._builder = ProblemDataBuilder(self._grid, strategy, self._model, self.options.tick_s)
 
     def use_strategy(self, strategy: Strategy) -> None:
         """Go on with other cost terms and weights; nothing is compiled, and the memory stays."""

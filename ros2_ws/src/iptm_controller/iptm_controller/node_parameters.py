@@ -15,7 +15,8 @@ from iptm_controller.node_watch import WarningSettings
 from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import Strategy, strategy_by_name
-from iptm_core.declaration import Scalar, parameter, plain
+from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.declaration import Scalar, parameter, parameter_specs, plain
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import FrameSettings, ModelSettings, SamplingSettings
 
@@ -35,6 +36,7 @@ class ControllerNodeParameters(
     SamplingSettings,
     ModelSettings,
     SolveSettings,
+    AgingSettings,
     ControllerSettings,
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
@@ -137,6 +139,9 @@ class ControllerNodeParameters(
             tick_s=self.period_s,
             trip_duration_s=self.trip_duration_s or math.inf,
             noise=NoiseSettings(self.gap_noise_m, self.speed_noise_m_s, self.temperature_noise_k),
+            aging=AgingSettings(
+                **{spec.name: getattr(self, spec.name) for spec in parameter_specs(AgingSettings)}
+            ),
         )
 
     def build_controller(self) -> Controller:

@@ -51,6 +51,8 @@ class TemperatureValue:
         aging_rate_1_s: mean rate of the capacity loss, sum of both cells (q).
         aging_sensitivity_1_k: relative change of the rate with temperature (alpha).
         kelvin_lasts_s: how long a kelvin lasts (tau).
+        temperature_weight_1_k2_s: weight of J2 by the calendar loss, on top of that of the strategy.
+        reference_temperature_k: reference of that.
     """
 
     cell_1_price_1_k: float
@@ -58,6 +60,8 @@ class TemperatureValue:
     aging_rate_1_s: float
     aging_sensitivity_1_k: float
     kelvin_lasts_s: float
+    temperature_weight_1_k2_s: float = 0.0
+    reference_temperature_k: float = 0.0
 
 
 NO_VALUE = TemperatureValue(0.0, 0.0, 0.0, 0.0, 0.0)

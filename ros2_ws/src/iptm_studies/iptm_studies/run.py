@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from functools import cached_property
 
@@ -18,6 +18,7 @@ from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.solvers.factory import SolverOptions
+from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import RunMetrics, compute_metrics
@@ -125,6 +126,7 @@ def perform_run(
     on_progress: Callable[[], None] | None = None,
     own_controller: TickController | None = None,
     leader: PreviewSource | None = None,
+    own_law: AgingLaw | None = None,
 ) -> Run:
     """Perform a run.
 
@@ -133,6 +135,7 @@ def perform_run(
         on_progress: called after every tick of a closed loop and every solve of a whole trip.
         own_controller: drives instead of the specified one; such a run cannot be stored.
         leader: motion and predictions of the leader, where they are not those of the route.
+        own_law: ageing law of the controller instead of the specified one; such a run cannot be stored.
 
     Raises:
         ScenarioError: this process has other code or libraries than those the run is meant for.
@@ -161,7 +164,7 @@ def perform_run(
     began = time.perf_counter()
     plant = Plant(inputs.parameters, route.slope.slope_at, spec.plant_step_s, spec.thermal_model)
     controller, compiled = (
-        _controller(inputs) if own_controller is None else (own_controller, False)
+        _controller(inputs, own_law) if own_controller is None else (own_controller, False)
     )
     disturb = sampled = None
     if spec.faults:
@@ -217,11 +220,12 @@ def perform_run(
     )
 
 
-def _controller(inputs: RunInputs) -> tuple[TickController, bool]:
+def _controller(inputs: RunInputs, own_law: AgingLaw | None) -> tuple[TickController, bool]:
     """Return the specified controller, and whether its problem runs as machine code."""
     spec = inputs.spec
     model = inputs.controller_parameters or inputs.parameters
-    controller = Controller(model, controller_options(spec, inputs.route.duration_s))
+    options = controller_options(spec, inputs.route.duration_s)
+    controller = Controller(model, replace(options, own_law=own_law))
     compiled = controller.backend.compiled
     if not spec.faults:
         return controller, compiled
@@ -251,6 +255,7 @@ def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptio
         solver=solver_options(spec.solver),
         tick_s=spec.tick_s,
         trip_duration_s=trip_duration_s,
+        aging=spec.aging_settings(),
     )
 
 

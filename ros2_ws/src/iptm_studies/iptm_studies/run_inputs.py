@@ -109,6 +109,7 @@ def run_key(inputs: RunInputs) -> str:
         "tick_s": spec.tick_s,
         "plant_step_s": spec.plant_step_s,
         "thermal_model": spec.thermal_model.value,
+        "aging": asdict(spec.aging_settings()),
         "faults": plain_faults(spec.faults),
         "code": inputs.fingerprint,
     }

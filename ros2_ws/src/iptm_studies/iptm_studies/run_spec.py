@@ -16,6 +16,7 @@ from typing import Any
 from iptm_controller.horizon import Horizon
 from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.strategy import Strategy, strategy_by_name
+from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET
@@ -93,7 +94,7 @@ class PreviewSpec(PreviewSettings):
 
 
 @dataclass(frozen=True)
-class RunSpec(Settings):
+class RunSpec(AgingSettings):
     """One run; what studies choose otherwise than nodes and scenarios is stated as another default.
 
     Attributes:
@@ -112,6 +113,8 @@ class RunSpec(Settings):
         plant_step_s: longest integration step of the plant.
         thermal_model: cells that the plant has.
         faults: what goes wrong, in the order of their beginning.
+
+    The other fields are those of `AgingSettings`, of the controller.
 
     Raises:
         IptmError: a value is unknown or out of range.
@@ -154,6 +157,10 @@ class RunSpec(Settings):
     def bridge_settings(self) -> PreviewSettings:
         """Settings of the bridge for this run's horizon."""
         return self.preview.settings(Horizon.parse(self.horizon).duration_s)
+
+    def aging_settings(self) -> AgingSettings:
+        """Ageing law of the controller's cost, and use of the car."""
+        return AgingSettings(**{name: getattr(self, name) for name in _names(AgingSettings)})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, ready for JSON; ``from_dict`` is the inverse."""
@@ -211,6 +218,12 @@ class RunSpec(Settings):
                 for key, value in asdict(self.preview).items()
                 if value != usual[key]
             ]
+        usual_use = AgingSettings()
+        parts += [
+            f"{name}={value}"
+            for name, value in asdict(self.aging_settings()).items()
+            if value != getattr(usual_use, name)
+        ]
         parts += [fault.describe() for fault in self.faults]
         return ", ".join(parts)
 

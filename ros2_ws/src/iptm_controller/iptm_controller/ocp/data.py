@@ -186,14 +186,20 @@ class ProblemDataBuilder:
 
     def _globals(self, state: VehicleState, value: TemperatureValue) -> list[float]:
         strategy, scale = self._strategy, self._strategy.scale
+        weight, reference_k = strategy.temperature_weight, strategy.reference_temperature_k
+        if value.temperature_weight_1_k2_s > 0.0:  # two parabolas are one, up to a constant
+            further = value.temperature_weight_1_k2_s
+            both_k = weight * reference_k + further * value.reference_temperature_k
+            weight += further
+            reference_k = both_k / weight
         return [
             state.cell_1_capacity_loss,
             state.cell_n_capacity_loss,
             scale * strategy.speed_weight,
-            scale * strategy.temperature_weight,
+            scale * weight,
             scale * strategy.energy_weight_1_j,
             scale * strategy.aging_weight,
-            strategy.reference_temperature_k,
+            reference_k,
             scale * value.cell_1_price_1_k,
             scale * value.cell_n_price_1_k,
             *self._lower_temperature_limit(state),

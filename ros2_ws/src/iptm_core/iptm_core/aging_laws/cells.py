@@ -6,6 +6,7 @@ are those of the publications named. Voltages over the state of charge are read 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from iptm_core.aging_laws.law import AgingLaw
@@ -193,6 +194,11 @@ LFP = AgingCell(
 
 AGING_CELLS = {cell.law.name: cell for cell in (NCA, NMC811_SI, NMC111, NMC111_18650, LFP)}
 """All cells, by the name of their law."""
+
+LAWS = {
+    re.sub(r"\W+", "_", name.lower()).strip("_"): cell.law for name, cell in AGING_CELLS.items()
+}
+"""Laws of these cells, by names for settings such as ``nmc811_si``."""
 
 
 def aging_cell(name: str) -> AgingCell:

@@ -19,6 +19,7 @@ from iptm_core.physics.chiller import (
 from iptm_core.physics.coolant import ChannelWeights, reduce_channel
 from iptm_core.physics.ops import Scalar, maximum
 from iptm_core.physics.thermal_actuator import ThermalActuation
+from iptm_core.state import FloatArray
 
 _POWERS = 200
 _SPEED_M_S = 10.0
@@ -108,12 +109,43 @@ def most_efficient_cooling(
     Returns:
         Compressor power in W and coefficient of performance Q_co / P_cp there, zero if it cannot cool.
     """
+    powers_w, rates_w = _cooling_rates_w(temperature_k, parameters)
+    performance = rates_w / powers_w
+    best = int(np.argmax(performance))
+    return float(powers_w[best]), float(performance[best])
+
+
+def cooling_supply(
+    temperature_k: float, parameters: ModelParameters
+) -> tuple[FloatArray, FloatArray]:
+    """Return what the chiller removes at 10 m/s, and the power that a watt more of it takes.
+
+    Args:
+        temperature_k: temperature of all cells.
+        parameters: of chiller, loop and air.
+
+    Returns:
+        Cooling rates in W, increasing from that of the most efficient power, which can also be had for a part
+        of the time, and the power per cooling rate at the margin, not decreasing; both empty if the
+        chiller cannot cool.
+    """
+    powers_w, rates_w = _cooling_rates_w(temperature_k, parameters)
+    best = int(np.argmax(rates_w / powers_w))
+    top = int(np.argmax(rates_w))
+    if rates_w[best] <= 0.0:
+        return np.empty(0), np.empty(0)
+    margins = np.diff(powers_w[best : top + 1]) / np.diff(rates_w[best : top + 1])
+    margins = np.concatenate(([powers_w[best] / rates_w[best]], margins))
+    return rates_w[best : top + 1], np.maximum.accumulate(margins)
+
+
+def _cooling_rates_w(
+    temperature_k: float, parameters: ModelParameters
+) -> tuple[FloatArray, FloatArray]:
     chiller, cooling = parameters.chiller, parameters.cooling
     largest_w = largest_useful_power_w(chiller, parameters.limits)
-    powers_w = np.linspace(largest_w / _POWERS, largest_w, _POWERS)
+    powers_w: FloatArray = np.linspace(largest_w / _POWERS, largest_w, _POWERS)
     line = chiller_line(powers_w, _SPEED_M_S, chiller, cooling, parameters.environment)
     outlet = reduce_channel(cooling, parameters.pack).outlet
     loop = solve_coolant_loop(temperature_k, temperature_k, line, outlet, cooling)
-    performance = loop.cooling_rate_w / powers_w
-    best = int(np.argmax(performance))
-    return float(powers_w[best]), float(performance[best])
+    return powers_w, loop.cooling_rate_w

@@ -1,0 +1,152 @@
+"""The cost under the law of a cell: numbers of the problem against the law, and the price against its use."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.iptm_controller.scenes import PARAMETERS, make_state
+
+from iptm_controller.cell_law import (
+    CELLS,
+    CellLawValuation,
+    cyclic_parameters,
+    energy_price_1_j,
+    with_energy_price,
+)
+from iptm_controller.leader_motion import PredictedLeaderMotion
+from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
+from iptm_controller.temperature_value import TemperatureValue
+from iptm_core.aging_laws.cells import LAWS
+from iptm_core.aging_laws.law import Load, Mechanism
+from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
+from iptm_core.physics.aging import capacity_loss_rate_1_s
+from iptm_core.physics.thermal_loop import cooling_supply, most_efficient_cooling
+from iptm_core.state import VehicleState
+
+STEADY = PredictedLeaderMotion(np.array([0.0]), np.array([0.0]), np.array([25.0]))
+HOT = AgingSettings(parking_air_k=308.75, year_air_k=297.6, year_air_swing_k=11.2)
+AMBIENT_K = 298.15
+TRIP_S = 1800.0
+
+
+def valued(
+    law: str, state: VehicleState, use: AgingSettings = HOT, trip_s: float = TRIP_S
+) -> tuple[TemperatureValue, float]:
+    """Return the value at a state and the price of a kelvin in capacity."""
+    price_1_j = energy_price_1_j(use, PARAMETERS)
+    strategy = with_energy_price(STRATEGIES[DEFAULT_STRATEGY], price_1_j)
+    aging = ParkedAging(LAWS[law], use, AMBIENT_K)
+    valuation = CellLawValuation(aging, strategy, price_1_j, PARAMETERS, 28.0, trip_s)
+    value = valuation.value(state, STEADY)
+    cost = value.cell_1_price_1_k + value.cell_n_price_1_k
+    return value, cost / (CELLS * strategy.aging_weight)
+
+
+def warm(kelvin: float, time_s: float = 0.0) -> VehicleState:
+    return make_state(
+        time_s=time_s, cell_1_temperature_k=kelvin, cell_n_temperature_k=kelvin, state_of_charge=0.8
+    )
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("celsius", [10.0, 25.0, 40.0])
+def test_the_cyclic_numbers_of_the_problem_are_those_of_the_law(name: str, celsius: float) -> None:
+    """Eq. (12) with them against the law at the end of service, for a day's cycle, within 1 %."""
+    aging = ParkedAging(LAWS[name], HOT, AMBIENT_K)
+    kelvin, c_rate = celsius + 273.15, 0.7
+    model = PARAMETERS
+    found = capacity_loss_rate_1_s(
+        c_rate * model.cell.nominal_capacity_ah,
+        kelvin,
+        2e-3,
+        cyclic_parameters(aging, model),
+        model.cell,
+    )
+    load = Load(
+        kelvin,
+        c_rate,
+        HOT.parked_charge,
+        HOT.daily_discharge,
+        2.0 * HOT.daily_discharge / 24.0,
+    )
+    expected = sum(
+        weight * part.damage_rate_1_s(load)
+        for part, weight in zip(LAWS[name].mechanisms, aging.weights, strict=True)
+        if part.mechanism is Mechanism.CYCLIC
+    )
+    assert found == pytest.approx(float(expected), rel=0.01)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_parabola_has_the_slope_of_the_calendar_loss(name: str) -> None:
+    """J2 of both cells against the loss of both, over the kelvin that a horizon changes: within 1 %."""
+    value, _ = valued(name, warm(308.15))
+    weight, reference_k = value.temperature_weight_1_k2_s, value.reference_temperature_k
+    strategy = with_energy_price(STRATEGIES[DEFAULT_STRATEGY], energy_price_1_j(HOT, PARAMETERS))
+    aging = ParkedAging(LAWS[name], HOT, AMBIENT_K)
+    for step_k in (-1.0, 1.0):
+        parabola = weight * ((308.15 + step_k - reference_k) ** 2 - (308.15 - reference_k) ** 2)
+        lost = aging.calendar_1_s(308.15 + step_k, 0.8)[0] - aging.calendar_1_s(308.15, 0.8)[0]
+        assert parabola == pytest.approx(strategy.aging_weight * lost, rel=0.01)
+
+
+def test_energy_costs_its_share_of_a_battery_by_hand() -> None:
+    """0.25 EUR beside a pack of which 20 % are the price of all its kilowatt-hours."""
+    pack, cell = PARAMETERS.pack, PARAMETERS.cell
+    kwh = pack.open_circuit_voltage_v * cell.nominal_capacity_ah * pack.parallel / 1000.0
+    expected = 0.25 / (130.0 * kwh / 0.2)
+    assert 3.6e6 * energy_price_1_j(AgingSettings(), PARAMETERS) == pytest.approx(expected)
+    strategy = STRATEGIES[DEFAULT_STRATEGY]
+    priced = with_energy_price(strategy, 1e-12)
+    assert priced.typical_cost_1_s == pytest.approx(1.0)
+    ratio = priced.energy_weight_1_j / priced.aging_weight
+    assert ratio == pytest.approx(CELLS * 1e-12)
+
+
+def test_a_kelvin_costs_what_it_ages_where_no_cooling_pays() -> None:
+    use = replace(HOT, electricity_eur_kwh=100.0)
+    _, price = valued("nca", warm(308.15), use)
+    aging = ParkedAging(LAWS["nca"], use, AMBIENT_K)
+    assert price == pytest.approx(float(aging.kelvin_price_1_k(np.array([308.15]))[0]))
+
+
+def test_a_kelvin_costs_no_more_than_its_removal_during_the_trip() -> None:
+    """Much time and a hot pack: the marginal power that suffices until the lower limit, by hand."""
+    state = warm(308.15)
+    _, price = valued("nca", state, replace(HOT, electricity_eur_kwh=0.1))
+    limit_k = PARAMETERS.limits.min_temperature_k
+    rates_w, margins = cooling_supply(0.5 * (308.15 + limit_k), PARAMETERS)
+    pack = PARAMETERS.pack
+    heat_j_k = pack.cells_in_series * pack.parallel * PARAMETERS.cell.heat_capacity_j_k
+    needed_w = heat_j_k * (308.15 - limit_k) / (TRIP_S - 28.0)
+    margin = float(margins[np.searchsorted(rates_w, needed_w)])
+    price_1_j = energy_price_1_j(replace(HOT, electricity_eur_kwh=0.1), PARAMETERS)
+    assert price == pytest.approx(heat_j_k * price_1_j * margin, rel=1e-6)
+
+
+def test_a_kelvin_gains_worth_towards_the_destination() -> None:
+    """The paper's value falls to zero there; the hours after the trip are still to come."""
+    prices = [valued("nca", warm(308.15, time_s))[1] for time_s in (0.0, 900.0, 1700.0, 1800.0)]
+    assert prices == sorted(prices)
+    assert prices[-1] > 1.5 * prices[0]
+
+
+def test_supply_begins_at_the_best_efficiency() -> None:
+    rates_w, margins = cooling_supply(303.15, PARAMETERS)
+    power_w, performance = most_efficient_cooling(303.15, PARAMETERS)
+    assert rates_w[0] == pytest.approx(power_w * performance)
+    assert margins[0] == pytest.approx(1.0 / performance)
+    assert np.all(np.diff(rates_w) > 0.0)
+    assert np.all(np.diff(margins) >= 0.0)
+    assert cooling_supply(150.0, PARAMETERS)[0].size == 0
+
+
+def test_without_a_known_end_cooling_waits_for_the_best_efficiency() -> None:
+    _, price = valued("nca", warm(308.15), trip_s=math.inf)
+    margins = cooling_supply(0.5 * (308.15 + PARAMETERS.limits.min_temperature_k), PARAMETERS)[1]
+    pack = PARAMETERS.pack
+    heat_j_k = pack.cells_in_series * pack.parallel * PARAMETERS.cell.heat_capacity_j_k
+    assert price == pytest.approx(heat_j_k * energy_price_1_j(HOT, PARAMETERS) * margins[0])
