@@ -72,5 +72,5 @@ def test_only_the_hours_that_count_count() -> None:
 
 
 def test_a_law_of_another_name_is_refused() -> None:
-    with pytest.raises(ParameterError, match="aging_law is 'nmc'.* allowed: one of paper, nca"):
+    with pytest.raises(ParameterError, match=r"aging_law is 'nmc'.* allowed: one of paper, nca"):
         AgingSettings(aging_law="nmc")

@@ -144,7 +144,7 @@ def _cooling_rates_w(
 ) -> tuple[FloatArray, FloatArray]:
     chiller, cooling = parameters.chiller, parameters.cooling
     largest_w = largest_useful_power_w(chiller, parameters.limits)
-    powers_w: FloatArray = np.linspace(largest_w / _POWERS, largest_w, _POWERS)
+    powers_w = np.linspace(largest_w / _POWERS, largest_w, _POWERS, dtype=np.float64)
     line = chiller_line(powers_w, _SPEED_M_S, chiller, cooling, parameters.environment)
     outlet = reduce_channel(cooling, parameters.pack).outlet
     loop = solve_coolant_loop(temperature_k, temperature_k, line, outlet, cooling)
