@@ -1,7 +1,9 @@
 """Loads the bridge with the messages of a crowd: does it lose any, and what does it cost?
 
 The node runs by the computer's clock, as with a radio. Two hundred cars behind the host send ten messages a
-second each, in bursts of two hundred, and the leader sends its own among them.
+second each, in bursts of two hundred, and the leader sends its own among them. A flood of maps of
+intersections may come on top, half of them from one station and each of the others from another one, and
+closed loops in real time may take their share of the processor.
 """
 
 from __future__ import annotations
@@ -12,7 +14,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -25,18 +29,24 @@ from benchmarks.harness import run_benchmark
 from iptm_bringup.environment import environment_of_run, process_environment
 from iptm_core.errors import ScenarioError
 from iptm_core.routes.road_line import RoadLine
-from iptm_interfaces.codecs import time_from_s
+from iptm_interfaces.codecs import ns_from_time, time_from_s
 from iptm_interfaces.diagnostics import find_status, status_values
 from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_v2x_bridge.messages.cam_codec import encode_cam
 from iptm_v2x_bridge.messages.its_time import delta_time_ms, its_timestamp_ms
+from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane, LaneMaps, encode_mapem
+from iptm_v2x_bridge.messages.spatem import IntersectionId
 from iptm_v2x_bridge.sending.sender import car_on_road
 
 BURST_S = 0.1
 LEADER = 4711
 SPEED_M_S = 10.0
+MAPS = 200
+"""Different maps in a flood."""
+LANES, NODES = 21, 16
+"""Of each map, which then has 1.3 kB."""
 START_TIMEOUT_S = 60.0
 READ_TIMEOUT_S = 30.0
 """Until the diagnostics tell that all was read; what is not told by then is lost."""
@@ -53,11 +63,18 @@ class _Host:
         self._odometry = self.node.advertise(Topic.PLANT_ODOMETRY)
         self.values: dict[str, str] = {}
         self.leaders = 0
+        self._ticked_s: dict[int, float] = {}
+        self.answered_after_s: dict[int, float] = {}
         self.node.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
         self.node.listen(Topic.LEADER, self._on_leader)
+        self.node.listen(Topic.LEADER_PREVIEW, self._on_preview)
 
     def _on_leader(self, _: Any) -> None:
         self.leaders += 1
+
+    def _on_preview(self, message: Any) -> None:
+        at_ns = ns_from_time(message.header.stamp)
+        self.answered_after_s[at_ns] = time.monotonic() - self._ticked_s[at_ns]
 
     def _on_diagnostics(self, message: Any) -> None:
         status = find_status(message, "/v2x_bridge")
@@ -81,6 +98,7 @@ class _Host:
         message.header.stamp = time_from_s(float(second))
         message.pose.pose.position.x = SPEED_M_S * second
         self._odometry.publish(message)
+        self._ticked_s[ns_from_time(message.header.stamp)] = time.monotonic()
         self._clock.publish(Clock(clock=time_from_s(float(second))))
 
     def spin(self, duration_s: float) -> None:
@@ -112,8 +130,27 @@ def bursts(cars: int, seconds: int) -> list[list[bytes]]:
     return found
 
 
-def load(host: _Host, port: int, said: list[list[bytes]]) -> int:
-    """Send all bursts at real time; return the number of datagrams."""
+def flood(maps: int) -> Iterator[bytes]:
+    """Return so many different maps, MAPS at most, over and over again."""
+    latitude, longitude, _ = (float(value) for value in RoadLine.test_road().locate(500.0))
+    nodes = [tuple((0.1 * lane, -10.0 * node) for node in range(NODES)) for lane in range(LANES)]
+    lanes = tuple(Lane(number, places, leads_in=True) for number, places in enumerate(nodes))
+    places = [(latitude + 1e-5 * number, number) for number in range(min(maps, MAPS))]
+    encoded = [
+        encode_mapem(
+            LaneMaps(1, (IntersectionMap(IntersectionId(0, number), 0, place, longitude, lanes),))
+        )
+        for place, number in places
+    ]
+    # The identity of the station follows the first two bytes of the header.
+    return (
+        payload if number % 2 else payload[:2] + number.to_bytes(4, "big") + payload[6:]
+        for number, payload in enumerate(cycle(encoded))
+    )
+
+
+def load(host: _Host, port: int, said: list[list[bytes]], maps: Iterator[bytes], each: int) -> int:
+    """Send all bursts at real time, so many maps with each; return the number of datagrams."""
     sent = 0
     begin_s, begin_ms = time.monotonic(), its_timestamp_ms(time.time_ns())
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
@@ -122,19 +159,55 @@ def load(host: _Host, port: int, said: list[list[bytes]]) -> int:
                 host.tick(round(burst * BURST_S))
             # The time of generation follows the six bytes of the header.
             delta = delta_time_ms(begin_ms + round(1000.0 * burst * BURST_S)).to_bytes(2, "big")
+            for _ in range(each):
+                radio.sendto(next(maps), ("127.0.0.1", port))
             for message in messages:
                 radio.sendto(message[:6] + delta + message[8:], ("127.0.0.1", port))
-                sent += 1
+            sent += len(messages) + each
             host.spin(max(begin_s + (burst + 1) * BURST_S - time.monotonic(), 1e-3))
     return sent
 
 
-def measure(cars: int = 200, seconds: int = 20) -> dict[str, Any]:
+@contextmanager
+def closed_loop_beside(seconds: int) -> Iterator[None]:
+    """Drive a trip in real time in other processes, for so long or until the end of the context."""
+    with tempfile.TemporaryDirectory() as folder:
+        output = Path(folder) / "run"
+        command = [
+            sys.executable,
+            "-m",
+            "iptm_bringup.run_closed_loop",
+            "real_time",
+            "--no-picture",
+        ]
+        options = ["--output", str(output), "--duration-s", str(seconds)]
+        trip = subprocess.Popen(  # noqa: S603 - the project's own
+            [*command, *options], stdout=subprocess.DEVNULL
+        )
+        try:
+            until_s = time.monotonic() + START_TIMEOUT_S
+            while not list(output.glob("*.mcap")):
+                if trip.poll() is not None or time.monotonic() > until_s:
+                    raise ScenarioError("the closed loop beside the bridge does not start")
+                time.sleep(0.1)
+            yield
+            if trip.poll() is not None:
+                raise ScenarioError("the closed loop beside the bridge ended early")
+        finally:
+            trip.terminate()
+            trip.wait()
+
+
+def measure(
+    cars: int = 200, seconds: int = 20, maps_per_s: int = 0, loops_beside: int = 0
+) -> dict[str, Any]:
     """Load a bridge.
 
     Args:
         cars: of the crowd, ten messages a second each.
         seconds: of real time.
+        maps_per_s: maps of 1.3 kB that flood the radio.
+        loops_beside: closed loops in real time in other processes meanwhile.
 
     Raises:
         ScenarioError: the bridge does not come up.
@@ -143,11 +216,14 @@ def measure(cars: int = 200, seconds: int = 20) -> dict[str, Any]:
         taken.bind(("127.0.0.1", 0))
         port = int(taken.getsockname()[1])
     with ExitStack() as stack:
+        for _ in range(loops_beside):  # before the domain of this one is in the environment
+            stack.enter_context(closed_loop_beside(seconds + 120))
         domain = stack.enter_context(reserve_domain())
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         environment = environment_of_run(domain, folder)
         stack.enter_context(process_environment(environment))
-        given = ("leader_source:=cam", f"cam_port:={port}", "cam_lock_step:=false")
+        given = ["leader_source:=cam", f"cam_port:={port}", "cam_lock_step:=false"]
+        given += ["roadside_messages:=true"] if maps_per_s else []
         parameters = [
             part for text in (*given, "trip_start_timestamp_ms:=-1") for part in ("-p", text)
         ]
@@ -158,9 +234,9 @@ def measure(cars: int = 200, seconds: int = 20) -> dict[str, Any]:
         host = _Host(context)
         try:
             host.wait_for_bridge()
-            said = bursts(cars, seconds)
+            said, maps = bursts(cars, seconds), flood(maps_per_s)
             before_s, begin_s = processor_s(bridge), time.monotonic()
-            sent = load(host, port, said)
+            sent = load(host, port, said, maps, round(maps_per_s * BURST_S))
             used_s, lasted_s = processor_s(bridge) - before_s, time.monotonic() - begin_s
             host.wait_until_read(sent)
         finally:
@@ -182,6 +258,12 @@ def measure(cars: int = 200, seconds: int = 20) -> dict[str, Any]:
         "leader": host.values.get("leader_station"),
         "ticks": seconds,
         "ticks_with_a_leader": host.leaders,
+        "ticks_answered": len(host.answered_after_s),
+        "slowest_answer_s": max(host.answered_after_s.values(), default=float("inf")),
+        "cams_sent": sum(len(messages) for messages in said),
+        "maps_per_s": maps_per_s,
+        "maps_accepted": int(host.values.get("mapem_accepted", 0)),
+        "loops_beside": loops_beside,
         "share_of_a_core": used_s / lasted_s,
     }
 

@@ -35,6 +35,19 @@ def load_text(numbers: dict[str, Any]) -> str:
     )
 
 
+def flood_text(numbers: dict[str, Any]) -> str:
+    """Return a sentence on a flood of maps."""
+    beside = f", beside {numbers['loops_beside']} closed loop in real time"
+    return (
+        f"A flood of {numbers['maps_per_s']} maps of 1.3 kB a second for {numbers['ticks']} s on top of "
+        f"{numbers['stations'] * 10} messages of cars a second{beside}: {numbers['accepted']} of "
+        f"{numbers['cams_sent']} messages of cars accepted, {numbers['ticks_answered']} of "
+        f"{numbers['ticks']} ticks answered, the slowest after "
+        f"{1e3 * numbers['slowest_answer_s']:.0f} ms, at {100.0 * numbers['share_of_a_core']:.0f} % of a "
+        f"processor core. {numbers['refused'].get('waited', 0)} maps were dropped while others were decoded."
+    )
+
+
 TEXTS = {
     "prediction": v2x_prediction.as_table,
     "price": v2x_price.as_table,
@@ -42,6 +55,7 @@ TEXTS = {
     "attacks": v2x_attacks.as_table,
     "impostors": v2x_impostors.as_table,
     "load": load_text,
+    "flood": flood_text,
 }
 
 
@@ -65,6 +79,7 @@ def measure(
     attacks: str = "",
     impostors: str = "",
     load: str = "",
+    flood: str = "",
 ) -> dict[str, Any]:
     """Write the page.
 
@@ -75,6 +90,7 @@ def measure(
         attacks: numbers of v2x_attacks.
         impostors: numbers of v2x_impostors.
         load: numbers of v2x_load.
+        flood: numbers of v2x_load with maps_per_s.
     """
     page = PAGE.read_text(encoding="utf-8")
     files = {
@@ -84,6 +100,7 @@ def measure(
         "attacks": attacks,
         "impostors": impostors,
         "load": load,
+        "flood": flood,
     }
     for name, file in files.items():
         if file:

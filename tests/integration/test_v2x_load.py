@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from benchmarks.v2x_load import measure
 
 
@@ -10,3 +11,12 @@ def test_nothing_that_a_crowd_sends_is_lost() -> None:
     assert numbers["sent"] == 21 * 40
     assert numbers["read"] == numbers["sent"]
     assert "overflow" not in numbers["refused"]
+
+
+def test_a_flood_of_maps_costs_no_message_of_a_car() -> None:
+    pytest.importorskip("pycrate_asn1dir", reason="requirements/roadside.txt is not installed")
+    numbers = measure(cars=20, seconds=4, maps_per_s=1000)
+    assert numbers["accepted"] == numbers["cams_sent"] == 21 * 40
+    assert numbers["ticks_answered"] == 4
+    assert set(numbers["refused"]) == {"waited"}
+    assert numbers["refused"]["waited"] > 2000

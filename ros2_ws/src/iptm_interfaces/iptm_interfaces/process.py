@@ -11,6 +11,7 @@ Errors in callbacks end no process; see `iptm_interfaces.suite_node.SuiteNode.gu
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -108,6 +109,8 @@ def run_node(
 
 
 def _spin(node: SuiteNode, stop: StopRequest, program: str) -> int:
+    # Modules and codecs stay: a full collection through all of them would hold up a tick by 50 ms or more.
+    gc.freeze()
     executor = EventsExecutor()
     executor.add_node(node)
     code = EXIT_OK

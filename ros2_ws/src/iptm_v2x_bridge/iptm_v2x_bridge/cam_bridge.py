@@ -105,7 +105,7 @@ class CamBridge:
             self._restart()
 
     def receive(self, datagram: bytes, time_ns: int) -> Rejection | None:
-        """Take a datagram in; return why not, None if its message was accepted.
+        """Take a datagram in; return why not, None if its message was accepted, or waits to be decoded.
 
         Args:
             datagram: as it came from the radio.
@@ -120,7 +120,8 @@ class CamBridge:
         self._unverified += opened.secured
         now_ms = self._timestamp_ms(time_ns)
         if self._roadside is not None and opened.kind is not MessageKind.CAM:
-            return self._roadside.receive(opened, now_ms)
+            self._roadside.receive(opened, now_ms)
+            return None
         message = decode_cam(opened.payload)
         if isinstance(message, Rejection):
             self._unread.add(message)
@@ -128,6 +129,11 @@ class CamBridge:
         return self._table.receive(
             message, opened.packet_timestamp_ms, now_ms, self._host_position_m
         )
+
+    def decode_waiting(self, time_ns: int) -> None:
+        """Decode messages of roadside stations that wait, as many as may be by now (ns of trip time)."""
+        if self._roadside is not None:
+            self._roadside.decode(self._timestamp_ms(time_ns))
 
     def count_overflow(self, datagrams: int) -> None:
         """Count datagrams that had to be dropped unread."""
@@ -231,9 +237,9 @@ class CamBridge:
         self, station: Station, nodes: FloatArray, now_s: float, *, contested: bool
     ) -> Prediction:
         """Return the first prediction that reaches the present; of a silent leader, the worst."""
-        known = knowledge_of(station, self._road)
         times = nodes + self._start_ms / 1000.0
         now = now_s + self._start_ms / 1000.0
+        known = knowledge_of(station, self._road, now)
         if round(1000.0 * now) - station.heard_ms > SILENT_MS:
             return AssumedBraking().predict(known, times)
         if contested:

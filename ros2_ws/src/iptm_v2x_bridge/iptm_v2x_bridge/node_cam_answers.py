@@ -62,7 +62,9 @@ class CamAnswers:
         self._missing = ""
         self._publisher = node.advertise(Topic.DATAGRAMS) if options.publish_datagrams else None
         # Datagrams of the present are read at once; those of the trip's own time belong to its ticks.
-        self._by_wall_clock = options.trip_start_timestamp_ms < 0 and not options.recorded_packets
+        self._by_wall_clock = options.trip_start_timestamp_ms < 0 and not (
+            options.recorded_packets or options.cam_lock_step
+        )
         specification()  # compiled now, not at the first tick, which others wait for
         node.listen(Topic.PLANT_ODOMETRY, self._on_host)
         node.every(READ_PERIOD_S, self._on_read_timer)
@@ -88,8 +90,7 @@ class CamAnswers:
 
     def _on_read_timer(self) -> None:
         if self._bridge is not None and self._by_wall_clock:
-            passed_ms = its_timestamp_ms(time.time_ns()) - self._start_ms
-            self._read(self._bridge, max(passed_ms * NS_PER_MS, self._last_ns))
+            self._read(self._bridge, self._last_ns)
         self._retry()
 
     def answer(self, time_ns: int) -> BridgeAnswer | None:
@@ -135,11 +136,16 @@ class CamAnswers:
         return bridge
 
     def _read(self, bridge: CamBridge, time_ns: int) -> None:
+        """Take in what has arrived by a tick; by the computer's clock, by now, however late the tick is."""
+        if self._by_wall_clock:
+            passed_ms = its_timestamp_ms(time.time_ns()) - self._start_ms
+            time_ns = max(passed_ms * NS_PER_MS, time_ns)
         after_ns, self._read_ns = self._read_ns, time_ns
         for reception in self._datagrams.take(after_ns, time_ns):
             bridge.receive(reception.datagram, reception.received_ns)
             self._publish(reception.datagram, reception.received_ns)
             self._received += 1
+        bridge.decode_waiting(time_ns)
         dropped = self._datagrams.take_dropped(after_ns, time_ns)
         if dropped:
             bridge.count_overflow(dropped)

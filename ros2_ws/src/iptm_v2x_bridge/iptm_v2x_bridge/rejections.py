@@ -57,6 +57,8 @@ class Rejection(TextEnum):
     """Forgotten to make room for another station."""
     OVERFLOW = "overflow"
     """Arrived faster than it could be read."""
+    WAITED = "waited"
+    """Of a roadside station, and dropped while others were decoded."""
 
 
 class LeftOut(TextEnum):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from iptm_core.routes.road_line import NEAR_M, RoadLine
@@ -16,11 +18,19 @@ MAX_ASIDE_M = 10.0
 """A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
 
 
-def knowledge_of(station: Station, road: RoadLine) -> Knowledge:
-    """Return the observations of a station, and its predicted path as far as it stays on the road."""
+def knowledge_of(station: Station, road: RoadLine, until_s: float = math.inf) -> Knowledge:
+    """Return the observations of a station, and its predicted path as far as it stays on the road.
+
+    Args:
+        station: the station.
+        road: the road of the host.
+        until_s: s of TimestampIts; what was observed later is left out where there is anything before.
+    """
     length_m = station.message.front_to_rear_m
     stood_s = station.last.time_s - station.moved_s
-    return Knowledge(tuple(station.observations), _road_path(station, road), length_m, stood_s)
+    observations = tuple(station.observations)
+    by_then = tuple(each for each in observations if each.time_s <= until_s)
+    return Knowledge(by_then or observations[:1], _road_path(station, road), length_m, stood_s)
 
 
 def _road_path(station: Station, road: RoadLine) -> RoadPath | None:

@@ -19,6 +19,7 @@ from iptm_v2x_bridge.roadside.phases import (
 from iptm_v2x_bridge.roadside.speed_stretches import limits_with
 from iptm_v2x_bridge.roadside.stop_lines import SAME_LINE_M, StopLine
 from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS, RoadsideTable
+from iptm_v2x_bridge.roadside.waiting import WaitingMessages
 
 
 @dataclass
@@ -48,6 +49,7 @@ class HeardRules:
             given: rules known beforehand.
         """
         self.table, self._given = table, given or GivenRules()
+        self._waiting = WaitingMessages(table.receive)
         self.host = CurrentRules(self._given.limits, self._given.plan)
         self.leader = CurrentRules(self._given.limits, self._given.plan)
         self._known: dict[float, TimedPhases | None] = {}
@@ -56,11 +58,17 @@ class HeardRules:
     def forget(self) -> None:
         """Forget everything that was heard."""
         self.table.forget()
+        self._waiting = WaitingMessages(self.table.receive)
         self.refresh(0, 0.0)
 
-    def receive(self, opened: OpenedDatagram, now_ms: int) -> Rejection | None:
-        """Take a message in; see `RoadsideTable.receive`."""
-        return self.table.receive(opened, now_ms)
+    def receive(self, opened: OpenedDatagram, now_ms: int) -> None:
+        """Let a message wait to be decoded; see `RoadsideTable.receive`."""
+        if not self.table.repeats(opened) and self._waiting.add(opened, now_ms):
+            self.table.rejections.add(Rejection.WAITED)
+
+    def decode(self, now_ms: int) -> None:
+        """Decode as many of the waiting messages as the processor time allows; see `WaitingMessages`."""
+        self._waiting.decode(now_ms)
 
     def refresh(self, now_ms: int, host_position_m: float) -> None:
         """Bring the rules up to date.
@@ -71,6 +79,7 @@ class HeardRules:
         """
         table = self.table
         table.host_position_m, self._now_s = host_position_m, now_ms / 1000.0
+        self.decode(now_ms)
         limits = limits_with(self._given.limits, table.stretches(now_ms))
         lines = table.lines()
         known = {line: table.phases_of(line, now_ms) for line in lines}
@@ -106,6 +115,7 @@ class HeardRules:
             f"{kind.name.lower()}_accepted": table.accepted[kind] for kind in ROADSIDE_KINDS
         }
         values |= {
+            "roadside_waiting": len(self._waiting),
             "lines_heard": len(self._known),
             "lines_of_unknown_phase": sum(phases is None for phases in self._known.values()),
             "speed_stretches_heard": len(table.stretches(round(1000.0 * self._now_s))),

@@ -61,7 +61,16 @@ class RoadsideTable:
         self.accepted: Counter[MessageKind] = Counter()
         self.rejections = RejectionCounts()
         self.left_out: Counter[LeftOut] = Counter()
+        self._accepted_maps: dict[bytes, None] = {}
         self.host_position_m = 0.0
+
+    def repeats(self, opened: OpenedDatagram) -> bool:
+        """Return whether a message repeats one of the last accepted maps; if so, it counts as accepted."""
+        if opened.payload not in self._accepted_maps:
+            return False
+        self._accepted_maps[opened.payload] = self._accepted_maps.pop(opened.payload)
+        self.accepted[opened.kind] += 1
+        return True
 
     def receive(self, opened: OpenedDatagram, now_ms: int) -> Rejection | None:
         """Take a message in; return why not, None if it was accepted.
@@ -74,6 +83,10 @@ class RoadsideTable:
         reason = message if isinstance(message, Rejection) else self.take(message, now_ms)
         if reason is None:
             self.accepted[opened.kind] += 1
+            if opened.kind is MessageKind.MAPEM:
+                self._accepted_maps[opened.payload] = None
+                if len(self._accepted_maps) > MAX_INTERSECTIONS:
+                    del self._accepted_maps[next(iter(self._accepted_maps))]
         else:
             self.rejections.add(reason)
         return reason
@@ -129,6 +142,7 @@ class RoadsideTable:
         if len(self._maps) > MAX_INTERSECTIONS:
             farthest = max(self._maps, key=self._distance_m)
             del self._maps[farthest]
+            self._accepted_maps.clear()  # what was forgotten is to be read again
             self.rejections.add(Rejection.TABLE_FULL)
         return None
 
