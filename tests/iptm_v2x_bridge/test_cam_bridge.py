@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from tests.iptm_v2x_bridge.radio import ROAD, datagram
+from tests.iptm_v2x_bridge.radio import ROAD
+from tests.iptm_v2x_bridge.radio import datagram as datagram_of
 
 from iptm_core.routes import Route
 from iptm_core.settings import PreviewMode, PreviewSettings
@@ -220,7 +221,7 @@ def test_a_late_tick_is_answered_for_its_own_time() -> None:
     """Two seconds late: what the leader said since then is known, and tells nothing of where it was."""
     late, punctual = CamBridge(ROAD), CamBridge(ROAD)
     for time_ms in range(0, 5001, 100):
-        message = datagram(4711, time_ms, 50.0 + 0.012 * time_ms, 12.0)
+        message = datagram_of(4711, time_ms, 50.0 + 0.012 * time_ms, 12.0)
         assert late.receive(message, time_ms * 10**6) is None
         if time_ms <= 3000:
             assert punctual.receive(message, time_ms * 10**6) is None
