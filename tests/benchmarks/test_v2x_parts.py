@@ -46,3 +46,10 @@ def test_the_price_of_a_short_trip() -> None:
     assert path["recovered_percent"] > 80.0
     assert math.isnan(decay["recovered_percent"])
     assert v2x_price.as_table(numbers).count("\n") == 4
+
+
+def test_a_received_path_keeps_the_smallest_gap_as_the_file_does() -> None:
+    """US06's hardest braking, where each m/s of a speed between the points is worth 8 m of the gap."""
+    row = v2x_price.drive(v2x_price.Case("us06", v2x_price.PATH, 0.02), 200.0, seed=1)
+    assert row["predictors"] == {"received_path": 201}
+    assert row["smallest_margin_m"] > 0.0

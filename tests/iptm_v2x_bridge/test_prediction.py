@@ -11,8 +11,9 @@ from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
 from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName, RoadPath
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath, monotone_cubic
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath, monotone_spline
 from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits, SpeedLimits
+from iptm_v2x_bridge.sending.settings import path_times_s
 from iptm_v2x_bridge.stations.station import Observation
 
 AHEAD = np.arange(0.0, 61.0)
@@ -93,6 +94,29 @@ def test_a_received_path_is_what_the_leader_does() -> None:
         assert np.sqrt(np.mean((told.speeds_m_s - speeds) ** 2)) < 0.25
 
 
+@pytest.mark.parametrize("cycle", ["us06", "wltc_class3b", "nycc"])
+@pytest.mark.parametrize("phase_s", [0.0, 0.5])
+def test_bounds_of_a_received_path_hold_between_its_points(cycle: str, phase_s: float) -> None:
+    """Every tenth of a second, with the points and the resolution that are sent by default."""
+    motion = build_route(cycle, initial_gap_m=15.0).leader
+    ahead = np.concatenate([[0.0], path_times_s(40, 60.0)])
+    near = np.arange(0.0, 20.0, 0.1)
+    kept: list[FloatArray] = []
+    slow: list[FloatArray] = []
+    for start_s in np.arange(1.0 + phase_s, motion.times_s[-1], 3.0):
+        places = np.round(motion.positions_at(start_s + ahead), 2)
+        last = Observation(start_s, *(float(v[0]) for v in _at(motion, np.array([start_s]))), 0.0)
+        known = Knowledge((last,), RoadPath(start_s + ahead, places))
+        told = ReceivedPath().predict(known, start_s + near)
+        assert told is not None
+        positions, speeds = _at(motion, start_s + near)
+        kept.append(told.positions_m - told.bounds_m <= positions)
+        slow.append((told.lowest_speeds_m_s <= speeds + 0.005)[::10])
+        assert (told.bounds_m < 0.7).all()
+    assert np.mean(kept) > 0.999
+    assert np.mean(slow) > 0.99
+
+
 def _at(motion: object, times: FloatArray) -> tuple[FloatArray, FloatArray]:
     return motion.positions_at(times), motion.speeds_at(times)  # type: ignore[attr-defined]
 
@@ -128,10 +152,10 @@ def test_the_cubic_never_decreases_and_meets_its_points(steps: list[float], slop
     values = np.cumsum(np.round(steps, 3))
     nodes = np.arange(float(values.size))
     fine = np.linspace(0.0, nodes[-1], 301)
-    found, slopes = monotone_cubic(nodes, values, slope, fine)
+    found, slopes = monotone_spline(nodes, values, slope, fine)
     assert (np.diff(found) >= -1e-9).all()
     assert (slopes >= 0.0).all()
-    at_nodes, _ = monotone_cubic(nodes, values, slope, nodes)
+    at_nodes, _ = monotone_spline(nodes, values, slope, nodes)
     np.testing.assert_allclose(at_nodes, values, atol=1e-9)
 
 

@@ -270,10 +270,11 @@ class Controller:
         """Pose and solve the problem of a tick."""
         forecast = self._forecaster.forecast(leader, measured.preview)
         known_s = forecast.known_s - (state.time_s - leader.time_s)
-        motion = forecast.motion
+        motion, limiting = forecast.motion, forecast.limiting
         if self._actuation.has_weak_brakes:
             known_s = 0.0
-            motion = motion.nearer_by(self._further_stopping_distance_m(state.speed_m_s))
+            further_m = self._further_stopping_distance_m(state.speed_m_s)
+            motion, limiting = motion.nearer_by(further_m), limiting.nearer_by(further_m)
         last = self._ladder.plan_at(state.time_s)
         guess = (
             self._shifter.cold_start(state) if last is None else self._shifter.shift(last, state)
@@ -294,6 +295,7 @@ class Controller:
             value,
             thermal,
             guess.states[:, StateIndex.SPEED],
+            limiting,
         )
         result = self._solve(data, variables_from_plan(guess, self._grid, state))
         if not result.status.usable:

@@ -56,6 +56,8 @@ class LeaderForecast:
 
     Attributes:
         motion: past and future, one piece.
+        limiting: what the smallest gap is kept to: the motion, but as far as it is known and at the first node
+            in any case less its bounds.
         quality: how the future is known.
         reason: one sentence, empty while the quality is full.
         age_s: age of the preview used, NaN without one.
@@ -63,6 +65,7 @@ class LeaderForecast:
     """
 
     motion: PredictedLeaderMotion
+    limiting: PredictedLeaderMotion
     quality: PreviewQuality
     reason: str
     age_s: float
@@ -179,6 +182,7 @@ class LeaderForecaster:
         quality, reason = self._assess(leader, preview)
         age_s = leader.time_s - preview.generated_at_s if preview.times_s.size else float("nan")
         known_s = 0.0
+        limiting: PredictedLeaderMotion | None = None
         if quality in {PreviewQuality.FULL, PreviewQuality.SHORT}:
             preview = _never_backwards(preview)
             # An expectation is revised from tick to tick, which is not noise.
@@ -192,11 +196,33 @@ class LeaderForecaster:
             if trusted_s < known_s:
                 known_s, quality = trusted_s, PreviewQuality.DOUBTED
                 reason = f"previews were wrong; trusted for {trusted_s:g} s"
+            if preview.bounds_m.size:
+                limiting = self._limiting(leader, preview, future, known_s)
             if trusted_s < NEAR_S:
                 future = self._not_beyond_measured(leader, future)
+                if limiting is not None:
+                    limiting = self._not_beyond_measured(leader, limiting)
         else:
             future = extrapolated_motion(leader, measured_acceleration_m_s2(self._past))
-        return LeaderForecast(self._with_past(future), quality, reason, age_s, known_s)
+        motion = self._with_past(future)
+        limited = motion if limiting is None else self._with_past(limiting)
+        return LeaderForecast(motion, limited, quality, reason, age_s, known_s)
+
+    def _limiting(
+        self,
+        leader: LeaderState,
+        preview: LeaderPreview,
+        future: PredictedLeaderMotion,
+        known_s: float,
+    ) -> PredictedLeaderMotion:
+        cautious = self._follow_preview(leader, preview.cautious())
+        bounded = future.times_s <= leader.time_s + known_s + 1e-9
+        bounded[:2] = True
+        return PredictedLeaderMotion(
+            future.times_s,
+            np.where(bounded, cautious.positions_m, future.positions_m),
+            np.where(bounded, cautious.speeds_m_s, future.speeds_m_s),
+        )
 
     def _not_beyond_measured(
         self, leader: LeaderState, future: PredictedLeaderMotion

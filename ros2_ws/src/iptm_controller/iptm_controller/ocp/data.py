@@ -87,6 +87,7 @@ class ProblemDataBuilder:
         value: TemperatureValue = NO_VALUE,
         thermal_samples: FloatArray | None = None,
         expected_speeds_m_s: FloatArray | None = None,
+        limiting: PredictedLeaderMotion | None = None,
     ) -> ProblemData:
         """Assemble the problem of one tick.
 
@@ -102,6 +103,7 @@ class ProblemDataBuilder:
             thermal_samples: parameters of the samples of thermal steps, where the horizon has any.
             expected_speeds_m_s: expected host speeds at the nodes, shape (N + 1,); for ticks shorter
                 than the steps.
+            limiting: motion that the gap limits hold for at the nodes; None for that of the leader.
         """
         grid, origin_m = self._grid, state.position_m
         steps = np.empty((grid.steps, layout.STEP_PARAMETERS))
@@ -111,8 +113,12 @@ class ProblemDataBuilder:
         at_nodes, at_samples = slice(nodes.size), slice(nodes.size, nodes.size + times.size)
         steps[:, StepIndex.LEADER_POSITION] = positions[at_nodes] - origin_m
         steps[:, StepIndex.LEADER_SPEED] = speeds[at_nodes]
+        if limiting is not None and limiting is not leader:
+            at_nodes_m, at_nodes_m_s = limiting.at(nodes)
+            steps[:, StepIndex.LEADER_POSITION] = at_nodes_m - origin_m
+            steps[:, StepIndex.LEADER_SPEED] = at_nodes_m_s
         if self._watched and expected_speeds_m_s is not None:
-            self._watch_inside(steps, leader, nodes, origin_m, expected_speeds_m_s)
+            self._watch_inside(steps, limiting or leader, nodes, origin_m, expected_speeds_m_s)
         steps[:, StepIndex.ACCELERATION_INTERVAL] = self._acceleration_intervals_s
         steps[:, StepIndex.COMPRESSOR_INTERVAL] = self._compressor_intervals_s
         steps[:, StepIndex.END_OF_PREVIEW] = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -74,6 +74,8 @@ class Prediction:
         positions_m: rear end along the road, shape (n,), never decreasing.
         speeds_m_s: speeds, shape (n,), never negative.
         bounds_m: 99 % bound of how far the leader is behind these positions, shape (n,).
+        speed_bounds_m_s: 99 % bound of how much slower it is where the positions are known better than the
+            speeds, shape (n,); empty where the growth of the other bound tells.
     """
 
     predictor: PredictorName
@@ -81,6 +83,15 @@ class Prediction:
     positions_m: FloatArray
     speeds_m_s: FloatArray
     bounds_m: FloatArray
+    speed_bounds_m_s: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def lowest_speeds_m_s(self) -> FloatArray:
+        """Speeds less their own bounds, shape (n,)."""
+        if not self.speed_bounds_m_s.size:
+            return self.speeds_m_s
+        lowest: FloatArray = np.maximum(self.speeds_m_s - self.speed_bounds_m_s, 0.0)
+        return lowest
 
 
 @dataclass(frozen=True)
@@ -122,7 +133,9 @@ def joined_motion(
     """Return the expected motion, and how far the leader may be behind whichever prediction is about it.
 
     What is unknown of the position from the beginning on stays: it moves the whole motion nearer, and is no
-    part of the bounds. Of several predictions the nearest position and the lowest speed count.
+    part of the bounds. Of several predictions the nearest position and the lowest speed count. Speeds are
+    lowered by their own bounds: the smallest gap depends on them more than on anything else, the cost on
+    positions only.
 
     Args:
         predictions: at least one, beginning at the same time with the same nodes.
@@ -136,5 +149,5 @@ def joined_motion(
         np.min([each.positions_m[:count] - each.bounds_m[0] for each in predictions], axis=0)
     )
     nearest = np.min([(each.positions_m - each.bounds_m)[:count] for each in predictions], axis=0)
-    speeds = np.min([each.speeds_m_s[:count] for each in predictions], axis=0)
+    speeds = np.min([each.lowest_speeds_m_s[:count] for each in predictions], axis=0)
     return positions, speeds, np.maximum(positions - nearest, 0.0)
