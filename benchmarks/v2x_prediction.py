@@ -161,7 +161,9 @@ def errors(
     leads = np.array(LEADS_S)
     for name, motion, predictor in cases:
         sender = CamSender(motion, road, SenderSettings())
-        first_s = motion.times_s[0] + 1.5  # a second of messages, and between the samples
+        first_s = (
+            motion.times_s[0] + 1.7
+        )  # a second of messages; between samples and points of paths
         for time_s in np.arange(first_s, motion.times_s[-1] - until_before_end_s, every_s):
             known = knowledge_at(
                 sender, road, round(1000.0 * time_s), round(1000.0 * motion.times_s[0])

@@ -56,8 +56,8 @@ class LeaderForecast:
 
     Attributes:
         motion: past and future, one piece.
-        limiting: what the smallest gap is kept to: the motion, but as far as it is known and at the first node
-            in any case less its bounds.
+        limiting: motion that the gap limits hold for: less its bounds as far as it is known, and at the first
+            node in any case.
         quality: how the future is known.
         reason: one sentence, empty while the quality is full.
         age_s: age of the preview used, NaN without one.

@@ -64,7 +64,10 @@ def between_points(
     """Return 99 % bounds of position (m) and speed (m/s) that points leave open, shape of the times each.
 
     Args:
-        nodes, values, first_slope, at: see `monotone_spline`.
+        nodes: times of the points, s, shape (n,), increasing, n >= 2.
+        values: positions of the points, m, shape (n,), never decreasing.
+        first_slope: speed at the first point, m/s.
+        at: times, s, shape (m,), inside the nodes.
     """
     widths = np.diff(nodes)
     secants = np.diff(values) / widths
@@ -102,7 +105,9 @@ def monotone_spline(
     secants = np.diff(values) / widths
     inverse = np.concatenate([1.0 / widths, [0.0]])
     before = np.concatenate([[0.0], inverse[:-1]])
-    matrix = np.diag(2.0 * (before + inverse)) + np.diag(inverse[:-1], 1) + np.diag(inverse[:-1], -1)
+    matrix = (
+        np.diag(2.0 * (before + inverse)) + np.diag(inverse[:-1], 1) + np.diag(inverse[:-1], -1)
+    )
     right = 3.0 * np.concatenate([[0.0], secants * inverse[:-1]])
     right[:-1] += 3.0 * secants * inverse[:-1]
     matrix[0], right[0] = np.eye(nodes.size)[0], first_slope
