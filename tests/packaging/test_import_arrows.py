@@ -132,3 +132,20 @@ def test_nodes_meet_only_in_messages(package: str, modules_of: Callable[[str], l
                 continue
             assert owner == package, f"{module.name} imports the inside of a node: {name}"
             assert module.is_node, f"the pure {module.name} imports {name}"
+
+
+@pytest.mark.parametrize("package", ALLOWED)
+def test_no_folder_imports_itself_through_others(
+    package: str, modules_of: Callable[[str], list[Any]]
+) -> None:
+    """What a folder needs from the rest of its package must not need the folder in turn."""
+    needs = {module.name: module.imports for module in modules_of(package)}
+    folders = {".".join(name.split(".")[:2]) for name in needs if name.count(".") > 1}
+    for folder in folders:
+        inside = {name for name in needs if f"{name}.".startswith(f"{folder}.")}
+        outside = set().union(*(needs[name] for name in inside)) & (set(needs) - inside)
+        while more := set().union(*(needs[name] for name in outside)) & set(needs) - outside:
+            assert not more & inside, (
+                f"{folder} needs {outside}, one of which needs {more & inside}"
+            )
+            outside |= more

@@ -16,9 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from iptm_controller.leader_motion import PredictedLeaderMotion
-from iptm_controller.memory import ValuationMemory
 from iptm_controller.strategy import Strategy
-from iptm_controller.temperature_value import TemperatureValue, mixing_weights
+from iptm_controller.temperature_value import TemperatureValue, ValuationMemory, mixing_weights
 from iptm_core.aging_laws.parking import END_OF_LIFE_LOSS, AgingSettings, ParkedAging
 from iptm_core.parameters.model import AgingParameters, ModelParameters
 from iptm_core.physics.thermal_loop import cooling_supply

@@ -27,7 +27,7 @@ from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import FallbackLadder, LadderOptions
 from iptm_controller.limiter import CommandLimiter, LimitedCommand
 from iptm_controller.measurements import Measurements, trusted_measurements
-from iptm_controller.memory import ControllerMemory, TractionMemory, ValuationMemory
+from iptm_controller.memory import ControllerMemory, TractionMemory
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import StateIndex
@@ -42,7 +42,7 @@ from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
-from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
+from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation, ValuationMemory
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging

@@ -13,6 +13,7 @@ from iptm_controller.estimator import EstimatorMemory
 from iptm_controller.plan import Plan
 from iptm_controller.preview_fusion import FusionMemory
 from iptm_controller.preview_trust import TrustMemory
+from iptm_controller.temperature_value import ValuationMemory
 from iptm_core.state import LeaderState, VehicleState
 
 
@@ -31,14 +32,6 @@ class GuardMemory:
     leader: LeaderState | None = None
     deceleration_m_s2: float = 0.0
     lost_ticks: int = 0
-
-
-@dataclass(frozen=True)
-class ValuationMemory:
-    """Of the temperature valuation: start of the trip, and the aging rate that was foreseen there."""
-
-    start: VehicleState | None = None
-    foreseen_1_s: float = 0.0
 
 
 @dataclass(frozen=True)

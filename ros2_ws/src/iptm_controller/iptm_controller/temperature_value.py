@@ -26,7 +26,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_controller.leader_motion import PredictedLeaderMotion
-from iptm_controller.memory import ValuationMemory
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.aging import capacity_loss_rate_1_s
 from iptm_core.physics.coolant import reduce_channel
@@ -39,6 +38,14 @@ FORECAST_WEIGHT_S = 60.0
 FORECAST_STEP_S = 1.0
 _C_RATE_ITERATIONS = 6
 _LEAST_RATE_1_S = 1e-15
+
+
+@dataclass(frozen=True)
+class ValuationMemory:
+    """Of the temperature valuation: start of the trip, and the aging rate expected from there on."""
+
+    start: VehicleState | None = None
+    foreseen_1_s: float = 0.0
 
 
 @dataclass(frozen=True)
