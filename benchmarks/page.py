@@ -16,7 +16,7 @@ from benchmarks.targets import Target, targets
 NOTICE = "<!-- Made by scripts/benchmark; do not edit. -->"
 INTRODUCTION = """\
 Times are processor times (all threads of the solving process), which equal wall times on a quiet
-machine; where the wall clock is meant, it is said. Ratios compare contenders within one run, in turn,
+machine; wall times are marked as such. Ratios compare contenders within one run, in turn,
 a few ticks at a time. Solvers are judged on the very same recorded problems, from the same shifted
 guess; SQP also carries its multipliers along. The KKT residual is an independent evaluation of the
 solution with CasADi's virtual machine and the best multipliers there are (a linear program), not the

@@ -29,7 +29,7 @@ _iptm_enter() {
             unset LD_LIBRARY_PATH
         fi
         unset ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION RMW_IMPLEMENTATION CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
-        # The wheels restart Python once to find their libraries, unless this says it was done: it may have been
+        # The wheels restart Python once to find their libraries, unless this variable is set: it may have been
         # done by the Python of another environment.
         unset _ROS_WHEELS_BOOTSTRAP_COMPLETE
         export AMENT_PREFIX_PATH="$venv"
@@ -48,7 +48,7 @@ _iptm_enter() {
     case ":$PATH:" in *":$venv/bin:"*) ;; *) export PATH="$venv/bin:$PATH" ;; esac
     export IPTM_ROOT="$root"
 
-    # Nodes of this machine only, unless told otherwise: a demo must not drive a neighbour's plant. The nodes of the
+    # Nodes of this machine only, by default: a demo must not drive a neighbour's plant. The nodes of the
     # suite take it from there (iptm_interfaces/discovery.py); for your own this is what ROS makes of it.
     export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
     # One solver thread per node: the vehicle computer has two cores for three nodes.

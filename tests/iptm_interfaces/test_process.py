@@ -33,7 +33,7 @@ class Example(SuiteNode):
         if self.behaviour == "user_error":
             raise RouteError("file x.csv, line 3: speed is -1; allowed: at least 0")
         if self.behaviour == "defect_at_start":
-            raise ZeroDivisionError("nobody expected this")
+            raise ZeroDivisionError("an unexpected defect")
         self.every(0.01, self.work)
 
     def work(self):
@@ -43,7 +43,7 @@ class Example(SuiteNode):
         if self.behaviour == "finish_badly":
             self.finish(exit_code=3)
         if self.behaviour == "defect":
-            raise ZeroDivisionError("nobody expected this")
+            raise ZeroDivisionError("an unexpected defect")
         if self.behaviour == "shutdown":
             import rclpy
             rclpy.try_shutdown()
@@ -170,7 +170,7 @@ def test_a_defect_in_a_callback_is_logged_with_its_place_and_ends_nothing(start:
     assert code == 0
     assert err.count("Traceback") == 1
     assert "callback of the timer of work failed" in err
-    assert "ZeroDivisionError: nobody expected this" in err
+    assert "ZeroDivisionError: an unexpected defect" in err
     assert "destroyed" in out
 
 
@@ -178,4 +178,4 @@ def test_defect_at_start_is_logged_once_with_its_place(start: Start) -> None:
     code, _, err = finish(start("defect_at_start"))
     assert code == 1
     assert err.count("[FATAL]") == 1
-    assert "ZeroDivisionError: nobody expected this" in err
+    assert "ZeroDivisionError: an unexpected defect" in err

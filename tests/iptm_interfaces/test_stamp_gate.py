@@ -69,11 +69,11 @@ def test_a_restarted_plant_is_followed_at_once_and_for_good() -> None:
 
 def test_another_trip_has_just_begun_for_three_ticks() -> None:
     bench = Bench()
-    assert not bench.gate.has_begun_anew  # the first trip takes nobody's place
+    assert not bench.gate.has_restarted  # the first trip takes nobody's place
     said = []
     for tick in (0, 0, 1, 2, 3, 4):
         bench.judge(float(tick))
-        said.append(bench.gate.has_begun_anew)
+        said.append(bench.gate.has_restarted)
     assert said == [True, True, True, True, False, False]
 
 
@@ -81,7 +81,7 @@ def test_a_stray_zero_has_begun_nothing_once_the_trip_goes_on() -> None:
     bench = Bench()
     bench.judge(0.0)
     assert bench.next() is Verdict.RESUMED
-    assert not bench.gate.has_begun_anew
+    assert not bench.gate.has_restarted
 
 
 @pytest.mark.parametrize("jump_s", [-300.0, -2.0, 60.0, 1e6])

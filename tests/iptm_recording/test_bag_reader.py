@@ -55,7 +55,7 @@ def test_missing_bag(tmp_path: Path) -> None:
 
 
 def test_folder_that_is_no_bag(tmp_path: Path) -> None:
-    with pytest.raises(BagError, match="no bag"):
+    with pytest.raises(BagError, match="not a bag"):
         BagReader(tmp_path)
 
 
@@ -78,7 +78,7 @@ def test_every_truncation_is_noticed(small_bag: Path) -> None:
 @pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n", b"a,b\n1,2\n" * 50])
 def test_foreign_file(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "x.mcap").write_bytes(content)
-    with pytest.raises(BagError, match="no MCAP file"):
+    with pytest.raises(BagError, match="not an MCAP file"):
         BagReader(tmp_path / "x.mcap")
 
 
@@ -277,7 +277,7 @@ def test_texts_about_the_run_are_covered_by_a_checksum(small_bag: Path) -> None:
 
 def test_metadata_that_promises_more_messages(small_bag: Path) -> None:
     edit_metadata(small_bag, message_count=41)
-    with pytest.raises(BagError, match=r"says 41 messages, its files hold 40"):
+    with pytest.raises(BagError, match=r"states 41 messages, its files hold 40"):
         BagReader(small_bag)
 
 

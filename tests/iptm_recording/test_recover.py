@@ -181,7 +181,7 @@ def test_garbage_never_raises_anything_unexpected(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("first", [b"", b"SQLite format 3\0" + bytes(100), MAGIC[:5]])
 def test_foreign_file_is_refused(first: bytes, tmp_path: Path) -> None:
-    with pytest.raises(BagError, match="no MCAP file"):
+    with pytest.raises(BagError, match="not an MCAP file"):
         recover(cut(tmp_path / "bag", first))
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 

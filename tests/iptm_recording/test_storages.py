@@ -118,7 +118,7 @@ def test_a_metadata_file_that_promises_more(other_bag: Path) -> None:
     content = yaml.safe_load(path.read_text())
     content["rosbag2_bagfile_information"]["message_count"] = 41
     path.write_text(yaml.safe_dump(content))
-    with pytest.raises(BagError, match="says 41 messages, its files hold 40"):
+    with pytest.raises(BagError, match="states 41 messages, its files hold 40"):
         BagReader(other_bag)
 
 

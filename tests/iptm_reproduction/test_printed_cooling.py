@@ -1,4 +1,4 @@
-"""What the printed numbers say of cooling, against the aging law written out by hand."""
+"""Cooling from the printed numbers, against the aging law written out by hand."""
 
 from __future__ import annotations
 

@@ -36,6 +36,6 @@ setup(
             "reproduce = iptm_reproduction.cli:main",
         ],
     },
-    description="The paper's results beside this project's: statements, tables, figures, one page",
+    description="The paper's results compared with this project's: statements, tables, figures, one page",
     license="Apache-2.0",
 )

@@ -29,6 +29,6 @@ setup(
         "console_scripts": ["validate = iptm_core.program:main"],
         "iptm.programs": ["validate = iptm_validation.cli:main"],
     },
-    description="The models beside measured cars, cells and drivers",
+    description="The models compared with measured cars, cells and drivers",
     license="Apache-2.0",
 )

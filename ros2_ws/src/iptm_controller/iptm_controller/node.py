@@ -332,7 +332,7 @@ class ControllerNode(SuiteNode):
         if self._is_skipping:
             return Level.WARN, "decisions take longer than ticks, some of which are skipped"
         road = Road(known=self._slope is not None, fault=self._slope_fault)
-        begun_anew = self._matcher.gate.has_begun_anew
+        begun_anew = self._matcher.gate.has_restarted
         return situation(self._last, road, self._watch, begun_anew=begun_anew)
 
 

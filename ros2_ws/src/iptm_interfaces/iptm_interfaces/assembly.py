@@ -1,12 +1,12 @@
 """From messages back to the run: one row per tick, joined by header stamps.
 
-Used by whoever has the messages: a bag, or a listener beside the run. Times of reception say when a message
-was heard, stamps say what instant it describes; only the latter join.
+Serves a bag as well as a node that listens to a run. Messages are joined by their header stamps; times of
+reception are not used.
 
-One rule says which messages count where several of a topic have the same stamp. A plant that was started
-again begins another trip: the last trip counts. Stamps of another node that go back while those of the plant
-do not, because its clock jumped, begin none. Within a trip, the last message of a stamp counts. Where a
-second plant drove beside the first one, the first message of a stamp counts: that one was answered.
+If several messages of a topic have the same stamp: a restarted plant begins a new trip, and the last trip
+counts. Stamps of another node that go back while those of the plant do not (its clock jumped) begin no trip.
+Within a trip the last message of a stamp counts, unless a second plant drove at the same time: then the
+first one, as that one was answered.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ def split_trips(stamped: Iterable[tuple[int, M]]) -> list[dict[int, M]]:
         stamped: stamp and message, in the order of arrival.
 
     Returns:
-        One trip at least, which is empty if there are no messages.
+        At least one trip, empty if there are no messages.
     """
     found: list[dict[int, M]] = [{}]
     newest_ns = [-1]  # of each trip
     last_ns = -1
     for stamp_ns, message in stamped:
         if len(found) > 1 and last_ns + LEAST_REACH_NS < newest_ns[-2] < stamp_ns:
-            # The trip before goes on over the head of one that began beside it.
+            # The previous trip continues after one that began at the same time.
             newest_ns.pop()
             _merge_last(found)
         # A first 0 behind a later stamp was sent again by the middleware and is only late.
@@ -76,7 +76,7 @@ def split_trips(stamped: Iterable[tuple[int, M]]) -> list[dict[int, M]]:
         newest_ns[-1] = max(newest_ns[-1], stamp_ns)
         last_ns = stamp_ns
     if len(found) > 1 and len(found[-1]) == 1:
-        _merge_last(found)  # nothing but a beginning is no trip
+        _merge_last(found)  # a lone first tick is not a trip
     return [dict(sorted(trip.items())) for trip in found]
 
 
@@ -110,7 +110,7 @@ def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:
     """Put the trajectory of a run together.
 
     Ticks at the very start and end of which a message of the plant is missing are left out. Rows without a
-    leader have NaN in its columns. A topic without any message counts as never published.
+    leader have NaN in its columns. A topic without messages counts as not published.
 
     Args:
         messages: those of `TICK_TOPICS` as far as they were published, at least the plant's odometry, by

@@ -31,7 +31,7 @@ def node_main(
 ) -> int:
     """Run a node as a program, or explain it.
 
-    ROS itself ignores arguments that it does not know, so that `--help` would start the node and a
+    ROS itself ignores unknown arguments, so that `--help` would start the node and a
     forgotten `--ros-args` would start it without its parameters. Both are caught here.
 
     Args:

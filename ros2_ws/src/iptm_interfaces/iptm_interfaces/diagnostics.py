@@ -31,7 +31,7 @@ SETTINGS_SINCE = "settings_since_s"
 TRIP_TIME = "trip_time_s"
 """Key: trip time of the status, 0 before the trip."""
 PROCESS = "process"
-"""Key: process of the node, which tells two nodes of one name apart."""
+"""Key: process of the node, which distinguishes two nodes of the same name."""
 REPORT_PERIOD_S = 1.0
 """Interval at which nodes report, and the least between two messages of the same level and reason."""
 
@@ -91,7 +91,7 @@ def find_status(message: DiagnosticArray, name: str) -> DiagnosticStatus | None:
 
 
 class DiagnosticsReporter:
-    """Decides when a status is worth a message.
+    """Publishes the status of a node at a limited rate.
 
     Call `report` every tick: a change of level or reason goes out at once, mere changes of numbers
     at most once per `REPORT_PERIOD_S` of steady time.
@@ -112,7 +112,7 @@ class DiagnosticsReporter:
         Args:
             publish: takes the finished message.
             name: name of the status.
-            on_change: told about every new level or reason, for the log.
+            on_change: called with every new level or reason, for the log.
             health: what the node survived; errors go before every reason, warnings before what is well.
             now: returns the time of the node's clock, for the stamps.
             hardware_id: the vehicle.

@@ -1,11 +1,11 @@
-"""Find each other fast, on this machine, and nobody else: profiles of the middleware and private domains.
+"""Discovery limited to this machine: profiles of the middleware and private domains.
 
 Fast DDS announces a participant a few times at start and then only every three seconds, so that an
 announcement lost at start costs seconds. The profiles shipped here repeat it twice a second.
 
 ``ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`` keeps a node from looking for peers elsewhere, but not a peer
-elsewhere from reaching it: it listens on all interfaces, and whoever names the host in its
-``ROS_STATIC_PEERS`` takes part. The local profile binds every socket to the loopback interface.
+elsewhere from reaching it: it listens on all interfaces, and a peer that lists this host in its
+``ROS_STATIC_PEERS`` connects. The local profile binds every socket to the loopback interface.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def middleware_settings(environment: Mapping[str, str] = os.environ) -> dict[str
     open it to the network; a profile of the user's own is left alone.
 
     Args:
-        environment: what the user has set; an empty value counts as not set.
+        environment: what the user has set; an empty value means not set.
 
     Returns:
         Variables to set; reading them again from an environment that has them changes nothing.
@@ -65,9 +65,9 @@ def middleware_settings(environment: Mapping[str, str] = os.environ) -> dict[str
 def reserve_domain() -> Iterator[int]:
     """Reserve a ROS domain that no other reservation on this machine holds at the same time.
 
-    Two runs in the same domain would hear each other. The reservation is an abstract socket: it reaches
-    as far as the loopback device over which the runs would hear each other, is no file that anybody
-    could put a link in the place of, and ends with the context or with the process, however that dies.
+    Two runs in the same domain would receive each other's messages. The reservation is an abstract socket: it
+    reaches as far as the loopback device over which the runs communicate, is not a file that another user can
+    replace by a link, and ends with the context or the process.
 
     Yields:
         The domain id, to be given to processes as `ROS_DOMAIN_ID`.

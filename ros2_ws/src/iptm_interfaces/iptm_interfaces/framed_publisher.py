@@ -1,4 +1,4 @@
-"""Puts what a vehicle says into frames of its own, so that several vehicles share one graph."""
+"""Adds the namespace of a vehicle to its frames, so that several vehicles share one graph."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from iptm_interfaces.topics import frame_in
 class FramedPublisher(Publisher):
     """A publisher that prefixes the frames of its messages.
 
-    Codecs know the frames of the topic table only. Serialised bytes pass as they are: whoever makes them
-    puts the right frame in.
+    Codecs use the frames of the topic table only. Serialised bytes are sent unchanged: their encoder
+    sets the right frame.
 
     Attributes:
         frame_prefix: of the vehicle, empty for none.

@@ -118,7 +118,7 @@ class GraphClient(AbstractContextManager["GraphClient"]):
         there = suggestion(name, names)
         hint = "; --domain or ROS_DOMAIN_ID chooses the domain of the run"
         raise ServiceError(
-            f"there is no node {name!r} in ROS domain {self.domain} after {self.timeout_s:g} s; "
+            f"no node {name!r} in ROS domain {self.domain} after {self.timeout_s:g} s; "
             + (there if names else f"allowed: none, no node runs there{hint}")
         )
 

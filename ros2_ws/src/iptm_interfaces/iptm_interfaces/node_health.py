@@ -1,6 +1,6 @@
-"""What a node survived: exceptions of its callbacks, messages it refused, peers that are there twice.
+"""Incidents of a node: exceptions in callbacks, refused messages, duplicate peers.
 
-Counted for ever, told for a short while: a status is about now.
+Counters run for the lifetime of the node; the status reports recent incidents only.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _LARGER_BYTES = {
 }
 
 RECENT_S = 3.0
-"""Steady time for which a status tells of an incident."""
+"""Steady time for which a status reports an incident."""
 LINGERING_S = 25.0
-"""Steady time after which a second publisher is no killed process any more: Fast DDS drops one after 20 s."""
+"""Steady time after which a second publisher is a duplicate; Fast DDS drops a killed process after 20 s."""
 
 
 def largest_message_bytes(topic: Topic) -> int:
@@ -48,7 +48,7 @@ class NodeHealth:
     """Incidents of one node.
 
     Attributes:
-        defects: exceptions that nobody expected.
+        defects: unexpected exceptions.
         refusals: messages that were too large or could not be read.
     """
 
@@ -60,15 +60,15 @@ class NodeHealth:
         self._contradicted_s: dict[str, float] = {}
 
     def note_defect(self, what: str) -> None:
-        """Note an exception that nobody expected."""
+        """Count an unexpected exception."""
         self.defects.note(what, self._steady_time_s())
 
     def note_refusal(self, what: str) -> None:
-        """Note a message that is not taken."""
+        """Count a refused message."""
         self.refusals.note(what, self._steady_time_s())
 
     def note_publishers(self, who: str, count: int) -> None:
-        """Note how many publishers a topic has that only one node of the graph should publish.
+        """Record the number of publishers of a topic that only one node should publish.
 
         Args:
             who: the node that should be the only one.
@@ -80,7 +80,7 @@ class NodeHealth:
             self._doubled_since_s.setdefault(who, self._steady_time_s())
 
     def note_contradiction(self, who: str) -> None:
-        """Note a message of a node that one of its kind would not send: it says so twice, or too late."""
+        """Record a message that a single node would not send: a repeated or late answer."""
         self._contradicted_s[who] = self._steady_time_s()
 
     @property

@@ -3,7 +3,7 @@
     parameters = declare_parameters(node, BridgeNodeParameters)
 
 The descriptors carry description, unit and range, so `ros2 param describe` shows them. Parameters are
-read-only, as a run is described by what it was started with, but for those that a node says it can change and
+read-only, as a run is described by what it was started with, except those that a node declares changeable and
 reports. A whole number is accepted for a float (`latency_s:=1`), which plain ROS refuses.
 """
 
@@ -63,7 +63,7 @@ def _descriptor(spec: ParameterSpec, *, read_only: bool) -> ParameterDescriptor:
         additional_constraints=spec.allowed,
         read_only=read_only,
     )
-    # ROS knows ranges of scalars only, and none that is open at one end; float limits stand in.
+    # ROS has ranges for scalars only, closed at both ends; float limits stand in for open ends.
     largest = {float: 1.7e308, int: 2**63 - 1}.get(type(spec.default))
     if largest is None or not (math.isfinite(spec.minimum) or math.isfinite(spec.maximum)):
         return descriptor

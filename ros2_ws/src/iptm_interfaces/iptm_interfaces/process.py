@@ -1,11 +1,11 @@
-"""The life of a node process: start, spin, stop, and an exit code that tells what happened.
+"""The life of a node process: start, spin, stop, and the exit code.
 
-Errors in callbacks end no process; see `iptm_interfaces.suite_node.SuiteNode.guard`.
+Errors in callbacks do not end the process; see `iptm_interfaces.suite_node.SuiteNode.guard`.
 
 | exit code | meaning |
 |---|---|
 | 0 | stopped by SIGINT or SIGTERM, or finished by itself |
-| 1 | a defect: an error that nobody expected, at the start or outside of every callback |
+| 1 | a defect: an unexpected error at the start or outside of all callbacks |
 | 2 | a mistake of the user (parameter, file, argument): one line on stderr, no traceback |
 """
 
@@ -76,7 +76,7 @@ def run_node(
     factory: Callable[[], SuiteNode],
     arguments: Sequence[str] | None = None,
 ) -> int:
-    """Run one node until it is told to stop, and return the exit code of the process.
+    """Run one node until it is stopped, and return the exit code of the process.
 
     Call it from the main thread, once per process: `sys.exit(run_node(BridgeNode))`.
 

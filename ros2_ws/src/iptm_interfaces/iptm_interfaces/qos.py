@@ -18,7 +18,7 @@ KEPT_STREAM_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""A stream whose beginning nobody may miss: a late subscriber that asks for it gets what is kept."""
+"""A stream that late subscribers receive from its beginning, as far as the history is kept."""
 
 LATCHED_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,

@@ -44,8 +44,8 @@ MEANINGS: Mapping[Service, str] = MappingProxyType(
     {
         Service.PAUSE: (
             "hold the trip: in lock-step at the present state, in real time at the next one, before the "
-            "start at the first one; the state is repeated every second, so that nobody takes the plant "
-            "for dead"
+            "start at the first one; the state is repeated every second, so that other nodes do not "
+            "count the plant as dead"
         ),
         Service.RESUME: "go on with a trip that is paused",
         Service.STEP: (
@@ -59,8 +59,8 @@ MEANINGS: Mapping[Service, str] = MappingProxyType(
             "write the present state into a file of `state_folder`, to start from with `start_state`"
         ),
         Service.SAVE_CONTROLLER: (
-            "write what the controller knew before its newest decision into a file of `state_folder`, "
-            "likewise"
+            "write the state of the controller before its newest decision into a file of `state_folder`, "
+            "to start from with `start_state`"
         ),
         Service.PLAYER_PAUSE: "hold the playback",
         Service.PLAYER_RESUME: "go on with a playback that is paused",
@@ -71,7 +71,7 @@ MEANINGS: Mapping[Service, str] = MappingProxyType(
         Service.RECORDER_SPLIT: "complete the file of the bag and begin the next one",
     }
 )
-"""What each service does. All are `std_srvs/srv/Trigger`, whose message tells what was done or why not."""
+"""Description of each service. All are `std_srvs/srv/Trigger`; the message is the result or the reason."""
 
 
 def state_path(node: Node, folder: str, stamp_ns: int) -> Path:

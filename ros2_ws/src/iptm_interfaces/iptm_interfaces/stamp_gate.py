@@ -17,27 +17,27 @@ from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs.time import is_stamp
 
 LEAST_REACH_NS = 10 * NS_PER_S
-"""Trip time that a tick may lie ahead of the one before, at least."""
+"""Smallest limit on the trip time between two ticks."""
 REACH_STEPS = 10
-"""Likewise in steps between ticks: a node that was busy in real time misses some."""
+"""The same limit in steps between ticks: a busy node misses some in real time."""
 LEAST_QUIET_S = 1.0
-"""Steady time for which a trip must be silent before another time is believed, at least."""
+"""Shortest steady time of silence of a trip before another time is accepted."""
 QUIET_INTERVALS = 3.0
-"""Likewise in intervals between two ticks, the shortest of the last few, for slow trips."""
-ANEW_TICKS = 3
-"""Ticks for which a trip that took the place of another one counts as just begun."""
+"""The same time in intervals between ticks (the shortest of the last few), for slow trips."""
+RESTARTED_TICKS = 3
+"""Ticks for which a trip that replaced another one counts as just begun."""
 _SETTLED_TICKS = 3
 _INTERVALS = 8
 _RIVALS = 8
 
 
 class Verdict(Enum):
-    """What a stamp is to the trip."""
+    """Classification of a stamp against the trip."""
 
     NEXT = "next"
     """A later tick of the trip."""
     REPEATED = "repeated"
-    """The newest tick once more: somebody has not had the answer."""
+    """The newest tick again: a node has missed the answer."""
     NEW_TRIP = "new_trip"
     """Another trip, or a time that has really jumped."""
     RESUMED = "resumed"
@@ -77,9 +77,9 @@ class StampGate:
         return self._now_ns
 
     @property
-    def has_begun_anew(self) -> bool:
-        """Whether another trip took the place of the one so far, within the last `ANEW_TICKS` ticks."""
-        return self._replaces and self._ticks < ANEW_TICKS
+    def has_restarted(self) -> bool:
+        """Whether another trip took the place of the one so far, within the last `RESTARTED_TICKS` ticks."""
+        return self._replaces and self._ticks < RESTARTED_TICKS
 
     @property
     def expected_ns(self) -> int:
@@ -158,7 +158,7 @@ class StampGate:
         return Verdict.NEXT
 
     def _judge_rival(self, stamp_ns: int, now_s: float) -> Verdict:
-        """Believe another time when it has come twice and the trip is silent."""
+        """Accept another time when it has come twice and the trip is silent."""
         confirmed = any(
             rival == stamp_ns or _within_reach(rival, 0, stamp_ns) for rival in self._rivals
         )

@@ -60,9 +60,9 @@ class StampMatcher(Generic[K]):
     """Collects one value per named slot for each stamp and hands out complete sets.
 
     Stamps are compared as integer nanoseconds, never approximately. Only the leading slots, those of the
-    state of the plant, tell where the trip stands: whatever arrives in the others with stray stamps is
-    collected beside the present tick and given up first. Sets leave in the order of the trip: once a set is
-    complete, older ones are dropped, but for those of a trip that a beginning has interrupted a moment ago.
+    state of the plant, advance the trip: messages in the other slots with stray stamps are
+    collected separately and discarded first. Sets leave in the order of the trip: once a set is
+    complete, older ones are dropped, except those of a trip that a new one has just interrupted.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class StampMatcher(Generic[K]):
 
         Args:
             slots: names that make a set complete.
-            leading: those of them that tell the time of the trip, by default all.
+            leading: the slots that advance the time of the trip, by default all.
             max_pending: incomplete sets kept; beyond it one that is least likely the next tick is given up.
             gate: judges the stamps of sets.
 
@@ -222,7 +222,7 @@ class StampMatcher(Generic[K]):
     def take_incomplete(self) -> MatchedSet[K] | None:
         """Hand out the newest of the sets that lack least of the leading slots, for a makeshift answer.
 
-        Older sets are given up; what still arrives for this stamp counts as late.
+        Older sets are discarded; later messages of this stamp are late.
         """
         waiting = self.missing()
         return None if waiting is None else self._hand_out(waiting[0])

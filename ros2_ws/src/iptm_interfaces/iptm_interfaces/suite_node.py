@@ -27,7 +27,7 @@ from iptm_interfaces.topics import TOPICS, Topic, frame_in, topic_of
 _LOG_THROTTLE_S = 5.0
 _KNOWN_DEFECTS = 20
 LEAST_HISTORY = 100
-"""Messages that may wait in a subscription, at least: the burst of a stranger pushes out nothing due."""
+"""Smallest queue of a subscription: a burst of foreign messages must not displace due ones."""
 _GRAPH_PERIOD_S = 1.0
 _QOS_OVERRIDES = "qos_overrides."
 _ROS_PARAMETERS = ("use_sim_time", _QOS_OVERRIDES, "start_type_description_service")
@@ -41,14 +41,14 @@ class SuiteNode(Node):
     Run it with `iptm_interfaces.process.run_node`, which watches `finished`.
 
     Messages are looked at before they are decoded, and an exception of a callback is logged, counted and
-    told on the diagnostics instead of ending the node.
+    reported on the diagnostics instead of ending the node.
 
     Attributes:
         finished: the node has asked for its end.
         exit_code: what the process shall return.
         health: what the node survived.
         awake: steady time without the stretches in which the process did not run.
-        frame_prefix: of the frames of this vehicle: its namespace, unless `use_frame_prefix` is told another.
+        frame_prefix: of the frames of this vehicle: its namespace unless set by `use_frame_prefix`.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
@@ -114,8 +114,8 @@ class SuiteNode(Node):
 
         Args:
             service: key of the service.
-            action: does what is asked for and returns what it did, in words; an `IptmError` is a refusal,
-                told to whoever asked.
+            action: performs the request and returns the result as text; an `IptmError` is a refusal,
+                returned to the client.
         """
 
         def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -155,9 +155,9 @@ class SuiteNode(Node):
         self.get_logger().warning(what, throttle_duration_sec=_LOG_THROTTLE_S)
 
     def guard(self, name: str, callback: Callable[..., None], *arguments: Any) -> None:
-        """Call a callback; what it raises is logged, counted and told, but does not end the node.
+        """Call a callback; exceptions are logged, counted and reported, not raised.
 
-        A message that breaks its promise is refused. Anything else is a defect of the program: the first
+        A message that violates its specification is refused. Anything else is a defect: the first
         of its kind is logged with its traceback, all of them in a line.
 
         Args:

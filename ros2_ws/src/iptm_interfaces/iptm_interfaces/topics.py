@@ -43,7 +43,7 @@ ROAD_FRAME = "odom"
 HOST_FRAME = "base_link"
 """Body of the host: origin on the road below the front bumper, x forward, y left, z up."""
 LEADER_FRAME = "leader"
-"""Body of the preceding vehicle: origin on the road below its rear bumper, axes likewise."""
+"""Body of the preceding vehicle: origin on the road below its rear bumper, axes as for the ego vehicle."""
 PACK_FRAME = "battery_pack"
 """The battery pack, fixed in the host: named by the battery, coolant and degradation messages."""
 
@@ -95,7 +95,7 @@ class TopicSpec:
         latched: whether late subscribers still get the last message.
         kept: whether late subscribers still get the last messages of a stream.
         rate: when it is published.
-        on_request: only published where a parameter asks for it, so that nobody waits for it.
+        on_request: published only if a parameter requests it; no node waits for it.
     """
 
     topic: Topic

@@ -11,9 +11,9 @@ _LOOK_PERIOD_S = 0.5
 
 
 class VehiclePresence:
-    """Looks whether another vehicle still publishes a topic.
+    """Checks whether another vehicle still publishes a topic.
 
-    The middleware tells: at once when a process ends, after its lease when one is killed. A process that
+    The middleware reports the end of a process at once, and a killed one after its lease. A process that
     is only slow is still there, however busy the machine.
 
     Attributes:

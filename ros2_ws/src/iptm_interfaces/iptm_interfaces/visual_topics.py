@@ -1,6 +1,6 @@
 """Topics for 3-D viewers, published on request.
 
-They are no part of a run: nobody waits for them.
+They are not part of a run: no node waits for them.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SPECS = (
     ),
     TopicSpec(
         Topic.VISUAL_LEADER_PREVIEW, Path, PUBLISHER, MAP_FRAME, "m",
-        "the predicted motion of the leader's rear bumper, likewise", rate=_RATE,
+        "the predicted motion of the leader's rear bumper", rate=_RATE,
     ),
     TopicSpec(
         Topic.VISUAL_LEADER_BOUND, Path, PUBLISHER, MAP_FRAME, "m",

@@ -35,7 +35,7 @@ def open_files(path: Path, metadata: Mapping[str, Any]) -> list[StorageFile]:
         metadata: content of the folder's `metadata.yaml`; empty when there is none.
 
     Raises:
-        BagError: there is no such bag, it is stored in another way, or a file is damaged.
+        BagError: the bag does not exist, has another storage format, or a file is damaged.
     """
     with ExitStack() as stack:
         opened = [stack.enter_context(closing(open_file(file))) for file in _files(path, metadata)]
@@ -94,7 +94,7 @@ def _files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
     )
     if others:
         raise BagError(f"{path} has no metadata.yaml; name its file {others[0]} itself")
-    raise BagError(f"{path} is no bag: it holds neither metadata.yaml nor an .mcap file")
+    raise BagError(f"{path} is not a bag: it holds neither metadata.yaml nor an .mcap file")
 
 
 def _listed_files(folder: Path, metadata: Mapping[str, Any]) -> list[Path]:

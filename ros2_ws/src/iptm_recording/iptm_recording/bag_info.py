@@ -62,7 +62,7 @@ def overview_table(reader: BagReader, information: RunInformation) -> Table:
 
 
 def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
-    """Return the figures of the recorded run, and how its decisions came about if the bag tells.
+    """Return the figures of the recorded run, and of its decisions if they were recorded.
 
     Raises:
         BagError: the bag does not hold a complete run of the suite.
@@ -143,7 +143,7 @@ def print_information(
         information = reader.run_information()
         console.print(overview_table(reader, information))
         console.print(topics_table(reader))
-        reader.verify()  # the tables above say what the bag claims
+        reader.verify()  # the tables above rely on the bag's own metadata
     try:
         for table in result_tables(path, namespace):
             console.print(table)

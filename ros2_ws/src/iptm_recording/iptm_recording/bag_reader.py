@@ -2,7 +2,7 @@
 
 Accepts a rosbag2 folder with MCAP or SQLite files, split or not, packed by rosbag2 (file by file or message
 by message) or not, a single file of one, and a bag of ROS 1. Whatever it was, its messages are CDR of ROS 2.
-What is wrong with a bag is said in one sentence, with the way out.
+Errors are one sentence with a remedy.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class BagReader(AbstractContextManager["BagReader"]):
 
     @property
     def remarks(self) -> list[str]:
-        """What a user should know of how it was read, one sentence each."""
+        """Remarks for the user on how it was read, one sentence each."""
         return list(dict.fromkeys(remark for file in self._files for remark in file.remarks))
 
     @property
@@ -195,7 +195,7 @@ class BagReader(AbstractContextManager["BagReader"]):
         """Read everything once.
 
         Raises:
-            BagError: a file is damaged, or holds fewer messages than it says.
+            BagError: a file is damaged, or holds fewer messages than stated.
         """
         for file in self._files:
             file.verify()
@@ -206,8 +206,8 @@ class BagReader(AbstractContextManager["BagReader"]):
             file.close()
 
     def _compare_with_metadata(self) -> None:
-        said = self._metadata.get("message_count", self.message_count)
-        if said != self.message_count:
+        stated = self._metadata.get("message_count", self.message_count)
+        if stated != self.message_count:
             is_mcap = all(file.path.suffix == ".mcap" for file in self._files)
             way_out = (
                 f"save what is whole with: scripts/recover_bag {self.path}"
@@ -215,7 +215,7 @@ class BagReader(AbstractContextManager["BagReader"]):
                 else f"should the files be right: ros2 bag reindex {self.path}"
             )
             raise BagError(
-                f"{self.path / METADATA_FILE} says {shown(said)} messages, its files hold"
+                f"{self.path / METADATA_FILE} states {shown(stated)} messages, its files hold"
                 f" {self.message_count}; {way_out}"
             )
 

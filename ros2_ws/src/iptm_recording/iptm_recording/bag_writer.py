@@ -239,7 +239,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         self._is_closed = True
 
     def _next_file(self, suffix: str = "") -> McapFile:
-        """Begin the next file, which stands on its own: it knows every topic and the texts about the run."""
+        """Begin the next file, which is self-contained: it repeats all topics and the run information."""
         path = self.folder / f"{self.folder.name}_{len(self._complete)}.mcap{suffix}"
         file = McapFile(path, self._compression, self._chunk_bytes, self._limits)
         if self._custom_data:
@@ -261,7 +261,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
     def _description(
         self, files: Sequence[FileRecord], counts: Mapping[int, int]
     ) -> dict[str, Any]:
-        """Return the metadata of files of the bag with so many messages by topic number."""
+        """Return the metadata of files of the bag with these message counts by topic number."""
         return describe_bag(
             files,
             [

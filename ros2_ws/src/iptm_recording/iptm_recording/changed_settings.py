@@ -1,4 +1,4 @@
-"""Settings of the controller that were changed while a bag was recorded, as its diagnostics tell."""
+"""Settings of the controller that were changed during a recording, from its diagnostics."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class ClockChoice:
         self._own = own
         self._selection = selection
         self._data_since_s: float | None = None
-        self._strangers_since_s: float | None = None
+        self._others_since_s: float | None = None
         self._has_warned = False
 
     def look(self, now_s: float, clocks: Collection[str], *, has_data: bool) -> str:
@@ -51,7 +51,7 @@ class ClockChoice:
             return ""
         others = sorted(name for name in clocks if not self._selection.excludes(name))
         if not has_data:
-            return self._remark_strangers(now_s, others)
+            return self._remark_others(now_s, others)
         if self._data_since_s is None:
             self._data_since_s = now_s
         if now_s - self._data_since_s < GRACE_S:
@@ -72,13 +72,13 @@ class ClockChoice:
         self.clock = clock
         self.is_final = True
 
-    def _remark_strangers(self, now_s: float, others: Collection[str]) -> str:
+    def _remark_others(self, now_s: float, others: Collection[str]) -> str:
         """Return that only vehicles of other namespaces are there, if no namespace was asked for."""
         if not others or self._own != CLOCK_TOPIC or self._has_warned:
             return ""
-        if self._strangers_since_s is None:
-            self._strangers_since_s = now_s
-        if now_s - self._strangers_since_s < GRACE_S:
+        if self._others_since_s is None:
+            self._others_since_s = now_s
+        if now_s - self._others_since_s < GRACE_S:
             return ""
         self._has_warned = True
         spaces = [name.rpartition("/")[0] or "/" for name in others]

@@ -178,7 +178,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="export",
         description="Write the run of a bag, one row per tick, or the messages of one topic as a Parquet"
-        " or CSV file. Units stand in the names of the columns; Parquet also tells what the run depended on.",
+        " or CSV file. Column names include units; Parquet also holds the run information.",
     )
     parser.add_argument("bag", type=Path, help="bag folder or file")
     parser.add_argument(

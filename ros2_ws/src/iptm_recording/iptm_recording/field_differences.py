@@ -78,7 +78,7 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
     """Yield every scalar of a message with its dotted path.
 
     Named values (a `JointState` with one position per name) are called by their names, so that
-    another order of the names is no difference.
+    their order does not matter.
     """
     if _is_named_values(message):
         yield from flatten(message.header, f"{prefix}header.")

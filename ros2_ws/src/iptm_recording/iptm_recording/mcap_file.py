@@ -48,7 +48,7 @@ class FileLimits:
     max_bag_duration: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse what nobody can want."""
+        """Validate the options."""
         if self.max_bag_size != 0 and self.max_bag_size < _SMALLEST_FILE_BYTES:
             raise BagError(
                 f"max_bag_size is {self.max_bag_size}; allowed: 0 (no limit), or"
@@ -68,7 +68,7 @@ class McapFile:
         path: file to create.
         compression: key of `COMPRESSIONS`.
         chunk_bytes: content after which a chunk is written.
-        limits: when the file is full, beside `MOST_INDEX_BYTES`.
+        limits: when the file is full, in addition to `MOST_INDEX_BYTES`.
 
     Attributes:
         path: the file.
@@ -100,12 +100,12 @@ class McapFile:
         self._file.flush()
 
     def record(self) -> FileRecord:
-        """Return what `metadata.yaml` says of the file."""
+        """Return the entry of the file in `metadata.yaml`."""
         duration_ns = self._end_ns - self._start_ns if self.counts else 0
         return FileRecord(self.path.name, self._start_ns, duration_ns, self.counts.total())
 
     def is_full(self, log_time_ns: int) -> bool:
-        """Tell whether a message of this log time belongs into the next file."""
+        """Return whether a message of this log time belongs in the next file."""
         limits = self._limits
         return bool(self.counts) and (
             self._index_bytes >= MOST_INDEX_BYTES
@@ -117,7 +117,7 @@ class McapFile:
         )
 
     def add_topic(self, topic: TopicRecord, definition: MessageDefinition) -> int:
-        """Announce a topic; files that are told the same topics in the same order number them alike."""
+        """Add a topic; files with the same topics in the same order use the same numbers."""
         schema_id = self._schema_ids.get(definition.type_name)
         if schema_id is None:
             text = definition.text.encode()

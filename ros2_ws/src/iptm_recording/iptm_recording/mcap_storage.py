@@ -24,7 +24,7 @@ class McapStorage(StorageFile):
     """See `StorageFile`.
 
     Raises:
-        BagError: it cannot be read, is no MCAP file of ROS 2 messages, or was cut short.
+        BagError: it cannot be read, is not an MCAP file of ROS 2 messages, or was cut short.
     """
 
     def __init__(self, path: Path, source: Path | None = None) -> None:
@@ -99,7 +99,7 @@ class McapStorage(StorageFile):
     def _check_ends(self) -> None:
         start = self._file.read(len(MAGIC))
         if start != MAGIC:
-            raise BagError(f"{self.path} is no MCAP file: it starts with {start!r}")
+            raise BagError(f"{self.path} is not an MCAP file: it starts with {start!r}")
         size = self._file.seek(0, 2)
         self._file.seek(max(0, size - len(MAGIC)))
         if size < 2 * len(MAGIC) + FOOTER.size or self._file.read() != MAGIC:

@@ -23,7 +23,7 @@ MOST_COLUMNS = 16_384
 TIME_COLUMNS = ("log_time_ns", "publish_time_ns", "stamp_s")
 """Reception, publication and, where messages have one, the header stamp, which joins with `time_s`."""
 
-# Units of fields, by type and pattern; what is missing has none, says it in its name, or is not known.
+# Units of fields by type and pattern; other fields are dimensionless, name their unit, or have none known.
 _UNITS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
         "nav_msgs/msg/Odometry": {

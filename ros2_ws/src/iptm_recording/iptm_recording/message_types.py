@@ -57,7 +57,7 @@ def message_definition(type_name: str) -> MessageDefinition:
         type_name: `package/msg/Type`; `package/Type` is understood as well.
 
     Raises:
-        BagError: the name is malformed, or neither an installed package nor rosbags knows the type.
+        BagError: the name is malformed, or neither an installed package nor rosbags defines the type.
     """
     match = _TYPE_NAME.match(type_name)
     if match is None:
@@ -78,7 +78,7 @@ def _cached_definition(type_name: str, prefix_path: str) -> MessageDefinition:
         except TypesysError:
             raise BagError(
                 f"message type {type_name!r} is unknown: its package is not installed below"
-                f" AMENT_PREFIX_PATH ({prefix_path or 'not set'}) and it is no standard type"
+                f" AMENT_PREFIX_PATH ({prefix_path or 'not set'}) and it is not a standard type"
             ) from None
     # rosbags computes another hash than ROS for a few types (std_msgs/msg/Char for one).
     type_hash = _installed_hash(type_name, shares)
@@ -174,7 +174,7 @@ class Decoder:
         except _MISFIT:
             surplus = len(data) - self.length(data, type_name)
             raise BagError(
-                f"{len(data)} bytes are no {type_name}: {surplus} bytes follow its end;"
+                f"{len(data)} bytes are not a {type_name}: {surplus} bytes follow its end;"
                 " scripts/recover_bag removes them"
             ) from None
 
@@ -188,14 +188,14 @@ class Decoder:
         """
         store = self._store(type_name)
         if len(data) < _ENCAPSULATION_BYTES or data[:2] not in _ENCAPSULATIONS:
-            raise BagError(f"{len(data)} bytes are no {type_name}: they are not plain CDR")
+            raise BagError(f"{len(data)} bytes are not a {type_name}: they are not plain CDR")
         definition = store.get_msgdef(type_name)
         read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
         try:
             content = memoryview(data)[_ENCAPSULATION_BYTES:]
             end: int = read(content, 0, definition.cls, store)[1]
         except _MISFIT as error:
-            raise BagError(f"{len(data)} bytes are no {type_name}: {error}") from None
+            raise BagError(f"{len(data)} bytes are not a {type_name}: {error}") from None
         return end + _ENCAPSULATION_BYTES
 
     def _store(self, type_name: str) -> Typestore:

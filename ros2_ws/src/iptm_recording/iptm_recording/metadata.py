@@ -23,7 +23,7 @@ _ROOT_KEY = "rosbag2_bagfile_information"
 
 @dataclass(frozen=True)
 class FileRecord:
-    """What `metadata.yaml` says of one MCAP file of a bag.
+    """Entry of one MCAP file in the `metadata.yaml` of a bag.
 
     Attributes:
         name: name inside the folder.

@@ -1,4 +1,4 @@
-"""Asks the nodes of the suite for their parameters, so that any recording tells what a run depended on."""
+"""Reads the parameters of the suite's nodes, so that every recording holds the settings of its run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ParameterCollector:
 
     Args:
         node: node that asks.
-        on_found: told all that is known so far, by node of the suite, whenever a node has answered.
+        on_found: called with all parameters so far, by node of the suite, whenever a node has answered.
     """
 
     def __init__(

@@ -16,9 +16,9 @@ class PeerGate:
     """Decision when the recorder joins the topics by which the plant counts its peers.
 
     In lock-step the plant starts once enough peers subscribe to its state and its clock. The
-    recorder is one of them, and must not be counted before it can hear everybody: else the first
+    recorder is one of them, and must not be counted before it receives all topics: else the first
     messages of the controller, or of the plant itself, would be missing from the bag, or the recorder
-    would be taken for the bridge. It therefore subscribes to these "gate" topics last, when it is
+    would be mistaken for the bridge. It therefore subscribes to these "gate" topics last, when it is
     subscribed to all other topics of the suite. Where no such start is to be expected (the trip is
     running already, or the rest of the suite is not there), it does not wait.
 

@@ -37,7 +37,7 @@ class PlaybackOptions:
         is_looping: begin again at the end.
         is_paused: begin paused.
         remap: names under which topics are played, by their names in the bag.
-        qos: what a user wants of the quality of service, by names in the bag.
+        qos: quality of service requested by the user, by names in the bag.
     """
 
     bag: Path
@@ -100,7 +100,7 @@ class Playback:
         self._options = options
         self.bag_start_ns = reader.start_ns
         clocks = [topic.name for topic in reader.topics.values() if topic.type_name == CLOCK_TYPE]
-        # With the clocks of several vehicles nobody knows which one is meant.
+        # With several vehicles the choice of the clock is ambiguous.
         self.clock_topic = clocks[0] if len(clocks) == 1 else CLOCK_TOPIC
         self.start_ns = reader.start_ns + round(options.start_s * 1e9)
         self.end_ns = reader.end_ns

@@ -16,8 +16,8 @@ class WaitOutcome(Enum):
 
     DUE = "the message is to be played now"
     EARLY = "it is not, but the time that was given is over"
-    SOUGHT = "somebody asked for another position"
-    STOPPED = "somebody asked for the end"
+    SOUGHT = "a seek was requested"
+    STOPPED = "a stop was requested"
 
 
 class PlaybackControl:
@@ -70,7 +70,7 @@ class PlaybackControl:
             return self._position_ns()
 
     def begin(self, position_ns: int) -> None:
-        """Go to a position without telling who waits: a playback begins there."""
+        """Set the start position of a playback, without waking the waiting thread."""
         with self._condition:
             self._move_to(position_ns)
 
@@ -90,7 +90,7 @@ class PlaybackControl:
             self._condition.notify_all()
 
     def seek(self, position_ns: int) -> None:
-        """Ask for another position; whoever waits is told."""
+        """Request another position and wake the waiting thread."""
         with self._condition:
             self._sought_ns = position_ns
             self._steps = 0
@@ -117,7 +117,7 @@ class PlaybackControl:
             self._condition.notify_all()
 
     def sleep(self, seconds: float) -> bool:
-        """Sleep, whatever happens to the position; return True when told to stop."""
+        """Sleep regardless of seeks; return True when stopped."""
         with self._condition:
             return self._condition.wait_for(lambda: self._is_stopped, min(seconds, _LONGEST_WAIT_S))
 

@@ -39,14 +39,14 @@ def build_parser() -> argparse.ArgumentParser:
         type=number,
         default=0.0,
         metavar="S",
-        help="begin so many seconds into the bag",
+        help="start offset into the bag in seconds",
     )
     parser.add_argument(
         "--duration",
         "--playback-duration",
         type=number,
         metavar="S",
-        help="play so many recorded seconds (default: all)",
+        help="recorded seconds to play (default: all)",
     )
     parser.add_argument("-l", "--loop", action="store_true", help="begin again at the end")
     parser.add_argument("-p", "--start-paused", action="store_true", help="begin paused")

@@ -202,7 +202,7 @@ class PlayerNode(SuiteNode):
             self.finish()
 
     def _wait_for_subscribers(self) -> bool:
-        """Wait as asked for; return False when told to stop meanwhile."""
+        """Wait for the requested subscribers; return False when stopped."""
         wanted = self._options.wait_for_subscribers
         if wanted:
             print(f"waiting for {wanted} subscriptions", flush=True)

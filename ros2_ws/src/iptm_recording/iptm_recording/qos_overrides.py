@@ -51,7 +51,7 @@ _MOST_DEPTH = 1_000_000
 
 @dataclass(frozen=True)
 class QosOverrides:
-    """Policies that a user wants, by topic.
+    """Policies requested by the user, by topic.
 
     Attributes:
         by_topic: fields of `Qos` by full name of the topic.

@@ -1,4 +1,4 @@
-"""What a bag says about its topics, which of them are wanted, and their quality of service.
+"""Topics of a bag, their selection, and their quality of service.
 
 Free of rclpy: the nodes translate to and from rclpy's QoS profiles in `rclpy_types`.
 """
@@ -124,7 +124,7 @@ def parse_profiles(text: str) -> tuple[Qos, ...]:
     """Return the profiles in the YAML text of an MCAP channel, of any metadata version.
 
     Raises:
-        BagError: the text is no YAML or holds no list of profiles.
+        BagError: the text is not YAML or does not hold a list of profiles.
     """
     allowed = "a YAML list of QoS profiles"
     entries = parse_yaml(text, "offered_qos_profiles", BagError)

@@ -1,7 +1,7 @@
 """The recorder: subscribes to raw bytes and hands them to the bag, nothing more.
 
 Every tick is in the file before the first message of the next one, and everything a moment later,
-so that a killed recorder loses one tick at most. When told to stop it first empties its queues.
+so that a killed recorder loses one tick at most. On a stop it first empties its queues.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class RecorderOptions:
         limits: of one file of the bag.
         depth: messages queued per topic while the recorder is busy.
         is_paused: begin paused.
-        qos: what a user wants of the quality of service, by full names of topics.
+        qos: quality of service requested by the user, by full names of topics.
     """
 
     output: Path
@@ -157,7 +157,7 @@ class RecorderNode(SuiteNode):
         return f"goes on in {self._writer.split().name}"
 
     def _store_pauses(self) -> None:
-        """Tell in the bag what is missing on purpose."""
+        """Write the intentional gaps of the recording into the bag."""
         pauses = [
             {
                 "after_s": s_from_ns(pause.after_ns) if pause.after_ns >= 0 else None,
@@ -170,7 +170,7 @@ class RecorderNode(SuiteNode):
         self._writer.add_information({PAUSES_KEY: text.strip()})
 
     def _look(self) -> None:
-        """Do what has to be done beside the messages, a few times a second."""
+        """Do periodic work other than storing messages, a few times a second."""
         now_s = time.monotonic()
         if self._session.message_count != self._seen_count:
             self._seen_count = self._session.message_count
@@ -207,7 +207,7 @@ class RecorderNode(SuiteNode):
         warning = choice.look(time.monotonic(), published, has_data=has_data)
         if choice.clock is not None:
             self._session.follow(choice.clock)
-            self._topics.want(choice.clock, CLOCK_TYPE)
+            self._topics.select(choice.clock, CLOCK_TYPE)
         elif choice.is_final:
             self._session.stop_waiting()
         if warning:

@@ -1,7 +1,7 @@
 """Makes a sound bag of one whose recording was cut short (kill, crash, full disk).
 
-Every complete message is taken over with its times; the source is never changed, and the report says
-exactly what is missing, as far as the source knows.
+Every complete message is copied with its times; the source is never changed, and the report lists
+what is missing, as far as the source holds its counts.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class RecoveryReport:
     Attributes:
         output: the new bag folder.
         message_counts: recovered messages by topic.
-        lost_counts: messages known to be lost, by topic; of topics nobody knows, under "unknown topic".
-        is_loss_exact: True when the source says how many messages it held; if not, more than
+        lost_counts: messages known to be lost, by topic; of unknown topics, under "unknown topic".
+        is_loss_exact: True when the source states how many messages it held; if not, more than
             `lost_counts` may be missing.
         total_bytes: size of the source files together.
         dropped_bytes: bytes that belong to no complete message or record.
@@ -91,7 +91,7 @@ class RecoveryReport:
         if self.is_loss_exact:
             return f"{self.lost_count} messages lost, by the statistics of the source"
         return (
-            f"at least {self.lost_count} messages lost: the source does not say how many it held"
+            f"at least {self.lost_count} messages lost: the source does not state how many it held"
             if self.lost_count or self.dropped_bytes
             else "no message of the source lost; what its recorder had not written yet is unknown"
         )
@@ -102,7 +102,7 @@ def recover(source: Path, output: Path | None = None) -> RecoveryReport:
 
     Args:
         source: bag folder, with or without `metadata.yaml`, or a single .mcap file.
-        output: bag folder to create; by default beside the source, `<name>_recovered`.
+        output: bag folder to create; by default next to the source, `<name>_recovered`.
 
     Raises:
         BagError: the source is missing, not MCAP, or holds no complete message; the output exists.
@@ -161,7 +161,7 @@ def _file_number(path: Path) -> tuple[int, str]:
 
 @dataclass
 class _Contents:
-    """What a file holds beside its messages.
+    """Content of a file other than messages.
 
     Attributes:
         reader: the reader, when it has seen the whole file, with its findings.
@@ -320,7 +320,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(
         prog="recover_bag",
-        description="Make a sound bag of one that was killed, cut short or damaged, and say what is lost.",
+        description="Make a sound bag of one that was killed, cut short or damaged, and list what is lost.",
     )
     parser.add_argument("source", type=Path, help="bag folder or .mcap file; it is not changed")
     parser.add_argument(

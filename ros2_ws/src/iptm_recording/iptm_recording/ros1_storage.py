@@ -34,7 +34,7 @@ class Ros1Storage(StorageFile):
     """See `StorageFile`.
 
     Raises:
-        BagError: it cannot be read, is no bag of ROS 1, damaged, or was cut short.
+        BagError: it cannot be read, is not a ROS 1 bag, damaged, or was cut short.
     """
 
     def __init__(self, path: Path, source: Path | None = None) -> None:
@@ -81,7 +81,7 @@ class Ros1Storage(StorageFile):
         with path.open("rb") as file:
             start = file.read(len(_MAGIC))
         if start != _MAGIC:
-            raise BagError(f"{self.path} is no bag of ROS 1: it starts with {start!r}")
+            raise BagError(f"{self.path} is not a ROS 1 bag: it starts with {start!r}")
 
     def _prepare(self) -> None:
         """Find out what is in the bag, and how each type is converted."""

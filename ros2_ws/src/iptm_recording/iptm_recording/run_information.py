@@ -30,7 +30,7 @@ MODEL_KEY = "model"
 _BRAKES = "brakes."
 """Entry of the run's parameters that holds the model's, as `to_flat_dict` gives them."""
 PAUSES_KEY = "pauses"
-"""Text of a bag that tells when nothing was recorded on purpose."""
+"""Key of the text of a bag that lists the pauses of the recording."""
 LOST_KEY = "lost_messages"
 _PACKAGES = ("numpy", "casadi", "ros-rclpy", "mcap", "rosbags", "iptm_core", "iptm_controller")
 
@@ -103,7 +103,7 @@ def collect_run_information(
     parameters: str | Mapping[str, Any] = "",
     extra: Mapping[str, str] | None = None,
 ) -> RunInformation:
-    """Complete what the caller knows about a run with revision, versions and the time of day.
+    """Complete the information about a run with revision, versions and the time of day.
 
     Args:
         scenario: name of the scenario.
@@ -154,7 +154,7 @@ def stored_pauses(information: RunInformation) -> list[tuple[float, float]]:
     """Return the pauses of a recording that began and ended within it: last tick before, last inside (s).
 
     Raises:
-        BagError: the bag tells of some, but malformed.
+        BagError: the bag holds malformed ones.
     """
     text = information.extra.get(PAUSES_KEY, "")
     pauses = parse_yaml(text, "pauses of the recording", BagError) or []
@@ -184,7 +184,7 @@ def stored_losses(information: RunInformation) -> dict[str, int]:
 
 
 def stored_model_parameters(information: RunInformation) -> ModelParameters | None:
-    """Return the model parameters that a run was made with, None if its bag does not tell.
+    """Return the model parameters that a run was made with, None if its bag lacks them.
 
     Raises:
         BagError: there are some, but malformed.

@@ -1,9 +1,9 @@
 """Reads the sound records of an MCAP file from front to back, however the file ends or is damaged.
 
 Ordinary readers start at the footer, which a file cut short does not have. This one walks from
-record to record, checks that each is as long as it says and each chunk against its checksum, looks
+record to record, checks the length of each and the checksum of each chunk, looks
 into a last chunk that was cut, and goes on at the next sound chunk behind damage. What it cannot hand
-out it lists: where, how many bytes, and of which topics how many messages, as far as the file tells.
+out it lists: where, how many bytes, and the number of messages by topic, as far as the file states it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Damage:
         position: its first byte.
         size: bytes.
         reason: what is wrong with it.
-        message_counts: messages that it held, by channel; None where nobody can tell.
+        message_counts: messages that it held, by channel; None if unknown.
         span_ns: log times of these messages, None when unknown.
     """
 
@@ -85,10 +85,10 @@ class SalvageReader:
         complete: True when the file ends with its footer and nothing of it is damaged.
         damages: what was left out.
         notes: what else is not as it should be, one sentence each.
-        statistics: what the file itself says about its messages; None if it does not or cannot be believed.
+        statistics: statistics record of the file; None if missing or invalid.
 
     Raises:
-        BagError: the file cannot be read or is no MCAP file.
+        BagError: the file cannot be read or is not an MCAP file.
     """
 
     path: Path
@@ -108,7 +108,7 @@ class SalvageReader:
             raise BagError(f"cannot read {self.path}: {error}") from None
         if start != MAGIC:
             raise BagError(
-                f"{self.path} is no MCAP file: it starts with {start!r}; allowed: {MAGIC!r}"
+                f"{self.path} is not an MCAP file: it starts with {start!r}; allowed: {MAGIC!r}"
             )
 
     @property
@@ -201,7 +201,7 @@ class SalvageReader:
         end = 0
         try:
             for record in StreamReader(stream, skip_magic=True).records:
-                # A message cut in its data is handed out shorter than it says.
+                # The reader returns a truncated message shorter than its stated length.
                 if stream.tell() - end < PREFIX.size + PREFIX.unpack_from(content, end)[1]:
                     break
                 found.append(record)
@@ -230,7 +230,7 @@ def _read_record(data: mmap.mmap, position: int) -> tuple[McapRecord | None, int
     """Return the record at a position (None for one of a private kind) and where it ends.
 
     Raises:
-        ValueError: no record can be there, or it is not as long as it says.
+        ValueError: no record can be there, or its length is wrong.
         McapError, struct.error, EOFError: its content cannot be read.
     """
     left = len(data) - position
@@ -253,12 +253,12 @@ def _read_record(data: mmap.mmap, position: int) -> tuple[McapRecord | None, int
     stream = ReadDataStream(BytesIO(body))
     record = reader(stream)
     if stream.count != length:
-        raise ValueError(f"a {type(record).__name__} record is not as long as it says")
+        raise ValueError(f"a {type(record).__name__} record has a wrong length")
     return record, end
 
 
 def _next_sound(data: mmap.mmap, position: int) -> int | None:
-    """Return where the next chunk that is as long as it says starts, or the end of the data section."""
+    """Return the start of the next chunk of correct length, or the end of the data section."""
     last = data.find(_DATA_END_PREFIX, position)
     while last >= 0:
         behind = last + DATA_END.size

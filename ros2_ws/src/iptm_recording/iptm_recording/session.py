@@ -20,7 +20,7 @@ from iptm_recording.timeline import (
     stamp_kind,
 )
 
-# Most that is kept in memory beside the file while simulated time has not begun.
+# Limits of the messages kept in memory until simulated time begins.
 MAX_EARLY_MESSAGES = 20_000
 MAX_EARLY_BYTES = 16_000_000
 
@@ -54,7 +54,7 @@ class Pause:
     passed_over: int = 0
 
     def covers(self, time_ns: int) -> bool:
-        """Tell whether a message that was published then is not to be recorded."""
+        """Return whether a message published at this time is not to be recorded."""
         return time_ns > self.after_ns and (self.until_ns is None or time_ns <= self.until_ns)
 
 
@@ -99,7 +99,7 @@ class RecordingSession:
         return bool(self.pauses) and self.pauses[-1].until_ns is None
 
     def pause(self) -> None:
-        """Record nothing from the next tick on but latched topics, which whoever joins later gets as well.
+        """Record only latched topics from the next tick on, as late subscribers receive those as well.
 
         Pauses go by the stamps of messages where they have one: no tick is recorded in part.
         """

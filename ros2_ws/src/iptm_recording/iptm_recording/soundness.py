@@ -1,4 +1,4 @@
-"""What a whole MCAP file says about itself, and whether that agrees with its bytes."""
+"""Statistics and checksums of a whole MCAP file, checked against its bytes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DAMAGE: Final = (
     McapError,
     ZstdError,
     RuntimeError,  # what lz4 reports, and deep recursion
-    ValueError,  # a checksum, or a text that is no UTF-8
+    ValueError,  # a checksum, or a text that is not UTF-8
     ArithmeticError,
     LookupError,
     EOFError,

@@ -29,7 +29,7 @@ class SqliteStorage(StorageFile):
     """See `StorageFile`.
 
     Raises:
-        BagError: it cannot be read, is no SQLite file of rosbag2, damaged, or was cut short.
+        BagError: it cannot be read, is not a SQLite file of rosbag2, damaged, or was cut short.
     """
 
     def __init__(self, path: Path, source: Path | None = None) -> None:
@@ -40,7 +40,7 @@ class SqliteStorage(StorageFile):
         except OSError as error:
             raise BagError(f"cannot read {self.path}: {error}") from None
         if start != _MAGIC:
-            raise BagError(f"{self.path} is no SQLite file: it starts with {start!r}")
+            raise BagError(f"{self.path} is not a SQLite file: it starts with {start!r}")
         for ending in _JOURNALS:
             journal = path.with_name(path.name + ending)
             if journal.exists() and journal.stat().st_size:
@@ -48,7 +48,7 @@ class SqliteStorage(StorageFile):
                     f"{self.path} has the journal {journal.name}: its recording was cut short;"
                     f" let SQLite complete it: sqlite3 {self.path} 'PRAGMA journal_mode=DELETE'"
                 )
-        # The player reads in a thread of its own; nobody reads at the same time.
+        # The player reads in its own thread, and only there.
         self._database = sqlite3.connect(
             f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1",
             uri=True,
@@ -117,13 +117,13 @@ class SqliteStorage(StorageFile):
         )
         for key, time_ns, data in rows:
             if not isinstance(data, bytes):
-                raise sqlite3.DataError(f"a message at {time_ns} ns is no sequence of bytes")
+                raise sqlite3.DataError(f"a message at {time_ns} ns is not a sequence of bytes")
             topic = self._topics_by_id[key]
             yield RawMessage(topic.name, topic.type_name, time_ns, time_ns, data)
 
     def _read_topics(self) -> dict[int, TopicRecord]:
         if not self._columns("topics") or not self._columns("messages"):
-            raise BagError(f"{self.path} is no bag of rosbag2: it lacks its tables")
+            raise BagError(f"{self.path} is not a rosbag2 bag: it lacks its tables")
         counts = dict(
             self._database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id")
         )
@@ -157,7 +157,7 @@ class SqliteStorage(StorageFile):
         self.start_ns, self.end_ns = int(start_ns or 0), int(end_ns or 0)
 
     def _columns(self, table: str) -> set[Any]:
-        """Return the names of the columns of a table, none if there is no such table."""
+        """Return the names of the columns of a table, empty if the table does not exist."""
         rows = self._database.execute("SELECT name FROM pragma_table_info(?)", (table,))
         return {row[0] for row in rows}
 

@@ -66,16 +66,16 @@ class StorageFile(ABC):
 
     Args:
         path: the file to read.
-        source: the file that the user knows, if `path` was unpacked from it.
+        source: the file given by the user, if `path` was unpacked from it.
 
     Attributes:
-        path: the file that the user knows.
+        path: the file given by the user.
         topics: recorded topics; one name may occur several times.
         message_count: messages of all topics together.
         start_ns: earliest log time, 0 without messages.
         end_ns: latest log time, 0 without messages.
         counts_topics: the counts of `topics` are those that the file promises.
-        remarks: what a user should know of it, one sentence each.
+        remarks: remarks for the user, one sentence each.
     """
 
     def __init__(self, path: Path, source: Path | None = None) -> None:
@@ -120,7 +120,7 @@ class StorageFile(ABC):
         """Yield messages in order of log time, equal times in file order.
 
         Raises:
-            BagError: the file is damaged, or holds fewer messages than it says.
+            BagError: the file is damaged, or holds fewer messages than stated.
         """
         found: Counter[str] = Counter()
         try:
@@ -141,7 +141,7 @@ class StorageFile(ABC):
         """Read everything once.
 
         Raises:
-            BagError: the file is damaged, or holds fewer messages than it says.
+            BagError: the file is damaged, or holds fewer messages than stated.
         """
         for _ in self.messages(None, None, None):
             pass

@@ -39,8 +39,8 @@ class _Subscribed:
 class TopicSubscriber:
     """Keeps the recorder subscribed to the wanted topics of the graph.
 
-    A topic is subscribed to when its publisher is known already: the reader then knows the writer
-    from its first moment on, and a writer that sees the reader can be sure to be heard.
+    A topic is subscribed to once its publisher is known: the reader then matches the writer
+    at once, and every message sent after the match is received.
 
     Args:
         node: node that subscribes.
@@ -48,8 +48,8 @@ class TopicSubscriber:
         selection: topics wanted.
         discover: consider every topic of the graph, not only those of the suite.
         depth: messages to queue per topic.
-        on_error: told when a message cannot be written.
-        qos: what a user wants of the quality of service.
+        on_error: called when a message cannot be written.
+        qos: quality of service requested by the user.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class TopicSubscriber:
             if name not in self._subscribed and not self._specs[name].on_request
         ]
 
-    def want(self, name: str, type_name: str) -> None:
+    def select(self, name: str, type_name: str) -> None:
         """Take one more topic, whatever was selected."""
         self._suite[name] = type_name
         if self._selection.include:
@@ -186,7 +186,7 @@ class TopicSubscriber:
                 return
 
     def _is_matched(self, name: str) -> bool:
-        """Return whether the subscription to a topic receives, as far as this side can know."""
+        """Return whether the subscription to a topic has a publisher."""
         matched: int = self._subscribed[name].subscription.get_publisher_count()
         return matched > 0
 
@@ -246,7 +246,7 @@ class TopicSubscriber:
         """Return what the publishers of a topic offer at present.
 
         The middleware does not announce how many messages a publisher keeps; for the suite's own
-        topics, in whatever namespace, the table knows.
+        topics, in any namespace, the topic table holds it.
         """
         spec = self._specs.get(name) or next(
             (

@@ -111,7 +111,7 @@ class Timeline:
 
         Args:
             data: CDR bytes.
-            kind: what `stamp_kind` said about its topic.
+            kind: result of `stamp_kind` for its topic.
 
         Returns:
             Both times in nanoseconds; None when simulated time has not begun: ask again later.
@@ -148,6 +148,6 @@ class Timeline:
     @staticmethod
     def _wall_times_ns(stamp_ns: int | None) -> tuple[int, int]:
         now_ns = time.time_ns()
-        # A stamp of simulated time says nothing on the scale of the wall clock.
+        # A stamp of simulated time has no meaning on the wall clock.
         is_wall = stamp_ns is not None and abs(stamp_ns - now_ns) <= MAX_LEAD_NS
         return now_ns, stamp_ns if is_wall and stamp_ns is not None else now_ns

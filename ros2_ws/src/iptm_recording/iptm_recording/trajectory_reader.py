@@ -39,8 +39,8 @@ def trip_starts_ns(reader: BagReader, namespace: str | None = None) -> list[int]
 def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
     """Read the run of a bag; of several trips the last one, see `iptm_interfaces.assembly`.
 
-    Ticks at the very start and end that were recorded only in part are left out. Where the leader alone is
-    missing, the row says so, and `leader_remark` says why. What was never published is NaN throughout.
+    Incomplete ticks at the start and end are left out. If only the leader is
+    missing, the row is marked, with the reason in `leader_remark`. Unpublished quantities are NaN throughout.
 
     Args:
         path: bag folder or file.

@@ -1,1 +1,1 @@
-"""The paper's results beside this project's: statements with verdicts, tables, figures, one page."""
+"""The paper's results compared with this project's: statements with verdicts, tables, figures, one page."""

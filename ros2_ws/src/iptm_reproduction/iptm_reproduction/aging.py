@@ -1,4 +1,4 @@
-"""What the aging model says: its map over current and temperature, and how long cooling takes to pay."""
+"""The aging model: its map over current and temperature, and how long cooling takes to pay."""
 
 from __future__ import annotations
 

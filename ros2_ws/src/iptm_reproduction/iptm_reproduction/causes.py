@@ -31,7 +31,7 @@ def remarks(results: Results) -> dict[str, str]:
 
 def _filled_in(results: Results) -> Any:
     numbers = Numbers(results)
-    # The texts are data of this package and end in Markdown, which is no HTML.
+    # The texts are data of this package and end in Markdown, which is not HTML.
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined)  # noqa: S701
     environment.globals.update(
         {

@@ -80,14 +80,14 @@ IDENTIFICATION_TEXT = (
     "The paper gives neither the order of its segments, nor their slopes, nor several parameters. They are "
     "fitted to its strategy table (`scripts/identify`): the absolute figures of the reference and the "
     "changes of the other strategies. The starting point of the fit was found by hand with an eye on the "
-    "headline of the multi-horizon grid, too, which therefore is no independent test; everything else on "
+    "headline of the multi-horizon grid, too, which therefore is not an independent test; everything else on "
     "this page (weights, horizons, sampling times, temperatures and spacing) is what the fit is tested on. "
     "The trip ships as cycle `comprehensive_identified`, the parameters as set `paper_identified`."
 )
 
 
 def compose(gathered: Gathered) -> Document:
-    """Check every statement and put the report together; what cannot be built says why."""
+    """Check every statement and put the report together; parts that cannot be built state the reason."""
     reasons, notes = causes(gathered.results), remarks(gathered.results)
     checked = {topic.title: check_topic(topic, gathered.results, reasons) for topic in TOPICS}
     material = Material(gathered.results, gathered.provenance, gathered.command, checked)

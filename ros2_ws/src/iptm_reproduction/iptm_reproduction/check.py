@@ -34,7 +34,7 @@ class Finding:
     Attributes:
         verdict: the outcome.
         found: what this project finds, in words and numbers.
-        in_print: what the same rule says about the numbers printed in the paper, where they suffice
+        in_print: outcome of the same rule on the numbers printed in the paper, where they suffice
             to apply it; else empty.
     """
 
@@ -75,8 +75,8 @@ class Claim:
 
     Attributes:
         id: short name, key of its cause.
-        where: where the paper says so.
-        statement: what the paper says, in own words.
+        where: place in the paper.
+        statement: the paper's statement, paraphrased.
         check: how it is checked.
         note: remark on how the statement is read; may be empty.
     """

@@ -13,7 +13,7 @@ class Cell:
     """One cell of a table.
 
     Attributes:
-        text: what it says.
+        text: content.
         verdict: how it compares with the printed number; None where nothing is compared.
         strong: whether it is set off.
     """

@@ -27,7 +27,7 @@ class Provenance:
     Attributes:
         trip: what the runs of the tables drive, in words.
         whole_cycle: whether that is the whole comprehensive cycle, as in the paper; runs that drive another
-            trip say so where they stand.
+            trip are marked.
         runs: number of different runs.
         cases: number of cases that they stand for.
         revisions: number of runs by commit of the source.
@@ -94,7 +94,7 @@ def gather(store: ResultStore, campaign: Campaign) -> Gathered:
         Its runs; a missing one with its reason.
 
     Raises:
-        ScenarioError: not a single run is there; says how many are missing and how to compute them.
+        ScenarioError: there are no runs; names the number of missing ones and the command that computes them.
         StoreError: a run has disappeared from the store since the survey.
     """
     finished: list[_Finished] = []

@@ -119,7 +119,7 @@ def _missing(material: Material, key: str, title: str, lacking: tuple[str, ...])
 
 
 RULES_TEXT = (
-    "A statement is reproduced if the rule beside it holds within the stated tolerance; reproduced in "
+    "A statement is reproduced if its rule holds within the stated tolerance; reproduced in "
     "sign only if the direction is right and the size is not; not reproduced otherwise; not tested if "
     "a run is missing. Rules are applied by code to stored runs. Where a rule can be applied to the "
     "paper's printed numbers alone, its outcome for them is given, too. The printed numbers and "
@@ -128,7 +128,7 @@ RULES_TEXT = (
 
 
 def runs_used(material: Material) -> Block:
-    """Say how many runs the page rests on, and of which trip."""
+    """Return the number of runs behind the page, and their trip."""
     origin = material.provenance
     return Paragraph(
         f"Every number on this page comes from {origin.runs} stored runs "
@@ -148,14 +148,14 @@ def other_trip(material: Material) -> Block | None:
 
 
 def incomplete(material: Material) -> Block | None:
-    """Say which runs are missing and how to compute them, if any are."""
+    """Return the missing runs and how to compute them, if any."""
     missing = material.results.missing
     if not missing:
         return None
     names = dict.fromkeys(run.study for run in missing)
     return Paragraph(
         f"This report is incomplete: {len(missing)} cases are missing, of the studies "
-        f"{', '.join(names)}. What is not shown for this reason says so in its place. To "
+        f"{', '.join(names)}. Affected places are marked. To "
         f"compute them: {material.command} {' '.join(names)}"
     )
 

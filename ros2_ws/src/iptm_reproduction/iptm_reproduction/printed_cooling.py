@@ -1,4 +1,4 @@
-"""What the paper's printed numbers alone say of cooling: how long it takes to pay, and what braking gives.
+"""Cooling from the paper's printed numbers alone: its payback time, and the effect of braking.
 
 Nothing here is identified. The ratio of both cells' degradations under the reference gives, by the printed
 aging law, how much warmer cell N is; the coolant warms up by as much along the channel, which is the heat

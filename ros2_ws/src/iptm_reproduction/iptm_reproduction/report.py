@@ -1,4 +1,4 @@
-"""From a store to the finished pages: HTML with everything inside, and Markdown beside its figures."""
+"""From a store to the finished pages: HTML with everything inside, and Markdown with a folder of figures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def build_report(store: ResultStore, campaign: Campaign, output_dir: Path) -> tu
     Args:
         store: where the runs are.
         campaign: studies that were compared with the store (``execution.survey``). Runs that are missing
-            leave notes in the report, which say so.
+            leave notes in the report.
         output_dir: where ``paper-reproduction.html`` (one file with everything inside),
             ``paper-reproduction.md`` and the folder of its figures go.
 
@@ -116,7 +116,7 @@ def spaced(text: str) -> str:
 def _environment(*, escape: bool) -> jinja2.Environment:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_TEMPLATES),
-        # Markdown is no HTML; what goes into it comes from this package and its own data files.
+        # Markdown is not HTML; what goes into it comes from this package and its own data files.
         autoescape=escape,  # noqa: S701
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

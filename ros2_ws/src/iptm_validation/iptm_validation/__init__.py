@@ -1,1 +1,1 @@
-"""The models beside measured cars, cells and drivers: readers, fits, errors on held-out parts."""
+"""The models compared with measured cars, cells and drivers: readers, fits, errors on held-out parts."""

@@ -64,7 +64,7 @@ def _read(folder: Path | None, console: Console) -> MeasuredData:
 
 
 def _table(outcomes: list[Outcome]) -> Table:
-    table = Table(title="Models beside measurements (parts that were not fitted)")
+    table = Table(title="Models compared with measurements (parts that were not fitted)")
     for name in ("quantity", "part"):
         table.add_column(name, overflow="fold")
     for name in ("value", "bar"):

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure as Picture
 from iptm_core.markdown import markdown_table
 from iptm_validation.outcome import Comparison, Figure, Outcome
 
-HEAD = """# Models beside measurements
+HEAD = """# Models compared with measurements
 
-Public measurements of cars, cells and drivers beside the models. Errors count on trips, tests and cars
+Public measurements of cars, cells and drivers compared with the models. Errors count on trips, tests and cars
 that were not fitted. Parameters and the choices named below come from the fitted part; the form of the
 models was developed with all of these data in view.
 

@@ -89,7 +89,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--against",
         default="reference",
         metavar="STRATEGY",
-        help="strategy of the car to compare the ageing with, none for no such car; beside one"
+        help="strategy of the car to compare the ageing with, none for no such car; with one"
         " vehicle only (default: %(default)s)",
     )
     parser.add_argument(
@@ -190,7 +190,7 @@ class _Servers(AbstractContextManager["_Servers"]):
             self.foxglove.close()
 
     def complete(self, facts: RunFacts) -> RunFacts:
-        """Add what this view knows to the facts of a run, and start the reference car once."""
+        """Add the facts of this view to those of a run, and start the reference car once."""
         if self.foxglove is not None:
             facts = replace(facts, foxglove=self.foxglove.url)
         if self._note:

@@ -25,7 +25,7 @@ BACKLOG = 1024
 """Messages queued for one client at most; the oldest are dropped."""
 
 NOT_INSTALLED = (
-    "foxglove-sdk is not installed, so there is no server for Foxglove and Lichtblick; to have one: "
+    "foxglove-sdk is not installed, so the server for Foxglove and Lichtblick is off; to enable it: "
     ".venv/bin/python -m pip install --require-hashes -r requirements/view.txt"
 )
 
@@ -106,7 +106,7 @@ class FoxgloveServer:
         )
 
     def take(self, topic: str, data: bytes, *, is_latched: bool = False) -> None:
-        """Pass one message on to whoever is subscribed; never waits for a client.
+        """Pass one message on to the subscribed clients; never waits for a client.
 
         Args:
             topic: an offered topic; messages of others are dropped.

@@ -93,7 +93,7 @@ class GraphSource:
         self._last_heard_s = time.monotonic()
 
     def look(self) -> None:
-        """Show what has been published, and now and then look for what there is to hear."""
+        """Show what has been published, and look for new topics from time to time."""
         for topic, data in self._graph.take():
             self._take(topic, data)
         now_s = time.monotonic()

@@ -1,10 +1,10 @@
-"""Listens to the suite's topics without being taken for one of its nodes, and at a cost of its own choosing.
+"""Subscribes to the suite's topics without being counted as one of its nodes, and at a bounded cost.
 
-Plant and bridge count who listens to their main topics and start when everybody is there. A viewer joins
-those only while a trip is running, and leaves what nobody publishes any more.
+Plant and bridge count the subscribers of their main topics and start when all are there. A viewer subscribes
+to those only while a trip is running, and unsubscribes when their publishers end.
 
-Messages are taken when the viewer asks for them. Of a topic of which it needs the newest ones only, the
-middleware keeps those and drops what a fast run publishes in between; nobody acknowledges them to the nodes.
+Messages are taken when the viewer asks for them. For a topic of which only the newest are needed, the
+middleware drops older ones of a fast run; they are not acknowledged to the nodes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ COUNTED_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK, Topic.LEADER, Topic.LEADER_
 """Topics by whose listeners plant and bridge count their peers."""
 
 OF_A_TRIP = frozenset(TOPICS) - {Topic.DIAGNOSTICS, Topic.SLOPE}
-"""Topics of which a message says that a trip is under way."""
+"""Topics whose messages show that a trip is under way."""
 
 WHOLE_DEPTH = 1000
 """Messages to queue of a topic that is wanted whole: several seconds of the fastest run."""
@@ -78,7 +78,7 @@ class GraphSubscriptions:
         return self._joined.keys()
 
     def look(self, needed: Collection[Topic], whole: Collection[Topic] = ()) -> frozenset[Topic]:
-        """Join and leave as the graph says; return the topics that are published.
+        """Subscribe and unsubscribe to match the graph; return the published topics.
 
         Args:
             needed: topics that are of use at present.

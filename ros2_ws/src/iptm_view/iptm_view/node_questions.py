@@ -14,13 +14,13 @@ from iptm_view.run_facts import asked_names
 
 
 class NodeQuestions:
-    """Questions under way, and the answers so far; nobody waits for them."""
+    """Pending requests for parameters, and the answers so far; never blocks."""
 
     def __init__(self, node: Node) -> None:
         """Set up; nothing is asked yet.
 
         Args:
-            node: in the namespace of the nodes to ask; another one beside it asks them.
+            node: in the namespace of the nodes to ask; a separate node sends the requests.
         """
         prefix = node.get_namespace().rstrip("/")
         self._node = Node(
@@ -39,7 +39,7 @@ class NodeQuestions:
         self.answers: dict[str, dict[str, Any]] = {}
 
     def ask(self) -> bool:
-        """Ask whoever is there and has not answered yet; return whether an answer has come."""
+        """Ask the nodes that are present and have not answered; return whether an answer has come."""
         self._executor.spin_once(timeout_sec=0.0)
         is_new = False
         for name, client in self._clients.items():
@@ -58,7 +58,7 @@ class NodeQuestions:
         return is_new
 
     def close(self) -> None:
-        """Ask nobody any more."""
+        """Stop asking."""
         self._executor.remove_node(self._node)
         self._executor.shutdown()
         self._node.destroy_node()

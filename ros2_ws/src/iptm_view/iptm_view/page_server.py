@@ -41,7 +41,7 @@ _KINDS = {
     ".js": "text/javascript; charset=utf-8",
     ".svg": "image/svg+xml",
 }
-# The page may load nothing and talk to nobody but this server.
+# The page may connect only to this server.
 _POLICY = "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 
 
@@ -52,7 +52,7 @@ class PageServer:
         """Start serving.
 
         Args:
-            feeds: what to tell of each vehicle, at least one; who names none is told of the first.
+            feeds: feed of each vehicle, at least one; the first is the default.
             port: port on this machine; None for the usual one, or a free one where it is taken.
 
         Raises:
@@ -114,7 +114,7 @@ class _Server(ThreadingHTTPServer):
             self._free_connections.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing about connections that a browser broke off."""
+        """Ignore connections closed by a browser."""
 
 
 def _bind(feeds: Mapping[str, PageFeed], port: int | None) -> _Server:
@@ -225,7 +225,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(_as_text(PageEvent("closing", "{}")).encode())
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 - the name of the base class
-        """Say nothing about requests."""
+        """Do not log requests."""
 
 
 def _as_text(event: PageEvent) -> str:

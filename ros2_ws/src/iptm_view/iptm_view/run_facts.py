@@ -1,4 +1,4 @@
-"""What is known of a run beside its messages: title, limits, and the trip for a reference car.
+"""Facts about a run other than its messages: title, limits, and the trip for a reference car.
 
 It comes from the parameters of the three nodes, as a bag stores them or as the nodes answer when asked.
 """
@@ -74,7 +74,7 @@ class RunFacts:
 
     @property
     def title(self) -> str:
-        """What is driven and by whom, as far as it is known."""
+        """Cycle, strategy and horizon, as far as they are known."""
         nodes = self.nodes or {}
         trip, control = nodes.get(PLANT, {}), nodes.get(CONTROLLER, {})
         words = [f"cycle {Path(str(trip['cycle'])).name}"] if "cycle" in trip else []
@@ -86,7 +86,7 @@ class RunFacts:
         return self if note in self.notes else replace(self, notes=(*self.notes, note))
 
     def document(self) -> dict[str, Any]:
-        """Return what the page is told."""
+        """Return the facts as a document for the page."""
         return {
             "title": self.title,
             "source": self.source,
@@ -148,7 +148,7 @@ def facts_of_information(source: str, information: RunInformation) -> RunFacts:
 
 
 def facts_of_nodes(source: str, nodes: NodeParameters) -> RunFacts:
-    """Return what the nodes of a graph tell, as far as they were there to be asked.
+    """Return the facts from the parameters of the nodes of a graph that answered.
 
     Args:
         source: where the messages come from, in words.

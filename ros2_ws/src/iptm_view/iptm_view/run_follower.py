@@ -59,7 +59,7 @@ class RunFollower:
         self.show_facts(facts)
 
     def expect(self, topics: Iterable[Topic]) -> None:
-        """Tell which topics there are; a tick is complete when it has all of them."""
+        """Set the published topics; a tick is complete when it has all of them."""
         self._expected = _OF_EVERY_TICK.intersection(topics)
 
     def take(self, topic: Topic, data: bytes) -> None:
@@ -78,7 +78,7 @@ class RunFollower:
         """Bring the page up to date.
 
         Args:
-            most: so many ticks at most, the newest ones; None for all.
+            most: largest number of ticks, the newest ones; None for all.
             incomplete: show ticks of which messages are missing, too; for the end of a run.
 
         Returns:
@@ -106,7 +106,7 @@ class RunFollower:
 
     def _join(self, topic: Topic, stamp_ns: int, data: bytes) -> None:
         if stamp_ns < self._last_ns and (stamp_ns == 0 or self._last_ns - stamp_ns > _SET_BACK_NS):
-            # Time has been set back, this is no late message: another trip has begun.
+            # Time has been set back: a new trip, not a late message.
             self._pending.clear()
             self._last_ns = -1
             self._feed.begin_trip()

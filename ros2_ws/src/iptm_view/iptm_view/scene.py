@@ -51,7 +51,7 @@ class Scene:
     Attributes:
         stamp_ns: the instant.
         host: of which the front bumper counts.
-        leader: of which the rear bumper counts; None where nobody leads.
+        leader: position of its rear bumper; None without a leader.
         warmest_cell_c: temperature of the warmest cell, None where it is not known.
     """
 

@@ -46,7 +46,7 @@ class TransformPublisher:
     """
 
     def __init__(self, node: Node, prefix: str) -> None:
-        """Publish what never changes; without the type say once that it is absent.
+        """Publish what never changes; without the message type warn once.
 
         Args:
             node: publishes.

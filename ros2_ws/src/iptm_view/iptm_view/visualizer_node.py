@@ -1,7 +1,7 @@
 """Draws a run for RViz, Foxglove and the like: road, plan, preview and both cars in space.
 
-It listens to the suite's topics, so it works beside a run as well as beside a bag that is played, and costs
-the nodes nothing while nobody looks.
+It subscribes to the suite's topics, so it works with a run and with a bag that is played, and costs
+the nodes nothing without a viewer.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class VisualizerNode(SuiteNode):
         self._publish_if_heard(Topic.VISUAL_LEADER_BOUND, partial(build, is_bound=True))
 
     def _draw_scene(self) -> None:
-        """Draw the newest instant of which both cars are known, or the host alone where nobody leads."""
+        """Draw the newest instant of which both cars are known, or the host alone without a leader."""
         complete = [
             stamp for stamp, found in self._by_stamp.items() if set(_OF_A_SCENE) <= set(found)
         ]

@@ -31,7 +31,7 @@ class VisualizerParameters(FrameSettings, ModelSettings):
 
         Raises:
             RouteError: the file is not usable.
-            ParameterError: it does not say where the road lies.
+            ParameterError: it lacks the position of the road.
         """
         if not self.road:
             return None

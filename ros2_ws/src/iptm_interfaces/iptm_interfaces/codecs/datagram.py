@@ -29,7 +29,7 @@ def decode_raw_datagram(message: UInt8MultiArray) -> tuple[int, bytes]:
     """Return when a datagram was received (ns of TimestampIts), and its bytes.
 
     Raises:
-        MessageError: the label is no whole number.
+        MessageError: the label is not an integer.
     """
     label = message.layout.dim[0].label if message.layout.dim else ""
     try:

@@ -1,9 +1,9 @@
 """Encoders of messages of which only the stamp and some numbers change.
 
-To build such a message object and to serialise it takes Python many times as long as its few numbers are
-worth, and a tick has a dozen of them. Their bytes are always laid out alike, so they are made once, and then
-only the numbers are written. An encoder gives both, from one definition of the numbers: the message, for
-everybody, and its bytes, for `Publisher.publish`.
+Building and serialising such a message object takes Python much longer than its few numbers justify, about
+a dozen times per tick. The layout of the bytes is constant, so they are built once and only the numbers are
+written afterwards. An encoder provides both from one definition of the numbers: the message object, and its
+bytes for `Publisher.publish`.
 """
 
 from __future__ import annotations

@@ -53,8 +53,8 @@ def decode_named_values(
     Args:
         topic: a topic of type `sensor_msgs/JointState`.
         message: the message received.
-        optional: names whose value may be NaN or infinite, for unknown, or missing: older senders and
-            bags do not know them all.
+        optional: names whose value may be NaN or infinite (unknown) or missing: older senders and
+            bags lack some of them.
 
     Raises:
         MessageError: names and values differ in number, a name is missing or a value not finite.

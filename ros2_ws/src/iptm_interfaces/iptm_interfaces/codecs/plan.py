@@ -119,7 +119,7 @@ def _table(plan: PlanTrajectory, stamp_ns: int) -> tuple[NDArray[np.int64], Floa
 
 @lru_cache(maxsize=16)
 def _form(count: int, prefix: str) -> tuple[bytes, int]:
-    """Return the bytes of a plan of so many nodes, and where the first of its records begins."""
+    """Return the bytes of a plan with `count` nodes, and the offset of its first record."""
     mark = 1.0e300
     nodes: FloatArray = np.arange(count, dtype=np.float64)
     message = encode_plan(PlanTrajectory(nodes, *(np.full(count, mark) for _ in PLAN_NAMES)), 0)

@@ -191,7 +191,7 @@ def decode_slope(message: Float64MultiArray) -> SlopePreview:
     """Return the slope over position.
 
     Raises:
-        MessageError: the layout is not 2 x N, there is no node, a value is not finite, the
+        MessageError: the layout is not 2 x N, N is 0, a value is not finite, the
             positions do not increase, or a slope is as steep as a wall.
     """
     topic = Topic.SLOPE

@@ -87,7 +87,7 @@ class _Layout:
         """Return where the joint names, the number of points and the records of the points begin.
 
         A float64 lies on a multiple of eight behind the encoding. The length of a record is one, so they all
-        fit if the first one does. Where the names are so long that the first point lies four bytes off, that
+        fit if the first one does. If the length of the names puts the first point four bytes off, that
         point has no fill bytes behind its first number: its record begins with the number of points.
 
         Args:
@@ -163,7 +163,7 @@ def decode_leader_preview_bytes(
         topic: that of predictions, or that of measurements of the range sensor.
 
     Raises:
-        MessageError: the bytes are no such message, or see `decode_leader_preview`.
+        MessageError: the bytes are not such a message, or see `decode_leader_preview`.
     """
     points = _points_if_plain(data)
     if points is None:
@@ -210,5 +210,5 @@ def _deserialize(data: bytes) -> JointTrajectory:
         return deserialize_message(data, JointTrajectory)
     except Exception as error:  # the binding raises error types of its own
         raise MessageError(
-            f"{Topic.LEADER_PREVIEW.value}: {len(data)} bytes are no JointTrajectory: {error}"
+            f"{Topic.LEADER_PREVIEW.value}: {len(data)} bytes are not a JointTrajectory: {error}"
         ) from error

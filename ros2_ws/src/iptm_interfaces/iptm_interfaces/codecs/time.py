@@ -55,7 +55,7 @@ def time_from_ns(stamp_ns: int) -> Time:
 def ns_from_time(message: Time) -> int:
     """Return a stamp message as integer nanoseconds, the key for matching.
 
-    Whatever a sender wrote is returned, also what is no trip time; see `is_stamp`.
+    Returned as sent, even if it is not a trip time; see `is_stamp`.
     """
     return message.sec * NS_PER_S + message.nanosec
 
@@ -66,7 +66,7 @@ def time_from_s(time_s: float) -> Time:
 
 
 def duration_from_ns(duration_ns: int) -> Duration:
-    """Return a signed duration message; its `nanosec` is never negative, as ROS wants it."""
+    """Return a signed duration message; its `nanosec` is never negative, as ROS requires."""
     seconds, nanoseconds = divmod(duration_ns, NS_PER_S)
     return Duration(sec=seconds, nanosec=nanoseconds)
 

@@ -1,4 +1,4 @@
-"""Checks of what the paper says about the aging model itself; they need no runs."""
+"""Checks of the paper's statements about the aging model itself; they need no runs."""
 
 from __future__ import annotations
 

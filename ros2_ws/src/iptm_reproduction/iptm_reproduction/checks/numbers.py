@@ -123,7 +123,7 @@ def value(run: str, figure: Figure, printed: float, share: float, floor: float) 
 def value_between(
     run: str, figure: Figure, lowest: float | None = None, highest: float | None = None
 ) -> Check:
-    """Check that a figure lies inside bounds, in the unit of the figure; None is no bound."""
+    """Check that a figure lies inside bounds, in the unit of the figure; None means unbounded."""
 
     def judge(results: Results) -> Finding:
         found = results.value(run, figure)

@@ -28,7 +28,7 @@ def power_regions(run: str, others: tuple[str, ...], reference: str) -> Check:
     Args:
         run: the run.
         others: the runs to compare with.
-        reference: the run whose distribution of power says what is low and what is high.
+        reference: the run whose distribution of power defines low and high power.
     """
 
     def judge(results: Results) -> Finding:

@@ -1,4 +1,4 @@
-"""What the paper says about the sensitivity to weights, prediction horizon, and multi-horizon grids."""
+"""The paper's statements about the sensitivity to weights, prediction horizon, and multi-horizon grids."""
 
 from __future__ import annotations
 
@@ -289,7 +289,7 @@ LENGTH = ClaimTopic(
             fig.COOLING,
             "cooling energy",
             "differs from",
-            note="Printed as an improvement. The paper's own numbers say the opposite: the cooling energy of"
+            note="Printed as an improvement. The paper's own numbers show the opposite: the cooling energy of"
             " MH 3+5 relative to the benchmark and that of SH 15 in its table give an increase of "
             "exactly the lower end of the range. It is read as an increase.",
         ),

@@ -1,4 +1,4 @@
-"""What the paper says about its headline, aging model, strategies and the trip under them."""
+"""The paper's statements about its headline, aging model, strategies and the trip under them."""
 
 from __future__ import annotations
 

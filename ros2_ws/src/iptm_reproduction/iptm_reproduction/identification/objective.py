@@ -1,6 +1,6 @@
 """How far a candidate is from the paper's strategy table: one number, from its absolute and relative rows.
 
-Every printed number gives a deviation in units of what counts as reproduced: of an absolute row, the
+Every printed number gives a deviation in units of the tolerance for reproduced: of an absolute row, the
 logarithm of found over printed against `ABSOLUTE_TOLERANCE`; of a relative change, the difference against the
 tolerance of the verdicts. Large deviations count linearly (Huber), so that one row that cannot be met does
 not decide the fit. What the paper prints elsewhere plays no part: it is what the fit is tested on.
@@ -18,7 +18,7 @@ from iptm_reproduction.printed import printed_change, printed_value
 from iptm_reproduction.runs import REFERENCE, STRATEGIES, STRATEGY_NAMES
 
 ABSOLUTE_TOLERANCE = CHANGE_SHARE
-"""Deviation of an absolute figure, of its logarithm, that counts as one: the share that verdicts allow."""
+"""Unit of the deviation of an absolute figure, in its logarithm: the tolerance of the verdicts."""
 HUBER = 1.5
 """Deviation from which on the loss grows linearly."""
 

@@ -1,7 +1,7 @@
 """The search: CMA-ES over the unknowns, cheap stages first, every run looked up before it is performed.
 
-The optimiser is started with a fixed seed and told the same answers in the same order, so that a search that
-is started again goes the same way: through the table first, then on.
+The optimiser gets a fixed seed and the same answers in the same order, so that a search that
+is restarted repeats its path through the stored evaluations, then continues.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Scored:
 
 
 class Observer(Protocol):
-    """Is told how the search goes on."""
+    """Receives the progress of the search."""
 
     def started(self, stage: Stage) -> None:
         """A stage begins."""
@@ -113,7 +113,7 @@ class Search:
             unknowns: what is searched for.
             table: where runs are looked up and kept.
             client: cluster that performs them.
-            observer: told about every run and candidate.
+            observer: notified of every run and candidate.
             perform: performs a run on a worker.
         """
         self._unknowns = unknowns

@@ -87,7 +87,7 @@ def evaluations_text(table: EvaluationTable, unknowns: Unknowns) -> str:
 
 
 def ship(candidate: Candidate, table: EvaluationTable) -> tuple[Path, ...]:
-    """Write the identified composition and set where the suite finds them, and the evaluations beside.
+    """Write the identified composition and set where the suite finds them, and the evaluations next to them.
 
     Returns:
         The files.

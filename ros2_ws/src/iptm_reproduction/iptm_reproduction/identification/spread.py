@@ -2,10 +2,10 @@
 
 The deviations from the rows of reference and proposed strategy are taken as linear in the numbers around
 the shipped candidate. Their sensitivities J (per standard deviation of the prior) come from the stored
-evaluations by ridge regression: where the evaluations say nothing, a number counts as without influence, so
-that it is never called determined for lack of runs. With deviations of one as the standard error of a row,
-the standard deviations that are left are the roots of the diagonal of (J^T J + 1)^-1: 1 where the paper says
-nothing, 0 where it leaves no choice.
+evaluations by ridge regression: without information in the evaluations, a number is taken as without
+influence, so that it is never called determined for lack of runs. With deviations of one as standard error,
+the standard deviations that are left are the roots of the diagonal of (J^T J + 1)^-1: 1 where the table
+carries no information, 0 where it leaves no choice.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ PINNED_SHARE, PARTLY_SHARE = 1.0 / 3.0, 2.0 / 3.0
 
 @dataclass(frozen=True)
 class Determined:
-    """A number and what the good fits say about it.
+    """A number with its spread over the good fits.
 
     Attributes:
         unknown: bounds and reason.
@@ -114,7 +114,7 @@ def shipped_values() -> dict[str, float]:
 
 @cache
 def determined_numbers() -> Spread:
-    """Read the evaluations beside this module.
+    """Read the evaluations stored with this module.
 
     Raises:
         StoreError: the file is missing or not as it should be.
@@ -162,7 +162,7 @@ def remaining_shares(steps: FloatArray, deviations: FloatArray) -> FloatArray:
     Returns:
         Shares from 0 to 1, shape (numbers,).
     """
-    # A candidate far away tells less of the sensitivities here.
+    # A distant candidate carries less information on the local sensitivities.
     weights = 1.0 / (1.0 + np.mean(steps**2, axis=1, keepdims=True))
     center = np.sum(weights * steps, axis=0) / np.sum(weights)
     level = np.sum(weights * deviations, axis=0) / np.sum(weights)

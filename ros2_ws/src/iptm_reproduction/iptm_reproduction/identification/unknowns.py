@@ -1,6 +1,6 @@
 """What the paper leaves open, with bounds and reasons, read from one file; candidates are points in there.
 
-Keys say where a number belongs: ``composition.`` (order and slopes of the trip), ``parameters.`` (a dotted
+Keys give the place of a number: ``composition.`` (order and slopes of the trip), ``parameters.`` (a dotted
 key of the parameter sets), ``reference.`` (weights of the reference terms).
 """
 

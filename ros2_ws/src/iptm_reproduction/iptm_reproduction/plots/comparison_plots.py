@@ -1,4 +1,4 @@
-"""Figures beside the paper's: printed against found, share of the possible, robustness."""
+"""Figures against the paper's: printed against found, share of the possible, robustness."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _PRINTED = {"facecolor": "white", "edgecolor": PAPER_COLOUR, "hatch": "////"}
     wanted=STRATEGIES,
 )
 def strategy_changes(results: Results) -> Figure:
-    """Draw the changes of the strategy table, found beside printed."""
+    """Draw the changes of the strategy table, found next to printed."""
     figure, panels = new_figure(4.6, 2, 3)
     others = dict(zip(list(STRATEGY_NAMES)[1:], STRATEGIES[1:], strict=True))
     terms = [name.replace("reference", "ref").replace("_", "\n") for name in others]
@@ -74,7 +74,7 @@ def strategy_changes(results: Results) -> Figure:
     needs=(REFERENCE, MULTI_HORIZON),
 )
 def headline(results: Results) -> Figure:
-    """Draw the headline changes, found beside printed."""
+    """Draw the headline changes, found next to printed."""
     figure, (panel,) = new_figure(2.9)
     for place, (shown, printed) in enumerate(HEADLINE_CHANGES.items()):
         change = results.change(MULTI_HORIZON, REFERENCE, shown)
@@ -206,7 +206,7 @@ def _percent(change: float | None) -> float:
     needs=("discretisation/28/fine", "discretisation/28/3+5"),
 )
 def discretisation(results: Results) -> Figure:
-    """Draw multi-horizon grids beside fine grids of the same length in seconds."""
+    """Draw multi-horizon grids against fine grids of the same length in seconds."""
     runs = [run.address.split("/") for run in results.study("discretisation")]
     lengths = list(dict.fromkeys(length for _, length, _ in runs))
     long_steps = {length: grid for _, length, grid in runs if grid != "fine"}

@@ -1,4 +1,4 @@
-"""What a kelvin is worth along the trip: the controller's price beside the costates of the whole trip."""
+"""Marginal cost of temperature along the trip: the controller's against the costates of the whole trip."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def power_distribution(results: Results) -> Figure:
     present = results.strategies()
     for index, (strategy, run) in enumerate(present.items()):
         power = battery_power_kw(run.trajectory)
-        # Without any spread there is no density to draw.
+        # A density needs spread.
         if np.ptp(power) > 0.0:
             shape = panel.violinplot(
                 power, positions=[index], widths=0.85, showextrema=False, points=200

@@ -33,7 +33,7 @@ _PERCENTILES = (10.0, 50.0, 90.0)
 
 
 def cooling_table(results: Results, key: str, addresses: Sequence[str]) -> Table:
-    """Return where the compressor energy of each run goes, beside the energy that flows back.
+    """Return where the compressor energy of each run goes, and the energy that flows back.
 
     Args:
         results: the runs.
@@ -143,8 +143,8 @@ def optimum_table(results: Results) -> Table:
         ),
         tuple(rows),
         note=(
-            "The optimum knows the whole trip and minimises the degradation of both cells together; "
-            "its other figures are by-products."
+            "The optimum is computed with the whole trip and minimises the degradation of both cells "
+            "together; its other figures are by-products."
         ),
     )
 
@@ -172,7 +172,7 @@ def optimum_solve_table(results: Results) -> Table:
             f"{record.speed_slack_m_s:.2g} m/s, temperature {record.temperature_slack_k:.2g} K."
         )
         if not record.settled:
-            note += " The last solve is not usable: the optimum is no bound."
+            note += " The last solve is not usable: the optimum is not a bound."
     return Table(
         "optimum-solves",
         "Solves of the whole trip, each around the positions of the one before",
@@ -191,7 +191,7 @@ def optimum_solve_table(results: Results) -> Table:
 
 
 def discretisation_table(results: Results) -> Table:
-    """Return multi-horizon grids beside fine grids of the same length."""
+    """Return multi-horizon grids against fine grids of the same length."""
     shown = (*fig.TABLE_FIGURES, fig.COMPUTING_TIME)
     rows: list[Row] = []
     for run in results.study("discretisation"):
@@ -214,7 +214,7 @@ def discretisation_table(results: Results) -> Table:
         tuple(rows),
         note=(
             "Changes of the multi-horizon grid against 1 s steps over the same length. The mark of the "
-            f"first figure says whether the long steps cost more than {100.0 * LONG_STEP_PRICE:g} %, "
+            f"first figure shows whether the long steps cost more than {100.0 * LONG_STEP_PRICE:g} %, "
             "what this project allows."
         ),
     )

@@ -1,4 +1,4 @@
-"""The full channel beside its two-cell reduction: what the saving is, and what the reduction costs."""
+"""The full channel against its two-cell reduction: saving, and cost of the reduction."""
 
 from __future__ import annotations
 

@@ -32,9 +32,9 @@ def determined_table() -> Table:
         note=(
             "Left open is the standard deviation that the strategy table leaves to a number, by the linear "
             f"sensitivities of {found.candidates} candidates that were driven with reference and proposed "
-            "strategy; beside it, what part of the prior's that is. A number is pinned down up to a third of "
-            f"its prior, in part up to two thirds. Good fits are the {found.good} candidates with a misfit "
-            f"up to {found.threshold:.3g} (best {found.best:.3g}); others may exist that were not driven."
+            "strategy; the next column gives it as a share of the prior's. A number is pinned down up to a "
+            f"third of its prior, in part up to two thirds. Good fits are the {found.good} candidates with a "
+            f"misfit up to {found.threshold:.3g} (best {found.best:.3g}); others may exist that were not driven."
         ),
     )
 
@@ -53,11 +53,11 @@ def _determined_row(number: Determined) -> Row:
 
 
 def printed_cooling_table() -> Table:
-    """Return what the paper's printed numbers alone say of cooling, whatever was identified."""
+    """Return the conclusions on cooling from the paper's printed numbers alone, independent of the fit."""
     found = reproduced_cooling()
     return Table(
         "printed-cooling",
-        "What the printed numbers say of cooling",
+        "Cooling from the printed numbers",
         ("figure", "value", "from"),
         (
             cells(
@@ -118,7 +118,7 @@ def settled_table() -> Table:
 
 
 def first_composition_table(results: Results) -> Table:
-    """Return the headline on the identified trip beside that on the composition used before."""
+    """Return the headline on the identified trip against that on the composition used before."""
     rows: list[Row] = []
     for figure, printed in HEADLINE_CHANGES.items():
         change = partial(results.change, figure=figure)

@@ -1,4 +1,4 @@
-"""The tables of the paper, with this project's numbers beside the printed ones."""
+"""The tables of the paper, with this project's numbers next to the printed ones."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _FURTHER_ROWS = (
 
 
 def parameter_table(table: ParameterTable) -> Table:
-    """Return a printed table of parameters beside the values of the set of the reproduction."""
+    """Return a printed table of parameters with the values of the set of the reproduction."""
     used = load_parameters(REPRODUCED_SET)
     ours = {row.key: row for row in describe_parameters(used)}
     rows = []

@@ -19,7 +19,7 @@ class Conclusion:
     """A comparison that should hold whatever varies.
 
     Attributes:
-        text: what it says.
+        text: content.
         better: controller with the lower figures.
         worse: controller with the higher ones.
         figures: what is compared; all must be lower.
@@ -94,7 +94,7 @@ def _variations(results: Results, study: str) -> list[str]:
 
 
 def _outcomes(results: Results, study: str) -> dict[Conclusion, dict[str, bool | None]]:
-    """Return whether each conclusion holds by what varies, but for those that no run can say."""
+    """Return whether each conclusion holds for each variation, except those that no run can decide."""
     names = _variations(results, study)
     table = {
         conclusion: {name: conclusion.holds(results, study, name) for name in names}

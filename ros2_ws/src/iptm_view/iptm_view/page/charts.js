@@ -1,4 +1,4 @@
-// Curves on a canvas: axes, lines that may have holes, limits, and marks. Knows nothing of cars.
+// Curves on a canvas: axes, lines that may have holes, limits, and marks. Independent of cars.
 
 const FONT = "11px system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";
 const MARGIN = { left: 44, right: 8, top: 6, bottom: 18 };

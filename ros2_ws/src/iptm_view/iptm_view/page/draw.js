@@ -244,7 +244,7 @@ function drawAll() {
   PANELS.forEach((panel) => drawPanel(panel, range));
   drawRoad();
   drawEvents(run, player, readingTime());
-  // For whoever waits for the picture, such as a test: what is drawn, and whether more will come.
+  // State for programs that wait for the picture, such as tests.
   document.body.dataset.rows = String(run.rows.times.length);
   document.body.dataset.ended = String(Boolean(run.end.ended));
   document.body.dataset.reference = run.referenceState.state;

@@ -29,7 +29,7 @@ function consumption(kind, digits) {
   };
 }
 
-/** Figures of the trip up to the cursor, beside the saving: [value, note, whether it is bad]. */
+/** Figures of the trip up to the cursor, in addition to the saving: [value, note, whether it is bad]. */
 export const FIGURES = [
   { id: "energy", label: "energy from the battery", unit: "kWh/100 km", digits: 1, isSum: true, of: consumption("battery", 1) },
   { id: "cooling", label: "of which the compressor", unit: "kWh/100 km", digits: 2, isSum: true, of: consumption("compressor", 2) },

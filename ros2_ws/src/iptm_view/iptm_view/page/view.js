@@ -9,17 +9,17 @@ const STEP_S = 1;
 const LONG_STEP_S = 10;
 let isClosed = false;
 
-function say(text, level) {
+function setStatus(text, level) {
   element("connection").textContent = text;
   element("connection").dataset.level = level;
 }
 
 function sayState() {
-  if (isClosed) say(run.end.ended ? "trip ended; view closed, replay works" : "view closed", "warn");
-  else if (events.readyState !== EventSource.OPEN) say("not connected, trying again", "warn");
-  else if (run.rows.lastTime === null) say(run.end.ended ? "trip ended, reading its bag" : "waiting for a run", "warn");
-  else if (run.end.ended) say(player.mode === "playing" ? "replay" : "trip ended", "good");
-  else say(player.mode === "live" ? "live" : "live, shown later", "good");
+  if (isClosed) setStatus(run.end.ended ? "trip ended; view closed, replay works" : "view closed", "warn");
+  else if (events.readyState !== EventSource.OPEN) setStatus("not connected, trying again", "warn");
+  else if (run.rows.lastTime === null) setStatus(run.end.ended ? "trip ended, reading its bag" : "waiting for a run", "warn");
+  else if (run.end.ended) setStatus(player.mode === "playing" ? "replay" : "trip ended", "good");
+  else setStatus(player.mode === "live" ? "live" : "live, shown later", "good");
 }
 
 // --- events of the server
@@ -139,7 +139,7 @@ window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () 
   redraw();
 });
 
-// What the page knows, for its tests and for the curious in the console.
+// State of the page, for tests and for the browser console.
 window.iptmRun = run;
 window.iptmPlayer = player;
 redraw();
