@@ -34,7 +34,7 @@ def determined_table() -> Table:
             f"sensitivities of {found.candidates} candidates that were driven with reference and proposed "
             "strategy; the next column gives it as a share of the prior's. A number is pinned down up to a "
             f"third of its prior, in part up to two thirds. Good fits are the {found.good} candidates with a "
-            f"misfit up to {found.threshold:.3g} (best {found.best:.3g}); others may exist that were not driven."
+            f"misfit up to {found.threshold:.3g} (best {found.best:.3g}); others may exist."
         ),
     )
 
