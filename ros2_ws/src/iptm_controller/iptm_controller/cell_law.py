@@ -4,7 +4,7 @@ The problem stays as it is compiled for the paper's law; the law of a cell enter
 
 - cyclic loss: eq. (12) with z = 1 and B = 0 is ``k |I| exp(-E / T)``, with k and E of the law;
 - calendar loss: J2, a parabola in both temperatures, with slope and curvature of the law at the present ones;
-- energy: J3, with what a joule costs in capacity;
+- energy of the compressor: a price that it has in the problem, of what it costs in capacity;
 - the hours after the trip: the prices of the cells at the end of the horizon, see `ParkedAging`.
 """
 
@@ -25,9 +25,12 @@ from iptm_core.state import VehicleState
 
 CELLS = 2.0
 """The cost counts the loss of the first and of the last cell."""
+_SCALE = 0.02
+"""A kelvin is worth two orders of magnitude more than under the paper's law."""
 _J_PER_KWH = 3.6e6
 _WH_PER_KWH = 1000.0
 _FIT_K = 303.15
+_TABLE_K = np.arange(233.0, 353.5, 0.5)
 _LEAST_CURVATURE_1_K = 1e-3
 """Of the calendar loss over its slope, where a law is straight or bends the other way."""
 
@@ -35,10 +38,13 @@ _LEAST_CURVATURE_1_K = 1e-3
 def cyclic_parameters(aging: ParkedAging, model: ModelParameters) -> AgingParameters:
     """Return the cyclic loss of a law as coefficients of eq. (12).
 
-    Exact for laws that are linear in the current and of one activation energy.
+    Exact for laws that are linear in the current and of one activation energy. A law without cyclic loss
+    leaves those of the paper, or nothing would weigh how the car is driven.
     """
     rate_1_s, slope_1_s_k = aging.cyclic_1_s(_FIT_K)
-    energy_k = _FIT_K**2 * slope_1_s_k / rate_1_s if rate_1_s > 0.0 else 0.0
+    if rate_1_s <= 0.0:
+        return model.aging
+    energy_k = _FIT_K**2 * slope_1_s_k / rate_1_s
     at_1_ah_1_h = rate_1_s * 3600.0 / model.cell.nominal_capacity_ah
     return replace(
         model.aging,
@@ -57,18 +63,15 @@ def energy_price_1_j(use: AgingSettings, model: ModelParameters) -> float:
     return use.electricity_eur_kwh / _J_PER_KWH * END_OF_LIFE_LOSS / battery_eur
 
 
-def with_energy_price(strategy: Strategy, price_1_j: float) -> Strategy:
-    """Return a strategy that pays for energy what it costs beside the capacity that it weighs.
-
-    All weights are scaled alike, so that a typical cost is of order one per second: no optimum moves.
-
-    Args:
-        strategy: cost terms and weights.
-        price_1_j: capacity that costs as much as a joule.
-    """
-    weight_1_j = strategy.energy_weight_1_j + CELLS * strategy.aging_weight * price_1_j
-    priced = replace(strategy, energy_weight_1_j=weight_1_j)
-    return priced.scaled(1.0 / priced.typical_cost_1_s)
+def in_order_one(strategy: Strategy) -> Strategy:
+    """Return a strategy whose cost is of order one under the law of a cell; no optimum moves."""
+    return replace(
+        strategy,
+        speed_weight=_SCALE * strategy.speed_weight,
+        temperature_weight=_SCALE * strategy.temperature_weight,
+        energy_weight_1_j=_SCALE * strategy.energy_weight_1_j,
+        aging_weight=_SCALE * strategy.aging_weight,
+    )
 
 
 class CellLawValuation:
@@ -103,6 +106,7 @@ class CellLawValuation:
             trip_duration_s: trip time at which the trip ends, infinite where that is not known.
         """
         self._aging = aging
+        self._prices_1_k = aging.kelvin_price_1_k(_TABLE_K)
         self._weight = strategy.aging_weight
         self._has_cost_to_go = strategy.cost_to_go
         self._ends_s = trip_duration_s - horizon_s
@@ -111,7 +115,7 @@ class CellLawValuation:
         pack = model.pack
         cells = pack.cells_in_series * pack.parallel
         self._heat_capacity_j_k = cells * model.cell.heat_capacity_j_k
-        self._kelvin_at_1_1_k = self._heat_capacity_j_k * energy_price_1_j
+        self._energy_price_1_j = energy_price_1_j
         self.memory = ValuationMemory()
 
     def value(self, state: VehicleState, leader: PredictedLeaderMotion) -> TemperatureValue:
@@ -135,20 +139,21 @@ class CellLawValuation:
             kelvin_lasts_s=price / slope if slope > 0.0 else 0.0,
             temperature_weight_1_k2_s=0.5 * self._weight * curvature,
             reference_temperature_k=kelvin - slope / curvature if curvature > 0.0 else kelvin,
+            compressor_price_1_j=CELLS * self._weight * self._energy_price_1_j,
         )
 
     def _price_1_k(self, state: VehicleState, kelvin: float) -> float:
         """Return the price of a kelvin at which what is removed and what a kelvin costs agree."""
-        uncooled = float(self._aging.kelvin_price_1_k(np.array([kelvin]))[0])
+        uncooled = float(np.interp(kelvin, _TABLE_K, self._prices_1_k))
         lowest_k = kelvin - max(
             state.cell_1_temperature_k - self._model.limits.min_temperature_k, 0.0
         )
         rates_w, margins = cooling_supply(0.5 * (kelvin + lowest_k), self._model)
-        supply = self._kelvin_at_1_1_k * margins
+        supply = self._heat_capacity_j_k * self._energy_price_1_j * margins
         if not supply.size or uncooled <= supply[0]:
             return uncooled
         left_s = max(self._ends_s - state.time_s, 0.0)
         end_k = np.maximum(kelvin - rates_w * left_s / self._heat_capacity_j_k, lowest_k)
-        demand = np.where(end_k > lowest_k, self._aging.kelvin_price_1_k(end_k), 0.0)
+        demand = np.where(end_k > lowest_k, np.interp(end_k, _TABLE_K, self._prices_1_k), 0.0)
         enough = np.flatnonzero(demand <= supply)
         return float(supply[enough[0]]) if enough.size else float(demand[-1])

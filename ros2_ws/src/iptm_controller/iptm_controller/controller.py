@@ -17,7 +17,7 @@ from iptm_controller.cell_law import (
     CellLawValuation,
     cyclic_parameters,
     energy_price_1_j,
-    with_energy_price,
+    in_order_one,
 )
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
 from iptm_controller.decision import Decision, PlanningResult
@@ -140,8 +140,8 @@ class Controller:
         duration_s, ends_s = self.options.horizon.duration_s, self.options.trip_duration_s
         self._valuation: TemperatureValuation | CellLawValuation | None = None
         if self._parked is not None and strategy.aging_weight > 0.0:
+            strategy = in_order_one(strategy)
             price_1_j = energy_price_1_j(self.options.aging, self._model)
-            strategy = with_energy_price(strategy, price_1_j)
             self._valuation = CellLawValuation(
                 self._parked, strategy, price_1_j, self._model, duration_s, ends_s
             )

@@ -74,27 +74,13 @@ class Strategy:
         """
         if self.is_rule_based:
             return 1.0
-        return min(1.0, _LARGEST_TYPICAL_COST_1_S / self.typical_cost_1_s)
-
-    @property
-    def typical_cost_1_s(self) -> float:
-        """Cost per second of ordinary driving, in order of magnitude."""
-        return (
+        typical_1_s = (
             self.speed_weight * _TYPICAL_SPEED_ERROR_M_S**2
             + self.temperature_weight * 2.0 * _TYPICAL_TEMPERATURE_ERROR_K**2
             + self.energy_weight_1_j * _TYPICAL_POWER_W
             + self.aging_weight * _TYPICAL_AGING_RATE_1_S
         )
-
-    def scaled(self, factor: float) -> Strategy:
-        """Return all weights times a factor."""
-        return replace(
-            self,
-            speed_weight=factor * self.speed_weight,
-            temperature_weight=factor * self.temperature_weight,
-            energy_weight_1_j=factor * self.energy_weight_1_j,
-            aging_weight=factor * self.aging_weight,
-        )
+        return min(1.0, _LARGEST_TYPICAL_COST_1_S / typical_1_s)
 
 
 _LARGEST_TYPICAL_COST_1_S = 50.0

@@ -10,7 +10,7 @@ import numpy as np
 from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
-from iptm_controller.ocp.layout import SampleIndex, StepIndex
+from iptm_controller.ocp.layout import InputIndex, SampleIndex, StepIndex
 from iptm_controller.ocp.stage import LONGEST_UNWATCHED_S
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
@@ -198,6 +198,8 @@ class ProblemDataBuilder:
             both_k = weight * reference_k + further * value.reference_temperature_k
             weight += further
             reference_k = both_k / weight
+        compressor_price, lowest_k = self._lower_temperature_limit(state)
+        kilowatt_w = layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER]
         return [
             state.cell_1_capacity_loss,
             state.cell_n_capacity_loss,
@@ -208,7 +210,8 @@ class ProblemDataBuilder:
             reference_k,
             scale * value.cell_1_price_1_k,
             scale * value.cell_n_price_1_k,
-            *self._lower_temperature_limit(state),
+            compressor_price + scale * value.compressor_price_1_j * kilowatt_w,
+            lowest_k,
         ]
 
     def _lower_temperature_limit(self, state: VehicleState) -> tuple[float, float]:
