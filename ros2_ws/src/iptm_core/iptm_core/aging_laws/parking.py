@@ -50,8 +50,8 @@ class AgingSettings(Settings):
 
     aging_law: str = parameter(
         PAPER_LAW,
-        "ageing law of the controller's cost; with one of a cell the hours after the trip count, and the energy "
-        "of the compressor has its price",
+        "ageing law of the controller's cost; with one of a cell the hours after the trip count, and the "
+        "energy of the compressor has its price",
         choices=(PAPER_LAW, *LAWS),
     )
     parking_air_k: float = parameter(
