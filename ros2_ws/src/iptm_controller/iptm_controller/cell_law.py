@@ -21,7 +21,7 @@ from iptm_controller.temperature_value import TemperatureValue, ValuationMemory,
 from iptm_core.aging_laws.parking import END_OF_LIFE_LOSS, AgingSettings, ParkedAging
 from iptm_core.parameters.model import AgingParameters, ModelParameters
 from iptm_core.physics.thermal_loop import cooling_supply
-from iptm_core.state import VehicleState
+from iptm_core.state import FloatArray, VehicleState
 
 CELLS = 2.0
 """The cost counts the loss of the first and of the last cell."""
@@ -30,7 +30,7 @@ _SCALE = 0.02
 _J_PER_KWH = 3.6e6
 _WH_PER_KWH = 1000.0
 _FIT_K = 303.15
-_TABLE_K = np.arange(233.0, 353.5, 0.5)
+_TABLE_K: FloatArray = np.linspace(233.0, 353.0, 241, dtype=np.float64)
 _LEAST_CURVATURE_1_K = 1e-3
 """Of the calendar loss over its slope, where a law is straight or bends the other way."""
 
