@@ -134,7 +134,7 @@ def in_traffic(duration_s: float) -> tuple[list[Case], RoadLine]:
     with tempfile.TemporaryDirectory() as folder:
         made = prepare_traffic(drive, load_parameters().values, Path(folder))
     network, road = made.network, made.network.road.road_line()
-    bounded = BoundedBySignals(History(), network.limits, network.plan)
+    bounded = BoundedBySignals(History(), network.limits, network.rules.plan)
     cases: list[Case] = []
     for seen in (made.rehearsal or {}).values():
         if seen.times_s[-1] - seen.times_s[0] >= SHORTEST_STAY_S:

@@ -21,7 +21,8 @@ from iptm_traffic.demand import (
     signal_offsets_s,
     write_demand,
 )
-from iptm_traffic.network import HOST_START_M, HostRoad
+from iptm_traffic.host_road import HostRoad
+from iptm_traffic.network import HOST_START_M
 
 
 def vehicles(folder: Path, scenario: TrafficScenario, seed: int = 1) -> dict[str, ET.Element]:

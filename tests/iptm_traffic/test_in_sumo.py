@@ -36,18 +36,18 @@ from iptm_traffic.simulation import HostInstant, TrafficSimulation
 from iptm_traffic.sumo_process import SumoProcess
 
 PARAMETERS = load_parameters().values
+CORRIDOR = Corridor()
 SETTINGS = DemandSettings(traffic_seed=3)
 
 
 def corridor(folder: Path) -> Network:
-    blocks = Corridor()
-    offsets = signal_offsets_s(blocks, TrafficScenario.FOLLOWING, SETTINGS, CYCLE_S)
-    return build_network(blocks, folder, offsets, BEFORE_TRIP_S)
+    offsets = signal_offsets_s(CORRIDOR, TrafficScenario.FOLLOWING, SETTINGS, CYCLE_S)
+    return build_network(CORRIDOR, folder, offsets, BEFORE_TRIP_S)
 
 
 def started(network: Network, folder: Path, step_s: float = 0.5) -> TrafficSimulation:
     demand = write_demand(
-        network.corridor,
+        CORRIDOR,
         TrafficScenario.FOLLOWING,
         SETTINGS,
         600.0,
@@ -92,7 +92,7 @@ def test_sumo_and_plant_agree_and_repeat(step_s: float, tmp_path: Path) -> None:
 
 def test_the_plan_is_that_of_sumos_signals(tmp_path: Path) -> None:
     network = corridor(tmp_path)
-    net = ET.parse(network.file).getroot()  # noqa: S314  written just now
+    net = ET.parse(tmp_path / "corridor.net.xml").getroot()  # noqa: S314  written just now
     links = {
         link.get("tl"): int(link.get("linkIndex", "0"))
         for link in net.iter("connection")
@@ -105,7 +105,7 @@ def test_the_plan_is_that_of_sumos_signals(tmp_path: Path) -> None:
             simulation.step()
             # What SUMO shows has held since the beginning of the step.
             time_s = simulation.time_s - 0.25
-            for name, signal in zip(network.corridor.signals, network.plan.signals, strict=True):
+            for name, signal in zip(CORRIDOR.signals, network.signals, strict=True):
                 is_open = lights.getRedYellowGreenState(name)[links[name]] == "G"
                 assert is_open == signal.is_open(time_s), f"{name} at {time_s} s"
                 opened.add((name, is_open))

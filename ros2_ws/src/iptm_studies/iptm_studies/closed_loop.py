@@ -15,7 +15,7 @@ from iptm_controller.measurements import Measurements
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import LeaderPreview, LeaderState, VehicleState
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.plant import Plant
@@ -34,6 +34,32 @@ Disturb = Callable[[Measurements], tuple[LeaderState, Measurements]]
 Sampled = Callable[[LeaderPreview, float], LeaderPreview | None]
 """From the leader of the route at the instants of an interval, and the position of the host at its start, to
 what is measured of the leader that counts; None where nothing arrives."""
+
+
+class World(Protocol):
+    """What is around the host: the leader as it is, and whatever else moves while an interval passes."""
+
+    def pass_interval(self, before: VehicleState, after: VehicleState) -> None:
+        """Let an interval pass in which the host moves from one state to the other."""
+        ...
+
+    def leader_at(self, time_ns: int) -> LeaderState:
+        """Return the leader at the present tick (integer nanoseconds of trip time)."""
+        ...
+
+    def sampled(self, times_s: FloatArray) -> LeaderPreview:
+        """Return what a range sensor measures in the interval ahead; see `PreviewSource.sampled`."""
+        ...
+
+
+class LeaderOnly:
+    """A world of one vehicle, which moves whatever the host does: recorded, or driven before."""
+
+    def __init__(self, leader: PreviewSource) -> None:
+        self.leader_at, self.sampled = leader.leader_at, leader.sampled
+
+    def pass_interval(self, before: VehicleState, after: VehicleState) -> None:
+        """Do nothing."""
 
 
 class TickController(Protocol):
@@ -77,6 +103,7 @@ def run_closed_loop(
     start_position_m: float = 0.0,
     sampled: Sampled | None = None,
     on_step: Callable[[PlantStep, LeaderState], None] | None = None,
+    world: World | None = None,
 ) -> ClosedLoopRun:
     """Drive a route from standstill.
 
@@ -95,6 +122,7 @@ def run_closed_loop(
         sampled: with ``disturb``, the leader that counts between two ticks, for the sensor of the safety
             monitor. Without it, a leader that counts and is not that of the source is measured once per tick.
         on_step: called with vehicle and leader at every instant, the last one included.
+        world: what is around the host; None for a leader only, that of ``leader`` or of the route.
 
     Returns:
         The trajectory and the controller's answers.
@@ -103,6 +131,7 @@ def run_closed_loop(
     ticks = round(route.duration_s / tick_s)
     slope = CycleSource(route).slope_ahead()
     source = CycleSource(route) if leader is None else leader
+    around = world or LeaderOnly(source)
     answering: TickBridge = bridge or V2xBridge(source, bridge_settings)
     step = plant.observe(plant.initial_state(start_position_m))
 
@@ -111,7 +140,7 @@ def run_closed_loop(
         answer = answering.answer(time_ns, state.position_m)
         measured = Measurements(state, answer.leader, answer.preview, slope)
         # What happened is told by the leader itself, not by what is believed of it.
-        return (source.leader_at(time_ns), measured) if disturb is None else disturb(measured)
+        return (around.leader_at(time_ns), measured) if disturb is None else disturb(measured)
 
     leader_now, measured = measure(step.state, 0)
     tick = 0
@@ -119,12 +148,12 @@ def run_closed_loop(
     def range_sensor(state: VehicleState) -> LeaderPreview | None:
         """Measure the leader that counts."""
         now_ns = round(tick * tick_s * NS_PER_S)
-        own = source.sampled(sampling_times_s(now_ns, tick_s, period_s))
+        own = around.sampled(sampling_times_s(now_ns, tick_s, period_s))
         if disturb is None:
             return own
         if sampled is not None:
             return sampled(own, state.position_m)
-        return own if source.leader_at(now_ns) == leader_now else single_sample(leader_now)
+        return own if around.leader_at(now_ns) == leader_now else single_sample(leader_now)
 
     plant.watch(range_sensor)
     period_s = plant.monitor.settings.monitor_period_s
@@ -142,7 +171,9 @@ def run_closed_loop(
         records.append(decision.record)
         if on_tick is not None:
             on_tick(tick, measured, decision)
-        step = plant.advance(step.state, decision.command, tick_s)
+        before = step.state
+        step = plant.advance(before, decision.command, tick_s)
+        around.pass_interval(before, step.state)
         leader_now, measured = measure(step.state, tick + 1)
     observe(step, leader_now)
     plant.watch(None)  # its sensor belongs to this trip

@@ -24,6 +24,7 @@ from iptm_core.user_input import number
 from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
 from iptm_traffic.drive import TrafficDrive, TrafficFacts, TrafficKnowledge, TrafficResult
+from iptm_traffic.own_network import DEPART_S, OwnNetwork
 
 PROGRAM = "traffic"
 OVER_ROS = "iptm_traffic.node_drive"
@@ -33,8 +34,8 @@ NO_COMPARISON = "none"
 TABLES_WIDTH = 110
 LARGEST_DEVIATION_M = 1e-3
 _EPILOG = """\
-exit code: 0; 1 when a closed line was passed, another car was touched, or plant and SUMO do not agree about
-the host to a millimetre; 2 for a mistake in the options, or without SUMO.
+exit code: 0; 1 when a closed line was passed, the host has met another car or a person, or plant and SUMO
+do not agree about the host to a millimetre; 2 for a mistake in the options, or without SUMO.
 """
 
 
@@ -44,6 +45,7 @@ TRAFFIC_ROWS: Mapping[str, str] = {
     "Stop lines passed while closed": "{0.lines_passed_closed}",
     "Cars ahead, one after the other": "{0.leader_count}",
     "Messages sent around the host": "{0.messages}",
+    "Collisions of the host": "{0.collision_count}",
     "Largest deviation of plant and SUMO (m)": "{0.largest_deviation_m:.1e}",
 }
 """Rows of every table, with the format of their values."""
@@ -113,6 +115,40 @@ def build_parser() -> argparse.ArgumentParser:
         help="drive over ROS 2 instead: plant, bridge, controller and recorder as processes of their own, "
         "the messages over UDP; the folder becomes the bag (nothing is compared, no trajectory is written)",
     )
+    own = parser.add_argument_group("own network")
+    own.add_argument(
+        "--net",
+        type=Path,
+        metavar="FILE",
+        help="drive in this network instead: SUMO's .net.xml or .sumocfg, or what netconvert makes one of, "
+        ".netccfg or .osm",
+    )
+    own.add_argument(
+        "--routes",
+        type=Path,
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="its vehicles and persons, SUMO's .rou.xml; may be given again",
+    )
+    own.add_argument(
+        "--host",
+        metavar="NAME",
+        default="",
+        help="the vehicle of the routes whose place the host takes",
+    )
+    own.add_argument(
+        "--host-route",
+        metavar="EDGE,EDGE,...",
+        default="",
+        help="or the host's way: its edges, or some of them with the shortest ways between",
+    )
+    own.add_argument(
+        "--host-depart-s",
+        type=number,
+        default=DEPART_S,
+        help="when the host departs on --host-route, s of SUMO's time (default: %(default)g)",
+    )
     traffic = parser.add_argument_group("traffic")
     for spec in parameter_specs(DemandSettings):
         traffic.add_argument(
@@ -130,6 +166,19 @@ def drive_from(arguments: argparse.Namespace) -> TrafficDrive:
     Raises:
         IptmError: one of them is out of range.
     """
+    own = None
+    if arguments.net is not None:
+        if arguments.bag is not None:
+            raise ScenarioError("--bag is given with --net; allowed: --net without ROS 2")
+        own = OwnNetwork(
+            arguments.net,
+            tuple(arguments.routes),
+            arguments.host,
+            tuple(edge.strip() for edge in arguments.host_route.split(",") if edge.strip()),
+            arguments.host_depart_s,
+        )
+    elif arguments.routes or arguments.host or arguments.host_route:
+        raise ScenarioError("--routes and --host are given without --net; allowed: with it")
     given = {spec.name: getattr(arguments, spec.name) for spec in parameter_specs(DemandSettings)}
     return TrafficDrive(
         TrafficScenario(arguments.scenario),
@@ -139,12 +188,13 @@ def drive_from(arguments: argparse.Namespace) -> TrafficDrive:
         DemandSettings(**given),
         arguments.step_s,
         arguments.signals_by_radio,
+        own,
     )
 
 
 def results_table(result: TrafficResult, other: TrafficResult | None) -> Table:
     """Return the figures of a drive, beside those of another one in the same traffic."""
-    title = f"{result.drive.scenario}, {result.drive.knowledge} known"
+    title = f"{result.drive.title}, {result.drive.knowledge} known"
     table = Table(title=title, title_justify="left")
     for head in ("figure", result.drive.strategy):
         table.add_column(head, justify="left" if head == "figure" else "right")
@@ -185,6 +235,7 @@ def verdict(result: TrafficFacts) -> list[str]:
     wrong = []
     if result.lines_passed_closed:
         wrong.append(f"{result.lines_passed_closed} stop lines were passed while closed")
+    wrong += [f"collision: {text}" for text in result.collisions]
     if result.smallest_gap_m <= 0.0:
         wrong.append(f"the smallest gap is {result.smallest_gap_m:.2f} m")
     if result.largest_deviation_m > LARGEST_DEVIATION_M:

@@ -12,7 +12,6 @@ import numpy as np
 
 from iptm_controller.controller import Controller, ControllerOptions
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
-from iptm_controller.measurements import Measurements
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import Rung
@@ -22,18 +21,18 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
+from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
-from iptm_traffic.events import Director, LeaderWatch, LineWatch
 from iptm_traffic.network import Network
 from iptm_traffic.preparation import prepare_traffic
 from iptm_traffic.radio import Rehearsed, TrafficRadio
+from iptm_traffic.right_of_way import RightOfWay
 from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS, RoadsideStations
-from iptm_traffic.simulation import LOOKED_AHEAD_M, HostInstant, TrafficSimulation
+from iptm_traffic.simulation import TrafficSimulation
+from iptm_traffic.world import SumoWorld
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.history import History
@@ -47,29 +46,6 @@ from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 
 DRIVER_FORESIGHT_S = 15.0
 """How far ahead the host looks at lines where their plan is not sent to it."""
-
-
-class PlantInTraffic(Plant):
-    """A plant whose every interval takes place in SUMO, too."""
-
-    def __init__(
-        self, parameters: ModelParameters, simulation: TrafficSimulation, lines: LineWatch
-    ) -> None:
-        """Put a fresh plant into a simulation; `lines` watches the stop lines that it passes."""
-        super().__init__(parameters, simulation.network.road.slope().slope_at)
-        self._simulation, self._lines = simulation, lines
-
-    def advance(self, state: VehicleState, command: Command, duration_s: float = 1.0) -> PlantStep:
-        """Carry out a command, and let the traffic go on for as long; see `Plant.advance`."""
-        step = super().advance(state, command, duration_s)
-        before, after = _instant(state), _instant(step.state)
-        self._lines.watch(before, after)
-        self._simulation.move_host(after, duration_s)
-        return step
-
-
-def _instant(state: VehicleState) -> HostInstant:
-    return HostInstant(state.time_s, state.position_m, state.speed_m_s)
 
 
 class _HeardTraffic:
@@ -157,41 +133,31 @@ def _closed_loop(
         stations = RoadsideStations(network, road_line)
         heard = HeardRules(RoadsideTable(road_line), GivenRules(read_limits(LIMITS_WITHOUT_SIGNS)))
     radio = TrafficRadio(simulation, road_line, rehearsal, stations)
-    given = GivenRules(network.limits, network.plan)
+    own = RightOfWay(simulation) if drive.own is not None else None
+    for_host, for_leader = (own.host, own.leader) if own else (network.rules, network.rules)
+    if heard is not None:
+        for_host, for_leader = heard.host, heard.leader
     bridge = CamBridge(
         road_line,
         preview,
-        predictors=_predictors(drive.knowledge, heard.leader if heard else given),
+        predictors=_predictors(drive.knowledge, for_leader),
         roadside=heard,
     )
     knows_plan = drive.knowledge is TrafficKnowledge.SIGNALS
     rules = RulesOfTheRoad(
         _HeardTraffic(radio, bridge),
         lambda: simulation.host_speed_m_s,
-        heard.host if heard else given,
+        for_host,
         parameters,
         preview,
         foresight_s=preview.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,
     )
     watched = _Watched(rules)
-    lines = LineWatch(network.plan)
-    plant = PlantInTraffic(parameters, simulation, lines)
-    director = Director(drive.scenario, simulation)
-    ahead = LeaderWatch(simulation)
-
-    def truth(measured: Measurements) -> tuple[LeaderState, Measurements]:
-        assert measured.state is not None  # noqa: S101  the plant is measured without faults
-        found = ahead.watch()
-        state = measured.state
-        director.direct(None if found is None else found[0])
-        if found is None:
-            far_m = state.position_m + LOOKED_AHEAD_M
-            return LeaderState(state.time_s, far_m, state.speed_m_s), measured
-        return LeaderState(state.time_s, state.position_m + found[1], found[2]), measured
-
+    world = SumoWorld(drive.scenario, simulation, own)
+    plant = Plant(parameters, slope.slope_at)
     controller = Controller(parameters, _options(drive))
     route = Route(
-        f"traffic, {drive.scenario}",
+        f"traffic, {drive.title}",
         LeaderMotion(np.zeros(1), np.zeros(1), parameters.gap.initial_gap_m),
         slope,
         drive.duration_s,
@@ -200,7 +166,7 @@ def _closed_loop(
         road_line,
     )
     started, used = time.perf_counter(), time.process_time() + simulation.processor_s
-    run = run_closed_loop(route, plant, controller, disturb=truth, bridge=watched)
+    run = run_closed_loop(route, plant, controller, bridge=watched, world=world)
     ended = time.perf_counter()
     processor_s = time.process_time() + simulation.processor_s - used
     margins = gap_margins_m(run.trajectory, parameters)
@@ -208,12 +174,13 @@ def _closed_loop(
     metrics = compute_metrics(run.trajectory, parameters, records)
     return TrafficResult(
         smallest_gap_m=metrics.gap.smallest_m,
-        smallest_margin_m=float(np.min(margins[ahead.counted], initial=np.inf)),
-        lines_passed=len(lines.passed),
-        lines_passed_closed=lines.passed_closed,
+        smallest_margin_m=float(np.min(margins[world.ahead.counted], initial=np.inf)),
+        lines_passed=len(world.lines.passed),
+        lines_passed_closed=world.lines.passed_closed,
         largest_deviation_m=simulation.largest_deviation_m,
-        leaders=tuple(ahead.names),
+        leaders=tuple(world.ahead.names),
         messages=radio.sent,
+        collisions=tuple(simulation.collisions),
         drive=drive,
         trajectory=run.trajectory,
         decisions=records,

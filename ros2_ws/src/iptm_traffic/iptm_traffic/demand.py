@@ -194,10 +194,15 @@ def _queued(corridor: Corridor, number: int, depart_s: float, gap_m: float) -> _
     return _Trip(depart_s, name, corridor.main_edges, 1.0, _standing(ahead_m))
 
 
+def host_kind() -> ET.Element:
+    """Return the host's type of vehicle."""
+    return ET.Element("vType", {"id": HOST_KIND, **_CAR, **_HOST})
+
+
 def _written(trips: list[_Trip], folder: Path) -> Path:
     root = ET.Element("routes")
-    for kind, more in ((CAR, _CAR), (HOST_KIND, {**_CAR, **_HOST})):
-        ET.SubElement(root, "vType", {"id": kind, **more})
+    ET.SubElement(root, "vType", {"id": CAR, **_CAR})
+    root.append(host_kind())
     for trip in sorted(trips, key=lambda trip: (trip.depart_s, trip.name)):
         kind = HOST_KIND if trip.name == HOST else CAR
         vehicle = ET.SubElement(root, "vehicle", {"id": trip.name, "type": kind, **trip.more})

@@ -14,6 +14,7 @@ from iptm_core.metrics import RunMetrics
 from iptm_core.text_enum import TextEnum
 from iptm_core.trajectory import Trajectory
 from iptm_traffic.demand import DemandSettings, TrafficScenario
+from iptm_traffic.own_network import OwnNetwork
 
 LONGEST_S = 4 * 3600.0
 MOST_STEPS = 10
@@ -42,9 +43,11 @@ class TrafficDrive:
         demand: how much traffic there is.
         step_s: step of SUMO and period of the messages.
         signals_by_radio: the host knows signals and speed limits from roadside stations only.
+        own: a network of the user's own; None for the corridor with its demand.
 
     Raises:
-        ScenarioError: the trip is not a whole number of seconds, or a second not one of steps.
+        ScenarioError: the trip is not a whole number of seconds, or a second not one of steps, or an own
+            network is to have what only the corridor has.
     """
 
     scenario: TrafficScenario = TrafficScenario.FOLLOWING
@@ -54,6 +57,7 @@ class TrafficDrive:
     demand: DemandSettings = field(default_factory=DemandSettings)
     step_s: float = 0.5
     signals_by_radio: bool = False
+    own: OwnNetwork | None = None
 
     def __post_init__(self) -> None:
         if not 1.0 <= self.duration_s <= LONGEST_S or self.duration_s % 1.0:
@@ -65,6 +69,21 @@ class TrafficDrive:
             raise ScenarioError(
                 f"step_s is {self.step_s:g}; allowed: 1 s divided by a whole number up to {MOST_STEPS}"
             )
+        if self.own is None:
+            return
+        if self.knowledge is TrafficKnowledge.PATH or self.signals_by_radio:
+            raise ScenarioError(
+                "an own network has neither paths nor roadside stations; allowed: to know history or signals"
+            )
+        if self.scenario is not TrafficScenario.FOLLOWING or self.demand != DemandSettings():
+            raise ScenarioError(
+                "an own network has traffic of its own; allowed: no scenario and no settings of the traffic"
+            )
+
+    @property
+    def title(self) -> str:
+        """What is driven, in a word."""
+        return str(self.scenario) if self.own is None else self.own.net.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +98,7 @@ class TrafficFacts:
         largest_deviation_m: how far apart SUMO and plant ever had the host.
         leaders: names of the cars ahead, in order.
         messages: messages sent around the host.
+        collisions: those of the host that SUMO has noticed, one text each.
     """
 
     smallest_gap_m: float
@@ -88,11 +108,17 @@ class TrafficFacts:
     largest_deviation_m: float
     leaders: tuple[str, ...]
     messages: int
+    collisions: tuple[str, ...]
 
     @property
     def leader_count(self) -> int:
         """How many cars were ahead, one after the other."""
         return len(self.leaders)
+
+    @property
+    def collision_count(self) -> int:
+        """How many steps the host spent in collisions."""
+        return len(self.collisions)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from iptm_core.state import VehicleState
 from iptm_traffic.corridor import HOST_LANE
 from iptm_traffic.demand import LEADER, TrafficScenario
 from iptm_traffic.simulation import HostInstant, TrafficSimulation
-from iptm_v2x_bridge.prediction.signals import SignalPlan
+from iptm_v2x_bridge.prediction.road_rules import RoadRules
 
 EVENT_PERIOD_S = 60.0
 """Cars cut in, or leaders turn off, no more often."""
@@ -26,8 +27,8 @@ class LineWatch:
         passed: instants, and whether the line was open.
     """
 
-    def __init__(self, plan: SignalPlan) -> None:
-        self._plan = plan
+    def __init__(self, rules: RoadRules) -> None:
+        self._rules = rules
         self.passed: list[tuple[float, bool]] = []
 
     @property
@@ -35,9 +36,9 @@ class LineWatch:
         """How many lines were not open when the host passed them."""
         return sum(not is_open for _, is_open in self.passed)
 
-    def watch(self, before: HostInstant, after: HostInstant) -> None:
+    def watch(self, before: HostInstant | VehicleState, after: HostInstant | VehicleState) -> None:
         """Look at one interval of the host."""
-        signal = self._plan.next_after(before.position_m)
+        signal = self._rules.plan.next_after(before.position_m)
         if signal is None or after.position_m <= signal.stop_line_m:
             return
         # The instant at constant acceleration; a host that halts inside the interval was there earlier.

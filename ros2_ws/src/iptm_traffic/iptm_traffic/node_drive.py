@@ -207,11 +207,12 @@ def _facts(node: TrafficNode, simulation: TrafficSimulation, radio: TrafficRadio
     return TrafficFacts(
         smallest_gap_m=min(node.gaps_m, default=math.inf),
         smallest_margin_m=node.smallest_margin_m,
-        lines_passed=len(node.lines.passed),
-        lines_passed_closed=node.lines.passed_closed,
+        lines_passed=len(node.world.lines.passed),
+        lines_passed_closed=node.world.lines.passed_closed,
         largest_deviation_m=simulation.largest_deviation_m,
-        leaders=tuple(node.ahead.names),
+        leaders=tuple(node.world.ahead.names),
         messages=radio.sent,
+        collisions=tuple(simulation.collisions),
     )
 
 

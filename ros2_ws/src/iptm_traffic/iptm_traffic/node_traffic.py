@@ -17,9 +17,9 @@ from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Le
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_traffic.drive import TrafficDrive
-from iptm_traffic.events import Director, LeaderWatch, LineWatch
 from iptm_traffic.radio import TrafficRadio
 from iptm_traffic.simulation import HostInstant, TrafficSimulation
+from iptm_traffic.world import SumoWorld
 from iptm_v2x_bridge.messages.cam_codec import specification
 from iptm_v2x_bridge.sending.datagram_sender import (
     NOT_ALL_SENT,
@@ -40,8 +40,7 @@ class TrafficNode(SuiteNode):
     the bridge hears the same in every run. A node drives one trip, from trip time 0.
 
     Attributes:
-        ahead: who was really ahead.
-        lines: stop lines that the host has passed.
+        world: who was really ahead, and the stop lines that the host has passed.
         gaps_m: true gaps of the ticks, infinite where no one was ahead.
         margins_m: true gaps less s_min of the ticks, infinite where no one was ahead.
     """
@@ -67,8 +66,7 @@ class TrafficNode(SuiteNode):
         """
         super().__init__(NAME, context=context)
         self._parameters, self._simulation, self._radio = parameters, simulation, radio
-        self._director = Director(drive.scenario, simulation)
-        self.ahead, self.lines = LeaderWatch(simulation), LineWatch(simulation.network.plan)
+        self.world = SumoWorld(drive.scenario, simulation)
         self.gaps_m: list[float] = []
         self.margins_m: list[float] = []
         self._datagrams = DatagramSender(_LOCALHOST, to_port)
@@ -98,8 +96,7 @@ class TrafficNode(SuiteNode):
         if host.time_s < before.time_s or (self._host is not None and host.time_s == before.time_s):
             return  # a state that was repeated, or a new trip, which needs a new simulation
         if host.time_s > before.time_s:
-            self.lines.watch(before, host)
-            self._simulation.move_host(host, host.time_s - before.time_s)
+            self.world.pass_interval(before, host)
         self._host = host
         for _, datagram in self._radio.take():
             self._datagrams.send(datagram)
@@ -107,8 +104,7 @@ class TrafficNode(SuiteNode):
         self._look_ahead(host)
 
     def _look_ahead(self, host: HostInstant) -> None:
-        found = self.ahead.watch()
-        self._director.direct(None if found is None else found[0])
+        found = self.world.found
         gap_m, smallest_m = math.inf, 0.0
         if found is not None:
             gap, limits = self._parameters.gap, self._parameters.limits
@@ -120,13 +116,13 @@ class TrafficNode(SuiteNode):
     @property
     def smallest_margin_m(self) -> float:
         """Smallest gap less s_min behind a car that did not just move in; infinite without any."""
-        return float(np.min(np.array(self.margins_m)[self.ahead.counted], initial=math.inf))
+        return float(np.min(np.array(self.margins_m)[self.world.ahead.counted], initial=math.inf))
 
     def _report(self) -> None:
         host = self._host
         values: dict[str, object] = {
             **self._datagrams.report(),
-            "leader": self.ahead.names[-1] if self.ahead.names else "none",
+            "leader": ("none", *self.world.ahead.names)[-1],
             "largest_deviation_m": self._simulation.largest_deviation_m,
         }
         level, reason = Level.OK, "the traffic follows the plant"

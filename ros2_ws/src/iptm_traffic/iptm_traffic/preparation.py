@@ -14,7 +14,9 @@ from iptm_core.routes.piecewise import cumulative_integral
 from iptm_traffic.corridor import Corridor
 from iptm_traffic.demand import BEFORE_TRIP_S, signal_offsets_s, write_demand
 from iptm_traffic.drive import TrafficDrive, TrafficKnowledge
-from iptm_traffic.network import CYCLE_S, HostRoad, Network, build_network
+from iptm_traffic.host_road import HostRoad
+from iptm_traffic.network import CYCLE_S, Network, build_network
+from iptm_traffic.own_network import build_own_network
 from iptm_traffic.radio import Rehearsal, Rehearsed
 from iptm_traffic.simulation import TrafficSimulation
 
@@ -26,24 +28,26 @@ class PreparedTraffic:
     """What is made before the host drives.
 
     Attributes:
-        network: the corridor.
-        demand: file of the vehicles.
+        network: what is driven in.
+        demand: file of the vehicles, None for those of an own network.
         rehearsal: what they are going to do, None where they do not tell.
     """
 
     network: Network
-    demand: Path
+    demand: Path | None
     rehearsal: dict[str, Rehearsed] | None
 
 
 def prepare_traffic(
     drive: TrafficDrive, parameters: ModelParameters, folder: Path
 ) -> PreparedTraffic:
-    """Make corridor and vehicles in a folder, and rehearse where paths are to be told.
+    """Make network and vehicles in a folder, and rehearse where paths are to be told.
 
     Raises:
         IptmError: SUMO is not installed or fails.
     """
+    if drive.own is not None:
+        return PreparedTraffic(build_own_network(drive.own, drive.step_s, folder), None, None)
     corridor = Corridor.long_enough_for(drive.duration_s)
     offsets = signal_offsets_s(corridor, drive.scenario, drive.demand, CYCLE_S)
     network = build_network(corridor, folder, offsets, BEFORE_TRIP_S)

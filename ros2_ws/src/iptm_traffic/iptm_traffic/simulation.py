@@ -9,17 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from iptm_core.errors import ScenarioError
-from iptm_core.state import FloatArray
-from iptm_traffic.corridor import HOST_LANE
-from iptm_traffic.demand import BEFORE_TRIP_S, HOST, HOST_KIND, MAIN_NAMES
-from iptm_traffic.network import HOST_START_M, Network
+from iptm_core.state import FloatArray, VehicleState
+from iptm_traffic.demand import HOST, HOST_KIND, MAIN_NAMES
+from iptm_traffic.network import Network
 from iptm_traffic.sumo_process import SumoProcess
 
 RADIO_RANGE_M = 400.0
 LOOKED_AHEAD_M = 1000.0
+LONGEST_WAIT_S = 120.0
+"""The trip begins so much later, at most, if there is no room for the host before."""
 _CHANGE_LANES_NEVER = 0
 _OBEY_NOTHING = 0
 _VEHICLES = 0xA4  # TraCI's domain of vehicles
+_ON_LANE = (0x51, 0x56)  # name of the lane, position on it
 _SPEED, _POSITION, _ANGLE, _LENGTH, _LANE_INDEX, _ACCELERATION = 0x40, 0x42, 0x43, 0x44, 0x52, 0x72
 
 
@@ -59,12 +61,24 @@ class Neighbours:
     lanes: FloatArray
 
 
+def step_options(step_s: float) -> tuple[str, ...]:
+    """Return SUMO's command line for steps that end exactly where the plant is; see `TrafficSimulation`."""
+    return (
+        *("--step-length", f"{step_s:g}", "--step-method.ballistic", "true"),
+        *("--time-to-teleport", "-1", "--no-step-log", "true", "--no-warnings", "true"),
+        *("--lanechange.duration", "2", "--collision.action", "warn"),
+        *("--collision.check-junctions", "true", "--collision.mingap-factor", "0"),
+    )
+
+
 class TrafficSimulation:
     """SUMO, step by step, to be closed in the end.
 
     Attributes:
-        network: the corridor.
+        network: what is driven in.
         largest_deviation_m: how far apart SUMO and plant ever had the host.
+        collisions: those of the host that SUMO has noticed, junctions and crossings included.
+        start_s: SUMO's time at trip time 0.
         after_step: called after every step.
 
     With the host in it, the simulation waits at trip time 0 until `move_host` says where the host is next.
@@ -73,7 +87,7 @@ class TrafficSimulation:
     def __init__(
         self,
         network: Network,
-        demand: Path,
+        demand: Path | None,
         step_s: float,
         *,
         with_host: bool = True,
@@ -82,8 +96,8 @@ class TrafficSimulation:
         """Start SUMO and let the traffic drive up to trip time 0.
 
         Args:
-            network: the corridor.
-            demand: vehicles, see `iptm_traffic.demand`.
+            network: what is driven in.
+            demand: vehicles, see `iptm_traffic.demand`; None for those of the network.
             step_s: SUMO's step.
             with_host: put the host in.
             fcd: where SUMO writes what every vehicle does, its floating car data; None for nowhere.
@@ -95,11 +109,9 @@ class TrafficSimulation:
         self._step_s = step_s
         self._process = SumoProcess(
             [
-                *("-n", str(network.file), "-r", str(demand)),
-                *("-a", str(network.file.parent / "signals.add.xml")),
-                *("--step-length", f"{step_s:g}", "--step-method.ballistic", "true"),
-                *("--time-to-teleport", "-1", "--collision.action", "none", "--seed", "1"),
-                *("--lanechange.duration", "2", "--no-step-log", "true", "--no-warnings", "true"),
+                *network.options,
+                *(() if demand is None else ("-r", str(demand), "--seed", "1")),
+                *step_options(step_s),
                 *(() if fcd is None else ("--fcd-output", str(fcd), "--precision", "6")),
             ]
         )
@@ -109,12 +121,16 @@ class TrafficSimulation:
         self.largest_deviation_m = 0.0
         self.after_step: Callable[[], None] = lambda: None
         self._host_position_m, self._host_speed_m_s = 0.0, 0.0
-        self._odometer_start_m = 0.0
+        self.collisions: list[str] = []
         try:
             self._warm_up(with_host=with_host)
+        except self._process.refusal as reason:
+            self.close()
+            raise ScenarioError(f"SUMO refuses the host: {reason}") from reason
         except BaseException:
             self.close()
             raise
+        self.start_s = float(self.connection.simulation.getTime())
 
     def close(self) -> None:
         """End SUMO."""
@@ -122,37 +138,42 @@ class TrafficSimulation:
 
     def _warm_up(self, *, with_host: bool) -> None:
         # The step that ends at trip time 0 puts the standing cars in.
-        before = round(BEFORE_TRIP_S / self._step_s) - with_host
-        for _ in range(before):
+        until_s = self.network.start_s - (0.5 + with_host) * self._step_s
+        while self.connection.simulation.getTime() < until_s:
             self._process.step()
             if not with_host:
                 self.main_road_places()
         if not with_host:
             return
-        vehicle = self._vehicle
-        self.connection.route.add("host_route", self.network.corridor.main_edges)
+        vehicle, network = self._vehicle, self.network
+        if network.instead_of:
+            vehicle.remove(network.instead_of)
+        self.connection.route.add("host_route", network.edges)
         vehicle.add(
             HOST,
             "host_route",
             typeID=HOST_KIND,
             depart="now",
-            departLane=str(HOST_LANE),
-            departPos=f"{HOST_START_M:g}",
+            departLane=network.way[0].from_lane.rpartition("_")[2],
+            departPos=f"{network.start_m:g}",
             departSpeed="0",
         )
         vehicle.setSpeedMode(HOST, _OBEY_NOTHING)
         vehicle.setLaneChangeMode(HOST, _CHANGE_LANES_NEVER)
         vehicle.setSpeed(HOST, 0.0)
-        self._process.step()
-        if HOST not in vehicle.getIDList():
-            raise ScenarioError("SUMO finds no room for the host at the start of the corridor")
+        latest_s = network.start_s + LONGEST_WAIT_S
+        while HOST not in vehicle.getIDList():
+            if self.connection.simulation.getTime() >= latest_s:
+                raise ScenarioError(
+                    f"SUMO finds no room for the host at the start of its way for {LONGEST_WAIT_S:g} s"
+                )
+            self._process.step()
         vehicle.subscribeContext(
             HOST,
             _VEHICLES,
             RADIO_RANGE_M,
-            [_SPEED, _POSITION, _ANGLE, _LENGTH, _LANE_INDEX, _ACCELERATION],
+            [*(_SPEED, _POSITION, _ANGLE, _LENGTH, _LANE_INDEX, _ACCELERATION), *_ON_LANE],
         )
-        self._odometer_start_m = self.sumo_position_m()
 
     @property
     def processor_s(self) -> float:
@@ -167,15 +188,21 @@ class TrafficSimulation:
     def sumo_position_m(self) -> float:
         """Return where the host is for SUMO, along the road from where it started."""
         lane = self._vehicle.getLaneID(HOST)
-        start_m = self.network.road.lane_starts_m.get(lane)
-        if start_m is None:
+        on_lane_m = float(self._vehicle.getLanePosition(HOST))
+        found = self.network.road.position_on(lane, on_lane_m, self._host_position_m)
+        if found is None:
             raise ScenarioError(f"the host is on SUMO's lane {lane!r}; allowed: those of its road")
-        return start_m + float(self._vehicle.getLanePosition(HOST))
+        return found
 
     def step(self) -> None:
         """Let a step pass."""
         self._process.step()
         self._steps += 1
+        for met in self.connection.simulation.getCollisions():
+            if HOST in {met.collider, met.victim}:
+                self.collisions.append(
+                    f"{met.collider} met {met.victim} on {met.lane} at {self.time_s:g} s"
+                )
         self.after_step()
 
     def main_road_places(self) -> list[tuple[str, tuple[float, float]]]:
@@ -186,7 +213,7 @@ class TrafficSimulation:
         found = self._vehicle.getAllSubscriptionResults()
         return [(name, values[_POSITION]) for name, values in found.items()]
 
-    def move_host(self, host: HostInstant, duration_s: float) -> None:
+    def move_host(self, host: HostInstant | VehicleState, duration_s: float) -> None:
         """Let an interval pass in which the host moves as its plant has moved.
 
         SUMO's ballistic step covers the mean of the speeds at its two ends. The speed at its beginning is set
@@ -234,6 +261,15 @@ class TrafficSimulation:
         gap_m = float(found[1]) + float(self._vehicle.getMinGap(HOST))
         return found[0], gap_m, float(self._vehicle.getSpeed(found[0]))
 
+    def on_lanes(self) -> list[tuple[str, str, float, float, float]]:
+        """Return name, lane, position on it, speed and length of the vehicles around the host, by name."""
+        around = dict(self._vehicle.getContextSubscriptionResults(HOST) or {})
+        around.pop(HOST, None)
+        return [
+            (name, *(around[name][key] for key in (*_ON_LANE, _SPEED, _LENGTH)))
+            for name in sorted(around)
+        ]
+
     def neighbours(self) -> Neighbours:
         """Return the vehicles around the host."""
         around = dict(self._vehicle.getContextSubscriptionResults(HOST) or {})
@@ -245,7 +281,9 @@ class TrafficSimulation:
             return np.array([row[key] for row in rows], dtype=np.float64)
 
         places = np.array([row[_POSITION] for row in rows], dtype=np.float64).reshape(-1, 2)
-        along, aside = self.network.road.along_and_aside_m(places[:, 0], places[:, 1])
+        along, aside = self.network.road.along_and_aside_m(
+            places[:, 0], places[:, 1], self._host_position_m
+        )
         return Neighbours(
             self.time_s,
             names,
@@ -264,11 +302,11 @@ class TrafficSimulation:
 
     def turn_off(self, name: str) -> bool:
         """Tell a vehicle of the main road to leave it at the next signal; return whether it can."""
-        number = str(self._vehicle.getRoadID(name)).removeprefix("main_")
-        if not number.isdigit() or int(number) >= self.network.corridor.blocks - 1:
+        edges, edge = self.network.edges, self._vehicle.getRoadID(name)
+        if edge not in edges[:-1]:
             return False
         try:
-            self._vehicle.changeTarget(name, f"south_out_{int(number) + 1}")
+            self._vehicle.changeTarget(name, f"south_out_{edges.index(edge) + 1}")
         except self._process.refusal:
             return False  # too near to the junction, or on a lane from which no one turns off
         return True

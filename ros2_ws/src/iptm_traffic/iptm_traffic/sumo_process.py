@@ -100,9 +100,13 @@ class SumoProcess:
         try:
             self.connection.simulationStep()
         except self.failure as reason:
-            self._process.kill()
-            said = " ".join((self._process.communicate()[1] or "").split())
-            raise ScenarioError(f"SUMO has ended: {said[:500] or reason}") from reason
+            raise self.ended(reason) from reason
+
+    def ended(self, reason: Exception) -> ScenarioError:
+        """Return the error of a simulation that has ended by itself, in its own words."""
+        self._process.kill()
+        said = " ".join((self._process.communicate()[1] or "").split())
+        return ScenarioError(f"SUMO has ended: {said[:500] or reason}")
 
     def close(self) -> None:
         """End SUMO."""
