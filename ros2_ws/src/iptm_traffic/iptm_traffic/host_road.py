@@ -163,7 +163,9 @@ class HostRoad:
 
         The speed in a bend is that of `SIDEWAYS_M_S2` at the curvature v^2 = a / kappa.
         """
-        middles: FloatArray = np.arange(0.5 * _BEND_STEP_M, self.length_m, _BEND_STEP_M)
+        middles: FloatArray = np.arange(0.5 * _BEND_STEP_M, self.length_m, _BEND_STEP_M).astype(
+            np.float64
+        )
         lanes = sorted(
             (start_m, net.lanes[name].limit_m_s)
             for name, starts_m in self.lane_starts_m.items()
@@ -190,4 +192,5 @@ class HostRoad:
         )
         before, after = np.arctan2(np.diff(east, axis=0), np.diff(north, axis=0))
         turned = np.abs((after - before + np.pi) % (2.0 * np.pi) - np.pi)
-        return np.maximum(turned / _BEND_BASE_M, 1e-6)
+        curvature: FloatArray = np.maximum(turned / _BEND_BASE_M, 1e-6)
+        return curvature
