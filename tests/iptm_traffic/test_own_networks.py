@@ -197,7 +197,7 @@ def test_the_host_halts_at_the_end_of_its_way() -> None:
     assert cli.verdict(result) == []
     assert result.trajectory.speed_m_s[-1] < 0.1
     end_m = 394.0 + 10.0 + 466.0 - 6.0  # both edges and the junction between
-    assert result.trajectory.position_m[-1] == pytest.approx(end_m - 7.0, abs=15.0)
+    assert result.trajectory.position_m[-1] == pytest.approx(end_m - 7.0, abs=25.0)
 
 
 @pytest.mark.parametrize(
