@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import struct
+
 import pytest
+from tests.iptm_v2x_bridge import real_packets
 from tests.iptm_v2x_bridge.cams import cam
 from tests.iptm_v2x_bridge.radio import ROAD
 
@@ -19,18 +22,8 @@ from iptm_v2x_bridge.messages.its_pdu import MessageKind, OpenedDatagram, open_d
 from iptm_v2x_bridge.messages.security_envelope import signed_octets
 from iptm_v2x_bridge.rejections import Rejection
 
-# A CAM with signature and certificate, sent in Salzburg; it stands in the public tests of the ASN.1
-# compiler rasn (github.com/librasn/compiler, IEEE 1609.2). A basic header is put in front.
-ENVELOPE = bytes.fromhex(
-    "0381004003805f20500280003b010014001e0ddf3f5b7da06f53ac1c81287c07c5e02f801409f60000000007d100000202df3f5b7d53"
-    "ac405a44c22f8e61f645e1b41b400047f190489f7fa00aa4bfe9ea8333ff01fffa00283300001bfc28fe4f34bc7fff00c00124000234"
-    "f2b2e032de0205800501017ce7f9810101800300805d5dcbeefbe7d22d3083000000000024bd2d05860001e001078001248104030"
-    "1fffc80012581050401ffffff80018c81050402ffffe000018d8002027e810201018002027f81020101000203ff808082dea08ea8e83e"
-    "46244a8f98a1df151e938d2639acdaa410804880aa362e855dad81835bd800fce37f7070dff59027a39d19ae8de9607612cbb2309af5"
-    "fe89433008028e294ff7efaecabf824cab932704cb982080f342900c1fda11f6da434005ed8580822f0e6198a844841fe9f39d5a03fd"
-    "41121ecb45d6d6d6c548da1e55b0bc377cfa4c08bc73c2820943302a81124fcf139ea47e41ee6eb6cde71e0813185998abd5"
-)
-SECURED = bytes((0x12, 0, 5, 1)) + ENVELOPE
+SECURED = real_packets.SALZBURG
+ENVELOPE = SECURED[4:]
 KINDS = (MessageKind.CAM,)
 
 
@@ -54,6 +47,38 @@ def test_a_signed_message_of_a_real_car_is_read_and_marked() -> None:
     assert message.latitude_deg == pytest.approx(47.8226556, abs=1e-4)
     assert message.longitude_deg == pytest.approx(13.0408495, abs=1e-4)
     assert found.packet_timestamp_ms == 0xA06F53AC
+
+
+@pytest.mark.parametrize(
+    ("name", "bound_m"),
+    [
+        ("GOLF", 2.9),
+        ("GOLF_EARLIER", 2.86),
+        ("SNIFFED", 16.44),
+        ("BRIDGED", 2.82),
+        ("COHDA", 8.53),
+        ("COHDA_LATER", 8.55),
+    ],
+)
+def test_signed_messages_of_real_stations_are_read(name: str, bound_m: float) -> None:
+    found = opened(getattr(real_packets, name))
+    assert found.secured
+    message = decode_cam(found.payload)
+    assert isinstance(message, CamMessage)
+    assert message.position_bound_m == bound_m
+    # The header of the packet states the same in another encoding, up to 1 s apart.
+    header = signed_octets(found.envelope)
+    assert header is not None
+    address, latitude, longitude, speed, heading = struct.unpack_from("!4xI4xiiHH", header, 8)
+    assert message.station_id == address
+    assert message.latitude_deg == pytest.approx(1e-7 * latitude, abs=1e-4)
+    assert message.longitude_deg == pytest.approx(1e-7 * longitude, abs=1e-4)
+    assert message.speed_m_s == pytest.approx(((speed & 0x7FFF) % 0x4000) / 100.0, abs=2.0)
+    assert message.heading_deg == pytest.approx(heading / 10.0, abs=5.0)
+
+
+def test_a_signed_warning_of_a_roadside_station_is_of_no_kind_that_is_read() -> None:
+    assert open_datagram(real_packets.WARNING, KINDS) is Rejection.PORT
 
 
 def test_an_envelope_around_a_message_of_our_own() -> None:

@@ -16,6 +16,7 @@ LOCKS = [
     "capture",
     "can",
     "roadside",
+    "security",
     "traffic",
 ]
 FOLDER = Path(__file__).resolve().parents[2] / "requirements"

@@ -21,6 +21,7 @@ from iptm_core.trip_time import NS_PER_MS, NS_PER_S
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.messages.cam_codec import decode_cam
 from iptm_v2x_bridge.messages.its_pdu import MessageKind, open_datagram
+from iptm_v2x_bridge.messages.signatures import Verifier
 from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.knowledge import knowledge_of
@@ -68,6 +69,7 @@ class CamBridge:
         start_timestamp_ms: int = 0,
         datagram_offset_bytes: int = 0,
         roadside: HeardRules | None = None,
+        verifier: Verifier | None = None,
     ) -> None:
         """Set up a bridge.
 
@@ -78,9 +80,11 @@ class CamBridge:
             start_timestamp_ms: TimestampIts at trip time 0.
             datagram_offset_bytes: length of what a receiver puts in front of every message or packet.
             roadside: takes in what roadside stations send; None refuses it.
+            verifier: verifies signatures; None believes every message.
         """
         self._road = road
         self._roadside = roadside
+        self._verifier = verifier or Verifier()
         self._kinds = (MessageKind.CAM, *(ROADSIDE_KINDS if roadside else ()))
         self._settings = settings or PreviewSettings()
         self._predictors = tuple(predictors or (ReceivedPath(), History()))
@@ -95,7 +99,7 @@ class CamBridge:
         self._selector = LeaderSelector()
         self._unread = RejectionCounts()
         self._datagrams = 0
-        self._unverified = 0
+        self._verifier.forget()
         self._host_position_m = 0.0
         self._leader: Station | None = None
         self._last: BridgeAnswer | None = None
@@ -117,8 +121,11 @@ class CamBridge:
         if isinstance(opened, Rejection):
             self._unread.add(opened)
             return opened
-        self._unverified += opened.secured
         now_ms = self._timestamp_ms(time_ns)
+        refused = self._verifier.check(opened, now_ms)
+        if refused is not None:
+            self._unread.add(refused)
+            return refused
         if self._roadside is not None and opened.kind is not MessageKind.CAM:
             self._roadside.receive(opened, now_ms)
             return None
@@ -273,7 +280,7 @@ class CamBridge:
         """Return numbers for the diagnostics: what arrived, what became of it, who leads."""
         values: dict[str, object] = {
             "datagrams": self._datagrams,
-            "signatures_not_verified": self._unverified,
+            **self._verifier.report(),
             "messages_accepted": self._table.accepted,
             "stations": len(self._table),
             "leader_station": "none" if self.leader_id is None else self.leader_id,

@@ -46,6 +46,7 @@ class CamAnswers:
         self._model = options.model().values
         self._given = options.build_given_rules()
         # Refused now, if at all.
+        self._verifier = options.build_verifier()
         options.build_heard_rules(self._given, source.route.road_line)
         options.build_predictors(source.route, self._given)
         self._bridge: CamBridge | None = None
@@ -122,6 +123,7 @@ class CamAnswers:
             datagram_offset_bytes=options.datagram_offset_bytes,
             start_timestamp_ms=self._start_ms,
             roadside=heard,
+            verifier=self._verifier,
         )
         if options.host_keeps_rules:
             self._rules = RulesOfTheRoad(

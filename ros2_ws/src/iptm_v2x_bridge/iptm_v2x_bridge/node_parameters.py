@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iptm_core.declaration import Settings, declared, parameter
+from iptm_core.errors import ParameterError
 from iptm_core.settings import (
     VEHICLE_LENGTH_M,
     VEHICLE_LENGTHS_M,
@@ -18,6 +19,7 @@ from iptm_core.settings import (
 )
 from iptm_core.text_enum import TextEnum
 from iptm_core.trip_time import NS_PER_S
+from iptm_v2x_bridge.messages.signatures import Verifier, read_anchors
 from iptm_v2x_bridge.road_knowledge import RoadKnowledgeSettings
 from iptm_v2x_bridge.sending.settings import SenderSettings
 from iptm_v2x_bridge.source import CycleSource
@@ -71,6 +73,16 @@ class CamSettings(Settings):
         0,
         1000,
     )
+    trust_anchors: str = parameter(
+        "",
+        "cam: folder with certificates of trusted authorities (.oer, .cert): signatures are verified, and "
+        "messages refused whose signature is wrong or whose signer none of them vouches for (needs "
+        "requirements/security.txt)",
+    )
+    refuse_unverified: bool = parameter(
+        default=False,
+        description="cam: refuse messages, too, that are not signed or in a way that cannot be verified",
+    )
     recorded_packets: str = parameter(
         "",
         "cam: read recorded packets instead of the socket: a bag with v2x/datagrams, or a capture (.pcap, "
@@ -81,6 +93,19 @@ class CamSettings(Settings):
         description="cam: publish every datagram on v2x/datagrams, so that a bag holds the radio traffic; "
         "with expected_peers the first answer waits for a listener",
     )
+
+    def build_verifier(self) -> Verifier:
+        """Return what verifies signatures.
+
+        Raises:
+            ParameterError: there are no usable trust anchors where they are asked for.
+        """
+        if self.refuse_unverified and not self.trust_anchors:
+            raise ParameterError(
+                "refuse_unverified is True, but trust_anchors is ''; allowed: a folder with certificates"
+            )
+        anchors = read_anchors(self.trust_anchors) if self.trust_anchors else ()
+        return Verifier(anchors, refuses_unverified=self.refuse_unverified)
 
 
 @dataclass(frozen=True)

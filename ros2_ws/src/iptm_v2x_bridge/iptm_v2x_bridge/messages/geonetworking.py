@@ -2,7 +2,7 @@
 
 EN 302 636-4-1 (basic and common header, long position vector; single-hop and geographic broadcast) and
 EN 302 636-5-1 (BTP-B). Cars send to their neighbours, roadside stations often to everyone in an area. The
-envelope of a secured packet is removed, its signature is not verified.
+envelope of a secured packet is removed; whether its signature is right is asked elsewhere.
 """
 
 from __future__ import annotations
@@ -62,13 +62,13 @@ class Packet:
         payload: the message.
         port: BTP port that it was sent to.
         timestamp_ms: TimestampIts of the sender's position modulo 2^32.
-        secured: it came in a security envelope, which was not verified.
+        envelope: security envelope around its headers and it, empty without one; it has not been verified.
     """
 
     payload: bytes
     port: int
     timestamp_ms: int
-    secured: bool = False
+    envelope: bytes = b""
 
 
 def wrap(
@@ -133,9 +133,10 @@ def unwrap(datagram: bytes) -> Packet | Rejection:
     Args:
         datagram: a packet from the basic header on.
     """
-    secured = datagram[0] == _VERSION_1 | _NEXT_SECURED
-    if secured:
-        signed = signed_octets(datagram[_BASIC.size :])
+    envelope = b""
+    if datagram[0] == _VERSION_1 | _NEXT_SECURED:
+        envelope = datagram[_BASIC.size :]
+        signed = signed_octets(envelope)
         if signed is None:
             return Rejection.SECURED
         datagram = bytes((_VERSION_1 | _NEXT_COMMON,)) + datagram[1 : _BASIC.size] + signed
@@ -147,7 +148,7 @@ def unwrap(datagram: bytes) -> Packet | Rejection:
         return Rejection.PACKET
     port, _ = _BTP.unpack_from(datagram, start)
     position = _POSITION.unpack_from(datagram, _START + _AROUND_POSITION[kind][0])
-    return Packet(datagram[start + _BTP.size :], port, position[2], secured)
+    return Packet(datagram[start + _BTP.size :], port, position[2], envelope)
 
 
 def transported(datagram: bytes) -> tuple[bytes, int] | None:

@@ -51,13 +51,18 @@ class OpenedDatagram:
         kind: which one.
         payload: the message, header included.
         packet_timestamp_ms: TimestampIts of the sender's position modulo 2^32, None without a packet.
-        secured: it came in a security envelope, which was not verified.
+        envelope: security envelope that it came in, empty without one; it has not been verified.
     """
 
     kind: MessageKind
     payload: bytes
     packet_timestamp_ms: int | None = None
-    secured: bool = False
+    envelope: bytes = b""
+
+    @property
+    def secured(self) -> bool:
+        """Whether it came in a security envelope."""
+        return bool(self.envelope)
 
 
 def open_datagram(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDatagram | Rejection:
@@ -86,7 +91,7 @@ def open_datagram(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDat
         return Rejection.PORT
     if packet.payload[:2] != bytes((PROTOCOL_VERSION, kinds[0].message_id)):
         return Rejection.HEADER
-    return OpenedDatagram(kinds[0], packet.payload, packet.timestamp_ms, packet.secured)
+    return OpenedDatagram(kinds[0], packet.payload, packet.timestamp_ms, packet.envelope)
 
 
 def _behind_its_port(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDatagram | None:

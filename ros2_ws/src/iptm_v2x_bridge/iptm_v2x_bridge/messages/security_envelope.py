@@ -1,20 +1,48 @@
-"""The security envelope of TS 103 097 around a packet: what is signed, taken out without a verification.
+"""The security envelope of TS 103 097 around a packet: what is signed, and by whom.
 
 Cars on the road sign every message. An envelope is Ieee1609Dot2Data in canonical octet encoding rules
 (IEEE 1609.2): version, the choice of signed data, hash algorithm, the payload with data and no external hash,
 inside of it version, the choice of unsecured data, and the octets. Header information, signer and signature
-follow and are not looked at: a message read this way is as trustworthy as one that is not signed.
+follow. Octets that are taken out without them are as trustworthy as those that are not signed.
 """
 
 from __future__ import annotations
 
-_VERSION = 3
-_SIGNED_DATA, _UNSECURED_DATA = 0x81, 0x80
-_HASH_ALGORITHMS = (0, 1)
-_DATA_ONLY = 0x40
-_SHORT_LENGTH = 0x80
-_LONGEST_LENGTH = 2
-"""Octets of a length; an envelope fits into a datagram."""
+from dataclasses import dataclass
+
+from iptm_v2x_bridge.messages.certificate import (
+    VERSION,
+    Certificate,
+    Octets,
+    Signature,
+    UnreadableError,
+    skip_encryption_key,
+    take_certificate,
+    take_signature,
+)
+
+_SIGNED_DATA, _UNSECURED_DATA, _DATA_ONLY = 0x81, 0x80, 0x40
+_HASH_ALGORITHMS = 2
+_DIGEST, _CERTIFICATES = 0x80, 0x81
+
+
+@dataclass(frozen=True)
+class SignedMessage:
+    """What surrounds the octets that a station signs.
+
+    Attributes:
+        signed: what is signed, octets and header.
+        service: PSID in the header.
+        generated_us: TimestampIts of the header in us, None without one.
+        signer: certificates, that of the signer first; or the digest of its certificate.
+        signature: of the signer.
+    """
+
+    signed: bytes
+    service: int
+    generated_us: int | None
+    signer: tuple[Certificate, ...] | bytes
+    signature: Signature
 
 
 def signed_octets(envelope: bytes) -> bytes | None:
@@ -23,26 +51,59 @@ def signed_octets(envelope: bytes) -> bytes | None:
     Args:
         envelope: from the version on, with anything behind the octets.
     """
-    head = envelope[:6]
-    if len(head) < 6 or head[2] not in _HASH_ALGORITHMS:
+    octets = Octets(envelope)
+    try:
+        found = _data(octets)
+        octets.number()  # a signer and a signature have to follow
+    except UnreadableError:
         return None
-    if head != bytes((_VERSION, _SIGNED_DATA, head[2], _DATA_ONLY, _VERSION, _UNSECURED_DATA)):
-        return None
-    found = _length(envelope[6:])
-    if found is None:
-        return None
-    start, length = 6 + found[0], found[1]
-    # A signer and a signature have to follow.
-    return envelope[start : start + length] if start + length < len(envelope) else None
+    return found
 
 
-def _length(octets: bytes) -> tuple[int, int] | None:
-    """Return the number of octets that state a length, and the length; None where it is malformed."""
-    if not octets:
-        return None
-    if octets[0] < _SHORT_LENGTH:
-        return 1, octets[0]
-    count = octets[0] - _SHORT_LENGTH
-    if not 1 <= count <= _LONGEST_LENGTH or len(octets) <= count:
-        return None
-    return 1 + count, int.from_bytes(octets[1 : 1 + count], "big")
+def _data(octets: Octets) -> bytes:
+    octets.expect(VERSION, _SIGNED_DATA)
+    if octets.number() >= _HASH_ALGORITHMS:
+        raise UnreadableError
+    octets.expect(_DATA_ONLY, VERSION, _UNSECURED_DATA)
+    return octets.string()
+
+
+def read_signed_message(envelope: bytes) -> SignedMessage:
+    """Read signed data with its signer.
+
+    Args:
+        envelope: from the version on, with anything behind its signature.
+
+    Raises:
+        UnreadableError: it is none, or is signed in a way that is not read.
+    """
+    octets = Octets(envelope)
+    _data(octets)
+    service, generated_us = _header(octets)
+    signed = envelope[3 : octets.at]  # behind version, choice and hash algorithm
+    choice = octets.number()
+    signer: tuple[Certificate, ...] | bytes
+    if choice == _DIGEST:
+        signer = octets.take(8)
+    elif choice == _CERTIFICATES:
+        signer = tuple(take_certificate(octets) for _ in octets.entries())
+    else:
+        raise UnreadableError
+    signature, _ = take_signature(octets)
+    if not signer:
+        raise UnreadableError
+    return SignedMessage(signed, service, generated_us, signer, signature)
+
+
+def _header(octets: Octets) -> tuple[int, int | None]:
+    present = octets.number()
+    service = octets.integer()
+    generated_us = octets.number(8) if present & 0x40 else None
+    for bit, count in ((0x20, 8), (0x10, 10), (0x08, 3), (0x04, 6)):
+        octets.take(count if present & bit else 0)
+    if present & 0x02:
+        octets.expect(0x80)  # a public key
+        skip_encryption_key(octets)
+    if present & 0x80:
+        octets.skip_additions()
+    return service, generated_us
