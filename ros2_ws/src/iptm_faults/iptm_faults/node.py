@@ -21,7 +21,7 @@ from iptm_core.state import SlopePreview
 from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
-from iptm_faults.node_messages import changed_state_message, with_stamp
+from iptm_faults.node_messages import changed_state_message, with_stamp, with_stamp_of
 from iptm_faults.node_parameters import InjectorNodeParameters
 from iptm_faults.signals import PreviewFaults, faulty_leader, faulty_samples, faulty_slope
 from iptm_faults.traffic import Traffic
@@ -238,14 +238,14 @@ class InjectorNode(SuiteNode):
             self._forward(Topic.LEADER, data)
             return
         true = self._traffic.leader(own, host_m)
-        true_data = data if true is own else _with_exact_stamp(encode_leader(true), data)
+        true_data = data if true is own else with_stamp_of(encode_leader(true), data)
         self._send(self._true[Topic.LEADER], true_data)
         faulty = faulty_leader(self._of_leader, stamp_ns, true, host_m)
         if faulty is None:
             self._changed += 1
         else:
             faulty_data = (
-                true_data if faulty is true else _with_exact_stamp(encode_leader(faulty), data)
+                true_data if faulty is true else with_stamp_of(encode_leader(faulty), data)
             )
             self._forward(Topic.LEADER, faulty_data, changed=faulty is not true)
         self._leader_ns = stamp_ns
@@ -335,11 +335,6 @@ class InjectorNode(SuiteNode):
 
 def _is_mine(fault: Fault) -> bool:
     return fault.spec.place not in {FaultPlace.SOLVER, FaultPlace.PROCESS}
-
-
-def _with_exact_stamp(message: Odometry, data: bytes) -> bytes:
-    """Return a message as bytes, with the stamp of the one that it stands for."""
-    return with_stamp(serialized(message), stamp_ns_of(data))
 
 
 def main() -> None:

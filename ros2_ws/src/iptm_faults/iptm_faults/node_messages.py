@@ -19,7 +19,7 @@ from iptm_core.state import VehicleState
 from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault
 from iptm_faults.signals import faulty_state
-from iptm_interfaces.codecs import serialized
+from iptm_interfaces.codecs import serialized, stamp_ns_of
 from iptm_interfaces.topics import Topic
 
 _STAMP = struct.Struct("<iI")
@@ -90,3 +90,8 @@ def changed_state_message(
     if content is None or not hitting:
         return data
     return content.changed(hitting, stamp_ns, data)
+
+
+def with_stamp_of(message: Odometry, data: bytes) -> bytes:
+    """Return a message as bytes, with the exact stamp of the one that it replaces."""
+    return with_stamp(serialized(message), stamp_ns_of(data))
