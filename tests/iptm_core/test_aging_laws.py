@@ -15,6 +15,7 @@ from iptm_core.aging_laws.cells import (
     NCA,
     NMC111,
     NMC111_18650,
+    NMC622,
     aging_cell,
     outside_experiments,
 )
@@ -80,6 +81,29 @@ def test_one_full_cycle_of_lfp_by_hand() -> None:
     assert damage**0.828 == pytest.approx(k, rel=1e-12)
 
 
+def test_storage_and_a_cycle_of_nmc622_by_hand() -> None:
+    """b_t sqrt(days) at its reference of 25 degC, where every Arrhenius factor is 1; charging at 0.5C."""
+    charge, depth, charging = 0.5, 0.8, 0.5
+    film = -0.000197 + 0.0101 * charge - 0.0157 * charge**2 + 0.00835 * charge**3
+    film -= 4.06e-6 * charge * 298.15
+    assert stored(NMC622.law, 400.0, 298.15, charge) == pytest.approx(20.0 * film, rel=1e-12)
+    cracking = 3.24 * math.sqrt(depth * charging) * (1.0 + 2.1 * charge) - 0.099 + 1.44 * depth**6
+    load = Load(298.15, 0.5, charge, depth, 0.1, charging)
+    damage = 100.0 * 4.0 * 3600.0 * NMC622.law.mechanisms[1].damage_rate_1_s(load)
+    assert damage**0.5 == pytest.approx(0.985 * film * cracking * 10.0, rel=1e-12)
+
+
+def test_resistance_by_hand() -> None:
+    """(5.270 V - 16.32) 1e5 exp(-5986 / T) days^0.75, and 0.0570 of the loss over days^1.25."""
+    small, kokam = NMC111_18650.resistance, NMC111.resistance
+    assert small is not None
+    assert kokam is not None
+    k = (5.270 * 3.697 - 16.32) * 1e5 * math.exp(-5986.0 / 308.15)
+    assert stored(small, 100.0, 308.15, 0.5) == pytest.approx(k * 100.0**0.75, rel=1e-9)
+    loss = stored(NMC111.law, 100.0, 308.15, 0.5) / 100.0**0.357
+    assert stored(kokam, 100.0, 308.15, 0.5) == pytest.approx(0.057 * loss * 100**1.25, rel=1e-9)
+
+
 def test_the_anode_potential_falls_with_charge() -> None:
     """From above 0.2 V when empty to the plateau of LiC6 near 0.08 V."""
     volts = anode_potential_v(np.linspace(0.0, 1.0, 101))
@@ -102,11 +126,11 @@ def test_the_slope_is_the_derivative(
     damage = [0.01] * len(law.mechanisms)
 
     def rate(at_k: float) -> float:
-        load = Load(at_k, c_rate, charge, depth, 0.1)
+        load = Load(at_k, c_rate, charge, depth, 0.1, 0.2)
         return float(law.loss_rate_1_s(load, damage))
 
     numeric = (rate(kelvin + 0.01) - rate(kelvin - 0.01)) / 0.02
-    slope = law.loss_slope_1_s_k(Load(kelvin, c_rate, charge, depth, 0.1), damage)
+    slope = law.loss_slope_1_s_k(Load(kelvin, c_rate, charge, depth, 0.1, 0.2), damage)
     assert slope == pytest.approx(numeric, rel=1e-5, abs=1e-9 * rate(kelvin))
     assert rate(kelvin) >= 0.0
 
@@ -133,6 +157,7 @@ def test_a_day_ages_by_the_depth_of_the_day_before() -> None:
         charge -= c_rate
     assert state.depth == pytest.approx(0.55)
     assert state.mean_c_rate_1_h == pytest.approx(0.05)
+    assert state.charging_c_rate_1_h == pytest.approx(0.05)
     assert state.day_s == 0.0
     assert all(damage > 0.0 for damage in state.damage)
 
@@ -155,7 +180,7 @@ def test_all_backends_agree(agree_in_all_backends: object) -> None:
     for law in LAWS:
         for part in law.mechanisms:
             agree_in_all_backends(  # type: ignore[operator]
-                lambda t, s, part=part: part.damage_rate_1_s(Load(t, 0.5, s, 0.4, 0.1)),
+                lambda t, s, part=part: part.damage_rate_1_s(Load(t, 0.5, s, 0.4, 0.1, 0.2)),
                 kelvin,
                 charge,
             )

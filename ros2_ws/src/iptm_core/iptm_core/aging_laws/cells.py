@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from iptm_core.aging_laws.cracking import CrackedFilmGrowth, FilmGrowth
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.mechanisms import (
     CalendarAging,
@@ -53,12 +54,14 @@ class AgingCell:
         cell: make and format.
         source: publications.
         experiments: range of the experiments.
+        resistance: law of the growth of resistance, as a share of that of a new cell; None without one.
     """
 
     law: AgingLaw
     cell: str
     source: str
     experiments: Experiments
+    resistance: AgingLaw | None = None
 
 
 def outside_experiments(
@@ -109,6 +112,9 @@ _SANYO_V = ChargeTable(
 _SANYO_CALENDAR = ChargeTable(
     _SANYO_V.charges, tuple(7.543 * volt - 23.75 for volt in _SANYO_V.values)
 )
+_SANYO_RESISTANCE = ChargeTable(
+    _SANYO_V.charges, tuple(5.270 * volt - 16.32 for volt in _SANYO_V.values)
+)
 _SANYO_AH_PER_CYCLE = 2.0 * 2.15
 _REFERENCE_K = 308.15
 
@@ -155,6 +161,19 @@ NMC111 = AgingCell(
     "Smith et al., American Control Conference 2017, doi:10.23919/ACC.2017.7963578; fit: NREL. The loss of "
     "active material after some thousand cycles is left out",
     Experiments((0.0, 55.0), (0.0, 45.0), (0.0, 1.0), (0.8, 1.0), 1.0, 365.0),
+    AgingLaw(
+        "NMC111, resistance",
+        (
+            CalendarAging(
+                0.0570 * 2.66e7,
+                17.8 * _REFERENCE_K,
+                -5.21 * _REFERENCE_K / 0.123,
+                1.25,
+                anode_potential_v,
+            ),
+            CyclicAging(DepthIntensity(4.87 * 3.80e3, 1.04), (-18.4 * _REFERENCE_K,), 0.712),
+        ),
+    ),
 )
 NMC111_18650 = AgingCell(
     AgingLaw(
@@ -178,6 +197,26 @@ NMC111_18650 = AgingCell(
     "Sanyo UR18650E, 2.15 Ah",
     "Schmalstieg et al., J. Power Sources 257, 2014, 325, doi:10.1016/j.jpowsour.2014.02.012",
     Experiments((35.0, 50.0), (35.0, 35.0), (0.0, 1.0), (0.0, 1.0), 1.0, 500.0),
+    AgingLaw(
+        "NMC111 (18650), resistance",
+        (
+            CalendarAging(1e5, 5986.0, 0.0, 0.75, _zero, _SANYO_RESISTANCE),
+            CyclicAging(
+                VoltageIntensity(
+                    2.153e-4, 3.725, -1.521e-5, 2.798e-4, _SANYO_V, _SANYO_AH_PER_CYCLE
+                ),
+                (),
+                1.0,
+            ),
+        ),
+    ),
+)
+NMC622 = AgingCell(
+    AgingLaw("NMC622", (FilmGrowth(), CrackedFilmGrowth())),
+    "DENSO, 50 Ah, for cars",
+    "Smith et al., J. Electrochem. Soc. 168, 2021, 100530, doi:10.1149/1945-7111/ac2ebd; fit: NREL. The length of "
+    "the tests is not part of the release, a year is assumed",
+    Experiments((10.0, 60.0), (10.0, 60.0), (0.1, 1.0), (0.1, 1.0), 1.0, 365.0),
 )
 LFP = AgingCell(
     AgingLaw(
@@ -192,7 +231,7 @@ LFP = AgingCell(
     Experiments((10.0, 45.0), (10.0, 45.0), (0.0, 1.0), (0.8, 1.0), 1.0, 365.0),
 )
 
-AGING_CELLS = {cell.law.name: cell for cell in (NCA, NMC811_SI, NMC111, NMC111_18650, LFP)}
+AGING_CELLS = {cell.law.name: cell for cell in (NCA, NMC811_SI, NMC111, NMC111_18650, NMC622, LFP)}
 """All cells, by the name of their law."""
 
 LAWS = {

@@ -35,6 +35,7 @@ class Load:
         charge: state of charge, 0 to 1.
         depth: depth of discharge of the cycle that this instant belongs to, 0 to 1.
         mean_c_rate_1_h: magnitude of the C-rate averaged over that cycle, rest included.
+        charging_c_rate_1_h: C-rate averaged over the charging of that cycle.
     """
 
     temperature_k: Scalar
@@ -42,6 +43,7 @@ class Load:
     charge: Scalar = 0.5
     depth: Scalar = 0.0
     mean_c_rate_1_h: Scalar = 0.0
+    charging_c_rate_1_h: Scalar = 0.0
 
 
 class MechanismLaw(Protocol):
@@ -117,6 +119,9 @@ class AgingState:
         throughput_c_s: integral of the magnitude of the C-rate over that day, in s/h.
         depth: depth of discharge of the last complete day.
         mean_c_rate_1_h: mean magnitude of the C-rate of the last complete day.
+        charged_c_s: integral of the C-rate while charging over the present day, in s/h.
+        charging_s: time of charging of that day.
+        charging_c_rate_1_h: mean C-rate while charging of the last complete day.
     """
 
     damage: tuple[float, ...]
@@ -126,6 +131,9 @@ class AgingState:
     throughput_c_s: float = 0.0
     depth: float = 0.0
     mean_c_rate_1_h: float = 0.0
+    charged_c_s: float = 0.0
+    charging_s: float = 0.0
+    charging_c_rate_1_h: float = 0.0
 
 
 def new_cell(law: AgingLaw) -> AgingState:
@@ -148,10 +156,17 @@ def aged(
         state: state at its beginning.
         duration_s: length.
         temperature_k: cell temperature.
-        c_rate_1_h: current over nominal capacity; the sign does not matter.
+        c_rate_1_h: current over nominal capacity, positive when discharging.
         charge: mean state of charge.
     """
-    load = Load(temperature_k, c_rate_1_h, charge, state.depth, state.mean_c_rate_1_h)
+    load = Load(
+        temperature_k,
+        c_rate_1_h,
+        charge,
+        state.depth,
+        state.mean_c_rate_1_h,
+        state.charging_c_rate_1_h,
+    )
     grown = tuple(
         u + duration_s * float(one.damage_rate_1_s(load))
         for u, one in zip(state.damage, law.mechanisms, strict=True)
@@ -163,6 +178,8 @@ def aged(
         lowest_charge=min(state.lowest_charge, charge),
         highest_charge=max(state.highest_charge, charge),
         throughput_c_s=state.throughput_c_s + duration_s * float(absolute(c_rate_1_h)),
+        charged_c_s=state.charged_c_s - duration_s * min(c_rate_1_h, 0.0),
+        charging_s=state.charging_s + (duration_s if c_rate_1_h < 0.0 else 0.0),
     )
     if after.day_s < SECONDS_PER_DAY:
         return after
@@ -170,4 +187,5 @@ def aged(
         grown,
         depth=after.highest_charge - after.lowest_charge,
         mean_c_rate_1_h=after.throughput_c_s / after.day_s,
+        charging_c_rate_1_h=after.charged_c_s / after.charging_s if after.charging_s else 0.0,
     )

@@ -86,7 +86,8 @@ class CalendarAging:
         return self.damage_rate_1_s(load) * energy_k / (self.exponent * load.temperature_k**2)
 
 
-def _cycles_1_s(load: Load) -> Scalar:
+def cycles_1_s(load: Load) -> Scalar:
+    """Return the rate of equivalent full cycles."""
     return absolute(load.c_rate_1_h) / (_CHARGES_PER_CYCLE * SECONDS_PER_HOUR)
 
 
@@ -114,7 +115,7 @@ class CyclicAging:
         k = self.intensity(load)
         if self.exponents_k:
             k = k * sum(exp(a / load.temperature_k) for a in self.exponents_k)
-        return k ** (1.0 / self.exponent) * _cycles_1_s(load)
+        return k ** (1.0 / self.exponent) * cycles_1_s(load)
 
     def damage_slope_1_s_k(self, load: Load) -> Scalar:
         """Return the derivative of that rate with respect to temperature."""
