@@ -120,7 +120,7 @@ def deviation_rows(run: StringRun) -> Rows:
 
 
 SAVING_COLUMNS = (
-    "", "battery aging saved", "cooling energy", "traction energy", "acceleration, rms (m/s²)",
+    "", "aging saved while driving", "cooling energy", "traction energy", "acceleration, rms (m/s²)",
     "of the other string (m/s²)",
 )  # fmt: skip
 

@@ -13,10 +13,12 @@ from iptm_core.metrics.figures import J_PER_KWH, NO_VALUE, significant
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 
-AGING_SAVED = "battery aging"
+AGING_SAVED = "driving aging"
 PPM = 1e6
 OWN_AGING = "both cells, as your plant reports it"
-PAPER_AGING = "both cells: cyclic aging by the paper's law while driving, not calendar aging"
+PAPER_AGING = (
+    "both cells: cyclic aging by the paper's law while driving, not calendar aging (docs/life.md)"
+)
 EQUAL_TEMPERATURE_K = 0.1
 EQUAL_SPEED_M_S = 0.1
 EQUAL_DISTANCE = 1e-3

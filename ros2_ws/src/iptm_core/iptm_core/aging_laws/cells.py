@@ -214,8 +214,8 @@ NMC111_18650 = AgingCell(
 NMC622 = AgingCell(
     AgingLaw("NMC622", (FilmGrowth(), CrackedFilmGrowth())),
     "DENSO, 50 Ah, for cars",
-    "Smith et al., J. Electrochem. Soc. 168, 2021, 100530, doi:10.1149/1945-7111/ac2ebd; fit: NREL. The length of "
-    "the tests is not part of the release, a year is assumed",
+    "Smith et al., J. Electrochem. Soc. 168, 2021, 100530, doi:10.1149/1945-7111/ac2ebd; fit: NREL. "
+    "The length of the tests is not part of the release, a year is assumed",
     Experiments((10.0, 60.0), (10.0, 60.0), (0.1, 1.0), (0.1, 1.0), 1.0, 365.0),
 )
 LFP = AgingCell(

@@ -1,8 +1,8 @@
 """Growth of the surface film of the anode, which cracking of its particles accelerates under load.
 
-Smith et al., J. Electrochem. Soc. 168, 2021, 100530, doi:10.1149/1945-7111/ac2ebd, with the coefficients of the
-BLAST-Lite 1.1.1 release: the terms of the first weeks, which add or release some lithium once, are left out.
-Calendar: ``Q = b_t sqrt(days)``; cyclic: ``Q = 0.985 b_t b_N sqrt(n)``, n in equivalent full cycles.
+Smith et al., J. Electrochem. Soc. 168, 2021, 100530, doi:10.1149/1945-7111/ac2ebd, with the coefficients of
+the BLAST-Lite 1.1.1 release: the terms of the first weeks, which take or release some lithium once, are left
+out. Calendar: ``Q = b_t sqrt(days)``; cyclic: ``Q = 0.985 b_t b_N sqrt(n)``, n in equivalent full cycles.
 """
 
 from __future__ import annotations
@@ -49,9 +49,12 @@ def _film(load: Load) -> tuple[Scalar, Scalar]:
 def _cracking(load: Load) -> tuple[Scalar, Scalar]:
     """Return b_N, not negative, and its derivative over temperature."""
     kelvin = load.temperature_k
-    rate = _RATE * sqrt(load.depth * load.charging_c_rate_1_h) * (
-        1.0 + _RATE_PER_CHARGE * load.charge
-    ) * _arrhenius(kelvin, _RATE_J_MOL)
+    rate = (
+        _RATE
+        * sqrt(load.depth * load.charging_c_rate_1_h)
+        * (1.0 + _RATE_PER_CHARGE * load.charge)
+        * _arrhenius(kelvin, _RATE_J_MOL)
+    )
     depth = _DEPTH * load.depth**_DEPTH_POWER * _arrhenius(kelvin, _DEPTH_J_MOL)
     slope = where(rate > _RATE_FREE, rate, 0.0) * _energy_slope_1_k(kelvin, _RATE_J_MOL)
     slope = slope + depth * _energy_slope_1_k(kelvin, _DEPTH_J_MOL)

@@ -150,7 +150,8 @@ def _of_car(car: Car, found: Found) -> str:
     return (
         f"## `{car.parameter_set}` at {car.ambient_c:g} °C\n\n{described[:1].upper()}{described[1:]}.\n\n"
         f"{markdown_table(heads, spacing)}\n\n"
-        "Energy and ageing; the last two columns are differences to the real follower.\n\n"
+        "Energy, and cyclic ageing while driving by the paper's law ([years of use](life.md) have the "
+        "capacity); the last two columns are differences to the real follower.\n\n"
         f"{markdown_table(ends, value)}"
     )
 

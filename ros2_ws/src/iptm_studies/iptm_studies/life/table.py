@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from iptm_core.aging_laws.cells import AGING_CELLS
@@ -23,6 +23,7 @@ from iptm_studies.life.usage import CLIMATES, USAGES, Charging, Climate, Usage
 from iptm_studies.life.year import Year, year_of
 
 MANAGED = "default, charging managed"
+RESISTANCE_YEARS = 1.0
 CONTROLS = (*DRIVEN_CONTROLS, MANAGED)
 
 
@@ -67,6 +68,7 @@ class Row:
         saved: less loss than without cooling below 40 degC.
         saved_band: band of that.
         years: until 80 % of the capacity is left.
+        resistance: growth of resistance after `RESISTANCE_YEARS`, None where the cell has no law of it.
         flags: quantities outside the experiments behind the law.
     """
 
@@ -79,6 +81,7 @@ class Row:
     saved: float
     saved_band: tuple[float, float] | None
     years: float
+    resistance: float | None
     flags: tuple[str, ...]
 
     @property
@@ -89,6 +92,10 @@ class Row:
 
 def _charging(usage: Usage, control: str) -> Charging:
     return usage.managed if control == MANAGED else usage.charging
+
+
+def _in_all_months(trip: TripMap) -> Callable[[int], TripMap]:
+    return lambda _: trip
 
 
 def years_of_use(
@@ -103,7 +110,9 @@ def years_of_use(
                 driven = DEFAULT if control == MANAGED else control
                 trip = trips[usage.cycle, driven]
                 charging = _charging(usage, control)
-                years[control] = year_of(usage, climate, driven, charging, trip, parameters)
+                years[control] = year_of(
+                    usage, climate, driven, charging, _in_all_months(trip), parameters
+                )
             yield usage, climate, years
 
 
@@ -148,6 +157,7 @@ def _rows(usage: Usage, climate: Climate, years: Mapping[str, Year]) -> Iterator
             causes = losses_by_cause(law, year, SERVICE_YEARS)
             if cell is not None:
                 drawn[control] = drawn_losses(cell, year)
+            grown = cell and cell.resistance
             yield Row(
                 usage.name,
                 climate.name,
@@ -158,5 +168,6 @@ def _rows(usage: Usage, climate: Climate, years: Mapping[str, Year]) -> Iterator
                 without - sum(causes.values()),
                 band(drawn[NO_COOLING] - drawn[control]) if cell else None,
                 years_to_end(law, year),
+                sum(losses_by_cause(grown, year, RESISTANCE_YEARS).values()) if grown else None,
                 flags(cell, year) if cell else (),
             )

@@ -43,15 +43,17 @@ class Climate:
 
 @dataclass(frozen=True)
 class Charging:
-    """When and how far the pack is charged after the last trip of a day.
+    """When and how far the pack is charged after the last trip of a day, and what cools it at rest.
 
     Attributes:
         target: state of charge at the first departure.
         just_in_time: the charging ends at the first departure instead of beginning on arrival.
+        free_cooling: a radiator and its fan cool the parked pack where it is warmer than the air.
     """
 
     target: float
     just_in_time: bool = False
+    free_cooling: bool = False
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ USAGES = (
         ((7.0, 1), (17.0, 1)),
         5.0,
         Charging(0.8),
-        Charging(0.6, just_in_time=True),
+        Charging(0.6, just_in_time=True, free_cooling=True),
         0.1,
     ),
     Usage(
@@ -120,7 +122,7 @@ USAGES = (
         ((6.0, 4), (13.0, 4)),
         6.0,
         Charging(0.9),
-        Charging(0.8, just_in_time=True),
+        Charging(0.8, just_in_time=True, free_cooling=True),
         0.15,
     ),
     Usage(
@@ -131,7 +133,7 @@ USAGES = (
         ((8.0, 10), (12.0, 8)),
         5.0,
         Charging(0.9),
-        Charging(0.8, just_in_time=True),
+        Charging(0.8, just_in_time=True, free_cooling=True),
         0.15,
         fast_target=0.8,
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -26,6 +27,12 @@ from iptm_studies.life.usage import (
 
 PARKED_TIME_CONSTANT_S = 10.0 * HOUR_S
 """Of a parked pack towards the air: chosen, insulated packs of 60 to 80 kWh need that order of time."""
+FREE_COOLING_W_K = 100.0
+"""Of radiator and pump of a parked pack: chosen, a small radiator at its fan's power below."""
+FREE_COOLING_FAN_W = 80.0
+FREE_COOLING_ABOVE_AIR_K = 3.0
+"""Where the heat carried off in an hour is worth the fan's power: chosen."""
+FREE_COOLING_FROM_K = 20.0 + CELSIUS_ZERO_K
 COOLING_COP = 2.4
 """While charging and at the upper limit: of the chiller of the paper's car at 450 to 600 W."""
 UPPER_LIMIT_K = 40.0 + CELSIUS_ZERO_K
@@ -50,7 +57,7 @@ class Year:
         duration_s: shape (n,).
         activity: members of `Activity`, shape (n,).
         load: arrays of shape (n,).
-        compressor_kwh: energy of the compressor while driving, from the pack.
+        compressor_kwh: energy of the compressor while driving and of the fan while parked, from the pack.
         grid_compressor_kwh: the same while charging, from the grid.
         driving_kwh: energy drawn from the pack.
         distance_km: distance.
@@ -111,7 +118,11 @@ class _Day:
                     return
                 step_s, activity = min(step_s, to_target_s), Activity.CHARGING
             air_k = pack.air_k(self.elapsed_s + 0.5 * step_s)
-            kept = float(np.exp(-step_s / PARKED_TIME_CONSTANT_S))
+            time_constant_s = PARKED_TIME_CONSTANT_S
+            if pack.is_cooled_by_air(self.kelvin, air_k):
+                time_constant_s = pack.free_cooling_time_constant_s
+                self.compressor_j += FREE_COOLING_FAN_W * step_s
+            kept = float(np.exp(-step_s / time_constant_s))
             heat_j = step_s * pack.charging_heat_w(c_rate_1_h, self.kelvin)
             after_k = air_k + (self.kelvin - air_k) * kept + heat_j / pack.heat_capacity_j_k
             if activity is Activity.CHARGING and after_k > pack.charging_limit_k:
@@ -134,6 +145,7 @@ class _Pack:
     month: int
     first_departure_s: float
     charging_limit_k: float
+    free_cooling: bool = False
 
     @property
     def heat_capacity_j_k(self) -> float:
@@ -143,6 +155,15 @@ class _Pack:
     def _cells(self) -> float:
         pack = self.parameters.pack
         return float(pack.modules * pack.series_per_module * pack.parallel)
+
+    @property
+    def free_cooling_time_constant_s(self) -> float:
+        conductance_w_k = self.heat_capacity_j_k / PARKED_TIME_CONSTANT_S + FREE_COOLING_W_K
+        return self.heat_capacity_j_k / conductance_w_k
+
+    def is_cooled_by_air(self, kelvin: float, air_k: float) -> bool:
+        is_warmer = kelvin - air_k > FREE_COOLING_ABOVE_AIR_K
+        return self.free_cooling and is_warmer and kelvin > FREE_COOLING_FROM_K
 
     def air_k(self, elapsed_s: float) -> float:
         clock_s = self.first_departure_s + elapsed_s
@@ -159,7 +180,7 @@ def year_of(
     climate: Climate,
     control: str,
     charging: Charging,
-    trip: TripMap,
+    trip: Callable[[int], TripMap],
     parameters: ModelParameters,
 ) -> Year:
     """Compose a year of settled days, a driving day and a day of rest for every month.
@@ -169,16 +190,17 @@ def year_of(
         climate: air.
         control: control of the trips; `NO_COOLING` cools at the upper limit only, when charging, too.
         charging: habit of charging.
-        trip: a trip of the cycle of the usage under that control.
+        trip: a trip of the cycle of the usage under that control, for a month, 0 for January.
         parameters: pack of the car.
     """
     limit_k = UPPER_LIMIT_K if control == NO_COOLING else ProductionSettings().thermostat_on_k
     parts: list[tuple[float, _Day]] = []
     for month, days in enumerate(MONTH_DAYS):
-        pack = _Pack(parameters, climate, month, usage.departures[0][0] * HOUR_S, limit_k)
+        first_s = usage.departures[0][0] * HOUR_S
+        pack = _Pack(parameters, climate, month, first_s, limit_k, charging.free_cooling)
         kelvin = climate.monthly_c[month] + CELSIUS_ZERO_K
         for _ in range(_DAYS_TO_SETTLE):
-            driven = _driving_day(pack, usage, charging, trip, kelvin)
+            driven = _driving_day(pack, usage, charging, trip(month), kelvin)
             kelvin = driven.kelvin
         night = driven.arrival_charge if charging.just_in_time else driven.charge
         rest = _Day(pack, driven.kelvin, night)
@@ -215,12 +237,15 @@ def _year(parts: list[tuple[float, _Day]], energy_j: float) -> Year:
         duration_s, c_rate, charge = rows[:, 0], rows[:, 3], rows[:, 4]
         depth = np.full(len(rows), np.ptp(charge))
         mean = np.full(len(rows), np.sum(duration_s * c_rate) / np.sum(duration_s))
-        columns.append(np.column_stack((days * duration_s, rows[:, 1:], depth, mean)))
+        charges = np.where(rows[:, 1] == Activity.CHARGING, duration_s, 0.0)
+        charged = np.sum(charges * c_rate) / max(float(np.sum(charges)), 1.0)
+        charging = np.full(len(rows), charged)
+        columns.append(np.column_stack((days * duration_s, rows[:, 1:], depth, mean, charging)))
     table = np.concatenate(columns)
     return Year(
         table[:, 0],
         table[:, 1],
-        Load(table[:, 2], table[:, 3], table[:, 4], table[:, 5], table[:, 6]),
+        Load(*table[:, 2:].T),
         sum(days * day.compressor_j for days, day in parts) / _J_PER_KWH,
         sum(days * day.grid_compressor_j for days, day in parts) / _J_PER_KWH,
         sum(days * day.drawn for days, day in parts) * energy_j / _J_PER_KWH,

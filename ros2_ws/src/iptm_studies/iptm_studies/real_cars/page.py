@@ -25,7 +25,8 @@ NO_VALUE = "–"
 _LEGEND = """\
 Savings of the default strategy are in percent of what the other controller needs on the same trip behind
 the same lead vehicle; a negative number is more. **Ageing** is the capacity that both cells lose by the
-paper's law for cyclic ageing, with the same constants for every cell: the public data have no ageing, so it
+paper's law for cyclic ageing while driving ([years of use](life.md) have the percentage points of capacity,
+parked hours included), with the same constants for every cell: the public data have no ageing, so it
 compares controllers in one car, and no two cars. **Equal ends** is ageing with both packs cooled to the
 same temperature at the end (none where they end below the lower limit of 25 °C). **Cooling** is the energy
 of compressor and auxiliaries, **traction** the electric traction energy, both as the paper counts them.

@@ -231,7 +231,8 @@ def _driving_part(findings: Findings) -> str:
         for cycle, of_cycle in savings.items()
     ]
     text = (
-        "Battery ageing saved against the undisturbed reference strategy, in percent; in brackets the same "
+        "Ageing saved while driving (cyclic, by the paper's law; [years of use](life.md) have the capacity) "
+        "against the undisturbed reference strategy, in percent; in brackets the same "
         f"of the version before. {findings.before.about}"
     )
     return (

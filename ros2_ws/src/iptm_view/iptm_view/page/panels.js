@@ -73,7 +73,7 @@ function reference(column, factor) {
  */
 export const PANELS = [
   {
-    id: "aging", title: "Battery aging, both cells", unit: "10⁻⁵ of capacity", digits: 4,
+    id: "aging", title: "Cyclic aging, both cells", unit: "10⁻⁵ of capacity", digits: 4,
     axis: { low: 0, span: 1e-3 },
     lines: [
       { ...reference("", 1e5), of: (run) => run.referenceLoss() },
