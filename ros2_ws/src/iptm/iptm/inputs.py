@@ -101,7 +101,7 @@ def settings_of(spec: RunSpec) -> dict[str, Any]:
 
 
 def _drive(cycle: Any) -> tuple[UserTrip | None, str]:
-    """Return a drive that is no name and no file, and the name of the cycle."""
+    """Return a drive that is neither a name nor a file, and the name of the cycle."""
     if isinstance(cycle, (str, Path)):
         return None, str(cycle)
     if isinstance(cycle, DrivingCycle):

@@ -72,7 +72,7 @@ class OwnController:
         """Return the command of the inner controller, within the bounds of the vehicle.
 
         Raises:
-            ParameterError: it is no command, or not finite.
+            ParameterError: it is not a command, or not finite.
         """
         command: Any = self._inner.decide(measured)
         acceleration = _finite(command, "acceleration_m_s2")
@@ -120,7 +120,7 @@ class PredictedSource(CycleSource):
 
 
 def _finite(command: Any, name: str) -> float | None:
-    """Return an entry of a command; None where it is no finite number."""
+    """Return an entry of a command; None if it is not a finite number."""
     try:
         value = float(getattr(command, name))
     except (AttributeError, TypeError, ValueError):

@@ -33,7 +33,7 @@ from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 
 HEADING_COLUMNS = 130
-# Below these spans a curve is flat for the eye, whatever its digits say.
+# Spans below which a curve is drawn as flat.
 _LEAST_TEMPERATURE_SPAN_K = 2.0
 _LEAST_COOLING_KW = 0.5
 

@@ -47,7 +47,7 @@ def simulate(
     Args:
         cycle: what the lead vehicle drives: a name such as ``wltc_class3b``, the path of a drive (CSV, GPX,
             SUMO, bag), a DataFrame or mapping with ``time_s`` and one of ``speed_m_s``, ``speed_kmh`` and
-            ``speed_mph``, at will ``elevation_m`` or ``slope_percent``, or a pair of times (s) and speeds
+            ``speed_mph``, optionally ``elevation_m`` or ``slope_percent``, or a pair of times (s) and speeds
             (m/s).
         strategy: cost terms and weights: a name, a `Strategy`, or a mapping of ``base`` and weights.
         horizon: prediction grid, such as ``3x1+5x5``.
@@ -152,7 +152,7 @@ def sweep(**arguments: Any) -> Sweep:
             mapping, stands for one run per entry.
 
     Raises:
-        IptmError: as for `simulate`, or there is no list, or an empty one.
+        IptmError: as for `simulate`, or the list is missing or empty.
     """
     axes = dict(_axes(arguments))
     if not axes or not all(axes.values()):

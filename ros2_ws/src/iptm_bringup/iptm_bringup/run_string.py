@@ -25,7 +25,7 @@ from iptm_bringup.viewer import live_view
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
-from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, refused, tell
+from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error, refused
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.vehicle_string import (
     MAX_VEHICLES,
@@ -174,7 +174,7 @@ def _report(
     """Report what the vehicles did; return the exit code."""
     complaints = [result for result in results if result.complaint]
     for result in complaints:
-        tell(PROGRAM, f"{result.vehicle.name}: {result.complaint}")
+        print_error(PROGRAM, f"{result.vehicle.name}: {result.complaint}")
     if not all(result.results for result in results):
         codes = {result.end.code for result in complaints}
         print(f"logs: {output / LOGS}", file=sys.stderr)

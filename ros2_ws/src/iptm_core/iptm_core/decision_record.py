@@ -22,7 +22,7 @@ class SolveStatus(IntEnum):
     """Outcome of one solve; the numbers travel in messages and bags."""
 
     NOT_POSED = -1
-    """There was no solve: without a state and a leader no problem can be posed."""
+    """No solve: without a state and a leader no problem can be posed."""
     SOLVED = 0
     """Converged to the requested tolerance."""
     FEASIBLE = 1

@@ -4,7 +4,7 @@
     class LinkSettings(Settings):
         latency_s: float = parameter(0.0, "age of a prediction on arrival", "s", 0.0, 60.0)
 
-An instance holds only permitted values, whoever builds it: a node, a scenario file, a study. Whoever
+An instance holds only permitted values, whether built by a node, a scenario file or a study. Code that
 needs the same parameter inherits from the group or refers to its declaration with `declared`.
 """
 
@@ -31,7 +31,7 @@ class ParameterSpec:
 
     Attributes:
         name: name of the field.
-        default: value that nobody needs to state; its type is the type of the parameter.
+        default: default value; its type is the type of the parameter.
         description: what it does, in a few words.
         unit: unit of the value, empty for none.
         minimum: smallest permitted number.
@@ -105,7 +105,7 @@ def parameter_specs(description: type[Any]) -> tuple[ParameterSpec, ...]:
     """Return the parameters that a dataclass declares, those of its bases included.
 
     Args:
-        description: the dataclass; fields that are no parameters are left out.
+        description: the dataclass; fields that are not parameters are left out.
     """
     return tuple(
         replace(entry.metadata["spec"], name=entry.name)

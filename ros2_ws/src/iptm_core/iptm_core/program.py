@@ -20,21 +20,21 @@ PROGRAMS = "iptm.programs"
 """Group of entry points in each ``setup.py``: name of an executable and its function."""
 EXIT_OK = 0
 EXIT_REFUSED = 1
-"""What the user asked for was understood, but not done."""
+"""The request was valid, but was not carried out."""
 EXIT_USER_ERROR = 2
 EXIT_SIGNAL = 128
 """Added to the number of the signal that ended a program."""
 EXIT_INTERRUPTED = EXIT_SIGNAL + signal.SIGINT
 
 
-def tell(program: str, what: object) -> None:
-    """Say something in one line on stderr."""
+def print_error(program: str, what: object) -> None:
+    """Print one line on stderr."""
     print(f"{program}: {' '.join(str(what).split())}", file=sys.stderr, flush=True)
 
 
 def refused(program: str, reason: object) -> int:
-    """Say what a user did wrong, as `tell` does; returns the exit code of the program."""
-    tell(program, reason)
+    """Print a usage error in one line on stderr and return the exit code of the program."""
+    print_error(program, reason)
     return EXIT_USER_ERROR
 
 

@@ -35,7 +35,7 @@ class SavedState:
     Attributes:
         kind: whose state it is.
         stamp_ns: trip time of the state in integer nanoseconds.
-        settings: settings that whoever goes on from it must share.
+        settings: settings that a run must share to continue from it.
         state: the state as plain data; see `from_plain`.
     """
 
@@ -77,7 +77,9 @@ def read_state(path: Path, kind: str, settings: Mapping[str, Scalar]) -> SavedSt
     except (OSError, ValueError, RecursionError) as error:
         raise StateError(f"state file {path} cannot be read: {error}") from None
     if not isinstance(found, dict) or found.get("format") != FORMAT or set(found) != _KEYS:
-        raise StateError(f"{path} is no state file; allowed: what a service save_state wrote")
+        raise StateError(
+            f"{path} is not a state file; allowed: a file written by a service save_state"
+        )
     saved = SavedState(**{key: value for key, value in found.items() if key != "format"})
     if saved.kind != kind:
         raise StateError(
@@ -98,7 +100,7 @@ def read_state(path: Path, kind: str, settings: Mapping[str, Scalar]) -> SavedSt
 
 
 def to_plain(value: Any) -> Any:
-    """Return a dataclass, or what one is made of, as data that JSON knows."""
+    """Return a dataclass, or a value inside one, as JSON-compatible data."""
     if is_dataclass(value) and not isinstance(value, type):
         return {entry.name: to_plain(getattr(value, entry.name)) for entry in fields(value)}
     if isinstance(value, Enum):
@@ -114,9 +116,9 @@ def from_plain(kind: type[T], data: Any) -> T:
     """Return a dataclass from what `to_plain` made of it.
 
     Args:
-        kind: the class, or one whose subclasses are told by their fields; its fields are dataclasses,
+        kind: the class, or one whose subclasses are identified by their fields; its fields are dataclasses,
             numbers, texts, enums, arrays or tuples of one type.
-        data: plain data, from a file that anybody may have changed.
+        data: plain data from an untrusted file.
 
     Raises:
         StateError: a field is missing, unknown, of another type, or refused by its class.

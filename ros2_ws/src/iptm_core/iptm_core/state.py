@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 SPEED_AT_REST_M_S = -0.5
 """Measured speeds from here to 0 are those of a vehicle at rest, with an error of the measurement."""
 KNOWN_BOUND_M = 1.5
-"""A predicted position counts as known while the leader is behind it by at most this."""
+"""Largest bound at which a predicted position of the leader is treated as known."""
 
 
 @dataclass(frozen=True)

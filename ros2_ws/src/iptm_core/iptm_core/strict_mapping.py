@@ -1,4 +1,4 @@
-"""Mappings read strictly: what a user wrote and nobody understands is refused, with the nearest name.
+"""Strict reading of mappings: unknown keys are refused, with the nearest known name.
 
 All files of the suite (parameter sets, scenarios, studies) are read through `StrictMapping`, so that
 all refusals look alike: where, which key, the value, and what is allowed.
@@ -109,7 +109,7 @@ class StrictMapping:
             error: class of all errors.
 
         Raises:
-            IptmError: (of class ``error``) no mapping, or a key that is no text or unknown.
+            IptmError: (of class ``error``) not a mapping, or a key that is not text or unknown.
         """
         self.where = where
         self._error = error
@@ -139,7 +139,7 @@ class StrictMapping:
         )
 
     def require(self, *keys: str, allowed: str = "") -> None:
-        """Refuse the mapping if a key is missing, and say what is allowed for it."""
+        """Refuse the mapping if a key is missing, with the allowed values."""
         for key in keys:
             if key not in self.content:
                 hint = f"; allowed: {allowed}" if allowed else ""

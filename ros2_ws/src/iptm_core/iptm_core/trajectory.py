@@ -43,7 +43,7 @@ class Trajectory:
         battery_power_w: mean pack power (P_b), positive when discharging.
         chiller_heat_w: mean heat taken from the coolant (Q_co).
         leader_position_m: rear bumper of the preceding vehicle; NaN where it was not measured.
-        leader_speed_m_s: speed of the preceding vehicle; NaN likewise.
+        leader_speed_m_s: speed of the preceding vehicle; NaN without one.
         service_braking_s: part of the interval in which the safety monitor braked.
         smallest_gap_m: smallest gap known of the interval, its end included; in row 0 the gap; NaN if
             none is known.

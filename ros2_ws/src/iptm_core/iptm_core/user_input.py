@@ -15,10 +15,10 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
         most_bytes: largest size that is read.
 
     Raises:
-        OSError: there is no such file, it cannot be read, is no regular file (a pipe would never end, a
+        OSError: the file does not exist, cannot be read, is not a regular file (a pipe would never end, a
             device neither) or is too large.
     """
-    # Without waiting: opening a pipe would last until somebody writes into it.
+    # Non-blocking: opening a pipe would wait for a writer.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         status = os.fstat(descriptor)
@@ -36,7 +36,7 @@ def is_path(text: str, suffixes: tuple[str, ...]) -> bool:
     """Return whether a text that may be a name is a path: with a folder in it, or with one of the suffixes.
 
     Args:
-        text: what the user wrote; behind a ``#``, it tells which part of the file is meant.
+        text: input of the user; a part after ``#`` selects a part of the file.
         suffixes: in small letters.
     """
     lower = text.lower()
@@ -50,7 +50,7 @@ def number(text: str) -> float:
         ValueError: it is none.
     """
     if "_" in text or not text.isascii():
-        raise ValueError(f"{text!r} is no plain number")
+        raise ValueError(f"{text!r} is not a plain number")
     return float(text)
 
 
@@ -61,5 +61,5 @@ def whole_number(text: str) -> int:
         ValueError: it is none.
     """
     if "_" in text or not text.isascii():
-        raise ValueError(f"{text!r} is no plain whole number")
+        raise ValueError(f"{text!r} is not a plain whole number")
     return int(text)

@@ -1,4 +1,4 @@
-"""A string of vehicles on one road: who drives behind whom, and where each starts."""
+"""A string of vehicles on one road: their order and start positions."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def vehicle_count(text: str, name: str = "vehicles") -> int:
     """Read the number of vehicles of a string.
 
     Raises:
-        ScenarioError: it is no whole number, or out of range.
+        ScenarioError: it is not a whole number, or out of range.
     """
     count = _in_range(name, text, (2.0, MAX_VEHICLES))
     if not count.is_integer():
@@ -47,7 +47,7 @@ def vehicle_length_m(text: str, name: str = "vehicle_length_m") -> float:
     """Read the length of a vehicle in m.
 
     Raises:
-        ScenarioError: it is no number, or out of range.
+        ScenarioError: it is not a number, or out of range.
     """
     return _in_range(name, text, VEHICLE_LENGTHS_M, " m")
 
@@ -56,7 +56,7 @@ def string_gap_m(text: str, name: str = "initial_gap_m") -> float:
     """Read the gap between vehicles at the start, in m; further limits are those of the parameter set.
 
     Raises:
-        ScenarioError: it is no number, or out of range.
+        ScenarioError: it is not a number, or out of range.
     """
     return _in_range(name, text, (1.0, 500.0), " m")
 

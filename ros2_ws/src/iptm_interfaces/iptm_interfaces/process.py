@@ -29,7 +29,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError
-from iptm_core.program import EXIT_OK, refused, tell
+from iptm_core.program import EXIT_OK, print_error, refused
 from iptm_interfaces.discovery import middleware_settings
 from iptm_interfaces.suite_node import SuiteNode
 
@@ -125,7 +125,7 @@ def _spin(node: SuiteNode, stop: StopRequest, program: str) -> int:
         code = node.exit_code
     except Exception as error:  # noqa: BLE001  the last line of defence of the process
         # The executor has logged the traceback already.
-        tell(program, f"stopped by an unexpected {type(error).__name__}: {error}")
+        print_error(program, f"stopped by an unexpected {type(error).__name__}: {error}")
         code = EXIT_DEFECT
     finally:
         executor.remove_node(node)

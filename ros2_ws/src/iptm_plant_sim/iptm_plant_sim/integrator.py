@@ -83,7 +83,7 @@ class PackedFunction:
     def __init__(self, function: ca.Function) -> None:
         self.arguments = np.zeros(function.size1_in(0))
         self._results = np.zeros(function.size1_out(0))
-        # CasADi's stubs do not know that a memoryview carries its own size.
+        # CasADi's stubs lack the overload for a memoryview, which carries its own size.
         buffer: Any
         buffer, self._evaluate = function.buffer()
         buffer.set_arg(0, self.arguments.data)

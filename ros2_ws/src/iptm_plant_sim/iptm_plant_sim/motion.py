@@ -16,8 +16,8 @@ from iptm_core.state import FloatArray
 
 STANDSTILL_SPEED_M_S = 1e-3
 STANDSTILL_ACCELERATION_M_S2 = 1e-3
-"""Below both the brakes hold. An optimiser's zero is never quite zero, and without this a vehicle on a
-slope would be held by its motor for want of a micrometre per second."""
+"""Speed and acceleration below which the brakes hold; otherwise the motor would hold a vehicle on a slope
+when the optimiser's zero is not exact."""
 
 _ROLLING_M_S = 1e-12
 """Stands for the limit v -> 0 from above: the last instant before the brakes take over."""

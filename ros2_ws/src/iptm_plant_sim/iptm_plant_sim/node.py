@@ -1,4 +1,4 @@
-"""The plant as a node: the simulated vehicle, master of time for everybody else.
+"""The plant node: the simulated vehicle, master of the trip time.
 
 Exit codes beyond those of every node: 3, the controller was lost and the trip ended with the controlled
 stop. 1 is also a vehicle model that failed.
@@ -29,7 +29,7 @@ class PlantNode(TripNode):
 
     In lock-step mode trip time advances only with commands; in real-time mode it advances with the
     wall clock, and a command is held until it is too old. In either mode services pause the trip, drive
-    single intervals and begin it anew.
+    single intervals and restart it.
     """
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class PlantNode(TripNode):
         if self._phase is TripPhase.PAUSED:
             return f"paused already, at {self._at()}"
         if self._phase is TripPhase.WAITING or self._is_real_time:
-            # Between two ticks others may know a later time than that of the present state.
+            # Between two ticks other nodes may have a later time than that of the present state.
             self._pause_due = True
             return "pauses at the next state"
         self._hold_trip()
@@ -98,7 +98,7 @@ class PlantNode(TripNode):
         self._controller_lost = False
         self._failure = ""
         self.exit_code = 0
-        self._trip = self._trip.anew()
+        self._trip = self._trip.restarted()
         self._hold = CommandHold(self._options.command_timeout_s)
         self._begin()
         return f"a new trip, after {at} of the one before"
@@ -175,7 +175,7 @@ class PlantNode(TripNode):
         return Level.OK, "running"
 
     def _safety_warning(self) -> str:
-        """Return what there is to say of the safety monitor and the brakes, empty for nothing."""
+        """Return the report on the safety monitor and the brakes, empty if normal."""
         step = self._trip.step
         if step.memory.braking or step.safety.service_braking_s > 0.0:
             return f"the safety monitor brakes: {step.memory.reason}"

@@ -22,9 +22,8 @@ class Neighbours:
 
     The state of an instant is published when the vehicle ahead has planned at that instant, so that the
     answer to the state waits for nothing from elsewhere, and when the vehicle behind has published the
-    instant before, so that nobody falls behind further than streams are kept. A neighbour that has gone from
-    the graph is not waited for. All of it decides when things happen and never what: the numbers depend on
-    stamps only.
+    instant before, so that no vehicle falls behind further than the queues reach. A neighbour that has left the
+    graph is not waited for. This affects the timing only: the numbers depend on stamps.
     """
 
     def __init__(self, node: SuiteNode, options: PlantNodeParameters) -> None:
@@ -41,8 +40,8 @@ class Neighbours:
         self._behind = options.vehicle_behind
         named = {"vehicle_ahead": self._ahead, "vehicle_behind": self._behind}
         if options.mode is LoopMode.REAL_TIME and any(named.values()):
-            told = " and ".join(f"{key} {name}" for key, name in named.items() if name)
-            raise ParameterError(f"mode is real_time with {told}; allowed in a string: lock_step")
+            given = " and ".join(f"{key} {name}" for key, name in named.items() if name)
+            raise ParameterError(f"mode is real_time with {given}; allowed in a string: lock_step")
         self._period_ns = round(options.period_s * NS_PER_S)
         self._planned_ns = self._reached_ns = -1
         self._presence: dict[str, VehiclePresence] = {}
@@ -70,7 +69,7 @@ class Neighbours:
         return {Topic.PLANT_ODOMETRY: bool(self._behind), Topic.CLOCK: bool(self._ahead)}
 
     def missing(self, time_ns: int) -> tuple[str, ...]:
-        """Return the topics that have to tell more before the state of an instant may be published."""
+        """Return the topics that must advance before the state of an instant may be published."""
         found = []
         if self._ahead and self._planned_ns < time_ns and not self._presence[self._ahead].is_gone:
             found.append(topic_of(self._ahead, Topic.PLAN))

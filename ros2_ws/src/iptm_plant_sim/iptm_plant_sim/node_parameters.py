@@ -61,7 +61,7 @@ class PlantNodeParameters(
     )
     command_timeout_wall_s: float = parameter(
         10.0,
-        "lock_step: wall time without the awaited command that counts as loss",
+        "lock_step: wall time without the awaited command after which it counts as lost",
         "s",
         0.1,
         3600.0,

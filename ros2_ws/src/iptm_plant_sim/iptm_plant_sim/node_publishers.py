@@ -1,4 +1,4 @@
-"""What the plant says: the messages of one state, in the order that the others rely on."""
+"""Publishers of the plant: the messages of one state, in the order that the other nodes rely on."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ class PlantPublishers:
         """Names of the topics that not everyone expected listens to yet.
 
         Args:
-            expected_peers: subscribers of odometry and clock to wait for; 0 waits for nobody.
+            expected_peers: subscribers of odometry and clock to wait for; 0 does not wait.
             others: further subscribers of these two.
         """
         if expected_peers == 0:
             return ()
-        # A command depends on the whole state: without a listener the start would be one into silence.
+        # A command depends on the whole state, so each topic needs a subscriber.
         needed = dict.fromkeys(STATE_TOPICS, 1)
         needed |= {topic: expected_peers + others[topic] for topic in PEER_TOPICS}
         return tuple(

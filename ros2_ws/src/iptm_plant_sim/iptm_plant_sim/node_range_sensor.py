@@ -15,18 +15,18 @@ from iptm_interfaces.topics import TOPICS, Topic
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 
 WAIT_S = 1.0
-"""Lock-step: a command waits for the measurements of its stamp for so much wall time."""
+"""Lock-step: wall time for which a command waits for the measurements of its stamp."""
 _KEPT = 16
 
 
 class NodeRangeSensor:
     """Measurements by stamp; in lock-step a command is held until those of its stamp have arrived.
 
-    A sensor that does not answer in time is not waited for again before it has answered.
+    After a timeout the sensor is not waited for again until it has answered.
 
     Attributes:
-        is_silent: there was no measurement of the present interval.
-        silent_intervals: how often there was none.
+        is_silent: whether the present interval has no measurement.
+        silent_intervals: number of intervals without one.
     """
 
     def __init__(self, node: SuiteNode, options: PlantNodeParameters) -> None:

@@ -28,13 +28,13 @@ EXIT_CONTROLLER_LOST = 3
 MATCHING_PERIOD_S = 0.02
 CHECKS_PER_REPEAT = 5.0
 STOP_TICK_WALL_S = 0.1
-"""Pace of the controlled stop in lock-step mode: nobody is waited for, but a controller that is back can
-answer in time, and listeners can follow."""
+"""Wall time per tick of the controlled stop in lock-step: it does not wait for the controller, but is slow
+enough for a restarted one to take over and for subscribers to follow."""
 REPEAT_S = 2.5
-"""Lock-step: a state without an answer is published again after so much wall time, for whoever has been
-started meanwhile. More than the controller's wait for missing inputs: not without need."""
+"""Lock-step: wall time after which an unanswered state is re-sent, so that late-joining nodes receive it.
+Longer than the controller's wait for missing inputs, to avoid needless repeats."""
 KEEP_ALIVE_S = 1.0
-"""The state of a paused trip is published again after so much wall time, less than anybody's patience."""
+"""Wall time between repeats of the state of a paused trip, shorter than every node's input timeout."""
 
 
 class TripNode(SuiteNode):
@@ -78,7 +78,7 @@ class TripNode(SuiteNode):
         self._start_timer = self.every(MATCHING_PERIOD_S, self._start_when_matched)
 
     def _report(self) -> None:
-        """Tell where the trip stands; called whenever that may have changed."""
+        """Report the state of the trip; called whenever it may have changed."""
         raise NotImplementedError
 
     @property
@@ -163,10 +163,10 @@ class TripNode(SuiteNode):
         self._phase = TripPhase.RUNNING
 
     def _read(self, message: JointState) -> tuple[int, Command]:
-        """Return stamp and decision; one that cannot be read counts as one without numbers.
+        """Return stamp and decision; an unreadable one is treated as NaN.
 
         The plant answers such a command with the controlled stop for this tick, so a controller that
-        sends nonsense once neither hangs the lock-step nor ends the trip.
+        sends one malformed command neither hangs the lock-step nor ends the trip.
         """
         try:
             return decode_command(message)

@@ -168,7 +168,7 @@ class Plant:
         The command passes the actuator limits, the vehicle moves at constant acceleration until it stops
         or meets its top speed, and the pack follows. Where the safety monitor brakes, the acceleration
         follows the service brakes instead. If the pack cannot deliver the power, the drive gives
-        way: the acceleration is cut to what is possible, whatever the jerk limit says.
+        way: the acceleration is cut to what is possible, regardless of the jerk limit.
 
         Args:
             state: state at the start, from ``initial_state`` or an earlier step.
@@ -237,7 +237,7 @@ class Plant:
         power_w = command.compressor_power_w
         if self._channel is not None:
             if not isinstance(state, FullChannelState):
-                raise StateError("state knows two cells; allowed: a state of the full channel")
+                raise StateError("state has two cells; allowed: a state of the full channel")
             return self._channel.integrate(
                 state.cells, power_w, motion, slopes, state.state_of_charge
             )

@@ -12,7 +12,7 @@ from iptm_plant_sim.safety_monitor import MonitorMemory
 
 @dataclass(frozen=True)
 class PlantStep(PlantObservation):
-    """What is observed at the end of an interval, and what only a simulated plant knows.
+    """Observation at the end of an interval, and quantities available only in simulation.
 
     Powers are means over the interval; currents are positive when discharging.
 

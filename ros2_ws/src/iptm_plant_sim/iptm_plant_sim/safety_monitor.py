@@ -19,16 +19,16 @@ from iptm_core.settings import SafetyMonitorSettings
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 SHARE_TIME_CONSTANT_S = 0.3
-"""Of the estimate of what the brakes deliver: it has settled within 1 s of braking."""
+"""Time constant of the estimated brake share, which settles within 1 s of braking."""
 LEAST_SHARE = 0.1
 JUDGED_FROM_M_S2 = 0.3
 JUDGED_FROM_M_S = 0.5
-"""Brakes are judged by requests harder and speeds above these."""
+"""Smallest requested deceleration and speed at which the brake share is estimated."""
 _RESOLUTION_S = 1e-9
 ANOTHER_LEAD_M = 3.0
-"""A vehicle ahead that moves by so much more or less than its speeds say is another one."""
+"""Position jump, beyond the motion at its speeds, from which it is another vehicle."""
 LARGEST_MEASURING_INTERVAL_S = 5.0
-"""Two measurements further apart say nothing about the acceleration of the vehicle ahead."""
+"""Longest interval between two measurements from which an acceleration is estimated."""
 SILENT_S = 1.5
 """Age of the last measurement from which the vehicle ahead is assumed to brake."""
 SILENT_DECELERATION_M_S2 = 3.0

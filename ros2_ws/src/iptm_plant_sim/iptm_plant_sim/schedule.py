@@ -9,10 +9,10 @@ from iptm_core.trip_time import NS_PER_S
 
 
 class Schedule:
-    """Counts what a periodic activity missed, judged by when it should have run.
+    """Counts the missed slots of a periodic activity.
 
-    A slot that is missed is not made up for: after a delay the activity goes on with the next slot, so
-    that nobody downstream is hit by a burst.
+    Missed slots are skipped: after a delay the activity continues with the next slot, so that
+    subscribers get no burst.
 
     Attributes:
         overruns: slots missed so far.
@@ -35,7 +35,7 @@ class Schedule:
         self.worst_lateness_s = 0.0
 
     def begin_again(self) -> None:
-        """Let the next slot lie one period ahead of now, after a pause that is no delay."""
+        """Restart one period ahead of now, after an intended pause."""
         self._next_s = self._steady_time_s() + self._period_s
 
     def keep(self) -> None:

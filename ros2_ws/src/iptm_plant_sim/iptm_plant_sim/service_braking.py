@@ -31,7 +31,7 @@ RangeSensor = Callable[[VehicleState], "LeaderPreview | None"]
 `LeadMeasurements`."""
 DriveInterval = Callable[[VehicleState, ActuatorReport, float], PlantStep]
 RAMP_STEP_S = 0.05
-"""While brakes build up or are released, the acceleration is constant over so much time, at its mean."""
+"""Step over which the acceleration is constant, at its mean, while brakes build up or are released."""
 _RESOLUTION_S = 1e-9
 
 

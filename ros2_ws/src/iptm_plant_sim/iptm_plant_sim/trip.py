@@ -16,7 +16,7 @@ from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.service_braking import RangeSensor
 
 RECENT_TICKS = 10
-"""A limited command stays worth mentioning for so many ticks."""
+"""Ticks for which a limited command is reported."""
 
 
 class TripPhase(Enum):
@@ -108,7 +108,7 @@ class Trip:
         """Let the safety monitor of the plant watch the vehicle ahead."""
         self._plant.watch(sensor, self.step.memory)
 
-    def anew(self) -> Trip:
+    def restarted(self) -> Trip:
         """Return the same trip at its start, driven by the same plant."""
         return Trip(self._plant, self._duration_s, self._period_s, self._start, self._first_tick)
 

@@ -20,7 +20,7 @@ from mcap.well_known import MessageEncoding
 from zstandard import ZstdError
 
 from iptm_core.errors import BagError, IptmError
-from iptm_core.program import tell
+from iptm_core.program import print_error
 from iptm_recording.bag_files import check_exists
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.message_types import (
@@ -330,7 +330,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         report = recover(options.source, options.output)
     except IptmError as error:
-        tell("recover_bag", error)
+        print_error("recover_bag", error)
         return 1
     print(report)
     return 0

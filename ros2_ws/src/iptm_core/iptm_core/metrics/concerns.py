@@ -1,7 +1,7 @@
-"""What an operator must know of a trip: limits broken for long, and cooling without effect.
+"""Concerns for an operator: limits violated for long, and cooling without effect.
 
-The controller's node asks tick by tick, the metrics of a run over all of its rows. Both use the conditions
-and the clocks of this module, so that a warning and a figure of the result table mean the same.
+The controller's node evaluates them tick by tick, the metrics of a run over all rows, both with the conditions
+and clocks of this module, so that a warning and a figure of the result table mean the same.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from iptm_core.state import LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory
 
 NEAR_FULL_POWER = 0.95
-"""Share of the largest useful compressor power from which on the compressor counts as at its limit."""
+"""Share of the largest useful compressor power from which the compressor is considered at its limit."""
 EFFECT_K = 0.1
-"""Fall of the warmest cell that counts as an effect of cooling."""
+"""Fall of the warmest cell that is considered an effect of cooling."""
 
 
 class Concern(Enum):
@@ -85,7 +85,7 @@ class Situation:
 def broken_limits(at: Situation, parameters: ModelParameters) -> dict[Concern, Scalar]:
     """Return for each watched soft limit whether it is broken by more than its tolerance.
 
-    A cell below its lower limit is no violation that anybody could act on: it forbids cooling, that is all.
+    A cell below its lower limit only forbids cooling; the controller cannot correct it, so it is not counted.
     """
     limits, gap = parameters.limits, parameters.gap
     smallest = minimum_gap_m(at.speed_m_s, at.leader_speed_m_s, gap, limits)
@@ -138,7 +138,7 @@ class FutileCooling:
         """Take an instant into account; returns the time without effect, in s.
 
         A fall by ``EFFECT_K`` below the highest temperature since the beginning is an effect, from which
-        the time counts anew.
+        the time restarts.
         """
         if at_limit and warmest_cell_k <= self._warmest_k - EFFECT_K:
             self._streak = Streak()

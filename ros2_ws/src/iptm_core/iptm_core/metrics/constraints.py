@@ -2,7 +2,7 @@
 
 The bounds and rates of the two inputs are hard: no command may ever break them. Speed, spacing and
 temperatures are soft: the controller pays for breaking them but may have to. A collision, which no
-soft limit may be traded for, counts as hard.
+soft limit may be traded for, is a hard violation.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def check_constraints(
 ) -> tuple[ConstraintCheck, ...]:
     """Check every limit on every row of a run.
 
-    Rates are checked from row to row, so that row 0 counts as the input before the run. Where a vehicle comes
+    Rates are checked from row to row, so that row 0 serves as the input before the run. Where a vehicle comes
     to rest its deceleration ends with the motion, and where it meets its top speed its acceleration: no
     command does that, and it breaks no limit. Service braking keeps to the brakes of the vehicle, not to the
     limits of comfort. Collisions are looked for inside the intervals as well.

@@ -15,7 +15,7 @@ the other: at standstill, with a constant compressor power P, and with all rates
 
 where Q_co is the heat that the chiller takes, q_bc the heat that a cell makes, P_b = (P + P_aux) / eta_b the
 battery power, and P the power that takes the least energy, at the state of charge at the end. The kinetic
-energy counts as returned in full. Energies are compared per distance.
+energy is taken as returned in full. Energies are compared per distance.
 """
 
 from __future__ import annotations

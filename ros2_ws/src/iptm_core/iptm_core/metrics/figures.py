@@ -30,7 +30,7 @@ class Figure:
         decimals: digits after the point where figures of several runs stand side by side.
         compute: the value from the metrics of a run; None where it does not exist.
         symbol: symbol of the paper, empty where it has none.
-        compared: whether its change relative to a reference run says something.
+        compared: whether its change relative to a reference run is meaningful.
         short: label for narrow places; empty for the label itself.
     """
 
@@ -256,4 +256,4 @@ PAPER_TABLE = (
 """Keys of the rows of the paper's results table, in its order."""
 
 TRIP_FIGURES = tuple(figure.key for figure in _TRIP_FIGURES)
-"""Keys of the figures of the trip itself; the others tell of the decisions."""
+"""Keys of the figures of the trip itself; the others describe the decisions."""

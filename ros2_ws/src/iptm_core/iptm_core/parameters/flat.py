@@ -53,7 +53,7 @@ class FieldSpec:
 
 
 class SourceTag(TextEnum):
-    """How much a value can be trusted, and by whom it was stated."""
+    """Source and reliability of a value."""
 
     PAPER = "paper"
     DERIVED = "derived"
@@ -180,7 +180,7 @@ def flat_to_parameters(
         The parameters, each number unchanged to the last bit.
 
     Raises:
-        ParameterError: for an unknown or missing key, a value that is no number in its range, or
+        ParameterError: for an unknown or missing key, a value that is not a number in its range, or
             parameters that contradict each other.
     """
     specs = field_specs()

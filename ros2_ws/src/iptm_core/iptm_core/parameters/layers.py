@@ -51,7 +51,7 @@ def read_layer(path: Path) -> Layer:
     """Read one parameter file.
 
     Args:
-        path: a YAML file with the groups of the model, and ``description`` and ``base`` at will.
+        path: a YAML file with the groups of the model, optional ``description`` and ``base``.
 
     Returns:
         Its checked entries; a file with a base need not state every parameter.

@@ -120,7 +120,7 @@ def parse_overrides(text: str) -> dict[str, float]:
         text: the pairs; empty for none. Whether the keys exist is checked by ``load_parameters``.
 
     Raises:
-        ParameterError: an entry is no such pair or a key appears twice.
+        ParameterError: an entry is not such a pair or a key appears twice.
     """
     overrides: dict[str, float] = {}
     for entry in filter(None, (part.strip() for part in text.split(","))):

@@ -2,7 +2,7 @@
 
 PyYAML's own loader follows YAML 1.1, where ``1e-4`` is a string, ``1:30`` the number 90, ``010``
 eight, ``no`` false, and where the second of two equal keys silently wins. Each of these turns a typing
-slip into a wrong number, so the loader here knows none of them.
+slip into a wrong number, so this loader supports none of them.
 
 Whatever the text, reading ends soon and takes little memory: size, depth and the number of values that
 references (`*name`) stand for are bounded.
@@ -83,7 +83,7 @@ def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) 
         Mappings, lists, strings, numbers, booleans or None.
 
     Raises:
-        IptmError: (of class ``error``) if the text is no YAML, repeats a key, nests too deeply, or is or
+        IptmError: (of class ``error``) if the text is not YAML, repeats a key, nests too deeply, or is or
             becomes too large.
     """
     if len(text) > MAX_BYTES:
@@ -107,7 +107,7 @@ def _check_bounds(text: str) -> None:
     """Refuse what nests too deeply or stands for too many values, before anything is built of it.
 
     Raises:
-        yaml.YAMLError: it does, or is no YAML.
+        yaml.YAMLError: it does, or is not YAML.
     """
     counts = [0]  # of values, by the collections that are open
     names: list[str | None] = [None]

@@ -70,7 +70,7 @@ def mean_cell_heat_w(
         mean_current_a: mean of the cell current over the instants.
         mean_square_current_a2: mean of its square.
         resistance_ohm: resistance, the same at all instants.
-        temperature_k: temperature, likewise.
+        temperature_k: temperature, the same at all instants.
         cell: entropic coefficient.
     """
     entropic = mean_current_a * cell.entropic_coefficient_v_k

@@ -1,4 +1,4 @@
-"""The thermal actuator: one signed power for compressor and heater, and the radiator that runs beside it.
+"""The thermal actuator: one signed power for compressor and heater, and the radiator in parallel.
 
 Positive power drives the compressor, negative power the heater of the coolant (an electric resistance, or a
 heat pump with a constant coefficient of performance). To heat and to cool at once only wastes energy, so that

@@ -30,7 +30,7 @@ def read_bag(path: Path, name: str) -> CsvTable:
         name: namespace of the vehicle, or a topic of its odometry; "" for the only one.
 
     Returns:
-        Columns ``time_s``, ``speed_m_s`` and, where the bag tells, ``slope_rad``.
+        Columns ``time_s``, ``speed_m_s`` and, if recorded, ``slope_rad``.
 
     Raises:
         RouteError: no such bag, no such odometry, several where none is named, or values that are not finite.
@@ -50,9 +50,9 @@ def read_bag(path: Path, name: str) -> CsvTable:
     except RouteError:
         raise
     except Exception as reason:  # the readers have error types of their own
-        said = str(reason) or type(reason).__name__
+        cause = str(reason) or type(reason).__name__
         raise RouteError(
-            f"{path}: cannot be read as a bag ({said}); scripts/recover_bag saves what is whole"
+            f"{path}: cannot be read as a bag ({cause}); scripts/recover_bag saves what is whole"
         ) from reason
     source = f"{path}#{topic}"
     if not rows.size:

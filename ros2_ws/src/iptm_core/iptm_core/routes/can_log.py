@@ -1,7 +1,7 @@
 """Drives in logs of a vehicle's CAN bus (MF4, BLF, ASC): the signals that a drive needs, as a CSV table.
 
-Frames are decoded with a DBC. An MF4 file that holds signals instead of frames needs none. Which signal is
-what is said by the user, because no name is common to all vehicles; the column says in which unit it counts.
+Frames are decoded with a DBC. An MF4 file that holds signals instead of frames needs none. The user
+assigns the signals, because their names differ between vehicles; the column name gives the unit.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ _SOURCES = {
 }
 
 CYCLE_NAMES = tuple(_SOURCES)
-"""Names of the published cycles that `load_cycle` knows."""
+"""Names of the published cycles for `load_cycle`."""
 
 LOW_SPEED_M_S = 60.0 / KM_H_PER_M_S
 HIGH_SPEED_M_S = 120.0 / KM_H_PER_M_S

@@ -64,7 +64,7 @@ def read_fcd(path: Path, name: str) -> CsvTable:
         name: of the vehicle; "" for the only one.
 
     Returns:
-        Columns ``time_s`` and ``speed_m_s``, and as far as the file tells ``latitude_deg``,
+        Columns ``time_s`` and ``speed_m_s``, and as far as available ``latitude_deg``,
         ``longitude_deg`` and ``elevation_m``, or ``slope_rad``.
 
     Raises:
@@ -91,14 +91,14 @@ def read_fcd(path: Path, name: str) -> CsvTable:
         )
 
     columns = {"time_s": column("time"), "speed_m_s": column("speed")}
-    told = vehicle.rows[0]
-    if {"x", "y"} <= told.keys():
+    first = vehicle.rows[0]
+    if {"x", "y"} <= first.keys():
         longitudes, latitudes = column("x"), column("y")
-        way_m = float(np.diff(columns["time_s"]) @ columns["speed_m_s"][1:])
-        if np.hypot(np.diff(longitudes), np.diff(latitudes)).sum() < _DEGREES_PER_M * way_m:
+        distance_m = float(np.diff(columns["time_s"]) @ columns["speed_m_s"][1:])
+        if np.hypot(np.diff(longitudes), np.diff(latitudes)).sum() < _DEGREES_PER_M * distance_m:
             columns |= {"latitude_deg": latitudes, "longitude_deg": longitudes}
     if "latitude_deg" in columns:
-        columns |= {"elevation_m": column("z")} if "z" in told else {}
-    elif "slope" in told:
+        columns |= {"elevation_m": column("z")} if "z" in first else {}
+    elif "slope" in first:
         columns["slope_rad"] = np.radians(column("slope"))
     return CsvTable(source, columns, tuple(range(1, len(vehicle.rows) + 1)), "row")

@@ -23,7 +23,7 @@ _RADIANS_PER_DEGREE = math.pi / 180.0
 _SMALL_DEG = 1e-3
 
 MAX_LATITUDE_DEG = 85.0
-"""Beyond it the local east-north plane of the formula is no plane."""
+"""Limit of the local east-north plane of the formula."""
 TEST_ROAD_START_DEG = (48.0, 10.0)
 TEST_ROAD_LENGTH_M = 400_000.0
 _TEST_ROAD_SPACING_M = 1000.0
@@ -189,9 +189,9 @@ class RoadLine:
         latitudes: FloatArray = latitude + step * np.arange(count + 1, dtype=np.float64)
         return cls(latitudes, np.full(count + 1, longitude))
 
-    def begun_earlier(self, way_m: float) -> RoadLine:
-        """Return the line with a straight way of so many metres in front of it."""
-        latitude, longitude, _ = self.locate(-way_m)
+    def extended_backwards(self, distance_m: float) -> RoadLine:
+        """Return the line extended backwards by a straight segment of length `distance_m`."""
+        latitude, longitude, _ = self.locate(-distance_m)
         return RoadLine(
             np.concatenate([[float(latitude)], self.latitudes_deg]),
             np.concatenate([[float(longitude)], self.longitudes_deg]),

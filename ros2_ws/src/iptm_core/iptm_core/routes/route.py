@@ -20,7 +20,7 @@ from iptm_core.strict_mapping import nearest
 from iptm_core.user_input import is_path
 
 ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", *composition_names())
-"""Cycle names that `build_route` knows; the path of a drive is welcome as well."""
+"""Cycle names for `build_route`, which also takes the path of a drive."""
 
 SLOPE_CHOICES = ("as_designed", "flat", *PEAK_GRADES)
 """Slope choices of `build_route`."""

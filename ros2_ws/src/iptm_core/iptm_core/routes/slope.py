@@ -98,7 +98,7 @@ class SlopeProfile:
             return cls.flat()
         grid = np.linspace(positions[0], positions[-1], intervals + 1)
         sines = np.diff(np.interp(grid, positions, heights)) / np.diff(grid)
-        # A sine beyond 1 is no slope at all; clipped to 1 it is reported as too steep.
+        # A sine beyond 1 is not a slope; clipped to 1 it is reported as too steep.
         slopes = np.arcsin(np.clip(sines, -1.0, 1.0))
         return cls(0.5 * (grid[1:] + grid[:-1]), slopes)
 

@@ -1,7 +1,7 @@
 """A recorded drive: raw points of a satellite receiver, and the trip that is read out of them.
 
 Speeds come from the receiver where the file has them. Else they are the slopes of local lines through the
-places (tricube weights, 4 s to either side), and what is slower than walking counts as standing. Heights are
+places (tricube weights, 4 s to either side), and speeds below walking pace are set to zero. Heights are
 smoothed along the road in the same way (150 m to either side), because their noise, differentiated over the
 metres between two points, would be steeper than any road; the grade is the slope of the local lines, bounded.
 """

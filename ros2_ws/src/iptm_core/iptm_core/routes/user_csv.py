@@ -40,7 +40,7 @@ BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 """Of single files; the bag of a run is a folder."""
 USER_SUFFIXES = (".csv", GPX_SUFFIX, FCD_SUFFIX, *BAG_SUFFIXES)
 USER_FILES = ".csv, .gpx, FILE.xml#VEHICLE of SUMO, FOLDER/BAG#VEHICLE"
-"""What a cycle may be instead of a name, as it is said to users; the vehicle where there are several."""
+"""Accepted files for a cycle, for messages to the user; `#VEHICLE` if there are several."""
 
 MAX_SPEED_M_S = 70.0
 """252 km/h: no road car follows anything faster."""
@@ -60,8 +60,8 @@ class UserTrip:
 
     Attributes:
         cycle: speed at 1 Hz.
-        slope: slope of its road (position 0 is the start of the trip), None if the file does not tell.
-        line: where the road lies, None if the file does not tell.
+        slope: slope of its road (position 0 is the start of the trip), None if not in the file.
+        line: where the road lies, None if not in the file.
         drive: what was read out of a recorded drive, None for a plain table.
     """
 
@@ -164,13 +164,13 @@ def _launched(path: Path, times: FloatArray, speeds: FloatArray) -> tuple[Drivin
 
 
 def _recorded_trip(path: Path, track: Track) -> UserTrip:
-    """Return the trip of a recorded drive; a launch ramp makes its road begin so much earlier."""
+    """Return the trip of a recorded drive; its road is extended backwards by the launch ramp."""
     drive = read_out(track)
     cycle, launch_m = _launched(path, drive.times_s, drive.speeds_m_s)
     slope = drive.slope
     if slope is not None:
         slope = SlopeProfile(slope.positions_m + launch_m, slope.slopes_rad)
-    line = drive.line if launch_m == 0.0 else drive.line.begun_earlier(launch_m)
+    line = drive.line if launch_m == 0.0 else drive.line.extended_backwards(launch_m)
     return UserTrip(cycle, slope, line, drive)
 
 
@@ -184,7 +184,7 @@ def _track(table: CsvTable) -> Track:
     others = [name for name in ROAD_COLUMNS if name in table.columns and name != "elevation_m"]
     if len(speed) > 1 or others:
         raise RouteError(
-            f"{table.source}: columns {speed + others} beside places; allowed: one speed column and "
+            f"{table.source}: columns {speed + others} in addition to places; allowed: one speed column and "
             "elevation_m"
         )
     return Track(
