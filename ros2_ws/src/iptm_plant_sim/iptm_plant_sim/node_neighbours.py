@@ -22,8 +22,8 @@ class Neighbours:
 
     The state of an instant is published when the vehicle ahead has planned at that instant, so that the
     answer to the state waits for nothing from elsewhere, and when the vehicle behind has published the
-    instant before, so that no vehicle falls behind further than the queues reach. A neighbour that has left the
-    graph is not waited for. This affects the timing only: the numbers depend on stamps.
+    instant before, so that no vehicle falls behind further than the queues reach. A neighbour that has left
+    the graph is not waited for. This affects the timing only: the numbers depend on stamps.
     """
 
     def __init__(self, node: SuiteNode, options: PlantNodeParameters) -> None:

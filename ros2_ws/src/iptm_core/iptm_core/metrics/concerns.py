@@ -1,6 +1,6 @@
 """Concerns for an operator: limits violated for long, and cooling without effect.
 
-The controller's node evaluates them tick by tick, the metrics of a run over all rows, both with the conditions
+The controller's node evaluates them per tick, the metrics of a run over all rows, both with the conditions
 and clocks of this module, so that a warning and a figure of the result table mean the same.
 """
 
