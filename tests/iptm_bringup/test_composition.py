@@ -75,7 +75,7 @@ def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
         (Listeners(foreign_to_state=2, foreign_to_preview=1), 5, 3),
     ],
 )
-def test_nobody_is_forgotten_in_the_count(
+def test_all_listeners_are_counted(
     prepared: PreparedScenario, listeners: Listeners, plant: int, bridge: int
 ) -> None:
     parameters = node_parameters(prepared, listeners)

@@ -82,5 +82,5 @@ def test_a_recorder_that_a_fault_killed_is_told() -> None:
     endings = (ProcessEnd("recorder", -9, ()), ProcessEnd("controller", -9, ()))
     supervisor: Any = SimpleNamespace(endings=lambda: endings)
     excused: Any = SimpleNamespace(is_excused=lambda _: True)
-    (told,) = unclean_ends(supervisor, excused)
-    assert told == "the bag is incomplete: recorder was killed by signal 9 (SIGKILL), by a fault"
+    (message,) = unclean_ends(supervisor, excused)
+    assert message == "the bag is incomplete: recorder was killed by signal 9 (SIGKILL), by a fault"

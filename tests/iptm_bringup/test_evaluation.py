@@ -1,4 +1,4 @@
-"""Figures come from the bag or from what was heard, and whatever is amiss with a run is said."""
+"""Figures come from the bag or from the received messages, and problems of a run are reported."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_of_several_messages_of_a_stamp_the_last_one_counts_with_and_without_a_b
         heard[Topic.LEADER] = messages
 
 
-def test_messages_that_nobody_heard_are_counted(prepared: PreparedScenario, heard: Heard) -> None:
+def test_missed_messages_are_counted(prepared: PreparedScenario, heard: Heard) -> None:
     del heard[Topic.PLANT_POWERS][4]
     del heard[Topic.LEADER][9]
     run = judge(prepared, heard, None)
@@ -193,9 +193,7 @@ def test_a_broken_hard_limit_is_a_problem(prepared: PreparedScenario, heard: Hea
     assert problem == "hard limit broken in 1 rows: collision, worst by 0.5 m at 6 s"
 
 
-def test_a_leader_that_nobody_could_follow_is_noted(
-    prepared: PreparedScenario, heard: Heard
-) -> None:
+def test_a_leader_too_fast_to_follow_is_noted(prepared: PreparedScenario, heard: Heard) -> None:
     heard[Topic.LEADER][6] = serialized(encode_leader(LeaderState(6.0, 99.0, 60.0)))
     notes = judge(prepared, heard, None).warnings
     assert any("the leader drives up to 60 m/s, the host at most 37.5" in note for note in notes)

@@ -41,7 +41,7 @@ def test_a_scenario_file_lists_faults_and_is_written_back(tmp_path: Path) -> Non
     assert load_scenario(again).faults == scenario.faults
 
 
-def test_a_fault_that_nobody_knows_is_refused_with_file_and_place(tmp_path: Path) -> None:
+def test_an_unknown_fault_is_refused_with_file_and_place(tmp_path: Path) -> None:
     path = tmp_path / "trip.yaml"
     path.write_text("faults: [{kind: leader_hard_stopp}]\n")
     with pytest.raises(ScenarioError, match=r"trip\.yaml: fault 1: kind is 'leader_hard_stopp'"):
@@ -51,8 +51,8 @@ def test_a_fault_that_nobody_knows_is_refused_with_file_and_place(tmp_path: Path
 def test_faults_of_topics_bring_an_injector_between_bridge_and_controller() -> None:
     plain, faulty = parameters_with(), parameters_with(OF_TOPICS, OF_SOLVER)
     assert INJECTOR not in plain
-    told = faults_from(json.loads(str(faulty[INJECTOR]["faults"])), "parameter")
-    assert told == (OF_TOPICS,)
+    received = faults_from(json.loads(str(faulty[INJECTOR]["faults"])), "parameter")
+    assert received == (OF_TOPICS,)
     assert faulty[BRIDGE]["expected_peers"] == 1
     assert faulty[PLANT] == plain[PLANT]
     for node, count in ((CONTROLLER, 9), (BRIDGE, 4), (PLANT, 0), (INJECTOR, 0)):
@@ -66,8 +66,8 @@ def test_faults_of_topics_bring_an_injector_between_bridge_and_controller() -> N
 def test_faults_of_the_solver_bring_another_controller_and_nothing_else() -> None:
     plain, faulty = parameters_with(), parameters_with(OF_SOLVER)
     assert INJECTOR not in faulty
-    told = faults_from(json.loads(str(faulty[CONTROLLER].pop("faults"))), "parameter")
-    assert told == (OF_SOLVER,)
+    received = faults_from(json.loads(str(faulty[CONTROLLER].pop("faults"))), "parameter")
+    assert received == (OF_SOLVER,)
     assert faulty == plain
     command = node_command(CONTROLLER, Path("p"), "/", [OF_SOLVER])
     assert "iptm_faults.node_controller" in command

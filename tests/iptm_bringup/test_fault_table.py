@@ -133,7 +133,7 @@ def test_a_fallback_or_a_warning_that_stays_is_not_normal(observe: Observe) -> N
     assert "not normal again" in verdict_on(observe(*WARNED), observe).problems[0]
 
 
-def test_what_is_said_without_faults_as_well_is_nobodys_fault(observe: Observe) -> None:
+def test_reports_of_the_fault_free_trip_do_not_count(observe: Observe) -> None:
     fault_free = observe((0.0, Level.WARN, "gap above s_max for long"))
     (verdict,) = judge_trip(observe(*WARNED), fault_free)
     assert verdict.problems == ()
@@ -150,7 +150,7 @@ def test_a_collision_counts_where_full_braking_avoids_it(observe: Observe) -> No
     verdict = verdict_on(avoidable, observe)
     assert verdict.braking_gap_m > 0.0 > verdict.smallest_gap_m
     assert any("collision that brakes avoid" in problem for problem in verdict.problems)
-    # Three metres ahead nobody can stop, but braking less than possible is a fault of its own.
+    # A stop three metres ahead is impossible, but braking less than possible is a failure.
     near = leader - 27.0
     late = observe(fault=stop, reported=ReportPolicy.NEVER, apart=14, leader_position_m=near)
     assert any("worse than full braking" in what for what in verdict_on(late, observe).problems)
@@ -167,7 +167,7 @@ def test_what_was_heard_is_put_where_it_belongs_in_the_last_trip() -> None:
     ticks = [tick * S for tick in range(61)]
     again = TripTime([*ticks, *ticks])  # the plant was started again at 60 s
     assert again.at_s(50 * S, 51) == -11.0
-    assert again.at_s(60 * S, 61) == -1.0  # what the new plant says before its first tick
+    assert again.at_s(60 * S, 61) == -1.0  # reports of the new plant before its first tick
     assert [again.at_s(0, 62), again.at_s(5 * S, 66)] == [0.0, 5.0]
     doubled = TripTime([*ticks, 0, 61 * S, 0, 62 * S])
     assert doubled.at_s(50 * S, 51) == 50.0
@@ -200,7 +200,7 @@ def test_the_shipped_catalogue_has_every_kind() -> None:
     assert len(names) == len(set(names))
 
 
-def test_a_row_that_nobody_understands_is_refused(tmp_path: Path) -> None:
+def test_a_malformed_row_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("cycles: [us06]\nfaults: [{kind: preview_lost, reported: sometimes}]\n")
     with pytest.raises(

@@ -21,9 +21,9 @@ def test_the_example_in_the_tree_is_the_one_that_the_command_makes(tmp_path: Pat
 def test_a_drive_is_told_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "drive.png"
     assert main(["show", str(EXAMPLE), "--picture", str(picture)]) == 0
-    told = capsys.readouterr().out
-    assert "600 s" in told
-    assert "601 points" in told
+    output = capsys.readouterr().out
+    assert "600 s" in output
+    assert "601 points" in output
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 

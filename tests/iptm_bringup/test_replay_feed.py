@@ -1,4 +1,4 @@
-"""Messages that were said again, as in a pause, count once where a bag is compared."""
+"""Repeated messages, as during a pause, count once when a bag is compared."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ S = 10**9
 
 
 def test_the_same_bytes_at_the_same_time_are_a_repeat(tmp_path: Path) -> None:
-    said = [(0, "a"), (1, "b"), (1, "c"), (1, "b"), (1, "c"), (1, "d"), (2, "b"), (2, "b")]
+    messages = [(0, "a"), (1, "b"), (1, "c"), (1, "b"), (1, "c"), (1, "d"), (2, "b"), (2, "b")]
     with BagWriter(tmp_path / "bag") as writer:
-        keys = [writer.add_topic(name, "std_msgs/msg/String") for name in ("/told", "/other")]
-        for second, text in said:
+        keys = [writer.add_topic(name, "std_msgs/msg/String") for name in ("/repeated", "/other")]
+        for second, text in messages:
             for key in keys:
                 writer.write(key, _string(text), second * S)
-    copy = copy_without_repeats(tmp_path / "bag", ["/told"], tmp_path / "copy")
+    copy = copy_without_repeats(tmp_path / "bag", ["/repeated"], tmp_path / "copy")
     with BagReader(copy) as reader:
         kept = [(raw.topic, raw.log_time_ns // S, raw.data) for raw in reader.raw_messages()]
     expected = [(0, "a"), (1, "b"), (1, "c"), (1, "d"), (2, "b")]
-    assert kept == [("/told", second, _string(text)) for second, text in expected]
+    assert kept == [("/repeated", second, _string(text)) for second, text in expected]
 
 
 def _string(text: str) -> bytes:

@@ -87,9 +87,9 @@ def test_a_mistake_is_one_line_and_exit_code_2(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").mkdir()
     assert main(arguments) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.startswith("run_closed_loop: ")
-    assert said.err.count("\n") == 1
-    assert message in said.err
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.startswith("run_closed_loop: ")
+    assert output.err.count("\n") == 1
+    assert message in output.err
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]

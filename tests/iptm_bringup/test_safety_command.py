@@ -21,9 +21,9 @@ def test_the_short_version_drives_every_part_and_goes_on_from_what_is_stored(
     assert "avoidable collision" not in page
     capsys.readouterr()
     main(arguments)
-    said = capsys.readouterr().err
-    assert "0 runs computed" in said
-    assert "braking lead vehicle" not in said
+    output = capsys.readouterr().err
+    assert "0 runs computed" in output
+    assert "braking lead vehicle" not in output
     assert (tmp_path / PAGE).read_text(encoding="utf-8") == page
     main([*arguments, "--stored"])
     stored = (tmp_path / PAGE).read_text(encoding="utf-8")

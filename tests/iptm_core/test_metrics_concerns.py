@@ -77,7 +77,7 @@ def test_cooling_without_effect(parameters: ModelParameters, limits: dict[str, f
     falling = hot - 0.1 / 40.0 * np.arange(ROWS) - 1e-9
     run = run_of(compressor_power_w=power, cell_n_temperature_k=falling)
     assert longest(run, parameters, Concern.COOLING) == pytest.approx(40.0, abs=1.0)
-    # Within limits nobody minds what the compressor does, nor at half power.
+    # Neither within limits nor at half power is the compressor a concern.
     run = run_of(compressor_power_w=power)
     assert longest(run, parameters, Concern.COOLING) == 0.0
     run = run_of(compressor_power_w=0.5 * power, cell_n_temperature_k=hot)

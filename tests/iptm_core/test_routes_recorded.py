@@ -179,7 +179,7 @@ def test_a_drive_that_stands_still_is_no_trip(write: Callable[..., Path]) -> Non
 
 
 def test_the_example_is_the_cycle_that_it_was_made_from() -> None:
-    """A phone's errors, and still the drive is told within a kilometre per hour or two."""
+    """With a phone's errors the speed is reconstructed within one or two kilometres per hour."""
     trip = read_user_trip(EXAMPLE)
     made_from = build_route("sc03", initial_gap_m=15.0)
     truth = made_from.leader.speeds_at(trip.cycle.times_s)

@@ -60,7 +60,7 @@ def test_left_is_positive() -> None:
 
 
 def test_a_road_that_returns_is_looked_at_near_the_expected_place() -> None:
-    """Out and back on the same street: the position tells which of both is meant."""
+    """Out and back on the same street: the position resolves the ambiguity."""
     out = np.linspace(48.0, 48.05, 100)
     road = RoadLine(
         np.concatenate([out, out[::-1]]), np.concatenate([np.full(100, 9.0), np.full(100, 9.00002)])

@@ -1,4 +1,4 @@
-"""Mappings of a file: every refusal says where, what, and what is allowed."""
+"""Mappings of a file: every refusal names the place, the value, and what is allowed."""
 
 from __future__ import annotations
 

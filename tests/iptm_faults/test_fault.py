@@ -1,4 +1,4 @@
-"""Faults as data: what a file may say, what is refused, and when a tick is hit."""
+"""Faults as data: permitted entries, refusals, and the ticks that are hit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_a_list_of_a_file_is_read_in_order_and_written_back() -> None:
 
 
 @pytest.mark.parametrize(
-    ("entry", "said"),
+    ("entry", "message"),
     [
         ({"kind": "preview_lots"}, "allowed: leader_cut_in"),
         ({"kind": "preview_lost", "starts": 1}, "did you mean 'start_s'?"),
@@ -41,10 +41,10 @@ def test_a_list_of_a_file_is_read_in_order_and_written_back() -> None:
         ("preview_lost", "allowed: a mapping"),
     ],
 )
-def test_refusals_name_file_place_and_what_is_allowed(entry: object, said: str) -> None:
+def test_refusals_name_file_place_and_what_is_allowed(entry: object, message: str) -> None:
     with pytest.raises(ScenarioError, match=r"trip\.yaml: fault 1") as refused:
         faults_from([entry], "trip.yaml")
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 def test_a_list_is_needed() -> None:

@@ -1,4 +1,4 @@
-"""What the controller is told under a fault, and how the loop lives with it."""
+"""Measurements of the controller under a fault, and the closed loop with them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def at(second: int) -> Measurements:
     return Measurements(state, leader, preview, SlopePreview(np.array([0.0, 1e3]), np.zeros(2)))
 
 
-def told(kind: FaultKind, *seconds: int, size: float | None = None) -> list[Measurements]:
+def received(kind: FaultKind, *seconds: int, size: float | None = None) -> list[Measurements]:
     injection = FaultInjection([Fault(kind, 2.0, 10.0, size=size)])
     answers = {second: injection.disturb(at(second))[1] for second in range(max(seconds) + 1)}
     return [answers[second] for second in seconds]
@@ -58,7 +58,7 @@ def told(kind: FaultKind, *seconds: int, size: float | None = None) -> list[Meas
 def test_before_and_after_its_time_a_fault_of_measurements_changes_nothing(kind: FaultKind) -> None:
     if KINDS[kind].place is FaultPlace.TRAFFIC:
         pytest.skip("an event in traffic has consequences")
-    for second, measured in zip((1, 12), told(kind, 1, 12), strict=True):
+    for second, measured in zip((1, 12), received(kind, 1, 12), strict=True):
         assert measured.state == at(second).state
         assert measured.leader == at(second).leader
         assert np.array_equal(measured.preview.positions_m, at(second).preview.positions_m)
@@ -66,7 +66,10 @@ def test_before_and_after_its_time_a_fault_of_measurements_changes_nothing(kind:
 
 
 def test_frozen_previews_have_fresh_stamps_and_stale_ones_do_not() -> None:
-    (frozen,), (stale,) = told(FaultKind.PREVIEW_FROZEN, 7), told(FaultKind.PREVIEW_STALE, 7)
+    (frozen,), (stale,) = (
+        received(FaultKind.PREVIEW_FROZEN, 7),
+        received(FaultKind.PREVIEW_STALE, 7),
+    )
     assert frozen.preview.generated_at_s == 7.0
     assert stale.preview.generated_at_s == 2.0
     for measured in (frozen, stale):
@@ -75,19 +78,19 @@ def test_frozen_previews_have_fresh_stamps_and_stale_ones_do_not() -> None:
 
 @pytest.mark.parametrize("kind", [FaultKind.PREVIEW_NAN, FaultKind.PREVIEW_UNORDERED])
 def test_spoilt_previews_are_recognised(kind: FaultKind) -> None:
-    for measured in told(kind, 3, 4, 5):
+    for measured in received(kind, 3, 4, 5):
         assert preview_fault(measured.preview)
         assert measured.preview.times_s[0] == measured.preview.generated_at_s
 
 
 @pytest.mark.parametrize("kind", [FaultKind.PREVIEW_LOST, FaultKind.PREVIEW_EMPTY])
 def test_what_does_not_arrive_is_empty(kind: FaultKind) -> None:
-    (measured,) = told(kind, 4)
+    (measured,) = received(kind, 4)
     assert measured.preview.times_s.size == 0
 
 
 def test_a_preview_from_the_future_is_generated_later() -> None:
-    (measured,) = told(FaultKind.PREVIEW_FUTURE, 4, size=5.0)
+    (measured,) = received(FaultKind.PREVIEW_FUTURE, 4, size=5.0)
     assert measured.preview.generated_at_s == 9.0
 
 
@@ -95,11 +98,11 @@ def test_a_jumping_preview_differs_every_tick_and_never_goes_back() -> None:
     shifts = [
         measured.preview.positions_m[-1] - at(second).preview.positions_m[-1]
         for second, measured in zip(
-            (3, 4, 5), told(FaultKind.PREVIEW_JUMPING, 3, 4, 5), strict=True
+            (3, 4, 5), received(FaultKind.PREVIEW_JUMPING, 3, 4, 5), strict=True
         )
     ]
     assert len(set(shifts)) == 3
-    for measured in told(FaultKind.PREVIEW_JUMPING, 3, 4, 5, size=1000.0):
+    for measured in received(FaultKind.PREVIEW_JUMPING, 3, 4, 5, size=1000.0):
         assert np.all(np.diff(measured.preview.positions_m) >= 0.0)
 
 
@@ -108,18 +111,18 @@ def test_a_jumping_preview_differs_every_tick_and_never_goes_back() -> None:
     [FaultKind.LEADER_LOST, FaultKind.LEADER_NAN, FaultKind.STATE_NAN, FaultKind.STATE_OVERHEATED],
 )
 def test_implausible_measurements_are_not_trusted(kind: FaultKind) -> None:
-    (measured,) = told(kind, 4)
+    (measured,) = received(kind, 4)
     assert trusted_measurements(measured).fault
 
 
 def test_an_overlap_is_measured_behind_the_front_of_the_host() -> None:
-    (measured,) = told(FaultKind.LEADER_OVERLAP, 4, size=3.0)
+    (measured,) = received(FaultKind.LEADER_OVERLAP, 4, size=3.0)
     assert measured.leader is not None
     assert measured.leader.position_m == 10.0 * 4 - 3.0
 
 
 def test_the_map_is_steeper_by_the_size() -> None:
-    (measured,) = told(FaultKind.SLOPE_STEP, 4, size=0.1)
+    (measured,) = received(FaultKind.SLOPE_STEP, 4, size=0.1)
     assert measured.slope.slopes_rad.tolist() == [0.1, 0.1]
 
 
@@ -210,7 +213,7 @@ def test_an_empty_preview_stays_empty_whatever_else_happens_to_it() -> None:
 def test_an_extrapolated_preview_keeps_its_acceleration_from_the_measured_leader(
     size: float, speed_m_s: float, way_m: float
 ) -> None:
-    (measured,) = told(FaultKind.PREVIEW_EXTRAPOLATED, 4, size=size)
+    (measured,) = received(FaultKind.PREVIEW_EXTRAPOLATED, 4, size=size)
     preview, leader = measured.preview, measured.leader
     assert leader is not None
     assert (preview.positions_m[0], preview.speeds_m_s[0]) == (leader.position_m, leader.speed_m_s)
@@ -247,7 +250,7 @@ def test_noise_has_no_mean_and_the_deviation_of_its_size(
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.value.endswith("_bias")])
 def test_a_bias_adds_its_size_to_one_signal(kind: FaultKind) -> None:
-    (measured,) = told(kind, 4, size=-0.5)
+    (measured,) = received(kind, 4, size=-0.5)
     true = at(4)
     assert measured.state is not None
     assert measured.leader is not None
@@ -262,7 +265,7 @@ def test_a_bias_adds_its_size_to_one_signal(kind: FaultKind) -> None:
 
 
 def test_delayed_measurements_keep_their_own_time() -> None:
-    late, last, back = told(FaultKind.STATE_DELAYED, 3, 11, 12, size=2.0)
+    late, last, back = received(FaultKind.STATE_DELAYED, 3, 11, 12, size=2.0)
     times = [
         (one.state and one.state.time_s, one.leader and one.leader.time_s)
         for one in (late, last, back)

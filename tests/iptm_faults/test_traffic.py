@@ -53,7 +53,7 @@ def test_a_hard_stop_is_a_motion_of_a_car() -> None:
     rise = np.diff(speeds[18:30])
     assert rise.max() == pytest.approx(DRIVE_OFF_M_S2)
     assert (speeds[29:] == SPEED).all()
-    # Speed and position tell the same story, the second of the standstill excepted.
+    # Speed and position are consistent, except in the second of the standstill.
     moved, mean = np.diff(positions), 0.5 * (speeds[1:] + speeds[:-1])
     same = np.abs(moved - mean) < 1e-9
     assert list(np.flatnonzero(~same)) == [12]
@@ -64,9 +64,9 @@ def test_a_prediction_tells_the_stop_from_its_beginning_on_and_not_before() -> N
     leaders, previews = drive(Traffic([fault]), 60)
     assert np.array_equal(previews[9].positions_m, prediction(9.0).positions_m)
     for made in (10, 12, 20, 40):
-        told = previews[made].positions_m[: 60 - made]
-        assert told == pytest.approx([leader.position_m for leader in leaders[made:]])
-        assert np.all(np.diff(told) >= 0.0)
+        predicted = previews[made].positions_m[: 60 - made]
+        assert predicted == pytest.approx([leader.position_m for leader in leaders[made:]])
+        assert np.all(np.diff(predicted) >= 0.0)
 
 
 def test_a_late_prediction_is_that_of_its_generation() -> None:

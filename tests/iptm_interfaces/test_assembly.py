@@ -1,4 +1,4 @@
-"""Trips of one recording are told apart by their stamps, and one message of each stamp counts."""
+"""Trips of one recording are separated by their stamps, and one message of each stamp counts."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def test_what_a_node_survived_is_told_for_a_short_while() -> None:
 
 
 def test_a_second_publisher_is_told_when_both_speak_or_when_it_stays() -> None:
-    """A killed process stays in the graph for a while; it is no second one."""
+    """A killed process stays in the graph for a while; it is not a duplicate."""
     bench = Bench()
     both = (Level.ERROR, "more than one plant on this graph")
     bench.health.note_contradiction("plant")

@@ -99,7 +99,7 @@ def test_domains_of_other_processes_are_passed_over() -> None:
 def test_no_file_is_opened_in_a_folder_of_everybody(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Anybody may put links into the temporary folder; they must not be followed."""
+    """Other users may put links into the temporary folder; they must not be followed."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     for domain in range(1, 102):
         (tmp_path / f"iptm_ros_domain_{domain}.lock").symlink_to(tmp_path / "precious")

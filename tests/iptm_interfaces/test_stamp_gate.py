@@ -69,12 +69,12 @@ def test_a_restarted_plant_is_followed_at_once_and_for_good() -> None:
 
 def test_another_trip_has_just_begun_for_three_ticks() -> None:
     bench = Bench()
-    assert not bench.gate.has_restarted  # the first trip takes nobody's place
-    said = []
+    assert not bench.gate.has_restarted  # the first trip replaces none
+    restarted = []
     for tick in (0, 0, 1, 2, 3, 4):
         bench.judge(float(tick))
-        said.append(bench.gate.has_restarted)
-    assert said == [True, True, True, True, False, False]
+        restarted.append(bench.gate.has_restarted)
+    assert restarted == [True, True, True, True, False, False]
 
 
 def test_a_stray_zero_has_begun_nothing_once_the_trip_goes_on() -> None:

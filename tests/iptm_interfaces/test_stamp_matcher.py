@@ -162,7 +162,7 @@ def test_a_new_trip_begins_at_zero_at_once() -> None:
 
 
 def test_a_tick_in_the_making_survives_the_beginning_of_a_second_plant() -> None:
-    """Its state is said once: a plant that waits in vain is silent, and the second one takes its place."""
+    """Its state is published once: a plant that waits in vain is silent, and the second one replaces it."""
     matcher = StampMatcher(SLOTS, leading=("state",))
     for tick in (1, 2, 3):
         put_all(matcher, tick * S)

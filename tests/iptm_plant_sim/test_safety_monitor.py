@@ -71,7 +71,7 @@ def test_the_safe_distance_is_that_of_the_rule() -> None:
     assert MONITOR.safe_distance_m(1.0, 0.0, 0.0) == pytest.approx(1.898, abs=1e-3)
     # Halts while it reacts: 1 / 4 m.
     assert stopping_distance_m(1.0, -2.0, 0.6, 7.0, 10.0) == pytest.approx(0.25)
-    assert MONITOR.safe_distance_m(0.0, 0.0, 0.0) == 0.0, "standing still harms nobody"
+    assert MONITOR.safe_distance_m(0.0, 0.0, 0.0) == 0.0, "no distance needed at standstill"
     assert MONITOR.safe_distance_m(10.0, 0.0, 30.0) == SETTINGS.monitor_margin_m
     with pytest.raises(ParameterError, match=r"monitor_own_deceleration_m_s2 is 9\.5"):
         SafetyMonitorSettings(monitor_own_deceleration_m_s2=9.5)

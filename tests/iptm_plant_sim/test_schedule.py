@@ -63,7 +63,7 @@ def test_time_between_ticks_grows_and_stays_before_the_next_tick() -> None:
     between = TimeBetweenTicks(0.5, 2.0, clock)
     assert between.take_ns() is None  # no tick yet
     between.begin(3_000_000_000)
-    assert between.take_ns() is None  # the tick itself has been told
+    assert between.take_ns() is None  # the tick itself has been taken
     clock.now_s += 0.125
     assert between.take_ns() == 3_250_000_000
     assert between.take_ns() is None

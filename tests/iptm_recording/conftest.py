@@ -69,7 +69,7 @@ def write_run(
                         spec = TOPICS[topic]
                         ids[topic] = writer.add_topic(f"{namespace}/{spec.name}", spec.type_name)
                     if (topic, row) not in drop:
-                        # The log times say nothing about the ticks: the stamps must do.
+                        # The log times are unrelated to the ticks: only the stamps count.
                         data = serialized(message)
                         writer.write(ids[topic], data, 5 * SECOND_NS + row)
         return folder

@@ -1,4 +1,4 @@
-"""The clock of a playback: exact with a time of the test's own, and told across threads."""
+"""The clock of a playback: exact with an artificial time, and synchronised across threads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ S = 10**9
 
 
 class Steady:
-    """Steady time that passes when the test says so."""
+    """Steady time advanced by the test."""
 
     def __init__(self) -> None:
         self.now_s = 50.0

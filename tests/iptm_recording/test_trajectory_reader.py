@@ -82,8 +82,8 @@ def test_ticks_without_a_leader_keep_the_rest(
     np.testing.assert_array_equal(read.gap_m[here], trajectory.gap_m[here])
     assert np.isnan(read.gap_m[~here]).all()
     assert bag_info([str(bag)]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "v2x/leader is missing at 4 ticks from 0 s to 20 s" in told
+    output = " ".join(capsys.readouterr().out.split())
+    assert "v2x/leader is missing at 4 ticks from 0 s to 20 s" in output
     assert leader_remark(trajectory) == ""
     assert "counted 2 lost messages of it" in leader_remark(read, {"/v2x/leader": 2})
 

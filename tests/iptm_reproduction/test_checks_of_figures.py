@@ -296,7 +296,7 @@ def test_changes_and_shares() -> None:
         ("long_horizon/15/reference", "SH 15 Reference"),
         ("imperfect_previews/noise/multi_horizon", "Aging, MH 3+5, noise"),
         ("omitted_parameters/t_init_30_degc/aging", "Aging (proposed), t init 30 °C"),
-        ("a_study/of/somebody", "a_study/of/somebody"),
+        ("a_study/of/a_case", "a_study/of/a_case"),
     ],
 )
 def test_runs_in_words(address: str, words: str) -> None:

@@ -51,7 +51,7 @@ def test_without_a_command_it_computes_and_reports(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The report is written all the same when a run failed, and the exit code tells."""
+    """The report is written all the same when a run failed, with a nonzero exit code."""
     computing(code)
     store, output = tmp_path / "kept", tmp_path / "page"
     given = ["--store", str(store), "--output", str(output), "--", "whole_trip"]

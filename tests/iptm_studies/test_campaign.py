@@ -62,7 +62,7 @@ def states(campaign: Campaign) -> dict[str, CaseState]:
 
 def test_each_run_once(campaign: Campaign) -> None:
     runs = campaign.take()
-    # Two different weights of group a, and aging, which group b does not add as nobody asked for it.
+    # Two different weights of group a, and aging, which group b does not add, as it was not requested.
     assert len(runs) == 3
     assert [run.address for run in runs] == ["weights/1", "weights/2", "table/aging"]
     assert campaign.take() == ()

@@ -1,4 +1,4 @@
-"""The command: what it says, what it returns, and that it can be stopped."""
+"""The command line: output, exit codes, and interruption."""
 
 import csv
 import io
@@ -49,15 +49,15 @@ def test_run_status_tables_prune(
     assert "mini                   0 of   2 cases" in capsys.readouterr().out
 
     assert main(["run", path, "--store", folder]) == cli.EXIT_FAILED_RUNS
-    said = capsys.readouterr().err
-    assert "1 runs computed, 0 found" in said
-    assert "1 failed, in " in said
-    assert "mini/reference failed: it went nowhere" in said
+    output = capsys.readouterr().err
+    assert "1 runs computed, 0 found" in output
+    assert "1 failed, in " in output
+    assert "mini/reference failed: it went nowhere" in output
 
     assert main(["status", path, "--store", folder]) == 0
-    said = capsys.readouterr().out
-    assert "1 of   2 cases" in said
-    assert "reference: it went nowhere" in said
+    output = capsys.readouterr().out
+    assert "1 of   2 cases" in output
+    assert "reference: it went nowhere" in output
 
     assert main(["tables", path, "--store", folder]) == 0
     (table,) = capsys.readouterr().out.split()
@@ -105,9 +105,9 @@ def test_refusals(
     arguments: list[str], complaint: str, folder: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([*arguments, "--store", folder]) == EXIT_USER_ERROR
-    said = capsys.readouterr().err
-    assert complaint in said
-    assert "Traceback" not in said
+    output = capsys.readouterr().err
+    assert complaint in output
+    assert "Traceback" not in output
 
 
 def test_usage_errors(capsys: pytest.CaptureFixture[str]) -> None:
@@ -118,7 +118,7 @@ def test_usage_errors(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 SECOND_CTRL_C_S = 20.0
-"""Python drops an interrupt that arrives in a finaliser; whoever waits so long presses the keys again."""
+"""Python drops an interrupt that arrives in a finaliser; a second one is sent after this time."""
 
 
 def test_stopping_leaves_the_store_sound(study_file: WriteFile, tmp_path: Path) -> None:
@@ -140,16 +140,16 @@ cases:
         wait_for(lambda: len(store.keys()) == 1, process)
         os.killpg(process.pid, signal.SIGINT)
         try:
-            _, said = process.communicate(timeout=SECOND_CTRL_C_S)
+            _, output = process.communicate(timeout=SECOND_CTRL_C_S)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGINT)
-            _, said = process.communicate(timeout=PATIENCE_S)
+            _, output = process.communicate(timeout=PATIENCE_S)
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
     assert process.returncode == 130
-    assert "goes on from what is stored" in said
-    assert "Traceback" not in said
+    assert "goes on from what is stored" in output
+    assert "Traceback" not in output
     assert store.keys() == (short.key,)
     assert store.load(short.key).spec == short.spec
     assert {entry.suffix for entry in store.folder.iterdir()} == {".parquet"}

@@ -304,7 +304,7 @@ def test_a_poor_link_is_no_danger(
 def test_without_any_preview_the_gap_is_kept(
     drive: Callable[..., ClosedLoopRun], parameters: ModelParameters
 ) -> None:
-    """What the leader's measured acceleration tells is enough, though it brakes at 3 m/s^2."""
+    """The leader's measured acceleration is enough, though it brakes at 3 m/s^2."""
     bridge = PreviewSettings(preview_mode=PreviewMode.NONE)
     run = drive("us06", 600.0, bridge=bridge).trajectory
     expect_safe(run, parameters)
@@ -329,7 +329,7 @@ class Interrupted:
         self._calls += 1
         if self._calls in self._failing:
             return replace(
-                result, status=SolveStatus.NUMERICAL_ERROR, reason="told to", objective=math.nan
+                result, status=SolveStatus.NUMERICAL_ERROR, reason="by the test", objective=math.nan
             )
         return result
 

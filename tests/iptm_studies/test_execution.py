@@ -128,11 +128,11 @@ def test_computed_once_resumed_and_recomputed_where_needed(
     assert totals == (1, 1, 0)
     assert notes.finished_runs == ["mini/late"]
 
-    # A damaged entry is computed anew, with a notice.
+    # A damaged entry is recomputed, with a notice.
     store.path_of(str(cases["aging"].key)).write_bytes(b"PAR1 nonsense")
     with caplog.at_level(logging.WARNING):
         totals, _, notes = run_study(study_file(STUDY), store, existing)
-    assert "computed anew" in caplog.text
+    assert "recomputed" in caplog.text
     assert totals == (1, 1, 0)
     assert notes.finished_runs == ["mini/aging"]
 

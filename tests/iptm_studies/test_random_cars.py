@@ -303,9 +303,9 @@ def test_the_command_computes_once_and_writes_the_page(
     main(arguments)
     assert "2 runs computed, 0 found" in capsys.readouterr().err
     main([*arguments, "--output", str(tmp_path / "docs")])
-    said = capsys.readouterr()
-    assert "0 runs computed, 2 found" in said.err
-    assert "Collision" in said.out
+    output = capsys.readouterr()
+    assert "0 runs computed, 2 found" in output.err
+    assert "Collision" in output.out
     page = (tmp_path / "docs" / PAGE).read_text(encoding="utf-8")
     assert page == (tmp_path / "kept" / PAGE).read_text(encoding="utf-8")
     assert "2 runs, 40 ticks" in page

@@ -47,7 +47,7 @@ def test_every_number_counts(changes: dict[str, Any]) -> None:
     "changes",
     [
         {"strategy": replace(STRATEGIES["aging"], name="proposed")},
-        {"overrides": (("body.mass_kg", 1432.0),)},  # what the set says anyway
+        {"overrides": (("body.mass_kg", 1432.0),)},  # equal to the value of the set
         {"horizon": "15x1.0"},
         {"preview": PreviewSpec(preview_length_s=60.0)},  # what the horizon asks for anyway
     ],

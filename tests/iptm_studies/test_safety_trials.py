@@ -128,8 +128,10 @@ def test_weak_brakes_may_touch_gently_and_have_to_be_noticed() -> None:
     braking = trip([20.0, 18.0, 16.0, 14.0, 12.0], [50.0] * 5, [20.0] * 5)
     silent = judge_trial(braking, PARAMETERS, (weak,), ())
     assert silent.problems == ("weak brakes not reported within 1 s of braking",)
-    told = judge_trial(braking, PARAMETERS, (weak,), (Report(1.0, VEHICLE, f"{WEAK_BRAKES} 62 %"),))
-    assert (told.noticed_s, told.problems) == (1.0, ())
+    judged = judge_trial(
+        braking, PARAMETERS, (weak,), (Report(1.0, VEHICLE, f"{WEAK_BRAKES} 62 %"),)
+    )
+    assert (judged.noticed_s, judged.problems) == (1.0, ())
     # In the interval in which the fault begins, the brakes are sound.
     later = Fault(FaultKind.BRAKES_WEAK, start_s=0.7, size=0.6, duration_s=100.0)
     report = Report(2.0, VEHICLE, f"{WEAK_BRAKES} 62 %")

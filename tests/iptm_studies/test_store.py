@@ -99,7 +99,7 @@ def test_a_cut_file_is_damaged(
         store.load(run.key)
     with caplog.at_level(logging.WARNING):
         assert store.find(run.key) is None
-    assert "computed anew" in caplog.text
+    assert "recomputed" in caplog.text
     assert store.keys() == (), "the damaged file is put aside"
     assert path.with_suffix(".damaged").exists()
     store.save(run)
@@ -107,7 +107,7 @@ def test_a_cut_file_is_damaged(
 
 
 def test_no_flipped_bit_goes_unnoticed(store: ResultStore, run: Run) -> None:
-    """Every damage is found, or does not touch what the file says."""
+    """Every damage is found, or does not affect the content."""
     path = store.save(run)
     content = path.read_bytes()
     numbers = np.random.default_rng(1)

@@ -126,7 +126,7 @@ CASE = "title: t\ncases:\n  - name: a\n    run: {%s}\n"
         ("title: t\ncases: [{name: a, for_each: {x: 1}}]\n", "for_each is .*; allowed: a list"),
         ("title: t\ncases: [{name: a, for_each: [[]]}]\n", r"for_each 1 is \[\]; allowed: a list"),
         ("title: t\ncases: [{name: a, for_each: [[{label: {}}]]}]\n", "1, point 1: unknown key"),
-        ("title: t\ncases: [{name: '{x}'}]\n", r"\{x\} in '\{x\}' is no label; allowed: none"),
+        ("title: t\ncases: [{name: '{x}'}]\n", r"\{x\} in '\{x\}' is not a label; allowed: none"),
         (
             "title: t\ncases: [{name: a, labels: {x: 1}, for_each: [[{labels: {x: 2}}]]}]\n",
             "label 'x' is given twice",

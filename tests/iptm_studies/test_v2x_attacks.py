@@ -63,7 +63,7 @@ def attacked(route: Route) -> Callable[..., Outcome]:
 def test_a_forged_car_close_ahead_is_believed_and_kept_clear_of(
     attacked: Callable[..., Outcome],
 ) -> None:
-    """Without signatures nobody can tell it from a real one: the car brakes within its limits."""
+    """Without signatures it is indistinguishable from a real one: the car brakes within its limits."""
     outcome = attacked(forged_car)
     assert FORGER in outcome.leaders[BEGIN_S : END_S + 1]
     assert outcome.leaders[-1] == LEADER
@@ -90,7 +90,7 @@ def test_the_car_drives_as_if_nothing_had_happened(
     reasons: set[str],
     least: int,
 ) -> None:
-    """To the last bit; of the forged messages so many are refused, for these reasons and no others."""
+    """To the last bit; the counts of refused forged messages by reason are exact."""
     outcome = attacked(attack)
     assert set(outcome.leaders) == {LEADER}
     np.testing.assert_array_equal(

@@ -1,4 +1,4 @@
-"""A string of vehicles without ROS: who follows whom, and how disturbances travel along it."""
+"""A string of vehicles without ROS: order of the vehicles, and propagation of disturbances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files as they are downloaded give what they say, whatever they are called; damaged ones are reported."""
+"""Downloaded files are read by content, regardless of their names; damaged ones are reported."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ def test_original_trip_of_the_i3(tmp_path: Path, reports: list[str]) -> None:
         [f"{0.1 * k:.1f}", "36", "500", "20", "360", "-10", "21", "25", "80", "1.5", "", "20", "22"]
         for k in range(40)
     ]
-    rows[5][4] = ""  # a missing voltage is no zero
+    rows[5][4] = ""  # a missing voltage is not zero
     rows.append([""] * len(names))
     text = "\n".join(";".join(row) for row in [names, *rows])
     (tmp_path / "TripA99.csv").write_bytes(text.encode("latin-1"))

@@ -71,7 +71,9 @@ def visitor() -> Iterator[Visitor]:
                 page.on("pageerror", lambda error: found.complaints.append(str(error)))
                 page.on(
                     "console",
-                    lambda said: found.complaints.append(said.text) if said.type != "log" else None,
+                    lambda message: (
+                        found.complaints.append(message.text) if message.type != "log" else None
+                    ),
                 )
                 page.goto(url)
                 yield found

@@ -1,4 +1,4 @@
-"""Mistakes on the command line of the view are told in one line."""
+"""Mistakes on the command line of the view are reported in one line."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import Any
 from iptm_view.page_feed import Cursor, PageFeed
 
 
-def told(feed: PageFeed, cursor: Cursor = Cursor()) -> tuple[Cursor, dict[str, Any]]:  # noqa: B008
+def received(feed: PageFeed, cursor: Cursor = Cursor()) -> tuple[Cursor, dict[str, Any]]:  # noqa: B008
     """Return what a browser receives after a cursor, by kind."""
     cursor, events = feed.changes(cursor, timeout_s=0.0)
     return cursor, {event.kind: json.loads(event.text) for event in events}
@@ -20,24 +20,24 @@ def test_a_browser_is_told_everything_once() -> None:
     feed = PageFeed()
     feed.put("road", {"height_m": [1.0]})
     feed.append("rows", [0.0, math.nan])
-    cursor, first = told(feed)
+    cursor, first = received(feed)
     assert first["rows"] == [[0.0, None]]
     assert first["road"] == {"height_m": [1.0]}
     feed.append("rows", [1.0, 2.0])
     feed.put("road", {"height_m": [1.0]})
-    cursor, second = told(feed, cursor)
+    cursor, second = received(feed, cursor)
     assert second == {"rows": [[1.0, 2.0]]}
-    assert told(feed, cursor)[1] == {}
-    assert told(feed)[1]["rows"] == [[0.0, None], [1.0, 2.0]]
+    assert received(feed, cursor)[1] == {}
+    assert received(feed)[1]["rows"] == [[0.0, None], [1.0, 2.0]]
 
 
 def test_rows_that_nobody_reads_are_dropped_oldest_first() -> None:
     feed = PageFeed(capacity=10)
-    stalled, _ = told(feed)
+    stalled, _ = received(feed)
     for k in range(1000):
         feed.append("rows", [float(k)])
         feed.put("plan", {"k": k})
-    _, late = told(feed, stalled)
+    _, late = received(feed, stalled)
     rows = [row[0] for row in late["rows"]]
     assert 10 <= len(rows) <= 20
     assert rows == [float(k) for k in range(1000 - len(rows), 1000)]
@@ -52,10 +52,10 @@ def test_a_new_trip_begins_with_an_empty_page_but_road_and_reference_stay() -> N
     feed.append("reference", [7.0])
     feed.append("rows", [9.0])
     feed.put("end", {"ended": True})
-    cursor, _ = told(feed)
+    cursor, _ = received(feed)
     feed.begin_trip()
     feed.append("rows", [0.0])
-    _, again = told(feed, cursor)
+    _, again = received(feed, cursor)
     assert again["rows"] == [[0.0]]
     assert again.keys() == {"trip", "road", "reference", "rows"}
     assert again["road"] == {"height_m": [1.0]}
@@ -72,7 +72,7 @@ def test_the_end_is_told_last() -> None:
 
 def test_a_waiting_browser_is_woken() -> None:
     feed = PageFeed()
-    cursor, _ = told(feed)
+    cursor, _ = received(feed)
     heard: list[str] = []
 
     def listen() -> None:

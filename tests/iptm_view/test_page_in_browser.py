@@ -1,4 +1,4 @@
-"""The page in a real browser: what it shows is what the bag holds, and it talks to nobody else."""
+"""The page in a real browser: what it shows is what the bag holds, and it connects to no other server."""
 
 from __future__ import annotations
 

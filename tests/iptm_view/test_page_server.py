@@ -1,4 +1,4 @@
-"""The web server of the page: what it gives, to whom, and what a browser that hangs costs it."""
+"""The web server of the page: content, access control, and the cost of a stalled browser."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def test_a_browser_that_stops_reading_holds_up_nobody(server: PageServer, feed: 
         stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         stalled.sendall(f"GET /events HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
         wait_until(lambda: server.browsers == 1)
-        # Far more than the kernel buffers for a socket, while nobody reads.
+        # Far more than the kernel buffers for a socket, without a reader.
         plan = {"speed_m_s": [0.123456789] * 2000}
         for k in range(3000):
             feed.append("rows", [float(k)] * 22)

@@ -34,7 +34,7 @@ SPECS = {topic_of("/", topic): spec for topic, spec in TOPICS.items()}
 
 
 def documents(feed: PageFeed) -> dict[str, Any]:
-    """Everything that a browser is told: documents by kind, rows as arrays by column."""
+    """Everything sent to a browser: documents by kind, rows as arrays by column."""
     _, events = feed.changes(Cursor(), timeout_s=0.0)
     found = {event.kind: json.loads(event.text) for event in events}
     table = np.array(found.get("rows", []), dtype=np.float64).reshape(-1, len(PAGE_COLUMNS))
@@ -187,7 +187,7 @@ def test_braking_of_the_safety_monitor_is_part_of_its_row(bag: Path) -> None:
 def test_changes_of_the_diagnostics_are_events_of_the_trip() -> None:
     feed = PageFeed()
     follower = RunFollower(feed, RunFacts("test"))
-    told = [
+    received = [
         (0.0, Level.WARN, "waiting for peers"),
         (1.0, Level.OK, "optimal plans"),
         (2.0, Level.OK, "other plans"),
@@ -196,7 +196,7 @@ def test_changes_of_the_diagnostics_are_events_of_the_trip() -> None:
         (7.0, Level.ERROR, "no state"),
         (9.0, Level.OK, "optimal plans"),
     ]
-    for time_s, level, reason in told:
+    for time_s, level, reason in received:
         status = DiagnosticStatus(name="/controller: plans", level=level.value, message=reason)
         status.values = [KeyValue(key=TRIP_TIME, value=str(time_s))]
         message = DiagnosticArray(status=[status])
@@ -204,7 +204,7 @@ def test_changes_of_the_diagnostics_are_events_of_the_trip() -> None:
         follower.take(Topic.DIAGNOSTICS, serialize_message(message))
     assert [tuple(event.values()) for event in documents(feed)["events"]] == [
         (time_s, "/controller: plans", level.name, reason)
-        for time_s, level, reason in told
+        for time_s, level, reason in received
         if time_s in {1.0, 5.0, 7.0, 9.0}
     ]
 

@@ -1,4 +1,4 @@
-"""What viewers are told of a run: paths, markers, transforms and the description of the car."""
+"""Messages for viewers: paths, markers, transforms and the description of the car."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_transforms_put_both_cars_on_the_road(course: RoadCourse) -> None:
         ("map", "car_1/odom"), ("car_1/odom", "car_1/base_link"), ("car_1/odom", "car_1/leader"),
     ]  # fmt: skip
     assert {t.header.stamp.sec for t in (to_map, to_host, to_leader)} == {7}
-    # As the odometry says: along x of odom.
+    # As in the odometry: along x of odom.
     assert numbers(to_host.transform.translation, "xyz").tolist() == [100.0, 0.0, 0.0]
     outer = numbers(to_map.transform.rotation, "xyzw")
     for moved, position_m, length_m in (
@@ -149,15 +149,15 @@ def test_transforms_put_both_cars_on_the_road(course: RoadCourse) -> None:
 
 
 class FakeNode:
-    """Notes what is published and what is said."""
+    """Records published messages and log lines."""
 
     def __init__(self) -> None:
-        self.said: list[str] = []
+        self.logged: list[str] = []
         self.published: dict[str, list[Any]] = {}
         self.latched: dict[str, bool] = {}
 
     def get_logger(self) -> Any:
-        return SimpleNamespace(info=self.said.append)
+        return SimpleNamespace(info=self.logged.append)
 
     def create_publisher(self, kind: Any, name: str, qos: Any) -> Any:
         heard = self.published.setdefault(name, [])
@@ -190,7 +190,7 @@ def test_transforms_are_published_where_the_type_is_installed(
     assert numbers(pack.transform.translation, "xyz") == pytest.approx(PACK_PLACE_M)
     assert [len(message.transforms) for message in node.published["/tf"]] == [3, 3]
     assert node.latched == {"/tf": False, "/tf_static": True}
-    assert node.said == []
+    assert node.logged == []
 
 
 def test_transforms_are_left_out_where_it_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -200,8 +200,8 @@ def test_transforms_are_left_out_where_it_is_not(monkeypatch: pytest.MonkeyPatch
     publisher.publish(SCENE, STRAIGHT)
     publisher.publish(SCENE, STRAIGHT)
     assert node.published == {}
-    (said,) = node.said
-    assert "tf2_msgs is not installed" in said
+    (message,) = node.logged
+    assert "tf2_msgs is not installed" in message
 
 
 def test_the_description_is_a_tree_with_the_frames_of_the_vehicle() -> None:

@@ -1,4 +1,4 @@
-"""The arrows of the architecture: who may import whom, and who may know ROS."""
+"""The arrows of the architecture: allowed imports between packages, and packages free of ROS."""
 
 import re
 from collections.abc import Callable
@@ -122,7 +122,7 @@ def test_pure_parts_know_no_ros(package: str, modules_of: Callable[[str], list[A
 
 @pytest.mark.parametrize("package", ALLOWED)
 def test_nodes_meet_only_in_messages(package: str, modules_of: Callable[[str], list[Any]]) -> None:
-    """Nobody imports a node module but the package it belongs to, and there only other node modules."""
+    """Only node modules of the same package import a node module."""
     for module in modules_of(package):
         for name in module.imports:
             owner, _, rest = name.partition(".")

@@ -120,7 +120,7 @@ def test_everything_is_installed(package: str, setup_of: Callable[[str], dict[st
 def test_executables_exist(package: str, setup_of: Callable[[str], dict[str, Any]]) -> None:
     entry_points = setup_of(package).get("entry_points", {})
     programs = [line.split(" = ") for line in entry_points.get(PROGRAMS, [])]
-    # Each starts where a missing library is told in one line.
+    # Each starts at a module that reports a missing library in one line.
     assert entry_points.get("console_scripts", []) == [
         f"{executable} = iptm_core.program:main" for executable, _ in programs
     ]
@@ -190,7 +190,7 @@ def test_setup_requires_exactly_the_imported_libraries(
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_colcon_test_runs_the_tests_of_the_package(package: str) -> None:
-    """`colcon test` starts pytest in the folder of each package, whose setup.cfg says where its tests are."""
+    """`colcon test` starts pytest with the test folder that `setup.cfg` of the package names."""
     settings = configparser.ConfigParser()
     settings.read(SOURCE / package / "setup.cfg")
     (folder,) = settings["tool:pytest"]["testpaths"].split()

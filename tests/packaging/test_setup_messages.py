@@ -1,4 +1,4 @@
-"""scripts/setup on a machine that lacks something: one or two lines that say what.
+"""scripts/setup on a machine that lacks something: one or two lines that name it.
 
 A stand-in for Python records what it is asked to do, so that nothing is installed here.
 """

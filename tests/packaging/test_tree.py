@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-# "/home/someone" and "/home/user" are nobody's.
+# "/home/someone" and "/home/user" are placeholders.
 FORBIDDEN = {
     "a home or work folder": re.compile(
         rb"/(?:root|work|home/(?!someone|user)[a-z]\w*|Users/\w+|tmp/w)/[\w.]"

@@ -1,4 +1,4 @@
-"""The studies that were asked for as one set of runs: each run once, whoever needs it."""
+"""The studies that were asked for as one set of runs: each run once, also if several studies need it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class ExpectedTimes:
         self._modelled: defaultdict[RunKind, float] = defaultdict(float)
 
     def learn(self, spec: RunSpec, ticks: int, taken_s: float) -> None:
-        """Take into account what a run of so many ticks took."""
+        """Add the time that a run of `ticks` ticks took."""
         self._taken[spec.kind] += taken_s
         self._modelled[spec.kind] += modelled_s(spec, ticks)
 
@@ -65,7 +65,7 @@ class CaseState:
         case: the case.
         candidates: runs by key whose best one gives the case its strategy; empty if it states its own.
         spec: its run; None while its strategy depends on runs that are not there.
-        key: key of the run; None likewise.
+        key: key of the run; None without one.
         metrics: what the run achieved; None while it is not there.
         reason: why it is not there; empty if it is.
     """

@@ -1,6 +1,6 @@
-"""What the cells of a full coolant channel went through, beside what the two-cell reduction says of them.
+"""Temperatures and ageing of the cells of a full coolant channel, and the error of the two-cell reduction.
 
-All temperatures of a trip are millions of numbers; a stored run keeps what is asked of them.
+All temperatures of a trip are millions of numbers; a stored run keeps the evaluated part.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 
 PROFILES = 5
-"""Instants at which all temperatures are kept, evenly over the trip, beside that of the largest error."""
+"""Instants at which all temperatures are kept, evenly over the trip, plus that of the largest error."""
 
 PerCell = tuple[float, ...]
 

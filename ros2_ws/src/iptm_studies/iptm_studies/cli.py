@@ -98,7 +98,7 @@ class StudyCommands:
         self.add("run", "compute what is missing", run_studies, self.choosing, self.computing)
         self.add("list", "list the shipped studies", _list)
         status = self.add(
-            "status", "say what is stored and what is missing, and why", _status, self.choosing
+            "status", "list what is stored and what is missing, and why", _status, self.choosing
         )
         status.add_argument("--verbose", action="store_true", help="name every missing run")
         text = "write the results as CSV, one file per study"
@@ -106,7 +106,7 @@ class StudyCommands:
         self.add("prune", "delete stored runs that the studies do not need", _prune, self.choosing)
 
     def run(self, arguments: Sequence[str] | None = None) -> int:
-        """Perform what the arguments say (those of the process for None); returns the exit code."""
+        """Run the command of the arguments (None for those of the process); returns the exit code."""
         given = list(sys.argv[1:] if arguments is None else arguments)
         if not given or (given[0].startswith("-") and given[0] not in {"-h", "--help"}):
             given.insert(0, self._default)
@@ -146,7 +146,7 @@ def add_cluster_options(parser: argparse.ArgumentParser) -> None:
 def compute(
     campaign: Campaign, store: ResultStore, cluster: ClusterOptions, console: Console
 ) -> None:
-    """Compute what is missing of a campaign, with progress, and say how much that was."""
+    """Compute the missing runs of a campaign, with progress, and print their number."""
     began = time.perf_counter()
     with progress_display(console) as display:
         computed = execute(campaign, store, cluster, display)

@@ -29,7 +29,7 @@ from iptm_v2x_bridge.source import (
 )
 
 Disturb = Callable[[Measurements], tuple[LeaderState, Measurements]]
-"""From what is true to the leader that counts and what the controller is told."""
+"""From the true values to the effective leader and the measurements of the controller."""
 
 Sampled = Callable[[LeaderPreview, float], LeaderPreview | None]
 """From the leader of the route at the instants of an interval, and the position of the host at its start, to
@@ -83,7 +83,7 @@ class ClosedLoopRun:
     Attributes:
         trajectory: what happened.
         decisions: how the decisions came about.
-        steps: all that the simulated vehicle knows at every instant.
+        steps: all quantities of the simulated vehicle at every instant.
     """
 
     trajectory: Trajectory
@@ -109,13 +109,13 @@ def run_closed_loop(
 
     Args:
         route: leader, slope and length of the trip.
-        plant: the simulated vehicle; it must know the same slope.
+        plant: the simulated vehicle, with the same slope.
         controller: a fresh controller.
         bridge_settings: preview length and imperfections.
         on_tick: called after every decision with the tick, what was measured and what was decided.
         disturb: what faults make of every tick, see ``iptm_faults.injection``; None for none. The trajectory
             has the leader that counts and the true state.
-        bridge: a fresh bridge that knows the leader otherwise than from the route itself; it has settings
+        bridge: a fresh bridge whose source of the leader is not the route itself; it has settings
             of its own.
         leader: who drives ahead, where it is not the leader of the route.
         start_position_m: where the host starts, along the road.

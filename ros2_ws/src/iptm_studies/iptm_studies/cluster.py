@@ -2,7 +2,7 @@
 
 A worker keeps quiet, and ends itself when its run hangs: a solver in native code cannot be interrupted, so
 that a run without progress for too long takes its process with it. The cluster starts a new one, and the run
-counts as failed.
+is reported as failed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,
     # On a busy machine a worker that died takes its time to come back.
     "distributed.deploy.lost-worker-timeout": "10 minutes",
-    # Runs hold the interpreter for seconds; that is no news.
+    # Suppress dask's event-loop warning: runs hold the interpreter for seconds.
     "distributed.admin.tick.limit": "1 hour",
     "distributed.comm.timeouts.connect": f"{CONNECT_TIMEOUT_S:g}s",
 }
@@ -65,7 +65,7 @@ def connected(options: ClusterOptions) -> Iterator[Client]:
     """Give a client of the cluster; an embedded one ends with the block.
 
     Raises:
-        ScenarioError: nobody answers at the address of the scheduler.
+        ScenarioError: the scheduler does not answer at its address.
     """
     logging.getLogger("distributed").setLevel(logging.ERROR)
     with dask.config.set(SETTINGS):
@@ -160,7 +160,7 @@ def work(inputs: RunInputs) -> Run:
 @contextmanager
 def progress_watched(key: str, limit_s: float) -> Iterator[Callable[[], None]]:
     """Give a function to call on progress; end the process when that does not happen for too long."""
-    worker = get_worker()  # only inside a task does a worker know itself
+    worker = get_worker()  # defined inside a task only
     over = threading.Event()
     last_s = time.monotonic()
 

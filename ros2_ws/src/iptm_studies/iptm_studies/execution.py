@@ -20,7 +20,7 @@ REFRESH_S = 5.0
 
 
 class Observer(Protocol):
-    """Is told how the work goes on."""
+    """Receives the progress of the work."""
 
     def planned(self, inputs: RunInputs, expected_s: float) -> None:
         """A run has to be performed."""
@@ -51,7 +51,7 @@ def admit(campaign: Campaign, store: ResultStore) -> list[RunInputs]:
 def survey(campaign: Campaign, store: ResultStore) -> list[RunInputs]:
     """Compare a campaign with the store, without computing anything.
 
-    A run that failed the last time counts as failed, with its cause.
+    A run that failed the last time is reported as failed, with its cause.
 
     Returns:
         The runs that the store lacks, failed ones included, the longest first.
@@ -81,11 +81,11 @@ def execute(
         campaign: the runs.
         store: where results are found and put.
         options: where to perform them.
-        observer: told about every run.
+        observer: notified of every run.
         perform: performs a run on a worker.
 
     Returns:
-        The number of runs performed; those of the campaign that are there beside them were found.
+        The number of runs performed; the other runs of the campaign were found in the store.
 
     Raises:
         ScenarioError: the scheduler does not answer, or the cluster has no workers.

@@ -1,6 +1,6 @@
 """Fingerprint of the code and the libraries that the numbers of a run depend on.
 
-Comments, docstrings and layout do not count, nor do the nodes, the metrics (they are worked out anew
+Comments, docstrings and layout do not count, nor do the nodes, the metrics (they are recomputed
 from the stored run) and the files of parameter sets and cycles (their values are in the key of a run).
 The syntax tree is what is left of a source text without them, and the standard library makes it; byte
 code would also differ between versions of Python and with every line that is inserted.

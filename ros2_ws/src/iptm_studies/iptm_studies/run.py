@@ -248,7 +248,7 @@ def _vehicle_reports(steps: Iterable[PlantStep]) -> Iterator[Report]:
 
 
 def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptions:
-    """Return the options of the controller of a run; it knows when the trip ends, as navigation does."""
+    """Return the options of the controller of a run; with the end of the trip, as from navigation."""
     return ControllerOptions(
         strategy=spec.strategy,
         horizon=Horizon.parse(spec.horizon),

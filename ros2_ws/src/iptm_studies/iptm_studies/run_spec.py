@@ -66,7 +66,7 @@ class SolverSpec(Settings):
 
 @dataclass(frozen=True)
 class PreviewSpec(PreviewSettings):
-    """What the host is told about the leader's future.
+    """Preview of the leader's motion that the host receives.
 
     The length may be left open (None): it is then that of the horizon and a reserve for the age of a
     prediction, but at least a minute.

@@ -54,7 +54,7 @@ class ResultStore:
         """Open a store; its folder is made with the first run.
 
         Raises:
-            StoreError: the path is taken by something that is no folder.
+            StoreError: the path exists and is not a folder.
         """
         if folder.exists() and not folder.is_dir():
             raise StoreError(f"store {folder} is not a folder; allowed: a folder or a new path")
@@ -94,7 +94,7 @@ class ResultStore:
         try:
             return self.load(key)
         except StoreError as error:
-            LOGGER.warning("%s; it will be computed anew", error)
+            LOGGER.warning("%s; it will be recomputed", error)
             with contextlib.suppress(OSError):
                 path.replace(path.with_suffix(_DAMAGED))
             return None
@@ -181,7 +181,7 @@ def default_store_folder() -> Path:
 
 
 def write_run(path: Path, run: Run) -> None:
-    """Write a run; the caller sees to it that nobody reads a half-written file.
+    """Write a run; the caller prevents concurrent reads of the incomplete file.
 
     Raises:
         OSError: the file cannot be written.
@@ -201,7 +201,7 @@ def write_run(path: Path, run: Run) -> None:
         "channel": None if run.channel is None else asdict(run.channel),
         "reports": [asdict(report) for report in run.reports],
         "record": asdict(run.record),
-        # For other readers of the file; here the figures are worked out anew.
+        # For other readers of the file; here the figures are recomputed.
         "figures": figure_values(run.metrics),
     }
     table = pa.table(columns, metadata={_METADATA: canonical_json(content)})

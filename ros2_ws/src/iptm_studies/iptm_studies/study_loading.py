@@ -61,7 +61,7 @@ def load_study(name_or_path: str | Path) -> Study:
     """Load a shipped study by name, or a user's own by the path of its file.
 
     Raises:
-        ScenarioError: no such study, or something in the file is wrong; says where, what, and what is
+        ScenarioError: unknown study, or an error in the file, with its place, value and what is
             allowed.
     """
     return read_study(_find(name_or_path))
@@ -155,7 +155,7 @@ def _filled(value: Any, labels: Mapping[str, Label], where: str) -> Any:
     def label_text(match: re.Match[str]) -> str:
         if match[1] not in labels:
             raise ScenarioError(
-                f"{where}: {{{match[1]}}} in {value!r} is no label; "
+                f"{where}: {{{match[1]}}} in {value!r} is not a label; "
                 f"allowed: {', '.join(labels) or 'none'}"
             )
         found = labels[match[1]]
@@ -192,7 +192,7 @@ _WEIGHTS = tuple(
 )
 _SOLVER_FIELDS = tuple(entry.name for entry in fields(SolverSpec))
 _PREVIEW_FIELDS = {entry.name.removeprefix("preview_"): entry.name for entry in fields(PreviewSpec)}
-"""Key in the section ``preview`` -> name of the setting; the section says already what it is about."""
+"""Key in the section ``preview`` -> name of the setting; without the prefix that the section implies."""
 
 
 def merge_settings(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

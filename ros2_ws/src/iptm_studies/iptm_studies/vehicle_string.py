@@ -38,7 +38,7 @@ def run_string(
     Args:
         route: the driving cycle ahead of the first vehicle, slope and length of the trip.
         vehicles: how many.
-        plant: the simulated vehicle; it must know the same slope.
+        plant: the simulated vehicle; with the same slope.
         make_controller: returns a fresh controller.
         preview: length and imperfections of the previews, those by plans included.
         length_m: of every vehicle, front to rear bumper.
@@ -49,31 +49,34 @@ def run_string(
     ahead: VehicleAhead | None = None
     gap_m = plant.parameters.gap.initial_gap_m
     for vehicle in vehicles_in_string(vehicles, gap_m, length_m):
-        told = VehicleAhead(length_m)
+        vehicle_ahead = VehicleAhead(length_m)
 
-        def tell(
-            _: int, measured: Measurements, decision: Decision, told: VehicleAhead = told
+        def note_tick(
+            _: int,
+            measured: Measurements,
+            decision: Decision,
+            vehicle_ahead: VehicleAhead = vehicle_ahead,
         ) -> None:
             if measured.state is not None:
-                _tell(told, measured.state, decision)
+                _note_tick(vehicle_ahead, measured.state, decision)
 
         run = run_closed_loop(
             route,
             plant,
             make_controller(),
             preview,
-            on_tick=tell,
+            on_tick=note_tick,
             leader=ahead,
             start_position_m=vehicle.start_position_m,
         )
-        _tell(told, run.steps[-1].state, None)
+        _note_tick(vehicle_ahead, run.steps[-1].state, None)
         yield run
-        ahead = told
+        ahead = vehicle_ahead
 
 
-def _tell(told: VehicleAhead, state: VehicleState, decision: Decision | None) -> None:
-    """Say what the nodes publish of a tick."""
+def _note_tick(vehicle_ahead: VehicleAhead, state: VehicleState, decision: Decision | None) -> None:
+    """Pass the state and the plan of a tick to the vehicle behind, as the nodes publish them."""
     stamp_ns = round(state.time_s * NS_PER_S)
-    told.note_state(stamp_ns, state.position_m, state.speed_m_s)
+    vehicle_ahead.note_state(stamp_ns, state.position_m, state.speed_m_s)
     plan = None if decision is None else decision.plan
-    told.note_plan(stamp_ns, *(_NO_PLAN if plan is None else plan.motion))
+    vehicle_ahead.note_plan(stamp_ns, *(_NO_PLAN if plan is None else plan.motion))

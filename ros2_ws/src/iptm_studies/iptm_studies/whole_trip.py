@@ -48,7 +48,7 @@ MAX_SOLVES = 12
 SETTLED_M = 10.0
 """The expansion is settled when no position moves by more than this."""
 COSTATE_EVERY = 10
-"""Every so many ticks, counted from the end of the trip, the costates are kept."""
+"""Interval in ticks at which costates are kept, counted from the end of the trip."""
 
 
 @dataclass(frozen=True)

@@ -70,14 +70,14 @@ def build_parser() -> argparse.ArgumentParser:
         "--know",
         choices=[str(entry) for entry in TrafficKnowledge],
         default=str(TrafficKnowledge.SIGNALS),
-        help="how the car ahead is foretold: by what it says that it will do, by what it did, or by that "
+        help="input of the leader's prediction: its announced path, its past motion, or its past motion "
         "within signal phases and speed limits (default: %(default)s)",
     )
     parser.add_argument(
         "--signals-by-radio",
         action="store_true",
         help="the host learns signals and speed limits from the messages of roadside stations only, "
-        "and knows none beforehand (needs requirements/roadside.txt)",
+        "and none are given (needs requirements/roadside.txt)",
     )
     parser.add_argument(
         "--duration-s", type=number, default=600.0, help="length of the trip (default: 600)"
@@ -220,18 +220,18 @@ def results_table(result: TrafficResult, other: TrafficResult | None) -> Table:
 
 
 def headline(result: TrafficResult, other: TrafficResult) -> str:
-    """Say in one line what a drive saves against another one."""
+    """Return one line on what a drive saves against another one."""
     saved = 1.0 - result.metrics.degradation.total / other.metrics.degradation.total
     energy = result.metrics.energy.battery_j / other.metrics.energy.battery_j - 1.0
-    said = "saved" if saved >= 0.0 else "lost"
+    change = "saved" if saved >= 0.0 else "lost"
     return (
         f"against the {other.drive.strategy} in the same traffic: {100.0 * abs(saved):.1f} % of battery "
-        f"aging {said}, battery energy {100.0 * energy:+.1f} %"
+        f"aging {change}, battery energy {100.0 * energy:+.1f} %"
     )
 
 
 def verdict(result: TrafficFacts) -> list[str]:
-    """Return what did not hold, nothing if all is well."""
+    """Return the violated requirements."""
     wrong = []
     if result.lines_passed_closed:
         wrong.append(f"{result.lines_passed_closed} stop lines were passed while closed")
@@ -244,7 +244,7 @@ def verdict(result: TrafficFacts) -> list[str]:
 
 
 def judged(result: TrafficFacts, console: Console) -> int:
-    """Say what did not hold and return the exit code."""
+    """Print the violated requirements and return the exit code."""
     wrong = verdict(result)
     for line in wrong:
         console.print(f"PROBLEM  {line}", style="bold red")

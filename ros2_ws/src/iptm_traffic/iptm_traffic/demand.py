@@ -19,7 +19,7 @@ from iptm_traffic.corridor import HOST_LANE, Corridor
 from iptm_traffic.network import HOST_START_M
 
 BEFORE_TRIP_S = 120.0
-"""Traffic drives for so long before the trip begins."""
+"""Time for which the traffic drives before the trip begins."""
 HOST, LEADER = "host", "leader"
 CAR, HOST_KIND = "car", "host"
 """SUMO's types of vehicles."""
@@ -53,7 +53,7 @@ class TrafficScenario(TextEnum):
     CUT_IN = "cut_in"
     """Cars of the other lane move in between, again and again."""
     TURN_OFF = "turn_off"
-    """The leader turns off, and whoever leads then does so, too."""
+    """The leader turns off, and so does every leader after it."""
     RED_LIGHT_QUEUE = "red_light_queue"
     """The first lines close in front of a queue that the host arrives at."""
 

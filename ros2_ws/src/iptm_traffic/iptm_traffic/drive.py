@@ -21,14 +21,14 @@ MOST_STEPS = 10
 
 
 class TrafficKnowledge(TextEnum):
-    """What the host knows of the future of the car ahead."""
+    """Input of the prediction of the leader's motion."""
 
     PATH = "path"
-    """What its messages say that it will do."""
+    """The path announced in its messages."""
     HISTORY = "history"
-    """What it did."""
+    """Its past motion."""
     SIGNALS = "signals"
-    """What it did, and the signals and speed limits that bound it; the host's own lines far ahead, too."""
+    """Its past motion, with the signals and speed limits that bound it, and the host's own lines."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class TrafficDrive:
 
     Attributes:
         scenario: what happens around the host.
-        knowledge: what the host knows.
+        knowledge: input of the leader's prediction.
         duration_s: length of the trip.
         strategy: the controller's; the reference plans on the paper's single horizon.
         demand: how much traffic there is.
@@ -88,10 +88,10 @@ class TrafficDrive:
 
 @dataclass(frozen=True, eq=False)
 class TrafficFacts:
-    """What the traffic knows of a drive in it, wherever plant and controller run.
+    """Results of a drive that the traffic provides, wherever plant and controller run.
 
     Attributes:
-        smallest_gap_m: to whoever was ahead.
+        smallest_gap_m: to the car ahead.
         smallest_margin_m: smallest gap less s_min behind a real car that did not just move in.
         lines_passed: stop lines passed by the host.
         lines_passed_closed: how many of them were not green.
@@ -131,7 +131,7 @@ class TrafficResult(TrafficFacts):
         decisions: how the decisions came about.
         metrics: figures of the run.
         largest_excess_m_s: by how much the host was ever faster than the limit.
-        predictors: ticks by who foretold the leader.
+        predictors: ticks by the predictor in use.
         fallback_ticks: ticks on which the controller had no solution to follow.
         wall_time_s: wall time of the drive.
         processor_s: processor time of the drive, SUMO's included.

@@ -1,4 +1,4 @@
-"""What happens on the way: lines that the host passes, and drivers who are told to cut in or to turn off."""
+"""Events of a drive: stop lines that the host passes, and drivers that cut in or turn off."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EVENT_PERIOD_S = 60.0
 CUT_IN_ROOM_M = (8.0, 60.0)
 """Where, seen from the host's front, a car of the other lane has its rear end when it cuts in."""
 SETTLING_TICKS = 10
-"""A gap that another car has made by moving in is not counted for so long."""
+"""Ticks for which a gap is not judged after another car has moved in."""
 _LEFT_LANE = 1
 
 
@@ -88,7 +88,7 @@ class Director:
         self._next_s = EVENT_PERIOD_S
 
     def direct(self, leader: str | None) -> None:
-        """Look at the traffic of a tick, and tell a driver what to do where it is time."""
+        """Start an event in the traffic of a tick if one is due."""
         if self._simulation.time_s < self._next_s:
             return
         if self._scenario is TrafficScenario.CUT_IN:

@@ -1,4 +1,4 @@
-"""The drive of ``traffic --bag``: SUMO beside plant, bridge, controller and recorder over ROS 2."""
+"""The drive of ``traffic --bag``: SUMO with plant, bridge, controller and recorder over ROS 2."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ _PATIENCE_S = 60.0
 
 
 def road_file(bag: Path) -> Path:
-    """Return where the road of a bag is kept: whoever replays it needs it again."""
+    """Return the path of the road of a bag, which is needed to replay it."""
     return bag.absolute().with_name(f"{bag.name}_road.csv")
 
 
 def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[str, object]:
-    """Return what the bridge has to know beside the messages: its port, and the rules of the road."""
+    """Return the parameters of the bridge: its port, and the rules of the road."""
     knows_plan = drive.knowledge is TrafficKnowledge.SIGNALS
     return _rules(drive, network) | {
         "leader_source": "cam",
@@ -83,7 +83,7 @@ def _rules(drive: TrafficDrive, network: Network) -> dict[str, object]:
 def write_scenario(
     drive: TrafficDrive, road: Path, bridge: Mapping[str, object], folder: Path
 ) -> Path:
-    """Write the scenario of the run beside the traffic; its file is named after what is driven.
+    """Write the scenario of the run; its file is named after the drive.
 
     Args:
         drive: what is to be driven.
@@ -100,7 +100,7 @@ def write_scenario(
         "seed": drive.demand.traffic_seed,
         "node_parameters": {
             "v2x_bridge": dict(bridge),
-            # SUMO may take its time; nobody shall take that for a fault.
+            # Long timeouts: a slow SUMO is not a fault.
             "plant": {
                 "expected_peers": _PEERS_OF_THE_PLANT + LISTENERS,
                 "command_timeout_wall_s": 10.0 * _PATIENCE_S,
@@ -142,10 +142,10 @@ def drive_over_ros(
     Args:
         drive: what is to be driven.
         parameter_set: of the model.
-        bag: folder to create; the road is written beside it.
+        bag: folder to create; the road is written next to it.
         fcd: where SUMO writes what every vehicle does; None for nowhere.
         console: for the report.
-        stop: the user wants to stop.
+        stop: set when the user requests a stop.
 
     Returns:
         The exit code of the run, or `cli.EXIT_NOT_GOOD` where it is 0 and something did not hold.

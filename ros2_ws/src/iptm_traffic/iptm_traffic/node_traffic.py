@@ -1,4 +1,4 @@
-"""The traffic as a node: moves the host in SUMO as its plant says, and sends what the cars around it say."""
+"""The traffic as a node: moves the host in SUMO with its plant, and sends the messages of other cars."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from iptm_v2x_bridge.sending.datagram_sender import (
 
 NAME = "traffic"
 LISTENERS = 2
-"""Subscriptions to odometry and clock that the plant finds more than without traffic, beside the bridge's."""
+"""Additional subscriptions to odometry and clock with traffic, apart from the bridge's."""
 _LOCALHOST = "127.0.0.1"
 
 
@@ -92,7 +92,7 @@ class TrafficNode(SuiteNode):
         host = HostInstant(time_ns / NS_PER_S, position_m, speed_m_s)
         before = self._host or HostInstant(0.0, 0.0, 0.0)
         if not (math.isfinite(position_m) and math.isfinite(speed_m_s)):
-            return  # the bridge gets no end of the tick, and says so
+            return  # the bridge gets no end of the tick, and reports it
         if host.time_s < before.time_s or (self._host is not None and host.time_s == before.time_s):
             return  # a state that was repeated, or a new trip, which needs a new simulation
         if host.time_s > before.time_s:

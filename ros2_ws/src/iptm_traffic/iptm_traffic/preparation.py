@@ -1,4 +1,4 @@
-"""What is made before the host drives: corridor, vehicles, and, where paths are told, a rehearsal."""
+"""Preparation of a drive: corridor, vehicles, and a rehearsal if paths are announced."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SURVEY_ACCELERATION_M_S2, _SURVEY_M_S = 1.0, 10.0
 
 @dataclass(frozen=True, eq=False)
 class PreparedTraffic:
-    """What is made before the host drives.
+    """Files and data prepared before the drive.
 
     Attributes:
         network: what is driven in.

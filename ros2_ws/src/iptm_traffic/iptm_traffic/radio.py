@@ -1,9 +1,9 @@
-"""SUMO's vehicles as stations: each tells of itself in cooperative awareness messages, as bits.
+"""SUMO's vehicles as stations: each sends encoded cooperative awareness messages.
 
-Where there are roadside stations, their messages come along.
+Roadside stations, if any, send their messages as well.
 
-A vehicle that tells its path tells what it did in a rehearsal: the same simulation, with a car of SUMO's own
-in the host's place. As soon as it is somewhere else than it was then, it tells none.
+The announced path of a vehicle is its motion in a rehearsal: the same simulation, with a car of SUMO's own
+in the host's place. A vehicle that departs from it announces none.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from iptm_v2x_bridge.sending.sender import POSITION_BOUND_M
 from iptm_v2x_bridge.sending.settings import SenderSettings, path_times_s
 
 SAME_PLACE_M = 0.5
-"""A vehicle that is farther from where it was in the rehearsal does something else."""
+"""Distance from the rehearsed position beyond which a vehicle announces no path."""
 PATH_BEHIND_M, PATH_AHEAD_M = 20.0, 250.0
-"""Where, seen from the host, a vehicle tells its path; farther ones do not lead, and messages are short."""
+"""Range around the host in which a vehicle announces its path, as farther ones do not lead."""
 _HIGHEST_ACCELERATION_M_S2 = 16.0
 
 
@@ -95,8 +95,8 @@ class TrafficRadio:
         Args:
             simulation: the traffic.
             road_line: the host's road on Earth.
-            rehearsal: what the vehicles are going to do; None for vehicles that do not tell.
-            roadside: stations beside the road; None for a road without.
+            rehearsal: future motion of the vehicles; None if they do not announce it.
+            roadside: roadside stations; None for a road without.
         """
         self._simulation, self._road_line = simulation, road_line
         self._rehearsal, self._roadside = rehearsal, roadside
@@ -127,7 +127,7 @@ class TrafficRadio:
         return taken
 
     def messages(self, around: Neighbours, host_position_m: float) -> list[CamMessage]:
-        """Return what the vehicles say at one instant."""
+        """Return the messages of the vehicles at one instant."""
         latitudes, longitudes = self._on_earth(around.positions_m, around.lateral_m)
         said = []
         for row, name in enumerate(around.names):

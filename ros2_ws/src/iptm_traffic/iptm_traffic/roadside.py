@@ -1,6 +1,6 @@
-"""Roadside stations at the signals of the corridor: phases, lanes and speed signs, as bits.
+"""Roadside stations at the signals of the corridor: phases, lanes and speed signs, encoded.
 
-Each tells of its own intersection, and of the speed limit behind it. The lanes of the main road have one
+Each covers its own intersection and the speed limit behind it. The lanes of the main road have one
 signal group, the cross street has another one.
 """
 
@@ -38,7 +38,7 @@ from iptm_v2x_bridge.messages.spatem import (
 from iptm_v2x_bridge.prediction.signals import CyclicSignal
 
 LIMITS_WITHOUT_SIGNS = f"0:{min(LIMITS_KM_H):g}"
-"""What a host knows that is told nothing but that it is on such a road, km/h."""
+"""Speed limit (km/h) assumed by a host that knows only the kind of road."""
 TOLD_PHASES = 6
 """Two cycles of green, yellow and red."""
 MAPS_EVERY_S = 1.0
@@ -55,7 +55,7 @@ _STATION_BASE = 1_000_000
 
 @dataclass(frozen=True)
 class _Station:
-    """What one station sends beside the phases, and where it is."""
+    """Position and constant messages of one station."""
 
     number: int
     position_m: float
@@ -199,7 +199,7 @@ def _told(opens_s: float, open_for_s: float, cycle_s: float, now_s: float) -> tu
 
 
 def _phase(state: SignalState, begins_s: float, ends_s: float) -> Phase:
-    """Return a phase of a plan that is kept; what lies between two steps of the wire is told as a range."""
+    """Return a phase of a plan that is kept; what lies between two steps of the wire is sent as a range."""
     end = second_of_hour(ends_s)
     return Phase(
         state,

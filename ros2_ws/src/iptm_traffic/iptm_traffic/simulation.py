@@ -1,4 +1,4 @@
-"""One SUMO simulation with the host in it, moved exactly as the plant says."""
+"""One SUMO simulation with the host in it, moved exactly with the plant."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class TrafficSimulation:
         start_s: SUMO's time at trip time 0.
         after_step: called after every step.
 
-    With the host in it, the simulation waits at trip time 0 until `move_host` says where the host is next.
+    With the host in it, the simulation waits at trip time 0 until `move_host` sets the position of the host.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class TrafficSimulation:
             fcd: where SUMO writes what every vehicle does, its floating car data; None for nowhere.
 
         Raises:
-            ScenarioError: SUMO does not start, or there is no room for the host.
+            ScenarioError: SUMO does not start, or has no room for the host.
         """
         self.network = network
         self._step_s = step_s
@@ -245,12 +245,12 @@ class TrafficSimulation:
 
     @property
     def host_position_m(self) -> float:
-        """Position of the host as its plant last said."""
+        """Latest position of the host from its plant."""
         return self._host_position_m
 
     @property
     def host_speed_m_s(self) -> float:
-        """Speed of the host as its plant last said."""
+        """Latest speed of the host from its plant."""
         return self._host_speed_m_s
 
     def leader(self) -> tuple[str, float, float] | None:
@@ -297,7 +297,7 @@ class TrafficSimulation:
         )
 
     def change_lane(self, name: str, lane: int, duration_s: float) -> None:
-        """Tell a vehicle to move to a lane and to stay there for a while."""
+        """Command a vehicle to move to a lane and to stay there for a while."""
         self._vehicle.changeLane(name, lane, duration_s)
 
     def turn_off(self, name: str) -> bool:

@@ -70,7 +70,7 @@ def read_capture(path: Path, port: int, warn: Callable[[str], None]) -> list[tup
     if not found:
         raise ParameterError(
             f"recorded_packets is {str(path)!r}, which holds no GeoNetworking packet and no UDP datagram to "
-            f"port {port}; allowed: a capture with one or more (cam_port says which port)"
+            f"port {port}; allowed: a capture with one or more (parameter cam_port)"
         )
     if whole < len(content):
         warn(f"{path} was cut short within a packet; the {len(found)} before it are read")

@@ -60,7 +60,7 @@ def is_lost(settings: PreviewSettings, generated_ns: int) -> bool:
 def distort(settings: PreviewSettings, preview: LeaderPreview) -> LeaderPreview:
     """Return a prediction with a speed error, and with the positions that belong to it.
 
-    The error starts at zero at the generation, where the leader knows its own speed, and grows to
+    The error starts at zero at the generation, as the leader measures its own speed, and grows to
     `noise_std_m_s` as a first-order process in time. Speeds stay at least zero, positions never
     decrease; without noise the prediction comes back untouched.
     """

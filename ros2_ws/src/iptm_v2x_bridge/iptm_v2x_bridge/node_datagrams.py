@@ -146,7 +146,7 @@ class _SocketSource:
             return ""
         before = self._ended_ns is not None and self._ended_ns < time_ns
         if before and self._marks and self._marks[0].time_ns > time_ns:
-            return ""  # the sender left this tick out: it had no decision to tell
+            return ""  # the sender skipped this tick, as it had no decision
         return "waiting for the sender's end of the tick"
 
     def report(self) -> dict[str, object]:
@@ -160,12 +160,12 @@ class _SocketSource:
 
 
 class _RecordedSource:
-    """Datagrams of a recording, which begins anew with every trip."""
+    """Datagrams of a recording, which restarts with every trip."""
 
     def __init__(self, recording: RadioRecording) -> None:
         self._recording = recording
 
-    def begin_trip(self, time_ns: int) -> int:  # noqa: ARG002 - the recording knows
+    def begin_trip(self, time_ns: int) -> int:  # noqa: ARG002 - taken from the recording
         return self._recording.start_timestamp_ms
 
     def take(self, after_ns: int | None, until_ns: int) -> Sequence[Reception]:
@@ -195,7 +195,7 @@ def read_recording(
     Args:
         path: bag folder, .mcap file, .pcap or .pcapng.
         port: UDP port whose datagrams count in a capture.
-        start_timestamp_ms: TimestampIts at trip time 0; a bag knows its own.
+        start_timestamp_ms: TimestampIts at trip time 0; a bag holds its own.
         topic: full name of the topic that counts where a bag has several; "" for any.
         warn: called with a sentence if a part of a capture cannot be read.
 

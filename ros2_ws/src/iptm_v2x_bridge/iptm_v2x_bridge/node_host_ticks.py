@@ -1,4 +1,4 @@
-"""What a vehicle says of itself, put together tick by tick: its state, and the plan that it follows."""
+"""State and plan of the ego vehicle, joined tick by tick."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _NO_PLAN: _Plan = (np.empty(0), np.empty(0))
 class HostTicks:
     """Calls back once for every decision of the vehicle in the namespace of a node.
 
-    The vehicle waits for nobody here, so much is queued. A plan is waited for where the decision record says
-    that it is followed. The state is joined last, when the controller is heard: a plant that counts this
-    listener in its `expected_peers` then loses no tick.
+    The vehicle does not wait for this subscriber, hence the deep queues. A plan is awaited if the decision
+    record marks it as followed. The state is subscribed to last, after the controller: a plant that counts
+    this subscriber in its `expected_peers` then loses no tick.
     """
 
     def __init__(self, node: SuiteNode, on_tick: Callable[[HostTick], None]) -> None:
@@ -37,7 +37,7 @@ class HostTicks:
 
         Args:
             node: takes part in the graph.
-            on_tick: told in the order in which ticks are complete.
+            on_tick: called with complete ticks in order.
         """
         self._node, self._on_tick = node, on_tick
         self._states: dict[int, tuple[float, float]] = {}
@@ -91,7 +91,7 @@ class HostTicks:
         self._tell()
 
     def _tell(self) -> None:
-        """Tell the ticks that are complete, in their order; messages of one topic arrive in theirs."""
+        """Pass on the complete ticks in order; messages of one topic arrive in order."""
         for kept in (self._states, self._followed, self._plans):
             while len(kept) > _MOST_KEPT:
                 del kept[next(iter(kept))]

@@ -33,9 +33,9 @@ WALL_PERIOD_S = 0.01
 
 
 class SenderNode(SuiteNode):
-    """Sends what the leader would: cooperative awareness messages of a drive, lost and late as asked for.
+    """Sends the leader's cooperative awareness messages of a drive, with configured loss and latency.
 
-    On `/clock`, or at every decision of the vehicle whose plan it tells, it sends everything that arrives up
+    On `/clock`, or at every decision of the vehicle whose plan it sends, it sends everything that arrives up
     to the tick, then the end of the tick, which is repeated until the next tick in case the bridge was not
     there yet.
     """

@@ -1,6 +1,6 @@
-"""A drive's radio traffic as it was recorded: every datagram again for the tick that it counted for.
+"""A drive's radio traffic as it was recorded: every datagram is replayed for its original tick.
 
-A recording that has marks of the end of each tick tells for itself which datagrams came before which tick and
+In a recording with end-of-tick marks the tick of every datagram is exact, so that a replay
 repeats bit for bit. One without them, such as a capture of the air, is cut by the times of reception.
 """
 
@@ -94,7 +94,7 @@ class RecordedRadio:
 def recording_with_marks(
     received: Iterable[tuple[int, bytes]], source: str, start_timestamp_ms: int | None = None
 ) -> RadioRecording | None:
-    """Return a recording whose datagrams end with a mark at every tick, None if there is no mark.
+    """Return a recording whose datagrams end with a mark at every tick, None without marks.
 
     Args:
         received: time of reception (ns of TimestampIts) and bytes, in the order of reception.

@@ -17,18 +17,18 @@ T = TypeVar("T")
 
 
 class VehicleAhead:
-    """Knows the leader from what it says; a `PreviewSource`.
+    """Leader from its own state and plan messages; a `PreviewSource`.
 
     Everything is kept by its stamp, so an answer depends on stamps alone and not on what else has arrived: to
     a tick belong the state and the plan of that tick. A plan ends where its horizon does, and so does the
-    prediction. A vehicle that is not heard any more is taken to brake to a halt from its last state on.
+    prediction. A silent vehicle is assumed to brake to a halt from its last state on.
     """
 
     def __init__(self, length_m: float, kept: int | None = None) -> None:
         """Set up a vehicle of which nothing is known yet.
 
         Args:
-            length_m: from the front bumper, where the vehicle says that it is, to the rear one.
+            length_m: from the front bumper, the reference point of its position, to the rear one.
             kept: how many of the newest states and plans to keep; None keeps all.
         """
         self._length_m = length_m

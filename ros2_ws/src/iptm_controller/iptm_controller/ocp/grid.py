@@ -138,9 +138,9 @@ class ProblemGrid:
         """Pack the parameter vector.
 
         Args:
-            shared: order of ``GlobalIndex``, shape (7,).
-            steps: order of ``StepIndex``, shape (N, 4).
-            samples: order of ``SampleIndex``, shape (``sample_times_s.size``, 7).
+            shared: order of ``GlobalIndex``, shape (GLOBALS,).
+            steps: order of ``StepIndex``, shape (N, STEP_PARAMETERS).
+            samples: order of ``SampleIndex``, shape (samples, SAMPLE_PARAMETERS), at ``sample_times_s``.
         """
         vector = np.empty(self.parameter_count)
         vector[: layout.GLOBALS] = shared

@@ -73,13 +73,13 @@ class StageExpressions:
     """Symbolic stage: scaled symbols in, scaled expressions out.
 
     Attributes:
-        state: symbol, shape (6,), order of ``StateIndex``.
-        inputs: symbol, shape (6,), order of ``InputIndex``.
+        state: symbol, shape (STATES,), order of ``StateIndex``.
+        inputs: symbol, shape (INPUTS,), order of ``InputIndex``.
         step_parameters: symbol of this step.
-        global_parameters: symbol shared by all steps.
-        next_state: expression, shape (6,).
+        global_parameters: symbol shared by all steps, shape (GLOBALS,).
+        next_state: expression, shape (STATES,).
         cost: scalar expression.
-        limits: expression, shape (11,), order of ``LimitIndex``.
+        limits: expression, shape (LIMITS,), order of ``LimitIndex``.
     """
 
     state: ca.SX

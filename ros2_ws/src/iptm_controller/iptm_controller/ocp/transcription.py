@@ -27,12 +27,12 @@ class StageFunctions:
     """Functions of one stage kind; sparse results come as vectors of nonzeros.
 
     Attributes:
-        value: ``(x, u, p, g) -> (rows (20,), cost)``, rows being minus the next state, then limits.
-        gradient: ``(x, u, p, g) -> (cost gradient (12,))``.
+        value: ``(x, u, p, g) -> (rows, cost)``; rows, shape (ROWS,): minus the next state, then the limits.
+        gradient: ``(x, u, p, g) -> cost gradient``, shape (BLOCK,).
         jacobian: ``(x, u, p, g) -> nonzeros of d rows / d (x, u)``.
         hessian: ``(x, u, p, g, lam_f, lam_rows) -> nonzeros of the Lagrangian's Hessian``.
-        jacobian_sparsity: (20, 12).
-        hessian_sparsity: (12, 12), symmetric.
+        jacobian_sparsity: shape (ROWS, BLOCK).
+        hessian_sparsity: shape (BLOCK, BLOCK), symmetric.
     """
 
     value: ca.Function
@@ -74,12 +74,12 @@ class Transcription:
     Attributes:
         grid: order of variables, rows and parameters.
         stages: one entry per stage kind of the grid.
-        variables: symbol w, shape (12 N + 6,).
+        variables: symbol w, shape (N * BLOCK + STATES,).
         parameters: symbol p.
         cost: scalar.
-        rows: shape (20 N,).
-        gradient: of the cost.
-        jacobian: of the rows.
+        rows: constraints, shape (N * ROWS,).
+        gradient: of the cost, shape (N * BLOCK + STATES,).
+        jacobian: of the rows, shape (N * ROWS, N * BLOCK + STATES).
     """
 
     grid: ProblemGrid

@@ -1,1 +1,1 @@
-"""The default strategy behind measured lead vehicles, beside what the adaptive cruise controls there did."""
+"""The default strategy behind measured lead vehicles, compared with the adaptive cruise controls there."""

@@ -65,7 +65,7 @@ def benchmark_page(found: Findings) -> str:
         f"# Behind measured lead vehicles\n\n{NOTICE}",
         f"""\
 Made by `{found.command}`. The default strategy drives behind {" and ".join(map(str, counts))} lead
-vehicles of OpenACC, beside what the production car behind each of them did in the same seconds with its
+vehicles of OpenACC, compared with the production car that followed each of them in the same seconds with its
 adaptive cruise control. Collisions: {found.collisions}.
 
 ![Spread over the lead vehicles](images/{PICTURE})""",

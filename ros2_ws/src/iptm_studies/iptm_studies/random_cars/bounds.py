@@ -1,7 +1,7 @@
 """What a car could have done at best: with the brakes that it has, and with full cooling.
 
-A limit that a run broke says little by itself: a leader may brake harder than the host can, and cells may
-start too hot. Both functions tell what could have been avoided within the same limits of the inputs.
+A violated limit means little by itself: a leader may brake harder than the host can, and cells may
+start too hot. Both functions return what could have been avoided within the same limits of the inputs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ REACTION_S = SafetyMonitorSettings.monitor_reaction_s
 """Time from the row in which braking is decided to the request to the brakes."""
 _FINE_STEP_S = 0.05
 ANOTHER_LEADER_M = 3.0
-"""A leader that moves by so much more or less than its speed says is another car."""
+"""Position jump, beyond the motion at its speed, from which a leader is another car."""
 
 
 def below_s_min(run: Trajectory, parameters: ModelParameters) -> BoolArray:
@@ -54,7 +54,7 @@ def avoidably_below_s_min(
     Args:
         run: the run, n rows.
         parameters: limits and spacing policy.
-        look_back_s: how far ahead the host can know of an episode: its horizon.
+        look_back_s: how far ahead the host can anticipate an episode: its horizon.
 
     Returns:
         The rows of avoidable episodes, shape (n,).
@@ -102,8 +102,8 @@ def avoidable_collisions(
     Args:
         run: the run, n rows.
         parameters: brakes of the vehicle.
-        look_back_s: how far ahead an informed host knows of an episode: its horizon.
-        informed: the host is told all about its leader.
+        look_back_s: how far ahead an informed host anticipates an episode: its horizon.
+        informed: whether the host has a perfect preview of its leader.
 
     Returns:
         The rows of avoidable episodes, shape (n,).

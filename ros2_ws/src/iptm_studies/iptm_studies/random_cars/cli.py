@@ -83,7 +83,7 @@ def _work(session: Session) -> bool:
 
 
 def judged_runs(campaign: Campaign, store: ResultStore) -> list[JudgedRun]:
-    """Judge the runs of a campaign of random cars, each beside its twin if there is one."""
+    """Judge the runs of a campaign of random cars, each with its twin if it has one."""
     keys = {
         state.case.name: str(state.key) for state in campaign.cases if state.metrics is not None
     }

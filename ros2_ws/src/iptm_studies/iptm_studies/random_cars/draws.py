@@ -52,7 +52,7 @@ class Uniform:
     high: float
 
     def draw(self, random: Generator) -> Any:
-        """Return a value, with three decimals: nobody needs more to write it down."""
+        """Return a value rounded to three decimals for readability."""
         return round(float(random.uniform(self.low, self.high)), 3)
 
 
@@ -186,7 +186,7 @@ def random_study(
     """Draw a campaign.
 
     A run of the default strategy on a cold day gets a twin: the same trip of the same car at 35 degC with the
-    temperature limits taken away, beside which its traction energy stands.
+    temperature limits removed, as reference of its traction energy.
 
     Args:
         runs: number of runs, without the twins.
@@ -249,7 +249,7 @@ def warm_twin(spec: RunSpec) -> RunSpec:
 
 
 def draw_preview(random: Generator) -> PreviewSpec:
-    """Return what the host is told of the leader where that is not perfect."""
+    """Return the imperfect preview settings, empty for a perfect preview."""
     settings = {
         name: draw.draw(random)
         for name, draw in PREVIEWS.items()

@@ -103,11 +103,13 @@ def _verdict_table(runs: Sequence[JudgedRun]) -> str:
     rows = []
     for key, verdict in REQUIREMENTS.items():
         amounts = _amounts(runs, key)
-        told_only = math.isinf(verdict.limit)
-        beyond = sum(amount > 0.0 for amount in amounts) if told_only else len(_breached(runs, key))
-        allowed = "told only" if told_only else f"{verdict.limit:g} {verdict.unit}"
+        report_only = math.isinf(verdict.limit)
+        beyond = (
+            sum(amount > 0.0 for amount in amounts) if report_only else len(_breached(runs, key))
+        )
+        allowed = "report only" if report_only else f"{verdict.limit:g} {verdict.unit}"
         worst = f"{max(amounts):.4g} {verdict.unit}" if amounts else "–"
-        mark = "" if told_only else ("✗" if beyond else "✓")
+        mark = "" if report_only else ("✗" if beyond else "✓")
         rows.append(
             (verdict.title, verdict.rule, allowed, len(amounts), f"{beyond} {mark}".strip(), worst)
         )
@@ -164,7 +166,7 @@ def _draw_table() -> str:
         if spec.headless
         for sizes in [FAULT_SIZES.get(kind)]
     ]
-    share = f"{100.0 * FAULT_SHARE:g} % of the runs, unless told otherwise"
+    share = f"{100.0 * FAULT_SHARE:g} % of the runs by default"
     rows.append((f"1 to {MOST_FAULTS} faults", ", ".join(kinds), share))
     lasts = f"1 to 30 s; until the end of the trip ({100.0 * LASTING_SHARE:g} %)"
     together = f"while the one before it lasts ({100.0 * TOGETHER_SHARE:g} %), else at any instant"

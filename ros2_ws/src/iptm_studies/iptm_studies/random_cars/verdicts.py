@@ -49,7 +49,7 @@ class Requirement:
         title: what is looked for.
         rule: how its amount is measured.
         unit: unit of the amount.
-        limit: largest amount that is no breach; infinite for what is only told.
+        limit: largest permitted amount; infinite if only reported.
     """
 
     title: str
@@ -89,7 +89,7 @@ REQUIREMENTS: Mapping[str, Requirement] = {
     "cold_compressor": Requirement(
         "Compressor in the cold",
         "energy of the compressor in intervals that begin with both cells below T_b,min, "
-        f"later than {RECOVERY_TICKS} ticks after each fault: some say that the cells are hot",
+        f"later than {RECOVERY_TICKS} ticks after each fault, as some falsify the cell temperatures",
         "kJ",
         COLD_COMPRESSOR_KJ,
     ),

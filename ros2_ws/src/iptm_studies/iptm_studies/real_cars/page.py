@@ -31,7 +31,7 @@ compares controllers in one car, and no two cars. **Equal ends** is ageing with 
 same temperature at the end (none where they end below the lower limit of 25 °C). **Cooling** is the energy
 of compressor and auxiliaries, **traction** the electric traction energy, both as the paper counts them.
 **Gap** is the largest one that the default strategy may leave: 120 m as shipped, or a time headway of 3 s
-beside that. The other controllers keep their own distance: **reference** is the paper's, on its horizon of
+in addition. The other controllers keep their own distance: **reference** is the paper's, on its horizon of
 15 s; **production** has adaptive cruise control with a constant time headway and a thermostat with
 hysteresis, as cars have today (`iptm_controller/production.py`). The preview of the lead vehicle is
 perfect; production does without.

@@ -62,7 +62,7 @@ SHIPPED = Side()
 
 @dataclass(frozen=True)
 class Simplification:
-    """A simpler model beside the refined one.
+    """A simpler model for comparison with the refined one.
 
     Attributes:
         name: short name.

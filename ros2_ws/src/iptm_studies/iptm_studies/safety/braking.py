@@ -1,7 +1,7 @@
-"""Lead vehicles that brake at any instant of an undisturbed drive, while only the safety monitor knows.
+"""Lead vehicles that brake at any instant of an undisturbed drive, detected by the safety monitor only.
 
-The ego vehicle goes on with the commands of the undisturbed drive; whatever it does otherwise, the monitor of
-the plant did. Each outcome stands beside what the stated brakes could do (`emergency_stop`).
+The ego vehicle receives the commands of the undisturbed drive; every deviation is the action of the plant's
+safety monitor. Each outcome is compared with the best stop of the stated brakes (`emergency_stop`).
 """
 
 from __future__ import annotations

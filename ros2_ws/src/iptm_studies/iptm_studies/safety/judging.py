@@ -67,7 +67,7 @@ def judge_trial(
         faults: what was disturbed.
         reports: of controller and vehicle.
     """
-    # What a sensor with an error measured between two rows is no distance.
+    # Measurements of a faulty sensor between two rows are not distances.
     falsified = any(fault.kind in _OF_THE_GAP for fault in faults)
     gaps_m = trip.gap_m if falsified else trip.closest_m
     problems: list[str] = []
@@ -160,8 +160,8 @@ def _noticed_s(
     acting = (begins_s >= weak[0].start_s - 1e-9) & (trip.time_s <= weak[0].end_s)
     braking = acting & (trip.acceleration_m_s2 < -BRAKING_M_S2) & (trip.speed_m_s >= MOVING_M_S)
     braked_s = np.cumsum(np.where(braking, np.diff(trip.time_s, prepend=trip.time_s[:1]), 0.0))
-    told = (one.time_s for one in reports if WEAK_BRAKES in one.text)
-    reported_s = min(told, default=np.inf)
+    reported = (one.time_s for one in reports if WEAK_BRAKES in one.text)
+    reported_s = min(reported, default=np.inf)
     if not np.isfinite(reported_s):
         return np.nan, float(braked_s[-1])
     row = int(np.searchsorted(trip.time_s, reported_s - 1e-9))

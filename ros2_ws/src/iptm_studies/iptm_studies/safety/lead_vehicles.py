@@ -26,26 +26,26 @@ FASTEST_M_S = 36.0
 
 
 def lead_cycles(
-    source: Path | None, folder: Path, tell: Callable[[str], None], count: int = LEADS
+    source: Path | None, folder: Path, report: Callable[[str], None], count: int = LEADS
 ) -> list[str]:
     """Write measured lead vehicles as drive files, half of them from roads where there are enough.
 
     Args:
         source: folder with measurements; None for the excerpts of the project.
         folder: for the drive files; made if need be.
-        tell: takes one line per file of measurements that was left out.
+        report: takes one line per file of measurements that was left out.
         count: number of lead vehicles.
 
     Returns:
         Paths of the drive files, as cycles of a run.
 
     Raises:
-        MeasurementError: there are no measurements in the folder.
+        MeasurementError: the folder has no measurements.
     """
     with ExitStack() as stack:
         if source is None:
             source = stack.enter_context(as_file(files("iptm_validation.data")))
-        drives = read_files(files_of(source), tell).drives
+        drives = read_files(files_of(source), report).drives
     folder.mkdir(parents=True, exist_ok=True)
     road = [drive for drive in drives if drive.driver is Driver.ROAD]
     others = [drive for drive in drives if drive.driver is not Driver.ROAD]

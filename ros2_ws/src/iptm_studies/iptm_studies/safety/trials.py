@@ -71,7 +71,7 @@ class Extent:
 
     @property
     def lively_cycles(self) -> tuple[str, ...]:
-        """Cycles of which a few minutes say something."""
+        """Published cycles, of which a few minutes are representative."""
         return tuple(cycle for cycle in self.cycles if cycle in CYCLE_NAMES)
 
 

@@ -30,13 +30,13 @@ ASSUMED_TRAILER_M = 14.0
 
 @dataclass(frozen=True, eq=False)
 class PredictedPath:
-    """Where the sender says that its reference point is going to be.
+    """Path announced by the sender for its reference point.
 
     Attributes:
         times_s: times after the generation, shape (n,), increasing, above 0.
         latitudes_deg: latitudes, shape (n,).
         longitudes_deg: longitudes, shape (n,).
-        confidence: probability that this path is taken, 0 to 1; None where it is not told.
+        confidence: probability that this path is taken, 0 to 1; None if not sent.
     """
 
     times_s: FloatArray

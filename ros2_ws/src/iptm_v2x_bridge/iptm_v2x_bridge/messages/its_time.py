@@ -1,6 +1,6 @@
-"""TimestampIts: milliseconds since 2004-01-01T00:00:00 TAI, and what messages carry of it.
+"""TimestampIts: milliseconds since 2004-01-01T00:00:00 TAI, and its encodings in messages.
 
-Vehicles tell its low 16 bits. Signals tell minutes of the year and tenths of seconds of the hour, both in UTC
+Vehicles send its low 16 bits. Signals send minutes of the year and tenths of seconds of the hour, both in UTC
 (SAE J2735, DE_MinuteOfTheYear, DE_DSecond, DE_TimeMark).
 """
 
@@ -43,7 +43,7 @@ def resolve_delta_ms(delta_ms: int, now_ms: int, tolerance_ms: int) -> int:
 
 HOUR_MS, MINUTE_MS = 3_600_000, 60_000
 LONGEST_PAST_MS = 300_000
-"""An instant that is known by its place in the hour is looked for from so long before the present on."""
+"""Start, before the present, of the search window for resolving a time-of-hour stamp."""
 
 
 def utc_ms(timestamp_ms: int) -> int:
@@ -83,11 +83,11 @@ def second_of_hour(timestamp_s: float) -> float:
 
 
 def resolve_second_s(second: float, reference_s: float) -> float:
-    """Return the instant (s of TimestampIts) that lies so far in its hour of UTC.
+    """Return the instant (s of TimestampIts) of a time-of-hour stamp (UTC).
 
     Args:
         second: into the hour, 0 to 3600.
-        reference_s: what it is told at; the instant lies `LONGEST_PAST_MS` before it or later, by less than
+        reference_s: time of the message; the instant lies `LONGEST_PAST_MS` before it or later, by less than
             an hour.
     """
     earliest_s = reference_s - LONGEST_PAST_MS / 1000.0

@@ -2,7 +2,7 @@
 
 What is read: signs "maximum speed" (C 14 of the Vienna Convention, 557 of ISO 14823) and the zones that they
 are relevant in, as lines. Left out and counted: all other signs, signs for certain hours or vehicles, and
-zones that are areas or computed from others. Lanes are not told apart, as a vehicle does not know its own:
+zones that are areas or computed from others. Lanes are not distinguished, as the own lane is unknown:
 a sign over one of them counts for all.
 """
 
@@ -36,7 +36,7 @@ _UNKNOWN_ALTITUDE = {"altitudeValue": 800_001, "altitudeConfidence": "unavailabl
 
 
 class ZoneDirection(IntEnum):
-    """For whom a zone is relevant, seen along its line."""
+    """Direction of travel for which a zone is relevant, along its line."""
 
     SAME = 0
     OPPOSITE = 1
@@ -52,7 +52,7 @@ class SpeedZone:
     Attributes:
         limit_m_s: the limit.
         places_deg: latitudes and longitudes of its vertices, two or more.
-        direction: for whom.
+        direction: relevant direction of travel.
     """
 
     limit_m_s: float
@@ -68,9 +68,9 @@ class SpeedSigns:
         station_id: its station.
         identity: country (bits of its code), provider, and number of the information.
         zones: where which limit holds.
-        issued_ms: TimestampIts of this version of the information, None if it is not told.
+        issued_ms: TimestampIts of this version of the information, None if not sent.
         valid_from_ms: TimestampIts, None for at once.
-        valid_to_ms: TimestampIts, None for an end that is not told.
+        valid_to_ms: TimestampIts, None if the end is not sent.
         is_cancelled: whether the information holds no longer.
         left_out: what of it was left out.
     """
@@ -122,7 +122,7 @@ def decode_ivim(payload: bytes) -> SpeedSigns | Rejection:
 def _line(
     part: dict[str, Any], reference: dict[str, int]
 ) -> tuple[tuple[float, float], ...] | None:
-    """Return the vertices of a zone, None where it is no line or a vertex is not told.
+    """Return the vertices of a zone, None if it is not a line or lacks a vertex.
 
     Each difference is one to the vertex before, the first one to the reference position, where a line of a
     single vertex begins.

@@ -1,7 +1,7 @@
 """Lanes of intersections (MAPEM of TS 103 301; SAE J2735 in the profile of ISO/TS 19091).
 
 What is read: of lanes for vehicles their nodes, whether they lead to the intersection or away from it, and
-which signal group lets whom pass into which lane. The first node of a lane that leads there is its stop line.
+the connected lanes with their signal groups. The first node of a lane that leads there is its stop line.
 Left out and counted: lanes that are computed from others, and regional nodes. Road segments, speed limits,
 restrictions, and all other lanes are not looked at.
 """

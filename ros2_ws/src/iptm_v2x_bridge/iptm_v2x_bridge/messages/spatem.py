@@ -25,7 +25,7 @@ _NOT_WORKING = (2, 7, 8, 9, 12, 13)
 
 @dataclass(frozen=True, order=True)
 class IntersectionId:
-    """Identity of an intersection: its number, and the authority that gave it, 0 where none is told."""
+    """Identity of an intersection: its number, and the authority that gave it, 0 if not sent."""
 
     region: int
     number: int
@@ -61,7 +61,7 @@ class SignalState(TextEnum):
 
     @property
     def is_open(self) -> bool | None:
-        """Whether the line may be passed; None where the signal does not say. Yellow counts as closed."""
+        """Whether the line may be passed; None if the signal state is unknown. Yellow counts as closed."""
         if self in {SignalState.GREEN, SignalState.GREEN_YIELD}:
             return True
         closed = (SignalState.RED, SignalState.RED_YELLOW, SignalState.YELLOW)
@@ -72,7 +72,7 @@ class SignalState(TextEnum):
 class Phase:
     """One phase of a signal group. Times are s of the hour of UTC, in steps of 0.1 s.
 
-    None stands for a time that is not told, infinity for one more than an hour ahead.
+    None stands for a time that is not sent, infinity for one more than an hour ahead.
 
     Attributes:
         state: what the signal shows.
@@ -96,7 +96,7 @@ class IntersectionPhases:
     Attributes:
         intersection: which one.
         revision: that of the map which the signal groups belong to, 0 to 127.
-        minute: minute of the year (UTC) at which this was told.
+        minute: minute of the year (UTC) of the message.
         milliseconds: into the minute.
         groups: the phases of each signal group, the present one first.
         is_working: False in failure, standby, switched off, or without valid data.
@@ -126,7 +126,7 @@ def decode_spatem(payload: bytes) -> SignalPhases | Rejection:
     station_id, fields = read
     found = [_intersection(state, fields.get("timeStamp")) for state in fields["intersections"]]
     known = tuple(entry for entry in found if entry is not None)
-    # Without the time at which it was told, nobody knows whether a phase holds.
+    # Without its time of generation a phase cannot be used.
     return Rejection.INCOMPLETE if len(known) < len(found) else SignalPhases(station_id, known)
 
 

@@ -1,1 +1,1 @@
-"""What the leader will do, as far as its messages tell, and how well that is known."""
+"""Prediction of the leader's motion from its messages, with bounds."""

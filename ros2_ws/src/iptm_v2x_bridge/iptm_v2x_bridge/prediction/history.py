@@ -50,7 +50,7 @@ class History:
 
 
 def present_acceleration_m_s2(known: Knowledge) -> float:
-    """Return the acceleration that the leader tells, else the one of its last second."""
+    """Return the acceleration that the leader sends, else the one of its last second."""
     last = known.last
     if last.acceleration_m_s2 is not None:
         return last.acceleration_m_s2

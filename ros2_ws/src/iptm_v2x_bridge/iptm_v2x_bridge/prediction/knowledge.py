@@ -1,4 +1,4 @@
-"""What a predictor needs to know of a station."""
+"""Input of a predictor from the messages of a station."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from iptm_v2x_bridge.prediction.predictor import Knowledge, RoadPath
 from iptm_v2x_bridge.stations.station import Station
 
 MAX_PATH_AGE_MS = 10_000
-"""Not every message carries a path, and some are lost; an older one is no prediction any more."""
+"""Age up to which the last received path is used, as not every message carries one and some are lost."""
 AROUND_M, AROUND_M_S = 200.0, 100.0
 """How far from a point of a path the next one is looked for, and how much farther with the time between."""
 MAX_ASIDE_M = 10.0

@@ -29,7 +29,7 @@ _STEP_S = 0.25
 
 
 class LearntProfile:
-    """Knows the usual speed along the road and the usual time of standing at each place."""
+    """Predicts from the usual speed along the road and the usual standing time at each place."""
 
     def __init__(self, drives: Sequence[tuple[FloatArray, FloatArray]]) -> None:
         """Learn from drives.

@@ -1,6 +1,6 @@
 """The leader's own prediction: a smooth motion through the points that it sent.
 
-Positions are told at the points only. Speeds, and positions between the points, follow from the cubic spline
+Positions are sent at the points only. Speeds, and positions between the points, follow from the cubic spline
 through them; what the leader may do otherwise is bounded by how its acceleration changes from point to point.
 """
 
@@ -12,7 +12,7 @@ from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, PredictorName
 
 RESOLUTION_M = 0.02
-"""Of the points on the wire, and likewise in m/s of the speed."""
+"""Resolution of the points on the wire (m), and of the speed (m/s)."""
 CHANGE_SHARE = 0.25
 """Error of the speed at a point per change of the acceleration from the points before and to those behind it,
 and time between them. A kink of the acceleration at the point alone makes 1 / (4 sqrt 3) = 0.144."""
@@ -20,7 +20,7 @@ UNSEEN_JERK_M_S3 = 1.0
 """Changes of the acceleration between two points that do not show at them."""
 MAX_SPEED_M_S = 70.0
 MAX_DEVIATION_M = 1.0
-"""A leader farther from where it said that it would be by now does something else."""
+"""Deviation from its path beyond which the leader is considered to have left it."""
 MIN_AHEAD_S = 0.05
 BACKWARD_TOLERANCE_M = 0.5
 
@@ -77,7 +77,7 @@ def between_points(
     around = np.concatenate([changes[:1], changes]) + np.concatenate([changes, [0.0]])
     longest = np.maximum(np.concatenate([widths[:1], widths]), np.concatenate([widths, [0.0]]))
     slow = CHANGE_SHARE * longest * around + UNSEEN_JERK_M_S3 * longest**2 / 12.0 + RESOLUTION_M
-    slow[0] = 0.0  # it is told
+    slow[0] = 0.0  # the first speed is sent
     index = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, widths.size - 1)
     share = (at - nodes[index]) / widths[index]
     larger = np.maximum(slow[1:], slow[:-1])[index]

@@ -145,7 +145,7 @@ class RegressionModel:
         """Read a model.
 
         Raises:
-            RouteError: the text is no model.
+            RouteError: the text is not a model.
         """
         try:
             read = json.loads(text)
@@ -161,7 +161,7 @@ class RegressionModel:
         """Read the model of a file, the shipped one for an empty path.
 
         Raises:
-            RouteError: the file cannot be read, or is no model.
+            RouteError: the file cannot be read, or is not a model.
         """
         try:
             file = Path(path) if path else files("iptm_v2x_bridge.prediction") / "regression.json"

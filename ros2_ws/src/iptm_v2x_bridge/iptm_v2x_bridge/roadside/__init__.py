@@ -1,1 +1,1 @@
-"""What roadside stations tell of the road, seen from the host: stop lines, their phases, and speed limits."""
+"""The road ahead from messages of roadside stations: stop lines, their phases, and speed limits."""

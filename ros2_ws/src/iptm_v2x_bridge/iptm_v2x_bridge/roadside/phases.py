@@ -1,8 +1,8 @@
-"""When lines are closed, out of the phases that their signals have told.
+"""Times at which stop lines are closed, from the phases sent by their signals.
 
-Only what is told counts as known. For a host that keeps the rules a line is open as long as it is sure to be:
-from the latest end of the phase before to the earliest end of the open one. What is unknown is closed.
-A leader is foretold by what is likely; what is unknown binds it to nothing, as its bound covers that.
+For a host that keeps the rules a line is open only while it is certainly open: from the latest end of the
+previous phase to the earliest end of the open one; unknown times count as closed. The leader's prediction
+uses likely times; unknown times do not constrain it, as its bound covers them.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ Span = tuple[float, float]
 """Beginning and end, s of TimestampIts, possibly infinite."""
 ALWAYS: tuple[Span, ...] = ((-math.inf, math.inf),)
 EARLY_OPENING_S = 1.0
-"""A signal may open so much before the earliest end of its closed phase, by rounding and its own clock."""
+"""Tolerance for a signal that opens before the earliest end of its closed phase (rounding, clock error)."""
 
 
 @dataclass(frozen=True)
 class TimedPhase:
-    """A phase with times in s of TimestampIts, None where they are not told.
+    """A phase with times in s of TimestampIts, None if not sent.
 
     Attributes:
-        is_open: whether the line may be passed, None where the signal does not say.
+        is_open: whether the line may be passed, None if unknown.
         min_end_s: its earliest end.
         max_end_s: its latest end.
         likely_end_s: its likely end.
@@ -39,13 +39,13 @@ class TimedPhase:
 
     @property
     def expected_end_s(self) -> float | None:
-        """The likely end; where it is not told, the earliest one."""
+        """The likely end, else the earliest one."""
         return self.min_end_s if self.likely_end_s is None else self.likely_end_s
 
 
 @dataclass(frozen=True)
 class TimedPhases:
-    """What an intersection has told.
+    """Phases received from an intersection.
 
     Attributes:
         told_ms: when, TimestampIts.
@@ -64,7 +64,7 @@ def timed(message: IntersectionPhases, now_ms: int) -> TimedPhases:
     """Return phases with instants instead of places in the hour and the year.
 
     Args:
-        message: what was told.
+        message: the received phases.
         now_ms: TimestampIts of the receiver's clock.
     """
     told_ms = resolve_minute_ms(message.minute, message.milliseconds, now_ms)
@@ -78,7 +78,7 @@ def timed(message: IntersectionPhases, now_ms: int) -> TimedPhases:
         return TimedPhase(phase.state.is_open, *ends)
 
     groups = {
-        # The present phase has not ended before it was told.
+        # The present phase ends after its message.
         group: tuple(one(phase, -math.inf if later else told_s) for later, phase in enumerate(some))
         for group, some in message.groups.items()
     }
@@ -132,9 +132,9 @@ def joined(spans: Iterable[Span]) -> tuple[Span, ...]:
 
 
 def opens_too_early(before: TimedPhases, after: TimedPhases) -> bool:
-    """Return whether a signal is open before the earliest end that it had told for being closed.
+    """Return whether a signal opens before the announced earliest end of its closed phase.
 
-    The other way round is no contradiction: whoever closes a line earlier has a reason, and is believed.
+    An early closing is accepted.
     """
     told_s = after.told_ms / 1000.0
     for group, phases in after.groups.items():

@@ -22,7 +22,7 @@ class StopLine:
     Attributes:
         position_m: along the host's road.
         intersection: which it belongs to.
-        revision: of the map that told it.
+        revision: of its map.
         groups: signal groups that all have to be open.
     """
 

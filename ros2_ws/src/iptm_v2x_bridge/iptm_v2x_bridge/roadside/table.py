@@ -1,7 +1,7 @@
-"""What roadside stations have told: whatever arrives is believed, or counted with the reason why not.
+"""Table of the messages of roadside stations; rejected ones are counted by reason.
 
-A map holds for the whole trip, as stop lines stay where they are; phases hold only while they are heard;
-speed signs hold until they say that they do not. The time of a packet is not looked at: it is that of the
+A map holds for the whole trip, as stop lines are fixed; phases expire without new messages;
+speed signs hold until cancelled. The time of a packet is not checked: it is that of the
 station's position, which may have been surveyed long ago.
 """
 
@@ -26,9 +26,9 @@ from iptm_v2x_bridge.roadside.stop_lines import StopLine, stop_lines
 from iptm_v2x_bridge.stations.plausibility import MAX_AGE_MS, MAX_AHEAD_MS
 
 PHASES_KNOWN_MS = 5000
-"""So long phases are known after they were told; then the line is as one that was never heard of."""
+"""Age at which phases expire; the line is then treated as one without a signal."""
 MAX_INTERSECTIONS, MAX_SIGNS = 256, 256
-"""How many of each are held; the farthest map, the oldest phases and the oldest sign give way."""
+"""Largest numbers kept; the farthest map, the oldest phases and the oldest sign are discarded."""
 _REVISIONS = 128
 _KINDS = {
     MessageKind.SPATEM: decode_spatem,
@@ -65,7 +65,7 @@ class RoadsideTable:
         self.host_position_m = 0.0
 
     def repeats(self, opened: OpenedDatagram) -> bool:
-        """Return whether a message repeats one of the last accepted maps; if so, it counts as accepted."""
+        """Return whether a message repeats one of the last accepted maps; if so, it is accepted."""
         if opened.payload not in self._accepted_maps:
             return False
         self._accepted_maps[opened.payload] = self._accepted_maps.pop(opened.payload)
@@ -120,7 +120,7 @@ class RoadsideTable:
             if reason is not None:
                 self._phases[message.intersection] = known
                 return reason
-        # In the order in which they were told: the first one is the oldest.
+        # In the order of arrival: the first one is the oldest.
         self._phases[message.intersection] = phases
         if len(self._phases) > MAX_INTERSECTIONS:
             del self._phases[next(iter(self._phases))]

@@ -7,7 +7,7 @@ import socket
 from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
 
 REPEAT_PERIOD_S = 0.2
-"""How often the mark of the last tick is said again, in case the receiver was not there yet."""
+"""Repeat period of the end-of-tick mark, for a receiver that starts late."""
 NOT_ALL_SENT = "some messages could not be sent"
 
 
@@ -38,17 +38,17 @@ class DatagramSender:
         self._send(datagram)
 
     def end_tick(self, time_ns: int) -> None:
-        """Say that everything that arrives up to a tick has been sent."""
+        """Mark the end of a tick: everything that arrives up to it has been sent."""
         self._ended = EndOfTick(time_ns, self.sent)
         self.repeat_end()
 
     def repeat_end(self) -> None:
-        """Say the end of the last tick again, if there was one."""
+        """Repeat the mark of the last tick, if any."""
         if self._ended is not None:
             self._send(self._ended.encode())
 
     def report(self) -> dict[str, object]:
-        """Return what is to be told of it, by name."""
+        """Return the values for the diagnostics, by name."""
         address, port = self._target
         return {"to": f"{address}:{port}", "sent": self.sent, "not_sent": self.failed}
 

@@ -1,8 +1,8 @@
 """The end of a tick on the wire: after it, everything that arrives up to the tick has been sent.
 
 A sender that follows `/clock` puts it behind the datagrams of each tick, through the same socket. Loopback
-keeps their order, so a bridge that waits for it hears the same messages before the same tick in every run. It
-is no message of any standard, and only a bridge in lock-step looks for it.
+keeps their order, so a bridge that waits for it receives the same messages before the same tick in every run.
+It is not a standard message, and only a bridge in lock-step uses it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _NAME = b"iptmtick"
 
 @dataclass(frozen=True)
 class EndOfTick:
-    """What a sender says at the end of a tick.
+    """Mark of a sender at the end of a tick.
 
     Attributes:
         time_ns: the tick, integer nanoseconds of trip time.
@@ -32,7 +32,7 @@ class EndOfTick:
 
     @classmethod
     def decode(cls, datagram: bytes) -> EndOfTick | None:
-        """Return what a datagram says, None if it is no end of a tick."""
+        """Return the decoded datagram, None if it is not an end of a tick."""
         if len(datagram) != _FORMAT.size or not datagram.startswith(_NAME):
             return None
         _, time_ns, sent = _FORMAT.unpack(datagram)

@@ -1,4 +1,4 @@
-"""A car that tells what it does and means to do: its state and its plan as messages to the car behind it."""
+"""A car that announces its plan: its state and plan as messages to the car behind it."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from iptm_v2x_bridge.sending.sender import BEFORE_START_S, CamSender
 from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
 
 MAX_TICK_S = 10.0
-"""Nothing is told of the time between two ticks that lie farther apart."""
+"""Longest interval between two ticks over which the motion is sent."""
 
 
 @dataclass(frozen=True, eq=False)
 class HostTick:
-    """What a car knows of itself at a tick.
+    """State and plan of a car at a tick.
 
     Attributes:
         time_ns: the tick, integer nanoseconds of trip time.
@@ -40,7 +40,7 @@ class HostTick:
 
 
 class _TickSender(CamSender):
-    """Tells a path in the message of one tick, as far as the plan reaches."""
+    """Sends a path in the message of one tick, as far as the plan reaches."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class _TickSender(CamSender):
 
 
 class PlanSender:
-    """Tells a drive while it takes place.
+    """Sends the messages of a drive in progress.
 
     The message of a tick carries the plan made at it; those of the time since the tick before, none.
     """

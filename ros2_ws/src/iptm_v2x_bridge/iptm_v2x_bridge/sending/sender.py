@@ -23,9 +23,9 @@ from iptm_v2x_bridge.messages.its_time import delta_time_ms
 from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings, path_times_s
 
 BEFORE_START_S = 3.0
-"""The leader is heard for as long before the trip begins; it stands there."""
+"""Time before the trip for which the standing leader sends messages."""
 POSITION_BOUND_M = 0.02
-"""Of a sender that knows its position exactly, but for the resolution of the wire."""
+"""Position bound of a sender with an exact position: the resolution of the wire."""
 
 _ACCELERATION_WINDOW_S = 0.2
 _MAX_ACCELERATION_M_S2 = 16.0
@@ -44,7 +44,7 @@ def car_on_road(
     position_bound_m: float = POSITION_BOUND_M,
     path: PredictedPath | None = None,
 ) -> CamMessage:
-    """Return what a car says that drives along a road.
+    """Return the message of a car that drives along a road.
 
     Args:
         road: the road.
@@ -82,7 +82,7 @@ def car_on_road(
 
 
 class CamSender:
-    """Knows a drive and tells it message by message."""
+    """Sends a drive message by message."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Settings of the sender: what it tells, how often, and what the link makes of it."""
+"""Settings of the sender: content and rate of its messages, and the link."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Framing(TextEnum):
 
 
 class Foresight(TextEnum):
-    """What the sender tells of its future."""
+    """Announced future of the sender."""
 
     NONE = "none"
     """Nothing: a message of the first release."""
@@ -104,7 +104,7 @@ class SenderSettings(Settings):
         if longest_s > MAX_POINT_INTERVAL_S:
             raise ParameterError(
                 f"path_points is {self.path_points} for a path of {self.path_length_s:g} s; allowed: "
-                f"so many that two points are at most {MAX_POINT_INTERVAL_S:g} s apart"
+                f"points at most {MAX_POINT_INTERVAL_S:g} s apart"
             )
 
 

@@ -150,7 +150,7 @@ class Identity:
         station.first_ms = min(station.first_ms, self.first.first_ms)
         self.hypotheses.append(station)
         if len(self.hypotheses) > MAX_HYPOTHESES:
-            # Those beside or behind the host matter least, then those that are far ahead.
+            # Stations in other lanes or behind the host matter least, then those far ahead.
             def importance(known: Station) -> tuple[bool, float]:
                 ahead_m = known.fix.position_m - host_position_m
                 return known.in_lane and ahead_m > 0.0, -abs(ahead_m)

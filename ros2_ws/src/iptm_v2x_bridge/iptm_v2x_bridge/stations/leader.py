@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from iptm_v2x_bridge.stations.station import Station
 
 MAX_DISTANCE_M = 1000.0
-"""Stations farther ahead lead nobody."""
+"""Stations beyond this distance are not leader candidates."""
 BEHIND_M = 2.0
-"""A rear end this far behind the host's front is still ahead: positions are no better than that."""
+"""Distance of a rear end behind the host's front up to which it counts as ahead: accuracy of positions."""
 
 
 class LeaderSelector:

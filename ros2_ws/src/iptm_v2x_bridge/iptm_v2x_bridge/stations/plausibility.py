@@ -15,7 +15,7 @@ from iptm_v2x_bridge.messages.its_time import DELTA_MODULUS_MS, resolve_delta_ms
 from iptm_v2x_bridge.rejections import Rejection
 
 MAX_AGE_MS = 3000
-"""Older messages tell nothing about now."""
+"""Age beyond which messages are discarded."""
 MAX_AHEAD_MS = 200
 """How far ahead of the receiver's clock a sender's may be."""
 MAX_TIMES_APART_MS = 2000

@@ -38,9 +38,9 @@ OVERLAP_MS = 1000
 DENSE_MS = 500
 """Between messages no farther apart than this, a station moves smoothly."""
 CLOCK_LEARNING_MS = 1000
-"""For so long after its first message, a station may be as far ahead of the receiver's clock as any."""
+"""Time after its first message in which the clock offset of a station is learnt."""
 CLOCK_TOLERANCE_MS = 50
-"""After that, a message may be ahead of the clock by what was measured then and this."""
+"""Tolerance of the clock offset after that."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Observation:
         time_s: time of generation, s of TimestampIts.
         position_m: rear end along the road.
         speed_m_s: speed along the road.
-        acceleration_m_s2: acceleration, None where it is not told.
+        acceleration_m_s2: acceleration, None if not sent.
         bound_m: 95 % bound of the position as its sender states it, 0 if it does not.
     """
 
@@ -74,7 +74,7 @@ class Station:
         generated_ms: when it was generated, TimestampIts.
         heard_ms: when it arrived, TimestampIts of the receiver's clock.
         fix: its reference position as seen from the road.
-        observations: what the accepted messages said, oldest first.
+        observations: accepted messages, oldest first.
         moved_s: when it was last heard moving, s of TimestampIts; when it was first heard if it never was.
         path: newest predicted path: TimestampIts of its message, the path, the rear end at its beginning.
         in_lane: whether it is in the lane of the host.
@@ -202,7 +202,7 @@ class Station:
         return generated_ms - now_ms > self._clock_ahead_ms + CLOCK_TOLERANCE_MS
 
     def _vote(self) -> None:
-        """Change lanes only after some messages in a row that say so."""
+        """Change lanes only after several consecutive messages in the new lane."""
         accuracy_m = self.message.position_bound_m or 0.0
         aside_m = abs(self.fix.lateral_m) - min(ACCURACY_SHARE * accuracy_m, LARGEST_ALLOWANCE_M)
         says_inside = aside_m < (LEFT_LANE_M if self.in_lane else LANE_HALF_WIDTH_M)
