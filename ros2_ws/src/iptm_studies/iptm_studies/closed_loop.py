@@ -139,7 +139,7 @@ def run_closed_loop(
         time_ns = round(tick * tick_s * NS_PER_S)
         answer = answering.answer(time_ns, state.position_m)
         measured = Measurements(state, answer.leader, answer.preview, slope)
-        # What happened is told by the leader itself, not by what is believed of it.
+        # The trajectory holds the true leader, not the estimated one.
         return (around.leader_at(time_ns), measured) if disturb is None else disturb(measured)
 
     leader_now, measured = measure(step.state, 0)

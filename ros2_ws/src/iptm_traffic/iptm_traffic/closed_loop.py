@@ -61,7 +61,7 @@ class _HeardTraffic:
 
 
 class _Watched:
-    """A bridge that counts who foretold the leader."""
+    """A bridge that counts the predictors in use."""
 
     def __init__(self, inner: RulesOfTheRoad) -> None:
         self._inner = inner

@@ -42,7 +42,7 @@ class TrafficDrive:
         strategy: the controller's; the reference plans on the paper's single horizon.
         demand: how much traffic there is.
         step_s: step of SUMO and period of the messages.
-        signals_by_radio: the host knows signals and speed limits from roadside stations only.
+        signals_by_radio: signals and speed limits come from roadside stations only.
         own: a network of the user's own; None for the corridor with its demand.
 
     Raises:

@@ -23,7 +23,7 @@ SIDEWAYS_M_S2 = 2.0
 """Lateral acceleration that the host keeps to in bends: comfortable for passengers."""
 _SMALLEST_STEP_M = 0.05
 _BEND_BASE_M, _BEND_STEP_M = 12.0, 4.0
-"""Curvature is the change of direction over the first, looked at every so many of the second."""
+"""Length over which the change of direction gives the curvature, and distance between its samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class HostRoad:
         for name in names:
             lane = net.lanes[name]
             steps = np.sqrt(np.sum(np.diff(lane.shape_m, axis=0) ** 2, axis=1))
-            # SUMO stretches a lane's shape to its length; what it says of positions is along the length.
+            # SUMO stretches a lane's shape to its length; its positions are along the length.
             steps *= lane.length_m / max(steps.sum(), _SMALLEST_STEP_M)
             starts[name] = (*starts.get(name, ()), positions[-1] - start_m)
             points.extend(map(tuple, lane.shape_m[1:] if points else lane.shape_m))

@@ -91,9 +91,9 @@ def write_scenario(
         bridge: parameters of the bridge.
         folder: for the file.
     """
-    told = {"know": drive.knowledge, "step_s": drive.step_s, **asdict(drive.demand)}
+    values = {"know": drive.knowledge, "step_s": drive.step_s, **asdict(drive.demand)}
     content = {
-        "description": f"SUMO: {', '.join(f'{name} {value}' for name, value in told.items())}",
+        "description": f"SUMO: {', '.join(f'{name} {value}' for name, value in values.items())}",
         "cycle": str(road),
         "duration_s": drive.duration_s,
         "strategy": drive.strategy,
@@ -168,9 +168,14 @@ def drive_over_ros(
         domain, port = stack.enter_context(reserve_domain()), _free_port()
         context = stack.enter_context(_joined(domain))
         node = TrafficNode(context, drive, parameters, simulation, radio, port)
-        told = bridge_parameters(drive, made.network, port)
+        parameters_of_bridge = bridge_parameters(drive, made.network, port)
         command = [
-            *(sys.executable, "-m", RUN, str(write_scenario(drive, road, told, folder))),
+            *(
+                sys.executable,
+                "-m",
+                RUN,
+                str(write_scenario(drive, road, parameters_of_bridge, folder)),
+            ),
             *("--domain", str(domain), "--parameter-set", parameter_set, "--output", str(bag)),
         ]
         code = _run_beside(node, command, stop)
@@ -186,13 +191,13 @@ def _run_beside(node: TrafficNode, command: list[str], stop: StopRequest) -> int
     executor = EventsExecutor(context=node.context)
     executor.add_node(node)
     process = subprocess.Popen(command)  # noqa: S603
-    told = False
+    forwarded = False
     try:
         while process.poll() is None:
             executor.spin_once(timeout_sec=_SPIN_TIMEOUT_S)
-            if stop.number is not None and not told:
+            if stop.number is not None and not forwarded:
                 process.send_signal(stop.number)
-                told = True
+                forwarded = True
         return process.returncode
     finally:
         if process.poll() is None:

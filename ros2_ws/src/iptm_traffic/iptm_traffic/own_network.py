@@ -75,7 +75,7 @@ def build_own_network(own: OwnNetwork, step_s: float, folder: Path) -> Network:
         folder: for files of SUMO.
 
     Raises:
-        ScenarioError: SUMO is not installed or does not understand the files, there is no such vehicle, or
+        ScenarioError: SUMO is not installed or cannot read the files, the vehicle does not exist, or
             its way is not connected.
     """
     kind = folder / "host.add.xml"

@@ -30,7 +30,7 @@ class PreparedTraffic:
     Attributes:
         network: what is driven in.
         demand: file of the vehicles, None for those of an own network.
-        rehearsal: what they are going to do, None where they do not tell.
+        rehearsal: their future motion, None if they do not announce it.
     """
 
     network: Network
@@ -41,7 +41,7 @@ class PreparedTraffic:
 def prepare_traffic(
     drive: TrafficDrive, parameters: ModelParameters, folder: Path
 ) -> PreparedTraffic:
-    """Make network and vehicles in a folder, and rehearse where paths are to be told.
+    """Make network and vehicles in a folder, and rehearse if paths are announced.
 
     Raises:
         IptmError: SUMO is not installed or fails.

@@ -101,7 +101,7 @@ class TrafficRadio:
         self._simulation, self._road_line = simulation, road_line
         self._rehearsal, self._roadside = rehearsal, roadside
         self._ahead_s = path_times_s(SenderSettings.path_points, SenderSettings.path_length_s)
-        self._path_told: dict[str, float] = {}
+        self._path_sent: dict[str, float] = {}
         self._pending: list[tuple[int, Neighbours, float]] = []
         self.sent = 0
         simulation.after_step = self._note
@@ -129,9 +129,9 @@ class TrafficRadio:
     def messages(self, around: Neighbours, host_position_m: float) -> list[CamMessage]:
         """Return the messages of the vehicles at one instant."""
         latitudes, longitudes = self._on_earth(around.positions_m, around.lateral_m)
-        said = []
+        messages = []
         for row, name in enumerate(around.names):
-            said.append(
+            messages.append(
                 CamMessage(
                     station_id=zlib.crc32(name.encode()),
                     delta_time_ms=delta_time_ms(round(around.time_s * 1000.0)),
@@ -152,7 +152,7 @@ class TrafficRadio:
                     path=self._path(around, row, host_position_m),
                 )
             )
-        return said
+        return messages
 
     def _path(self, around: Neighbours, row: int, host_position_m: float) -> PredictedPath | None:
         if self._rehearsal is None:
@@ -162,7 +162,7 @@ class TrafficRadio:
         ahead_m = around.positions_m[row] - host_position_m
         if drive is None or not -PATH_BEHIND_M < ahead_m < PATH_AHEAD_M:
             return None
-        if time_s - self._path_told.get(name, -np.inf) < 1.0 - 1e-9:
+        if time_s - self._path_sent.get(name, -np.inf) < 1.0 - 1e-9:
             return None
         if not drive.times_s[0] <= time_s < drive.times_s[-1] - self._ahead_s[0]:
             return None
@@ -173,7 +173,7 @@ class TrafficRadio:
             or abs(aside - around.lateral_m[row]) > SAME_PLACE_M
         ):
             return None
-        self._path_told[name] = time_s
+        self._path_sent[name] = time_s
         ahead_s = self._ahead_s[time_s + self._ahead_s <= drive.times_s[-1]]
         at = time_s + ahead_s
         latitudes, longitudes = self._on_earth(

@@ -1,8 +1,8 @@
 """Right of way for the host in a network of SUMO: when its stop lines are closed, as by red signals.
 
 A line is closed while its signal is not green, and at instants at which the host, once past it, would meet
-somebody it has to yield to: vehicles on ways of higher priority, in a roundabout or on the lane that it
-merges into, and pedestrians on crossings. The network file holds who yields to whom. Where the others are and
+road users it has to yield to: vehicles on ways of higher priority, in a roundabout or on the lane that it
+merges into, and pedestrians on crossings. The network file holds the right of way. Where the others are and
 which way they take comes from SUMO.
 """
 
@@ -26,7 +26,7 @@ from iptm_v2x_bridge.rules_of_the_road import HARDEST_M_S2, PASS_MARGIN_S, START
 AHEAD_M = 200.0
 """Others are looked at for lines that are so near, and if they are as near to the junction."""
 MARGIN_S = 1.0
-"""The host has left the junction so long before another arrives."""
+"""Time margin between the host leaving the junction and another vehicle arriving."""
 PROGRAM_S = 150.0
 """Signals with fixed times are known so far ahead."""
 END_M = 5.0
@@ -36,7 +36,7 @@ FAST_SHARE, FAST_M_S2 = 1.2, 2.0
 SLOW_SHARE, SLOWEST_M_S = 0.8, 2.0
 """Others leave at the latest with this share of their present speed, at least with the second."""
 SOFT_M_S2 = 1.5
-"""How hard somebody may have to brake behind a host that has merged."""
+"""Largest deceleration imposed on a vehicle behind when the host merges."""
 STROLL_M_S, HURRY_M_S = 0.8, 2.0
 """Slowest and fastest people on foot."""
 NEAR_CROSSING_M = 20.0

@@ -39,7 +39,7 @@ from iptm_v2x_bridge.prediction.signals import CyclicSignal
 
 LIMITS_WITHOUT_SIGNS = f"0:{min(LIMITS_KM_H):g}"
 """Speed limit (km/h) assumed by a host that knows only the kind of road."""
-TOLD_PHASES = 6
+SENT_PHASES = 6
 """Two cycles of green, yellow and red."""
 MAPS_EVERY_S = 1.0
 """Maps and signs are sent so often; phases at every step."""
@@ -173,15 +173,17 @@ def _phases(number: int, signal: CyclicSignal, time_ms: int) -> SignalPhases:
         _MAIN_GROUP: (signal.opens_at_s, main),
         _CROSS_GROUP: (signal.opens_at_s + main + YELLOW_S + CLEARING_S, cross),
     }
-    told = {
-        group: _told(opens_s, open_for_s, signal.cycle_s, time_ms / 1000.0)
+    phases = {
+        group: _phases_from(opens_s, open_for_s, signal.cycle_s, time_ms / 1000.0)
         for group, (opens_s, open_for_s) in groups.items()
     }
-    state = IntersectionPhases(IntersectionId(0, number), 0, *minute_of_year(time_ms), told)
+    state = IntersectionPhases(IntersectionId(0, number), 0, *minute_of_year(time_ms), phases)
     return SignalPhases(_STATION_BASE + number, (state,))
 
 
-def _told(opens_s: float, open_for_s: float, cycle_s: float, now_s: float) -> tuple[Phase, ...]:
+def _phases_from(
+    opens_s: float, open_for_s: float, cycle_s: float, now_s: float
+) -> tuple[Phase, ...]:
     durations = (
         (SignalState.GREEN, open_for_s),
         (SignalState.YELLOW, YELLOW_S),
@@ -189,10 +191,10 @@ def _told(opens_s: float, open_for_s: float, cycle_s: float, now_s: float) -> tu
     )
     begins = now_s - (now_s - opens_s) % cycle_s
     found: list[Phase] = []
-    while len(found) < TOLD_PHASES:
+    while len(found) < SENT_PHASES:
         for state, duration_s in durations:
             ends = begins + duration_s
-            if ends > now_s and len(found) < TOLD_PHASES:
+            if ends > now_s and len(found) < SENT_PHASES:
                 found.append(_phase(state, begins, ends))
             begins = ends
     return tuple(found)

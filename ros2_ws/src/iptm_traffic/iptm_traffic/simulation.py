@@ -17,7 +17,7 @@ from iptm_traffic.sumo_process import SumoProcess
 RADIO_RANGE_M = 400.0
 LOOKED_AHEAD_M = 1000.0
 LONGEST_WAIT_S = 120.0
-"""The trip begins so much later, at most, if there is no room for the host before."""
+"""Longest delay of the start of the trip while there is no room for the host."""
 _CHANGE_LANES_NEVER = 0
 _OBEY_NOTHING = 0
 _VEHICLES = 0xA4  # TraCI's domain of vehicles
@@ -301,7 +301,7 @@ class TrafficSimulation:
         self._vehicle.changeLane(name, lane, duration_s)
 
     def turn_off(self, name: str) -> bool:
-        """Tell a vehicle of the main road to leave it at the next signal; return whether it can."""
+        """Command a vehicle of the main road to leave it at the next signal; return whether it can."""
         edges, edge = self.network.edges, self._vehicle.getRoadID(name)
         if edge not in edges[:-1]:
             return False

@@ -1,4 +1,4 @@
-"""A network file of SUMO: its lanes, the links between them, and who has to yield to whom at them."""
+"""A network file of SUMO: its lanes, the links between them, and the right of way at them."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class SumoNet:
         """Read a file.
 
         Raises:
-            ScenarioError: it cannot be read, or is no network.
+            ScenarioError: it cannot be read, or is not a network.
         """
         try:
             with (gzip.open if file.suffix == ".gz" else open)(file, "rb") as stream:
@@ -170,7 +170,7 @@ class SumoNet:
         Of several such ways, the outermost one.
 
         Raises:
-            ScenarioError: an edge does not exist, or there is no such way.
+            ScenarioError: an edge does not exist, or there is no connection.
         """
         if len(edges) < 2:
             raise ScenarioError(

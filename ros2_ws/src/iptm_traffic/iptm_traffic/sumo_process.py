@@ -59,7 +59,7 @@ class SumoProcess:
         self.refusal: type[Exception] = traci.exceptions.TraCIException
         self.failure: type[Exception] = traci.exceptions.FatalTraCIError
         command = [str(sumo_program("sumo")), *options, "--remote-port"]
-        said = ""
+        output = ""
         for _ in range(_STARTS):
             port = _module("sumolib.miscutils").getFreeSocketPort()
             self._process = subprocess.Popen(  # noqa: S603
@@ -71,8 +71,8 @@ class SumoProcess:
                 return
             # Another program may have taken the port that was free a moment ago.
             self._process.kill()
-            said = " ".join((self._process.communicate()[1] or "").split())
-        raise ScenarioError(f"SUMO does not start: {said[:500] or 'no answer'}")
+            output = " ".join((self._process.communicate()[1] or "").split())
+        raise ScenarioError(f"SUMO does not start: {output[:500] or 'no answer'}")
 
     def _connected(self, traci: ModuleType, port: int) -> Any | None:
         """Return the connection, None if SUMO has ended or does not answer."""
@@ -105,8 +105,8 @@ class SumoProcess:
     def ended(self, reason: Exception) -> ScenarioError:
         """Return the error of a simulation that has ended by itself, in its own words."""
         self._process.kill()
-        said = " ".join((self._process.communicate()[1] or "").split())
-        return ScenarioError(f"SUMO has ended: {said[:500] or reason}")
+        output = " ".join((self._process.communicate()[1] or "").split())
+        return ScenarioError(f"SUMO has ended: {output[:500] or reason}")
 
     def close(self) -> None:
         """End SUMO."""
