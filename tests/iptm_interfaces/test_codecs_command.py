@@ -88,15 +88,15 @@ def test_failed_solve_can_be_told() -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "value", "message"),
+    ("place", "value", "complaint"),
     [
         (0, math.nan, "status_code is nan"),
         (0, 2.5, "status_code is 2.5"),
         (7, 9.0, "fallback_rung"),
     ],
 )
-def test_record_with_an_unknown_code_is_refused(place: int, value: float, message: str) -> None:
+def test_record_with_an_unknown_code_is_refused(place: int, value: float, complaint: str) -> None:
     message = encode_decision_record(0, RECORD)
     message.position[place] = value
-    with pytest.raises(MessageError, match=f"controller/solve: {message}"):
+    with pytest.raises(MessageError, match=f"controller/solve: {complaint}"):
         decode_decision_record(message)
