@@ -25,6 +25,8 @@ VARIED = RunSpec(
     preview=PreviewSpec(noise_std_m_s=1.0, latency_s=2.0, seed=7),
     tick_s=0.5,
     plant_step_s=0.1,
+    charging_minute_kwh=0.25,
+    fast_charge_from=0.2,
 )
 
 

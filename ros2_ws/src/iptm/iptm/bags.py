@@ -10,6 +10,7 @@ from iptm.run import Run
 from iptm.simulation import run_of_study
 from iptm_controller.settings import ControllerSettings
 from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import BagError, MissingTopicError
@@ -29,6 +30,7 @@ _GROUPS = (
     TripSettings,
     ControllerSettings,
     AgingSettings,
+    ChargingStopSettings,
     PreviewSettings,
     SamplingSettings,
     IntegrationSettings,

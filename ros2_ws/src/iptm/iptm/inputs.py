@@ -12,6 +12,8 @@ import pandas as pd
 
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import STRATEGIES, Strategy
+from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import ParameterError, RouteError
 from iptm_core.parameters import DEFAULT_SET, ModelParameters, load_parameters, to_flat_dict
@@ -90,7 +92,8 @@ def settings_of(spec: RunSpec) -> dict[str, Any]:
         **({} if STRATEGIES.get(name) == spec.strategy else weights),
         "horizon": spec.horizon,
         "solver": spec.solver.name,
-        **asdict(spec.aging_settings()),
+        **asdict(AgingSettings.of(spec)),
+        **asdict(ChargingStopSettings.of(spec)),
         **{key: plain(value) for key, value in asdict(spec.bridge_settings()).items()},
         "period_s": spec.tick_s,
         "integration_step_s": spec.plant_step_s,

@@ -61,7 +61,8 @@ def simulate(
             do not count.
         predictor: predicts the lead vehicle for the controller instead of its true future, see `Predictor`.
         settings: further keys of a run in a study: ``slope``, ``duration_s``, ``preview``, ``solver``,
-            ``thermal_model``, ``tick_s``, ``plant_step_s``, ``faults``.
+            ``thermal_model``, ``tick_s``, ``plant_step_s``, ``faults``, and ``charging_minute_kwh`` with
+            the others of a stop at a fast charger.
 
     Returns:
         The finished run.

@@ -17,6 +17,7 @@ from rclpy.validate_namespace import validate_namespace
 from iptm_controller.horizon import Horizon
 from iptm_controller.settings import ControllerSettings
 from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.declaration import (
     Scalar,
     Settings,
@@ -66,7 +67,13 @@ SETTINGS_OF_NODES: Mapping[str, tuple[type[Settings], ...]] = {
         FrameSettings,
         RangeSensorSettings,
     ),
-    CONTROLLER: (ControllerSettings, AgingSettings, ModelSettings, FrameSettings),
+    CONTROLLER: (
+        ControllerSettings,
+        AgingSettings,
+        ChargingStopSettings,
+        ModelSettings,
+        FrameSettings,
+    ),
 }
 """Which settings of a scenario each node of the loop takes, as parameters of the same names."""
 
@@ -88,6 +95,7 @@ class Scenario(
     PaceSettings,
     PreviewSettings,
     AgingSettings,
+    ChargingStopSettings,
     ControllerSettings,
     ModelSettings,
     TripSettings,

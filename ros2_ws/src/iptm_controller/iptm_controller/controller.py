@@ -19,6 +19,7 @@ from iptm_controller.cell_law import (
     energy_price_1_j,
     in_order_one,
 )
+from iptm_controller.charging_value import ChargingValuation
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
 from iptm_controller.decision import Decision, PlanningResult
 from iptm_controller.estimator import Estimator, NoiseSettings
@@ -46,7 +47,9 @@ from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation, Va
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
+from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.decision_record import Rung
+from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.charge import nominal_charge_parameters
 from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
@@ -68,6 +71,10 @@ class ControllerOptions:
         production: laws of the strategy that optimises nothing.
         aging: ageing law of the cost, and how the car is used between trips.
         own_law: ageing law instead of the one named there.
+        charging_stop: fast charger at the end of the trip.
+
+    Raises:
+        ParameterError: there is a charger, but energy costs nothing or the time of arrival is not known.
     """
 
     strategy: Strategy = STRATEGIES[DEFAULT_STRATEGY]
@@ -81,6 +88,32 @@ class ControllerOptions:
     production: ProductionSettings = field(default_factory=ProductionSettings)
     aging: AgingSettings = field(default_factory=AgingSettings)
     own_law: AgingLaw | None = None
+    charging_stop: ChargingStopSettings = field(default_factory=ChargingStopSettings)
+
+    def __post_init__(self) -> None:
+        if not self.charges:
+            return
+        minute = f"charging_minute_kwh is {self.charging_stop.charging_minute_kwh:g} kWh"
+        prices_energy = self.law is not None and self.strategy.aging_weight > 0.0
+        if self.strategy.energy_weight_1_j <= 0.0 and not prices_energy:
+            raise ParameterError(
+                f"{minute} and strategy '{self.strategy.name}' does not weigh energy; allowed: strategies "
+                "with an energy weight, such as energy_aging, or the law of a cell"
+            )
+        if not math.isfinite(self.trip_duration_s):
+            raise ParameterError(
+                f"{minute} and trip_duration_s is not known; allowed: trips with a known end"
+            )
+
+    @property
+    def law(self) -> AgingLaw | None:
+        """Ageing law of the cost, None for the paper's."""
+        return self.own_law or self.aging.law()
+
+    @property
+    def charges(self) -> bool:
+        """Whether what is optimised ends at a fast charger."""
+        return self.charging_stop.charging_minute_kwh > 0.0 and not self.strategy.is_rule_based
 
 
 class Controller:
@@ -103,8 +136,9 @@ class Controller:
             SolverSetupError: the problem cannot be built or compiled.
         """
         horizon = options.horizon
+        self._vehicle = parameters
         parameters = nominal_charge_parameters(parameters)
-        law = options.own_law or options.aging.law()
+        law = options.law
         self._parked: ParkedAging | None = None
         if law is not None:
             ambient_k = parameters.environment.ambient_temperature_k
@@ -150,6 +184,15 @@ class Controller:
                 self._model, strategy.aging_weight, duration_s, ends_s
             )
         self._builder = ProblemDataBuilder(self._grid, strategy, self._model, self.options.tick_s)
+        self._charging: ChargingValuation | None = None
+        if self.options.charges:
+            self._charging = ChargingValuation(
+                self.options.charging_stop,
+                self._vehicle,
+                strategy.energy_weight_1_j,
+                duration_s,
+                ends_s,
+            )
 
     def use_strategy(self, strategy: Strategy) -> None:
         """Go on with other cost terms and weights; nothing is compiled, and the memory stays."""
@@ -282,6 +325,8 @@ class Controller:
         value = NO_VALUE
         if self._valuation is not None:
             value = self._valuation.value(state, motion)
+        if self._charging is not None:
+            value = self._charging.added_to(value, state)
         thermal = None
         if self._traction is not None:
             self._traction.remember(state, measured.slope)

@@ -16,7 +16,8 @@ from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.aging_laws.parking import AgingSettings
-from iptm_core.declaration import Scalar, parameter, parameter_specs, plain
+from iptm_core.charging_stop import ChargingStopSettings
+from iptm_core.declaration import Scalar, parameter, plain
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import FrameSettings, ModelSettings, SamplingSettings
 
@@ -37,6 +38,7 @@ class ControllerNodeParameters(
     ModelSettings,
     SolveSettings,
     AgingSettings,
+    ChargingStopSettings,
     ControllerSettings,
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
@@ -138,10 +140,9 @@ class ControllerNodeParameters(
             max_preview_age_s=self.max_preview_age_s,
             tick_s=self.period_s,
             trip_duration_s=self.trip_duration_s or math.inf,
-            noise=NoiseSettings(self.gap_noise_m, self.speed_noise_m_s, self.temperature_noise_k),
-            aging=AgingSettings(
-                **{spec.name: getattr(self, spec.name) for spec in parameter_specs(AgingSettings)}
-            ),
+            noise=NoiseSettings.of(self),
+            aging=AgingSettings.of(self),
+            charging_stop=ChargingStopSettings.of(self),
         )
 
     def build_controller(self) -> Controller:

@@ -13,7 +13,9 @@ from __future__ import annotations
 import math
 from dataclasses import MISSING, dataclass, field, fields, replace
 from enum import Enum
-from typing import Any
+from typing import Any, TypeVar
+
+from typing_extensions import Self
 
 from iptm_core.errors import ParameterError
 from iptm_core.strict_mapping import nearest, shown
@@ -114,6 +116,9 @@ def parameter_specs(description: type[Any]) -> tuple[ParameterSpec, ...]:
     )
 
 
+Group = TypeVar("Group", bound="Settings")
+
+
 @dataclass(frozen=True)
 class Settings:
     """Base of dataclasses of parameters: every value is checked, and brought to its type.
@@ -126,6 +131,11 @@ class Settings:
         for spec in parameter_specs(type(self)):
             value = checked_value(spec, getattr(self, spec.name))
             object.__setattr__(self, spec.name, value)
+
+    @classmethod
+    def of(cls, composed: Settings) -> Self:
+        """Return the settings of this group out of a composition of groups."""
+        return cls(**{spec.name: getattr(composed, spec.name) for spec in parameter_specs(cls)})
 
 
 def checked_value(spec: ParameterSpec, given: Any) -> Any:

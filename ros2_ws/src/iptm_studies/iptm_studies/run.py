@@ -19,6 +19,8 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.solvers.factory import SolverOptions
 from iptm_core.aging_laws.law import AgingLaw
+from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import RunMetrics, compute_metrics
@@ -255,7 +257,8 @@ def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptio
         solver=solver_options(spec.solver),
         tick_s=spec.tick_s,
         trip_duration_s=trip_duration_s,
-        aging=spec.aging_settings(),
+        aging=AgingSettings.of(spec),
+        charging_stop=ChargingStopSettings.of(spec),
     )
 
 

@@ -11,6 +11,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters, to_flat_dict
 from iptm_core.parameters.model import ModelParameters
@@ -109,7 +111,8 @@ def run_key(inputs: RunInputs) -> str:
         "tick_s": spec.tick_s,
         "plant_step_s": spec.plant_step_s,
         "thermal_model": spec.thermal_model.value,
-        "aging": asdict(spec.aging_settings()),
+        "aging": asdict(AgingSettings.of(spec)),
+        "charging_stop": asdict(ChargingStopSettings.of(spec)),
         "faults": plain_faults(spec.faults),
         "code": inputs.fingerprint,
     }

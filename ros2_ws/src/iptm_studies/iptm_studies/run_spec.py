@@ -17,6 +17,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET
@@ -94,7 +95,7 @@ class PreviewSpec(PreviewSettings):
 
 
 @dataclass(frozen=True)
-class RunSpec(AgingSettings):
+class RunSpec(AgingSettings, ChargingStopSettings):
     """One run; what studies choose otherwise than nodes and scenarios is stated as another default.
 
     Attributes:
@@ -114,7 +115,7 @@ class RunSpec(AgingSettings):
         thermal_model: cells that the plant has.
         faults: what goes wrong, in the order of their beginning.
 
-    The other fields are those of `AgingSettings`, of the controller.
+    The other fields are those of `AgingSettings` and `ChargingStopSettings`, of the controller.
 
     Raises:
         IptmError: a value is unknown or out of range.
@@ -157,10 +158,6 @@ class RunSpec(AgingSettings):
     def bridge_settings(self) -> PreviewSettings:
         """Settings of the bridge for this run's horizon."""
         return self.preview.settings(Horizon.parse(self.horizon).duration_s)
-
-    def aging_settings(self) -> AgingSettings:
-        """Ageing law of the controller's cost, and use of the car."""
-        return AgingSettings(**{name: getattr(self, name) for name in _names(AgingSettings)})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, ready for JSON; ``from_dict`` is the inverse."""
@@ -218,12 +215,13 @@ class RunSpec(AgingSettings):
                 for key, value in asdict(self.preview).items()
                 if value != usual[key]
             ]
-        usual_use = AgingSettings()
-        parts += [
-            f"{name}={value}"
-            for name, value in asdict(self.aging_settings()).items()
-            if value != getattr(usual_use, name)
-        ]
+        for group in (AgingSettings, ChargingStopSettings):
+            standard = asdict(group())
+            parts += [
+                f"{key}={value}"
+                for key, value in asdict(group.of(self)).items()
+                if value != standard[key]
+            ]
         parts += [fault.describe() for fault in self.faults]
         return ", ".join(parts)
 

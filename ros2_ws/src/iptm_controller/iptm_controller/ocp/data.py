@@ -200,6 +200,8 @@ class ProblemDataBuilder:
             reference_k = both_k / weight
         compressor_price, lowest_k = self._lower_temperature_limit(state)
         kilowatt_w = layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER]
+        if value.cell_1_price_1_k + value.cell_n_price_1_k < 0.0:
+            lowest_k = 0.0  # warmth is welcome: nothing is planned to be cooled
         return [
             state.cell_1_capacity_loss,
             state.cell_n_capacity_loss,

@@ -1,0 +1,150 @@
+"""What a kelvin is worth on the way to a fast charger: the cost to go of the temperature until arrival.
+
+The cost of the rest of the trip is what thermal energy is still drawn, and what the minutes at the
+charger are worth as a function of the temperature on arrival,
+
+    J(T, t_end) = E_min minutes(T),
+    J(T, t) = min over P of abs(P) / eta_b dt + J(T + dT/dt(P) dt, t + dt),
+
+worked out backwards for the pack as one body with heater, chiller, radiator, air and a steady load. Its
+slope at the end of the horizon is the price of a kelvin. A kelvin that can be heated later for what it costs
+now has lost nothing until then, and one heated too early goes to the air: when to begin comes out of J.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from iptm_controller.temperature_value import TemperatureValue, mixing_weights
+from iptm_core.charging_stop import ChargingStopSettings, fast_charge
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.cell_thermal import cell_heat_w, heat_from_air_w
+from iptm_core.physics.chiller import chiller_line, largest_useful_power_w
+from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.resistance import cell_resistance_ohm
+from iptm_core.physics.thermal_actuator import thermal_actuation
+from iptm_core.physics.thermal_loop import solve_coolant_loop
+from iptm_core.state import FloatArray, VehicleState
+
+STEP_S = 60.0
+GRID_K = 0.25
+BEYOND_K = 15.0
+"""The grid reaches so far beyond air, start and upper limit."""
+SPEED_M_S = 15.0
+LOAD_1_H = 0.2
+"""Mean C-rate of the rest of the trip: 15 kW from a pack of 75 kWh. It warms a pack by 1 to 2 K in an hour;
+what the load really does is measured at every tick."""
+COOLING_SHARES = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)
+HEATING_SHARES = (0.25, 0.5, 0.75, 1.0)
+MOST_WELCOME = 1.5
+"""A kelvin is priced at so many times what a heater takes for it at most: the heater runs at full power from
+1 on, and above that it would pay to waste energy in the pack."""
+_J_PER_KWH = 3.6e6
+
+
+class ChargingValuation:
+    """Prices the temperature of the pack at every tick of a trip that ends at a fast charger."""
+
+    def __init__(
+        self,
+        stop: ChargingStopSettings,
+        model: ModelParameters,
+        energy_weight_1_j: float,
+        horizon_s: float,
+        trip_duration_s: float,
+    ) -> None:
+        """Work out the cost to go.
+
+        Args:
+            stop: charger, and what a minute is worth.
+            model: parameters of the vehicle.
+            energy_weight_1_j: cost of a joule from the pack, above 0.
+            horizon_s: length of the horizon, where the price counts.
+            trip_duration_s: trip time of the arrival, finite.
+        """
+        self._weight_1_j = energy_weight_1_j
+        self._ends_s = trip_duration_s - horizon_s
+        pack, environment = model.pack, model.environment
+        self._shares = mixing_weights(model)[:2]
+        capacity_j_k = pack.cells_in_series * pack.parallel * model.cell.heat_capacity_j_k
+        per_heat = 1.0 / (pack.battery_efficiency * model.cooling.heater_performance)
+        self._least_j_k = -MOST_WELCOME * capacity_j_k * per_heat
+        lowest_k = min(environment.ambient_temperature_k, environment.initial_cell_temperature_k)
+        highest_k = model.limits.max_temperature_k + BEYOND_K
+        count = math.ceil((highest_k - lowest_k + BEYOND_K) / GRID_K)
+        self._grid_k: FloatArray = lowest_k - BEYOND_K + GRID_K * np.arange(count, dtype=np.float64)
+        steps = math.ceil(max(self._ends_s, 0.0) / STEP_S)
+        energy_j = self._energies_j(stop, model, steps)
+        self._slopes_j_k: FloatArray = np.gradient(energy_j, GRID_K, axis=1)
+
+    def added_to(self, value: TemperatureValue, state: VehicleState) -> TemperatureValue:
+        """Return what a kelvin costs with the charging, of both cells in the shares of the other costs.
+
+        Args:
+            value: what it costs without.
+            state: measured state.
+        """
+        mean_k = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
+        price = self.price_1_k(state.time_s, mean_k)
+        return replace(
+            value,
+            cell_1_price_1_k=value.cell_1_price_1_k + self._shares[0] * price,
+            cell_n_price_1_k=value.cell_n_price_1_k + self._shares[1] * price,
+        )
+
+    def price_1_k(self, time_s: float, temperature_k: float) -> float:
+        """Return the cost of a kelvin more at the end of the horizon, negative where warmth is welcome.
+
+        Args:
+            time_s: trip time of the tick.
+            temperature_k: mean temperature of the pack.
+        """
+        left = min(max((self._ends_s - time_s) / STEP_S, 0.0), len(self._slopes_j_k) - 1.0)
+        below = int(left)
+        above = min(below + 1, len(self._slopes_j_k) - 1)
+        low, high = (
+            float(np.interp(temperature_k, self._grid_k, self._slopes_j_k[step]))
+            for step in (below, above)
+        )
+        slope_j_k = low + (left - below) * (high - low)
+        return self._weight_1_j * max(slope_j_k, self._least_j_k)
+
+    def _energies_j(
+        self, stop: ChargingStopSettings, model: ModelParameters, steps: int
+    ) -> FloatArray:
+        """Return the cost to go in joules, with 0, 1, ... steps left, shape (steps + 1, grid)."""
+        kelvin = self._grid_k
+        drawn_w, warming_k_s = _actions(kelvin, model)
+        minutes = fast_charge(kelvin, stop, model).minutes
+        left = [minutes * stop.charging_minute_kwh * _J_PER_KWH]
+        for _ in range(steps):
+            after = kelvin + STEP_S * warming_k_s
+            costs = STEP_S * drawn_w[:, np.newaxis] + np.interp(after, kelvin, left[-1])
+            left.append(costs.min(axis=0))
+        return np.array(left)
+
+
+def _actions(kelvin: FloatArray, model: ModelParameters) -> tuple[FloatArray, FloatArray]:
+    """Return what can be done with the pack: power drawn, shape (a,), and warming in K/s, shape (a, n)."""
+    limits, cell, pack = model.limits, model.cell, model.pack
+    largest_w = largest_useful_power_w(model.chiller, limits)
+    powers_w = [0.0, *(share * largest_w for share in COOLING_SHARES)]
+    if limits.max_heater_power_w > 0.0:
+        powers_w += [-share * limits.max_heater_power_w for share in HEATING_SHARES]
+    cells = pack.cells_in_series * pack.parallel
+    ohm = cell_resistance_ohm(kelvin, model.aging.initial_capacity_loss, cell)
+    own_w = cell_heat_w(LOAD_1_H * cell.nominal_capacity_ah, ohm, kelvin, cell)
+    own_w = own_w + heat_from_air_w(kelvin, model)
+    outlet = reduce_channel(model.cooling, pack).outlet
+    warming = []
+    for power_w in powers_w:
+        actuation = thermal_actuation(power_w, model)
+        line = chiller_line(
+            actuation.compressor_w, SPEED_M_S, model.chiller, model.cooling, model.environment
+        )
+        loop = solve_coolant_loop(kelvin, kelvin, line, outlet, model.cooling, actuation=actuation)
+        warming.append((own_w - loop.cooling_rate_w / cells) / cell.heat_capacity_j_k)
+    return np.abs(powers_w) / pack.battery_efficiency, np.array(warming)
