@@ -77,9 +77,8 @@ def test_the_upper_limit_is_held_and_a_hotter_pack_is_no_cooler_for_it() -> None
 
 
 def test_a_heater_on_the_charger_runs_as_long_as_the_cells_are_the_limit() -> None:
-    values = replace(PAPER, limits=replace(PAPER.limits, max_heater_power_w=5000.0))
-    heated = fast_charge(kelvin(0.0, 25.0), replace(STOP, heated_charging=True), values)
-    own = fast_charge(kelvin(0.0, 25.0), STOP, values)
+    heated = fast_charge(kelvin(0.0, 25.0), replace(STOP, charging_heater_kw=5.0), PAPER)
+    own = fast_charge(kelvin(0.0, 25.0), STOP, PAPER)
     assert np.all(own.heater_j == 0.0)
     assert heated.minutes[0] < own.minutes[0] - 30.0
     assert heated.heater_j[0] <= 5000.0 * 60.0 * heated.minutes[0]

@@ -58,9 +58,12 @@ class ChargingStopSettings(Settings):
     fast_charge_to: float = parameter(
         0.8, "state of charge at which fast charging ends", "", 0.0, 1.0
     )
-    heated_charging: bool = parameter(
-        default=False,
-        description="heater at full power from the charger while the cells take less than the charger gives",
+    charging_heater_kw: float = parameter(
+        0.0,
+        "power of a heater that runs from the charger while the cells take less than it gives",
+        "kW",
+        0.0,
+        20.0,
     )
 
     def __post_init__(self) -> None:
@@ -118,12 +121,12 @@ def fast_charge(
     cells = pack.cells_in_series * pack.parallel
     count = int(np.ceil((stop.fast_charge_to - stop.fast_charge_from) / step - 1e-9))
     step = (stop.fast_charge_to - stop.fast_charge_from) / count
-    middles = np.linspace(stop.fast_charge_from, stop.fast_charge_to, 2 * count + 1)[1::2]
+    middles = (stop.fast_charge_from + step * (np.arange(count) + 0.5)).astype(np.float64)
     loss = parameters.aging.initial_capacity_loss
     kelvin = np.asarray(temperature_k, dtype=float)
     durations, temperatures, c_rates = [], [], []
     heater_j = np.zeros_like(kelvin)
-    heater_w = limits.max_heater_power_w if stop.heated_charging else 0.0
+    heater_w = 1000.0 * stop.charging_heater_kw
 
     def rates(charge: float, kelvin: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return C-rate, warming in K/s and whether the cells are the limit."""
