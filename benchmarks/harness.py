@@ -21,9 +21,10 @@ from typing import Any, TypeVar, get_args, get_origin
 import casadi as ca
 import numpy as np
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.ocp.compilation import compiler_flags, find_compiler
+from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import DecisionSeries, SolveStatus

@@ -14,11 +14,12 @@ from typing import Any, cast
 import numpy as np
 
 from benchmarks.harness import PROPOSED, closed_loop, run_benchmark
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.data import ProblemData
+from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import formatted_table, run_benchmark
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON
+from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.parameters import load_parameters

@@ -18,10 +18,11 @@ import numpy as np
 
 from benchmarks.harness import formatted_table, run_benchmark
 from benchmarks.v2x_prediction import EARLIER_DRIVES, other_drive
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
+from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import Rung

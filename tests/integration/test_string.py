@@ -14,7 +14,8 @@ from tests.foreign_readers import assert_read_by_all
 
 from iptm_bringup.run_closed_loop import build_parser, prepared_from
 from iptm_bringup.run_string import main
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
+from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
 from iptm_core.metrics import gap_margins_m
 from iptm_core.settings import VEHICLE_LENGTH_M

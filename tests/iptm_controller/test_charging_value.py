@@ -10,7 +10,8 @@ import pytest
 from tests.iptm_controller.scenes import make_scene, make_state
 
 from iptm_controller.charging_value import MOST_WELCOME, ChargingValuation
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
+from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import STRATEGIES
 from iptm_controller.temperature_value import NO_VALUE

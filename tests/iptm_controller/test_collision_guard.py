@@ -11,10 +11,11 @@ import pytest
 from tests.iptm_controller.scenes import FLAT, PARAMETERS, make_preview, make_scene, plain_solver
 
 from iptm_controller.collision_guard import EMERGENCY, MARGIN_M, CollisionGuard
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.data import ProblemData
+from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolveResult
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.physics.gap_policy import minimum_gap_m

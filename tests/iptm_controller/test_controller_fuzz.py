@@ -15,10 +15,11 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.data import ProblemData
+from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolveResult
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
@@ -155,7 +156,8 @@ def test_situations_from_one_extreme_to_the_other(data: st.DataObject) -> None:
 HANG = """
 from dataclasses import replace
 import numpy as np
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
+from iptm_controller.options import ControllerOptions
 from iptm_controller.measurements import Measurements
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_core.parameters import load_parameters

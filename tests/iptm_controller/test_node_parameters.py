@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS
 
-from iptm_controller.controller import ControllerOptions
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ladder import LadderOptions
 from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.errors import ParameterError
 

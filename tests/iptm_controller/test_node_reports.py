@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.node_reports import Road, plan_trajectory, situation
 from iptm_controller.ocp.layout import InputIndex
+from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.state import LeaderPreview
 from iptm_interfaces.codecs import (

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import NOW_S, PARAMETERS, make_scene, plain_solver
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.node_reports import Road, situation
 from iptm_controller.node_watch import COLD, OperatorWatch, WarningSettings
 from iptm_controller.ocp.layout import StateIndex
+from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
 from iptm_core.errors import ParameterError
 from iptm_core.metrics import Concern

@@ -14,7 +14,8 @@ from tests.iptm_controller.scenes import (
     plain_solver,
 )
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
+from iptm_controller.options import ControllerOptions
 from iptm_controller.production import (
     ProductionLikeController,
     ProductionSettings,

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import PARAMETERS, SCENES, checking_solver, make_scene
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_reports import plan_trajectory
@@ -18,6 +18,7 @@ from iptm_controller.ocp.grid import POWER_LEVELS
 from iptm_controller.ocp.layout import GlobalIndex, LimitIndex, StepIndex
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.ocp.thermal_stage import build_thermal_stage
+from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
 from iptm_core.physics.aging import capacity_loss_rate_1_s
 from iptm_core.physics.coolant import reduce_channel

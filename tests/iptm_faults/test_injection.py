@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.forecast import preview_fault
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements, trusted_measurements
+from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend
 from iptm_core.decision_record import Rung, SolveStatus

@@ -9,13 +9,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
 from iptm_controller.solvers.switching_check import SwitchingCheck

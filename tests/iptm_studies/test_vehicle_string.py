@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
+from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
 from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters import load_parameters

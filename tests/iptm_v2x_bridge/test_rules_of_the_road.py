@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
+from iptm_controller.options import ControllerOptions
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_core.settings import PreviewSettings

@@ -7,10 +7,10 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from iptm_controller.controller import ControllerOptions
 from iptm_controller.decision import Decision
 from iptm_controller.limiter import CommandLimiter
 from iptm_controller.measurements import Measurements
+from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import LimitParameters

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from iptm_bringup.scenario import PreparedScenario
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
+from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.declaration import Settings, parameter_specs
 from iptm_core.metrics import RunMetrics, compute_metrics, figure_values

@@ -8,9 +8,8 @@ raises for bad measurements or failed solves: both are outcomes, reported in the
 
 from __future__ import annotations
 
-import math
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from iptm_controller.actuation import ActuationObserver
 from iptm_controller.cell_law import (
@@ -22,98 +21,34 @@ from iptm_controller.cell_law import (
 from iptm_controller.charging_value import ChargingValuation
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
 from iptm_controller.decision import Decision, PlanningResult
-from iptm_controller.estimator import Estimator, NoiseSettings
+from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecaster
-from iptm_controller.horizon import MULTI_HORIZON, Horizon
-from iptm_controller.ladder import FallbackLadder, LadderOptions
+from iptm_controller.ladder import FallbackLadder
 from iptm_controller.limiter import CommandLimiter, LimitedCommand
 from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.memory import ControllerMemory, TractionMemory
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import StateIndex
+from iptm_controller.options import ControllerOptions
 from iptm_controller.plan import (
     PlanShifter,
     plan_from_variables,
     sample_positions_m,
     variables_from_plan,
 )
-from iptm_controller.production import ProductionLikeController, ProductionSettings
+from iptm_controller.production import ProductionLikeController
 from iptm_controller.solvers.factory import build_solver
-from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions, broken
+from iptm_controller.solvers.interface import SolverBackend, SolveResult, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
-from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
+from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation, ValuationMemory
 from iptm_controller.traction_forecast import TractionForecaster
-from iptm_core.aging_laws.law import AgingLaw
-from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
-from iptm_core.charging_stop import ChargingStopSettings
+from iptm_core.aging_laws.parking import ParkedAging
 from iptm_core.decision_record import Rung
-from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.charge import nominal_charge_parameters
 from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
-
-
-@dataclass(frozen=True)
-class ControllerOptions:
-    """What a user chooses about the controller.
-
-    Attributes:
-        strategy: cost terms and weights.
-        horizon: prediction grid.
-        solver: back end and its settings.
-        ladder: lengths of the fallback rungs.
-        max_preview_age_s: older previews are not used.
-        tick_s: sampling time of the loop.
-        trip_duration_s: trip time at which the trip ends, infinite where that is not known.
-        noise: stated noise of the measurements.
-        production: laws of the strategy that optimises nothing.
-        aging: ageing law of the cost, and how the car is used between trips.
-        own_law: ageing law instead of the one named there.
-        charging_stop: fast charger at the end of the trip.
-
-    Raises:
-        ParameterError: there is a charger, but energy costs nothing or the time of arrival is not known.
-    """
-
-    strategy: Strategy = STRATEGIES[DEFAULT_STRATEGY]
-    horizon: Horizon = MULTI_HORIZON
-    solver: SolverOptions = field(default_factory=SolverOptions)
-    ladder: LadderOptions = field(default_factory=LadderOptions)
-    max_preview_age_s: float = 10.0
-    tick_s: float = 1.0
-    trip_duration_s: float = math.inf
-    noise: NoiseSettings = field(default_factory=NoiseSettings)
-    production: ProductionSettings = field(default_factory=ProductionSettings)
-    aging: AgingSettings = field(default_factory=AgingSettings)
-    own_law: AgingLaw | None = None
-    charging_stop: ChargingStopSettings = field(default_factory=ChargingStopSettings)
-
-    def __post_init__(self) -> None:
-        if not self.charges:
-            return
-        minute = f"charging_minute_kwh is {self.charging_stop.charging_minute_kwh:g} kWh"
-        prices_energy = self.law is not None and self.strategy.aging_weight > 0.0
-        if self.strategy.energy_weight_1_j <= 0.0 and not prices_energy:
-            raise ParameterError(
-                f"{minute} and strategy '{self.strategy.name}' does not weigh energy; allowed: strategies "
-                "with an energy weight, such as energy_aging, or the law of a cell"
-            )
-        if not math.isfinite(self.trip_duration_s):
-            raise ParameterError(
-                f"{minute} and trip_duration_s is not known; allowed: trips with a known end"
-            )
-
-    @property
-    def law(self) -> AgingLaw | None:
-        """Ageing law of the cost, None for the paper's."""
-        return self.own_law or self.aging.law()
-
-    @property
-    def charges(self) -> bool:
-        """Whether what is optimised ends at a fast charger."""
-        return self.charging_stop.charging_minute_kwh > 0.0 and not self.strategy.is_rule_based
 
 
 class Controller:

@@ -6,12 +6,13 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.estimator import NoiseSettings
 from iptm_controller.horizon import Horizon
 from iptm_controller.ladder import LadderOptions
 from iptm_controller.memory import ControllerMemory
 from iptm_controller.node_watch import WarningSettings
+from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import Strategy, strategy_by_name

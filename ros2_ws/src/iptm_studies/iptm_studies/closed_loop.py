@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from iptm_controller.controller import ControllerOptions
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
+from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from functools import cached_property
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
+from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.factory import SolverOptions
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import AgingSettings

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
+from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import Rung

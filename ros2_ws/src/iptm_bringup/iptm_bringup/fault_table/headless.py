@@ -8,12 +8,13 @@ import numpy as np
 
 from iptm_bringup.fault_table.catalogue import PlannedTrip
 from iptm_bringup.fault_table.observed import FaultInterval, ObservedTrip, StatusReport
-from iptm_controller.controller import Controller, ControllerOptions
+from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import Road, situation
 from iptm_controller.node_watch import OperatorWatch
+from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend
 from iptm_core.decision_record import Rung
