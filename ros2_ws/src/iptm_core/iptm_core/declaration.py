@@ -15,8 +15,6 @@ from dataclasses import MISSING, dataclass, field, fields, replace
 from enum import Enum
 from typing import Any, TypeVar
 
-from typing_extensions import Self
-
 from iptm_core.errors import ParameterError
 from iptm_core.strict_mapping import nearest, shown
 
@@ -133,7 +131,7 @@ class Settings:
             object.__setattr__(self, spec.name, value)
 
     @classmethod
-    def of(cls, composed: Settings) -> Self:
+    def of(cls: type[Group], composed: Settings) -> Group:  # noqa: PYI019  Self needs Python 3.11
         """Return the settings of this group out of a composition of groups."""
         return cls(**{spec.name: getattr(composed, spec.name) for spec in parameter_specs(cls)})
 
