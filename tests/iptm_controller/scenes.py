@@ -175,6 +175,7 @@ def run_stage(
     end_of_horizon: bool = False,
     prices: tuple[float, float, float] = (0.0, 0.0, 0.0),
     lowest_k: float = 0.0,
+    thermal_energy_price_1_j: float = 0.0,
     model: ModelParameters = PARAMETERS,
 ) -> tuple[FloatArray, float, FloatArray]:
     """Return the result of one step of the optimal control problem, in physical units.
@@ -200,7 +201,7 @@ def run_stage(
         (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,
         np.array([acceleration_m_s2, compressor_power_w, *slacks]) / layout.INPUT_SCALE,
         step_parameters,
-        [*losses, *weights, REFERENCE_TEMPERATURE_K, *prices, lowest_k],
+        [*losses, *weights, REFERENCE_TEMPERATURE_K, *prices, lowest_k, thermal_energy_price_1_j],
     )
     following = following.full().ravel() * layout.STATE_SCALE + layout.STATE_OFFSET
     following[0] += state.position_m

@@ -106,7 +106,7 @@ def test_the_energy_of_the_compressor_has_the_unit_of_the_cost() -> None:
     value, _ = valued("nca", warm(308.15))
     weight = in_order_one(STRATEGIES[DEFAULT_STRATEGY]).aging_weight
     expected = CELLS * weight * energy_price_1_j(HOT, PARAMETERS)
-    assert value.compressor_price_1_j == pytest.approx(expected)
+    assert value.thermal_energy_price_1_j == pytest.approx(expected)
 
 
 def test_a_law_without_cyclic_loss_leaves_that_of_the_paper() -> None:

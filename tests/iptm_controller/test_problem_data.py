@@ -71,6 +71,7 @@ def test_globals(steady: PredictedLeaderMotion) -> None:
         GlobalIndex.CELL_N_PRICE: 0.0,
         GlobalIndex.COMPRESSOR_PRICE: 0.0,
         GlobalIndex.LOWEST_TEMPERATURE: 298.25,
+        GlobalIndex.THERMAL_ENERGY_PRICE: 0.0,
     }
     assert len(expected) == layout.GLOBALS
     for index, value in expected.items():

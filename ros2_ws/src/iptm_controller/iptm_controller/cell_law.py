@@ -139,7 +139,7 @@ class CellLawValuation:
             kelvin_lasts_s=price / slope if slope > 0.0 else 0.0,
             temperature_weight_1_k2_s=0.5 * self._weight * curvature,
             reference_temperature_k=kelvin - slope / curvature if curvature > 0.0 else kelvin,
-            compressor_price_1_j=CELLS * self._weight * self._energy_price_1_j,
+            thermal_energy_price_1_j=CELLS * self._weight * self._energy_price_1_j,
         )
 
     def _price_1_k(self, state: VehicleState, kelvin: float) -> float:

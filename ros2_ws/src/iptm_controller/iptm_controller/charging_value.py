@@ -53,6 +53,7 @@ class ChargingValuation:
         stop: ChargingStopSettings,
         model: ModelParameters,
         energy_weight_1_j: float,
+        thermal_energy_price_1_j: float,
         horizon_s: float,
         trip_duration_s: float,
     ) -> None:
@@ -61,11 +62,13 @@ class ChargingValuation:
         Args:
             stop: charger, and what a minute is worth.
             model: parameters of the vehicle.
-            energy_weight_1_j: cost of a joule from the pack, above 0.
+            energy_weight_1_j: cost of a joule from the pack in J3.
+            thermal_energy_price_1_j: cost of a joule of thermal energy on top; not both are 0.
             horizon_s: length of the horizon, where the price counts.
             trip_duration_s: trip time of the arrival, finite.
         """
-        self._weight_1_j = energy_weight_1_j
+        self._thermal_energy_price_1_j = thermal_energy_price_1_j
+        self._weight_1_j = energy_weight_1_j + thermal_energy_price_1_j
         self._ends_s = trip_duration_s - horizon_s
         pack, environment = model.pack, model.environment
         self._shares = mixing_weights(model)[:2]
@@ -93,6 +96,7 @@ class ChargingValuation:
             value,
             cell_1_price_1_k=value.cell_1_price_1_k + self._shares[0] * price,
             cell_n_price_1_k=value.cell_n_price_1_k + self._shares[1] * price,
+            thermal_energy_price_1_j=self._thermal_energy_price_1_j,
         )
 
     def price_1_k(self, time_s: float, temperature_k: float) -> float:

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from iptm_controller.actuation import ActuationObserver
 from iptm_controller.cell_law import (
+    CELLS,
     CellLawValuation,
     cyclic_parameters,
     energy_price_1_j,
@@ -108,9 +109,12 @@ class Controller:
         """Set up what depends on the cost terms and their weights, which are numbers of a problem."""
         duration_s, ends_s = self.options.horizon.duration_s, self.options.trip_duration_s
         self._valuation: TemperatureValuation | CellLawValuation | None = None
-        if self._parked is not None and strategy.aging_weight > 0.0:
+        charges, weighs_aging = self.options.charges, strategy.aging_weight > 0.0
+        price_1_j = 0.0
+        if weighs_aging and (self._parked or (charges and not strategy.energy_weight_1_j)):
             strategy = in_order_one(strategy)
             price_1_j = energy_price_1_j(self.options.aging, self._model)
+        if self._parked is not None and weighs_aging:
             self._valuation = CellLawValuation(
                 self._parked, strategy, price_1_j, self._model, duration_s, ends_s
             )
@@ -120,13 +124,10 @@ class Controller:
             )
         self._builder = ProblemDataBuilder(self._grid, strategy, self._model, self.options.tick_s)
         self._charging: ChargingValuation | None = None
-        if self.options.charges:
+        if charges:
+            energy_1_j = strategy.energy_weight_1_j, CELLS * strategy.aging_weight * price_1_j
             self._charging = ChargingValuation(
-                self.options.charging_stop,
-                self._vehicle,
-                strategy.energy_weight_1_j,
-                duration_s,
-                ends_s,
+                self.options.charging_stop, self._vehicle, *energy_1_j, duration_s, ends_s
             )
 
     def use_strategy(self, strategy: Strategy) -> None:

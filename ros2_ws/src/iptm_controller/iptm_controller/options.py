@@ -36,7 +36,7 @@ class ControllerOptions:
         charging_stop: fast charger at the end of the trip.
 
     Raises:
-        ParameterError: there is a charger, but energy costs nothing or the time of arrival is not known.
+        ParameterError: there is a charger, but nothing to weigh minutes against or no time of arrival.
     """
 
     strategy: Strategy = STRATEGIES[DEFAULT_STRATEGY]
@@ -56,11 +56,10 @@ class ControllerOptions:
         if not self.charges:
             return
         minute = f"charging_minute_kwh is {self.charging_stop.charging_minute_kwh:g} kWh"
-        prices_energy = self.law is not None and self.strategy.aging_weight > 0.0
-        if self.strategy.energy_weight_1_j <= 0.0 and not prices_energy:
+        if not self.strategy.energy_weight_1_j and not self.strategy.aging_weight:
             raise ParameterError(
-                f"{minute} and strategy '{self.strategy.name}' does not weigh energy; allowed: strategies "
-                "with an energy weight, such as energy_aging, or the law of a cell"
+                f"{minute} and strategy '{self.strategy.name}' weighs neither energy nor ageing; allowed: "
+                "strategies that do"
             )
         if not math.isfinite(self.trip_duration_s):
             raise ParameterError(

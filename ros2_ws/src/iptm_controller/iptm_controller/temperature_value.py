@@ -60,7 +60,7 @@ class TemperatureValue:
         kelvin_lasts_s: how long a kelvin lasts (tau).
         temperature_weight_1_k2_s: weight of J2 by the calendar loss, on top of that of the strategy.
         reference_temperature_k: reference of that.
-        compressor_price_1_j: cost of the energy of the compressor.
+        thermal_energy_price_1_j: cost of the energy of compressor and heater, on top of J3.
     """
 
     cell_1_price_1_k: float
@@ -70,7 +70,7 @@ class TemperatureValue:
     kelvin_lasts_s: float
     temperature_weight_1_k2_s: float = 0.0
     reference_temperature_k: float = 0.0
-    compressor_price_1_j: float = 0.0
+    thermal_energy_price_1_j: float = 0.0
 
 
 NO_VALUE = TemperatureValue(0.0, 0.0, 0.0, 0.0, 0.0)

@@ -10,7 +10,7 @@ import numpy as np
 from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
-from iptm_controller.ocp.layout import InputIndex, SampleIndex, StepIndex
+from iptm_controller.ocp.layout import SampleIndex, StepIndex
 from iptm_controller.ocp.stage import LONGEST_UNWATCHED_S
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
@@ -199,7 +199,6 @@ class ProblemDataBuilder:
             weight += further
             reference_k = both_k / weight
         compressor_price, lowest_k = self._lower_temperature_limit(state)
-        kilowatt_w = layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER]
         if value.cell_1_price_1_k + value.cell_n_price_1_k < 0.0:
             lowest_k = 0.0  # warmth is welcome: nothing is planned to be cooled
         return [
@@ -212,8 +211,9 @@ class ProblemDataBuilder:
             reference_k,
             scale * value.cell_1_price_1_k,
             scale * value.cell_n_price_1_k,
-            compressor_price + scale * value.compressor_price_1_j * kilowatt_w,
+            compressor_price,
             lowest_k,
+            scale * value.thermal_energy_price_1_j,
         ]
 
     def _lower_temperature_limit(self, state: VehicleState) -> tuple[float, float]:

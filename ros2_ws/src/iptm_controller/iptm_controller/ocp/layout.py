@@ -52,8 +52,8 @@ class LimitIndex(IntEnum):
 class GlobalIndex(IntEnum):
     """Parameters shared by all steps of one problem.
 
-    The prices of a kelvin are those of ``TemperatureValue``; that of running the compressor is zero under
-    the paper's law unless the cells are at their lower temperature limit, to which cell 1 may be cooled.
+    The prices of a kelvin and of thermal energy are those of ``TemperatureValue``; that of running the
+    compressor is zero unless the cells are at their lower temperature limit, to which cell 1 may be cooled.
     """
 
     CELL_1_LOSS = 0
@@ -67,6 +67,7 @@ class GlobalIndex(IntEnum):
     CELL_N_PRICE = 8
     COMPRESSOR_PRICE = 9
     LOWEST_TEMPERATURE = 10
+    THERMAL_ENERGY_PRICE = 11
 
 
 class StepIndex(IntEnum):

@@ -21,7 +21,7 @@ from iptm_core.physics.braking import braking_reserve_m
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.gap_policy import maximum_gap_m, minimum_gap_m
 from iptm_core.physics.longitudinal import advance_position_m, advance_speed_m_s
-from iptm_core.physics.ops import maximum
+from iptm_core.physics.ops import absolute, maximum
 from iptm_core.physics.power_thermal import (
     CellPair,
     PowerThermalRates,
@@ -129,7 +129,7 @@ def build_stage(
         global_parameters=g,
         next_state=(next_state - layout.STATE_OFFSET) / layout.STATE_SCALE,
         cost=step.cost
-        + price_cost(step_s, change_1_k, change_n_k, power, g, parameters.limits)
+        + price_cost(step_s, change_1_k, change_n_k, power, g, parameters.limits, smoothing)
         + cold_cost(step_s, step.cell_1_k, g)
         + slack_cost(step_s, inputs, penalties),
         limits=limits,
@@ -163,20 +163,24 @@ def price_cost(
     power_w: ca.SX,
     g: ca.SX,
     bounds: LimitParameters,
+    smoothing: Smoothing,
 ) -> ca.SX:
-    """Return the share of a step in the cost to go, and the price of a compressor that runs in the cold.
+    """Return the share of a step in the cost to go, and the prices of thermal energy and of cold cooling.
 
     The price of a temperature at the end of the horizon is, up to a constant, the sum of the prices of its
     changes: so all stages are alike. Beside a heater the compressor is priced by the square of its power,
     which leaves heating alone without a kink where the actuator is off.
     """
     kilowatts = power_w / layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER]
+    drawn_w = power_w
     if bounds.max_heater_power_w > 0.0:
         kilowatts = maximum(kilowatts, 0.0) ** 2
+        drawn_w = absolute(power_w, smoothing.actuator_w)
     cost: ca.SX = (
         g[GlobalIndex.CELL_1_PRICE] * change_1_k
         + g[GlobalIndex.CELL_N_PRICE] * change_n_k
         + step_s * g[GlobalIndex.COMPRESSOR_PRICE] * kilowatts
+        + step_s * g[GlobalIndex.THERMAL_ENERGY_PRICE] * drawn_w
     )
     return cost
 

@@ -85,7 +85,9 @@ def build_thermal_stage(
     cost = share_s * sum(cost_rate(one, no_error, middle_1, middle_n, g) for one in each)
     # The motion has no meaning here: its input is held at zero.
     cost += 0.5 * step_s * u[InputIndex.ACCELERATION] ** 2
-    cost += price_cost(step_s, end_1 - start_1, end_n - start_n, power, g, parameters.limits)
+    cost += price_cost(
+        step_s, end_1 - start_1, end_n - start_n, power, g, parameters.limits, smoothing
+    )
     cost += cold_cost(step_s, end_1, g)
     cost += slack_cost(step_s, inputs, penalties)
     acceleration = inputs[InputIndex.ACCELERATION]
