@@ -56,7 +56,7 @@ def compare(
 
     Returns:
         One row of the table per contender, in the order asked for; times in ms, of the processor unless
-        said otherwise.
+        stated otherwise.
 
     Raises:
         IptmError: a contender is unknown or cannot be set up.

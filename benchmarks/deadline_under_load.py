@@ -28,7 +28,7 @@ CYCLE = "comprehensive"
 
 @contextmanager
 def busy_processes(count: int) -> Iterator[None]:
-    """Keep so many processors busy while the context is open."""
+    """Keep a number of processors busy while the context is open."""
     context = multiprocessing.get_context("spawn")
     workers = [context.Process(target=_burn, daemon=True) for _ in range(count)]
     for worker in workers:

@@ -2,7 +2,7 @@
 
 The conditions hold at a point if *some* multipliers fulfil them. Their best values are found by a
 linear program, so a solution is judged alike whatever solver it comes from, and whether or not that
-solver tells its multipliers. Derivatives are those of the transcription, on CasADi's virtual machine.
+solver reports its multipliers. Derivatives are those of the transcription, on CasADi's virtual machine.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MULTIPLIER_SCALE = 100.0
 class KktResidual:
     """Residual of the Karush-Kuhn-Tucker conditions, scaled problem, largest entries.
 
-    The sign of the multipliers is no entry: it holds exactly for the multipliers used.
+    The sign of the multipliers is not an entry: it holds exactly for the multipliers used.
 
     Attributes:
         stationarity: gradient of the Lagrangian.

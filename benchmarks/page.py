@@ -85,7 +85,7 @@ def _scaling(scaling: dict[str, Any], pictures: Path) -> list[str]:
         "ms per iteration:": "{ms_per_iteration:.3f}",
         "not converged:": "{unconverged} of {problems}",
     }
-    said = [
+    lines = [
         f"- `{name}`: {fit['offset_ms']:.3f} ms + {fit['per_node_us']:.2f} µs per node and iteration "
         f"(largest relative residual {100 * fit['largest_relative_residual']:.0f} %); "
         f"from 60 nodes on the time per iteration grows as nodes^{fit['exponent']:.2f}."
@@ -96,7 +96,7 @@ def _scaling(scaling: dict[str, Any], pictures: Path) -> list[str]:
     return [
         "## Cost over the number of nodes",
         formatted_table(scaling["rows"], columns),
-        "\n".join(said),
+        "\n".join(lines),
         f"![cost over nodes]({pictures.name}/nodes.png)",
     ]
 

@@ -91,7 +91,7 @@ class ProblemSet:
                 if int(archive["format"]) != FORMAT:
                     raise ScenarioError(
                         f"problem set '{path.name}' has format {int(archive['format'])}, "
-                        f"allowed: {FORMAT}; record it anew"
+                        f"allowed: {FORMAT}; record it again"
                     )
                 return cls(
                     cycle=str(archive["cycle"]),

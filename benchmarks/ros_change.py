@@ -1,7 +1,7 @@
 """What a change does to the speed of the closed loop over ROS 2: this checkout against another one, in turn.
 
 Runs alternate, so that other work on the machine hits both alike. Processor time is that of all processes,
-their start included; it says more than wall time where the machine is busy.
+their start included; it is more reliable than wall time on a busy machine.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def measure(
         repetitions: runs of each.
 
     Raises:
-        ScenarioError: there is no checkout, or a run fails.
+        ScenarioError: the checkout is missing, or a run fails.
     """
     checkouts = {"other": Path(other).resolve(), "this": ROOT}
     if not (checkouts["other"] / "scripts" / "env.sh").is_file():

@@ -45,7 +45,7 @@ WARM_UP_SHARE = 0.1
 ALLOWED_GROWTH_MIB = 5.0
 WORD_WITHIN_S = 10.0
 LEAST_SAMPLES = 30
-"""Of the memory of a process, one a second, below which nothing can be said of its growth."""
+"""Smallest number of memory samples of a process, one a second, for an estimate of its growth."""
 _SAMPLE_S = 1.0
 # Each of these ends or restarts a trip, or the recorder, on purpose.
 _ENDS = (FaultKind.PROCESS_KILLED, FaultKind.DISK_FULL, FaultKind.SOLVER_EXCEPTION)
@@ -53,7 +53,7 @@ _ENDS = (FaultKind.PROCESS_KILLED, FaultKind.DISK_FULL, FaultKind.SOLVER_EXCEPTI
 
 @dataclass
 class MemoryWatch:
-    """Samples the memory of the processes of a run; told how far the run is, as a progress bar is.
+    """Samples the memory of the processes of a run; a progress display of the run.
 
     Attributes:
         samples: trip time and resident memory in MiB, by process name and number.
@@ -66,7 +66,7 @@ class MemoryWatch:
     _shown: int = -1
 
     def waiting(self, reason: str) -> None:
-        """Say nothing."""
+        """Do nothing."""
 
     def running(self, snapshot: Snapshot, wall_s: float) -> None:
         """Take a sample when it is time to, and show every twentieth of the trip."""
@@ -143,7 +143,7 @@ def random_faults(duration_s: float, every_s: float, seed: int) -> tuple[Fault, 
 
 
 def long_cycle(name: str, ticks: int, folder: Path) -> Path:
-    """Write a driving cycle, repeated, as a CSV file of so many seconds; return its path."""
+    """Write a driving cycle, repeated, as a CSV file of the given length; return its path."""
     cycle = load_cycle(name)
     speeds = np.resize(cycle.speeds_m_s[:-1], ticks)
     path = folder / "soak.csv"

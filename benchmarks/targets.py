@@ -136,19 +136,19 @@ def _solving_times(loops: Sequence[dict[str, Any]]) -> list[tuple[str, float, fl
 
 
 def _peer(rows: list[Any]) -> tuple[str, bool]:
-    said = "; ".join(
+    text = "; ".join(
         f"{row['cycle']}: {row['peer_by_median']:.1f} and {row['peer_by_p99']:.1f}" for row in rows
     )
-    return said, all(min(row["peer_by_median"], row["peer_by_p99"]) >= 20.0 for row in rows)
+    return text, all(min(row["peer_by_median"], row["peer_by_p99"]) >= 20.0 for row in rows)
 
 
 def _solve_times(runs: list[Any], median_ms: float, p99_ms: float) -> tuple[str, bool]:
-    said = "; ".join(
+    text = "; ".join(
         f"{run['cycle']}: {run['solve_ms']['median']:.2f} and {run['solve_ms']['p99']:.2f} ms"
         for run in runs
     )
     spans = [run["solve_ms"] for run in runs]
-    return said, all(span["median"] <= median_ms and span["p99"] <= p99_ms for span in spans)
+    return text, all(span["median"] <= median_ms and span["p99"] <= p99_ms for span in spans)
 
 
 def _longest(runs: list[Any]) -> tuple[str, bool]:
@@ -164,10 +164,10 @@ def _unconverged(runs: list[Any]) -> tuple[str, bool]:
 
 
 def _half(shares: list[Any]) -> tuple[str, bool]:
-    said = "; ".join(
+    text = "; ".join(
         f"{cycle}: {share:.2f} (of itself on SH 15: {same:.2f})" for cycle, share, same in shares
     )
-    return said, max(share for _, share, _ in shares) <= 0.5
+    return text, max(share for _, share, _ in shares) <= 0.5
 
 
 def _headless(runs: list[Any]) -> tuple[str, bool]:
@@ -181,8 +181,8 @@ def _ros(runs: list[Any]) -> tuple[str, bool]:
 
 
 def _linear(exponents: list[Any]) -> tuple[str, bool]:
-    said = f"time per iteration grows as nodes^{exponents[0]:.2f} from 60 nodes on"
-    return said, abs(exponents[0] - 1.0) < 0.15
+    text = f"time per iteration grows as nodes^{exponents[0]:.2f} from 60 nodes on"
+    return text, abs(exponents[0] - 1.0) < 0.15
 
 
 def _equivalent(runs: list[Any]) -> tuple[str, bool]:
@@ -192,11 +192,11 @@ def _equivalent(runs: list[Any]) -> tuple[str, bool]:
 
 def _start(starts: list[Any]) -> tuple[str, bool]:
     slowest = starts[0]["first_command_max_s"]
-    said = f"{starts[0]['first_command_median_s']:.2f} s, slowest {slowest:.2f} s"
-    return said, slowest <= 3.0
+    text = f"{starts[0]['first_command_median_s']:.2f} s, slowest {slowest:.2f} s"
+    return text, slowest <= 3.0
 
 
 def _overruns(runs: list[Any]) -> tuple[str, bool]:
     run = runs[0]
-    said = f"{run['overruns']} of {run['ticks']} ticks on a schedule of {run['period_ms']:.0f} ms"
-    return said, run["overruns"] == 0
+    text = f"{run['overruns']} of {run['ticks']} ticks on a schedule of {run['period_ms']:.0f} ms"
+    return text, run["overruns"] == 0

@@ -124,11 +124,11 @@ def measure(
 
 def as_table(numbers: dict[str, Any]) -> str:
     """Return the numbers as a table in Markdown."""
-    told = (
+    text = (
         f"Trips of {numbers['duration_s']:g} s, seed {numbers['seed']}; {os.cpu_count()} processors, "
         f"with other work on them (mean load {numbers['load']:.0f})."
     )
-    return f"{told}\n\n{formatted_table(numbers['rows'], COLUMNS)}"
+    return f"{text}\n\n{formatted_table(numbers['rows'], COLUMNS)}"
 
 
 if __name__ == "__main__":

@@ -79,8 +79,8 @@ class AttackedRadio(SimulatedRadio):
         second = time_ns // NS_PER_S
         answer = super().answer(time_ns, host_position_m)
         if self._attack is not None and BEGIN_S <= second < END_S:
-            for forged in self._attack(second, host_position_m):
-                self.bridge.receive(forged, time_ns)
+            for datagram in self._attack(second, host_position_m):
+                self.bridge.receive(datagram, time_ns)
             answer = self.bridge.answer(time_ns, host_position_m)
         self.leaders.append(self.bridge.leader_id)
         self.contested.append(answer.contested)
@@ -109,10 +109,10 @@ def tenths(second: int) -> range:
     return range(1000 * second - 900, 1000 * second + 1, 100)
 
 
-def told(
+def forged(
     station_id: int, at_ms: int, rear_m: float, speed_m_s: float, left_m: float = 0.0
 ) -> bytes:
-    """Return what a forged car says."""
+    """Return the message of a forged car."""
     return encode_cam(car_on_road(ROAD, station_id, at_ms, rear_m, speed_m_s, left_m=left_m))
 
 
@@ -124,7 +124,7 @@ def forged_car(_: Route) -> Attack:
         start.append(host_m)
         origin = start[0] + 5.0 - SPEED_M_S * BEGIN_S
         places = ((at_ms, origin + SPEED_M_S * at_ms / 1000.0) for at_ms in tenths(second))
-        return [told(FORGER, at_ms, rear_m, SPEED_M_S) for at_ms, rear_m in places]
+        return [forged(FORGER, at_ms, rear_m, SPEED_M_S) for at_ms, rear_m in places]
 
     return attack
 
@@ -153,7 +153,7 @@ def replayed_a_wrap_later(route: Route) -> Attack:
 def jumping(_: Route) -> Attack:
     """A car ahead is in the next lane in every second message."""
     return lambda second, host_m: [
-        told(FORGER, at_ms, host_m + 8.0, SPEED_M_S, 3.5 if at_ms % 200 else 0.0)
+        forged(FORGER, at_ms, host_m + 8.0, SPEED_M_S, 3.5 if at_ms % 200 else 0.0)
         for at_ms in tenths(second)
     ]
 
@@ -161,14 +161,14 @@ def jumping(_: Route) -> Attack:
 def absurdly_fast(_: Route) -> Attack:
     """A car ahead drives 120 m/s."""
     return lambda second, host_m: [
-        told(FORGER, at_ms, host_m + 8.0, 120.0) for at_ms in tenths(second)
+        forged(FORGER, at_ms, host_m + 8.0, 120.0) for at_ms in tenths(second)
     ]
 
 
 def flood(_: Route) -> Attack:
     """Ten thousand identities ahead at once."""
     return lambda second, host_m: [
-        told(10_000 + number, 1000 * second, host_m + 6.0, SPEED_M_S)
+        forged(10_000 + number, 1000 * second, host_m + 6.0, SPEED_M_S)
         for number in range(FLOOD if second == BEGIN_S else 0)
     ]
 
@@ -176,7 +176,7 @@ def flood(_: Route) -> Attack:
 def same_identity(_: Route) -> Attack:
     """A second sender with the leader's identity stands 5 m ahead."""
     return lambda second, host_m: [
-        told(LEADER, at_ms + 50, host_m + 5.0, 0.0) for at_ms in tenths(second)
+        forged(LEADER, at_ms + 50, host_m + 5.0, 0.0) for at_ms in tenths(second)
     ]
 
 

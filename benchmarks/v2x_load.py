@@ -49,7 +49,7 @@ LANES, NODES = 21, 16
 """Of each map, which then has 1.3 kB."""
 START_TIMEOUT_S = 60.0
 READ_TIMEOUT_S = 30.0
-"""Until the diagnostics tell that all was read; what is not told by then is lost."""
+"""Time until the diagnostics report all datagrams as read; the others count as lost."""
 
 
 class _Host:
@@ -114,7 +114,7 @@ def processor_s(process: subprocess.Popen[bytes]) -> float:
 
 
 def bursts(cars: int, seconds: int) -> list[list[bytes]]:
-    """Return what all cars say, burst by burst, without the time of generation."""
+    """Return the messages of all cars, burst by burst, without the time of generation."""
     road = RoadLine.test_road()
     found = []
     for burst in range(round(seconds / BURST_S)):
@@ -131,7 +131,7 @@ def bursts(cars: int, seconds: int) -> list[list[bytes]]:
 
 
 def flood(maps: int) -> Iterator[bytes]:
-    """Return so many different maps, MAPS at most, over and over again."""
+    """Yield at most MAPS different maps cyclically."""
     latitude, longitude, _ = (float(value) for value in RoadLine.test_road().locate(500.0))
     nodes = [tuple((0.1 * lane, -10.0 * node) for node in range(NODES)) for lane in range(LANES)]
     lanes = tuple(Lane(number, places, leads_in=True) for number, places in enumerate(nodes))
@@ -149,12 +149,14 @@ def flood(maps: int) -> Iterator[bytes]:
     )
 
 
-def load(host: _Host, port: int, said: list[list[bytes]], maps: Iterator[bytes], each: int) -> int:
-    """Send all bursts at real time, so many maps with each; return the number of datagrams."""
+def load(
+    host: _Host, port: int, bursts_of_cars: list[list[bytes]], maps: Iterator[bytes], each: int
+) -> int:
+    """Send all bursts at real time, each with `each` maps; return the number of datagrams."""
     sent = 0
     begin_s, begin_ms = time.monotonic(), its_timestamp_ms(time.time_ns())
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
-        for burst, messages in enumerate(said):
+        for burst, messages in enumerate(bursts_of_cars):
             if burst % round(1.0 / BURST_S) == 0:
                 host.tick(round(burst * BURST_S))
             # The time of generation follows the six bytes of the header.
@@ -170,7 +172,7 @@ def load(host: _Host, port: int, said: list[list[bytes]], maps: Iterator[bytes],
 
 @contextmanager
 def closed_loop_beside(seconds: int) -> Iterator[None]:
-    """Drive a trip in real time in other processes, for so long or until the end of the context."""
+    """Drive a trip in real time in other processes, for a time or until the end of the context."""
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "run"
         command = [
@@ -234,9 +236,9 @@ def measure(
         host = _Host(context)
         try:
             host.wait_for_bridge()
-            said, maps = bursts(cars, seconds), flood(maps_per_s)
+            bursts_of_cars, maps = bursts(cars, seconds), flood(maps_per_s)
             before_s, begin_s = processor_s(bridge), time.monotonic()
-            sent = load(host, port, said, maps, round(maps_per_s * BURST_S))
+            sent = load(host, port, bursts_of_cars, maps, round(maps_per_s * BURST_S))
             used_s, lasted_s = processor_s(bridge) - before_s, time.monotonic() - begin_s
             host.wait_until_read(sent)
         finally:
@@ -260,7 +262,7 @@ def measure(
         "ticks_with_a_leader": host.leaders,
         "ticks_answered": len(host.answered_after_s),
         "slowest_answer_s": max(host.answered_after_s.values(), default=float("inf")),
-        "cams_sent": sum(len(messages) for messages in said),
+        "cams_sent": sum(len(messages) for messages in bursts_of_cars),
         "maps_per_s": maps_per_s,
         "maps_accepted": int(host.values.get("mapem_accepted", 0)),
         "loops_beside": loops_beside,

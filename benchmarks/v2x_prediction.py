@@ -104,7 +104,7 @@ def limits_of(motion: LeaderMotion) -> SpeedLimits:
 
 
 Case = tuple[PredictorName, LeaderMotion, Predictor]
-"""Who foretells, and what the leader is going to do."""
+"""Predictor, and the future motion of the leader."""
 
 
 def on_cycle(cycle: str) -> list[Case]:
@@ -152,10 +152,10 @@ def errors(
     """Return speed and position errors (predicted less true) of each predictor at `LEADS_S`.
 
     Args:
-        cases: who foretells whom.
+        cases: pairs of predictor and motion.
         road: the road that the messages are projected onto.
         every_s: time between two predictions.
-        until_before_end_s: the last prediction is made so long before the end of a drive.
+        until_before_end_s: time of the last prediction before the end of a drive.
     """
     found: dict[PredictorName, list[dict[str, FloatArray]]] = {}
     leads = np.array(LEADS_S)
@@ -169,14 +169,14 @@ def errors(
                 sender, road, round(1000.0 * time_s), round(1000.0 * motion.times_s[0])
             )
             times = time_s + leads
-            told = predictor.predict(known, times)
-            if told is None or told.times_s.size < times.size:
+            predicted = predictor.predict(known, times)
+            if predicted is None or predicted.times_s.size < times.size:
                 continue
             found.setdefault(name, []).append(
                 {
-                    "speed": told.speeds_m_s - motion.speeds_at(times),
-                    "position": told.positions_m - motion.positions_at(times),
-                    "bound": told.bounds_m,
+                    "speed": predicted.speeds_m_s - motion.speeds_at(times),
+                    "position": predicted.positions_m - motion.positions_at(times),
+                    "bound": predicted.bounds_m,
                 }
             )
     return found

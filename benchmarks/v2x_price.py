@@ -86,7 +86,7 @@ def predictors_of(leader: str, route: Route) -> tuple[Predictor, ...]:
 
 
 class Watched:
-    """A bridge that counts what it said."""
+    """A bridge that counts its answers."""
 
     def __init__(self, inner: TickBridge) -> None:
         self._inner = inner

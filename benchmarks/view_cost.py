@@ -73,15 +73,15 @@ def _drive(
         command = [sys.executable, "-m", "iptm_bringup.run_closed_loop", scenario, *options]
         command += ["--output", str(output), *([] if connect is None else ["--view"])]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)  # noqa: S603 - our own
-        said = ""
+        output = ""
         for line in process.stdout or ():
-            said += line
+            output += line
             found = _ADDRESS.search(line)
             if found and connect is not None:
                 connect(found.group(1), stack)
         if process.wait() != 0:
             raise ScenarioError(
-                f"scenario {scenario!r} ended with {process.returncode}: {said[-200:]}"
+                f"scenario {scenario!r} ended with {process.returncode}: {output[-200:]}"
             )
         wall_s = json.loads((output / "results.json").read_text(encoding="utf-8"))["wall_time_s"]
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -147,7 +147,7 @@ def services_page() -> str:
     return (
         f"# Services\n\n{NOTICE}All are `std_srvs/srv/Trigger`, with private names: `~/pause` of the "
         "node `/car_1/plant` is `/car_1/plant/pause`. The table has the names of nodes that keep their "
-        "default names; these are unchanged. The answer says in a sentence what was done, or why it was "
+        "default names; these are unchanged. The answer is a sentence on what was done, or why it was "
         "not. "
         "How to use them: [pause, step and reset](../how-to/README.md#pause-step-and-repeat-a-trip).\n\n"
         + table(

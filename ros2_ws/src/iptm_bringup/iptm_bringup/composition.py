@@ -104,11 +104,11 @@ def node_parameters(
     is_foreign = CONTROLLER in listeners.without
     controller = 1 - int(is_foreign and listeners.foreign_to_state > 0)
     # A bridge on received messages also subscribes to the odometry; in lock-step their sender to the clock.
-    told = scenario.node_parameters.get(BRIDGE, {})
+    bridge_settings = scenario.node_parameters.get(BRIDGE, {})
     wireless = int(
-        told.get("leader_source") == LEADER_FROM_MESSAGES
-        and told.get("cam_lock_step") is not False
-        and not told.get("recorded_packets")
+        bridge_settings.get("leader_source") == LEADER_FROM_MESSAGES
+        and bridge_settings.get("cam_lock_step") is not False
+        and not bridge_settings.get("recorded_packets")
     )
     peers: dict[str, dict[str, Scalar]] = {
         PLANT: {

@@ -99,14 +99,14 @@ def copy_without_repeats(bag: Path, names: Sequence[str], copy: Path) -> Path:
         BagError: the bag cannot be read.
     """
     now_ns = dict.fromkeys(names, -1)
-    said: dict[str, set[bytes]] = {name: set() for name in names}
+    published: dict[str, set[bytes]] = {name: set() for name in names}
     with BagReader(bag) as reader, BagWriter(copy) as writer:
         keys = {name: writer.add_topic(name, reader.topics[name].type_name) for name in names}
         for raw in reader.raw_messages(list(names)):
             if raw.log_time_ns != now_ns[raw.topic]:
-                now_ns[raw.topic], said[raw.topic] = raw.log_time_ns, set()
-            if raw.data not in said[raw.topic]:
-                said[raw.topic].add(raw.data)
+                now_ns[raw.topic], published[raw.topic] = raw.log_time_ns, set()
+            if raw.data not in published[raw.topic]:
+                published[raw.topic].add(raw.data)
                 writer.write(keys[raw.topic], raw.data, raw.log_time_ns)
     return copy
 

@@ -143,8 +143,8 @@ def _steps(
                 f"{bag} begins at {answers[0] * 1e-9:g} s of the trip; allowed: 0 s, where the state"
                 " of the vehicle is known"
             )
-        told: list[dict[Topic, bytes]] = [{}]
-        told += [
+        inputs_by_tick: list[dict[Topic, bytes]] = [{}]
+        inputs_by_tick += [
             {
                 **{topic: heard[topic][stamp] for topic in inputs if stamp in heard[topic]},
                 Topic.COMMAND: heard[Topic.COMMAND].get(stamp, b""),
@@ -152,7 +152,7 @@ def _steps(
             for stamp in answers[:-1]
         ]
     else:
-        told = [
+        inputs_by_tick = [
             {
                 topic: heard[topic][stamp]
                 for topic in inputs
@@ -161,5 +161,8 @@ def _steps(
             for stamp in answers
         ]
         if Topic.SLOPE in inputs:
-            told[0] = {Topic.SLOPE: heard[Topic.SLOPE][0], **told[0]}
-    return [Step(inputs, final_answer, stamp) for inputs, stamp in zip(told, answers, strict=True)]
+            inputs_by_tick[0] = {Topic.SLOPE: heard[Topic.SLOPE][0], **inputs_by_tick[0]}
+    return [
+        Step(inputs, final_answer, stamp)
+        for inputs, stamp in zip(inputs_by_tick, answers, strict=True)
+    ]

@@ -17,7 +17,7 @@ from iptm_traffic.sumo_process import SumoProcess
 RADIO_RANGE_M = 400.0
 LOOKED_AHEAD_M = 1000.0
 LONGEST_WAIT_S = 120.0
-"""Longest delay of the start of the trip while there is no room for the host."""
+"""Longest delay of the start of the trip until there is room for the host."""
 _CHANGE_LANES_NEVER = 0
 _OBEY_NOTHING = 0
 _VEHICLES = 0xA4  # TraCI's domain of vehicles

@@ -170,7 +170,7 @@ class SumoNet:
         Of several such ways, the outermost one.
 
         Raises:
-            ScenarioError: an edge does not exist, or there is no connection.
+            ScenarioError: an edge does not exist, or the edges are not connected.
         """
         if len(edges) < 2:
             raise ScenarioError(

@@ -66,7 +66,7 @@ def cool_down(end: EndState, temperature_k: float, parameters: ModelParameters) 
         parameters: the model.
 
     Returns:
-        The cost, zero where the pack is no warmer; None where no compressor power cools it that far.
+        The cost, zero if the pack is not warmer; None where no compressor power cools it that far.
     """
     warmer_k = end.temperature_k - temperature_k
     if warmer_k <= 0.0:

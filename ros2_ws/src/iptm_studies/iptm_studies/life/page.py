@@ -144,7 +144,7 @@ def _resistance(rows: Sequence[Row]) -> str:
     about = (
         f"Growth after {RESISTANCE_YEARS:g} year of a {USAGES[0].name}, as long as the storage tests, in "
         "percent of a new cell. The other laws have none. That of NMC111 goes with the power 1.25 of time: "
-        "over years it is no prediction, and the tables above leave resistance out."
+        "over years it is not a prediction, and the tables above leave resistance out."
     )
     by = {(row.climate, row.control, row.cell): row.resistance for row in shown}
     lines = [

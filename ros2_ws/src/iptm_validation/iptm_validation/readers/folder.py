@@ -42,7 +42,7 @@ def files_of(folder: Path) -> list[Path]:
     """Return the files below a folder that may hold measurements.
 
     Raises:
-        MeasurementError: there is no such folder, or nothing of use in it.
+        MeasurementError: the folder does not exist or holds no usable file.
     """
     if not folder.is_dir():
         raise MeasurementError(f"data is {str(folder)!r}; allowed: a folder")

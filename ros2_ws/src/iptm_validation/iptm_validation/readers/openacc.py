@@ -141,7 +141,7 @@ def original_drives(path: Path) -> list[Drive]:
     """Read the drives of one file as it is downloaded.
 
     Raises:
-        MeasurementError: there is no time column.
+        MeasurementError: the time column is missing.
     """
     file = _original(path)
     return [
@@ -160,7 +160,7 @@ def original_followings(path: Path) -> list[Following]:
     """Read the pairs of lead vehicle and follower of one file as it is downloaded.
 
     Raises:
-        MeasurementError: there is no time column.
+        MeasurementError: the time column is missing.
     """
     file = _original(path)
     return [
