@@ -80,6 +80,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     drive = ROOT / "docs" / "examples" / "phone_drive.gpx"
     for name in ("my_drive.gpx", "drive.gpx"):
         shutil.copy(drive, folder / name)
+    plan = re.sub("<time>.*?</time>", "", drive.read_text("utf-8"))
+    (folder / "my_plan.gpx").write_text(plan, encoding="utf-8")
     speeds = "\n".join(f"{second},{min(second, 10)}" for second in range(30))
     for name in ("my_commute.csv", "my_drive.csv"):
         (folder / name).write_text(f"time_s,speed_m_s\n{speeds}\n", encoding="utf-8")

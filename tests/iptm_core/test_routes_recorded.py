@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -200,3 +201,75 @@ def test_a_refusal_shows_a_part_of_a_long_text(write: Callable[..., Path]) -> No
     with pytest.raises(RouteError, match="track point 1: time is '999") as refusal:
         read_user_trip(write(text))
     assert len(str(refusal.value)) < 500
+
+
+def paused(after_s: float, lasts_s: float) -> FloatArray:
+    return np.where(after_s < SECONDS, SECONDS + lasts_s, SECONDS)
+
+
+@pytest.mark.parametrize("inside", ["", "<speed>{speed}</speed>"])
+def test_a_pause_is_a_minute_at_standstill(write: Callable[..., Path], inside: str) -> None:
+    """The recording is paused at 50 s, in full drive, for ten minutes."""
+    text = gpx(PLACES, seconds=paused(50.0, 600.0), inside=inside)
+    for speed in SPEEDS.tolist():
+        text = text.replace("{speed}", f"{speed:.2f}", 1)
+    trip = read_user_trip(write(text))
+    assert trip.cycle.duration_s == 120.0 + 59.0
+    assert trip.cycle.distance_m == pytest.approx(PLACES[-1], rel=0.03)
+    assert trip.cycle.speeds_m_s[60:100].max() == 0.0
+    assert trip.cycle.speeds_m_s[125] == pytest.approx(15.0, abs=0.3)
+
+
+def test_a_gap_in_which_the_car_drove_on_is_refused(write: Callable[..., Path]) -> None:
+    far = np.where(SECONDS > 50.0, PLACES + 500.0, PLACES)
+    with pytest.raises(RouteError, match="a pause at one place"):
+        read_user_trip(write(gpx(far, seconds=paused(50.0, 600.0))))
+
+
+def test_of_points_with_one_time_the_first_counts(write: Callable[..., Path]) -> None:
+    whole = gpx(PLACES)
+    points = whole.split("</trkpt>")
+    for index in (20, 60, 90):  # a new lap begins with the last point of the one before
+        points[index] += "</trkpt></trkseg><trkseg>" + points[index].split("<trkseg>")[-1]
+    again = read_user_trip(write("</trkpt>".join(points), "laps.gpx"))
+    np.testing.assert_array_equal(
+        again.cycle.speeds_m_s, read_user_trip(write(whole)).cycle.speeds_m_s
+    )
+
+
+@pytest.mark.parametrize("kind", ["trk", "rte"])
+def test_a_plan_without_times_is_a_road_for_a_cycle(write: Callable[..., Path], kind: str) -> None:
+    places = np.linspace(0.0, 15_000.0, 400)
+    text = gpx(places, 300.0 + 0.02 * places, seconds=np.arange(400.0))
+    text = re.sub("<time>.*?</time>", "", text)
+    if kind == "rte":
+        text = text.replace("trkpt", "rtept").replace("<trk><trkseg>", "<rte>")
+        text = text.replace("</trkseg></trk>", "</rte>")
+    file = write(text)
+    with pytest.raises(RouteError, match="it is a road and no drive; allowed: as slope"):
+        build_route(file, initial_gap_m=15.0)
+    route = build_route("us06", str(file), initial_gap_m=15.0)
+    assert (
+        route.leader.positions_m[-1]
+        == build_route("us06", initial_gap_m=15.0).leader.positions_m[-1]
+    )
+    assert route.slope.slope_at(5000.0) == pytest.approx(np.arctan(0.02), rel=0.005)
+    latitude, longitude, _ = route.road_line.locate(7000.0)
+    expected = ROAD.locate(7000.0)
+    assert float(latitude) == pytest.approx(float(expected[0]), abs=1e-6)
+    assert float(longitude) == pytest.approx(float(expected[1]), abs=1e-6)
+    with pytest.raises(RouteError, match="a road of 15000 m"):
+        build_route("wltc_class3b", str(file), initial_gap_m=15.0)
+
+
+def test_the_road_of_a_drive_serves_another_cycle(write: Callable[..., Path]) -> None:
+    file = write(gpx(PLACES, 500.0 + 0.03 * PLACES))
+    cycle = write("time_s,speed_m_s\n0,0\n10,10\n50,10\n60,0\n", "short.csv")
+    route = build_route(cycle, str(file), initial_gap_m=15.0)
+    assert route.slope.slope_at(300.0) == pytest.approx(np.arctan(0.03), rel=0.02)
+
+
+def test_a_time_that_is_missing_at_some_points_is_refused(write: Callable[..., Path]) -> None:
+    text = re.sub("<time>2026-05-04T07:00:07.000Z</time>", "", gpx(PLACES))
+    with pytest.raises(RouteError, match="track point 8: time is missing"):
+        read_user_trip(write(text))

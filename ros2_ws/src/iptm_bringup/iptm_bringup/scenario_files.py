@@ -23,7 +23,7 @@ from iptm_bringup.scenario import NODES, Scenario
 from iptm_core.declaration import ParameterSpec, Scalar, checked_value, parameter_specs, plain
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, parse_yaml, read_yaml
-from iptm_core.routes.user_csv import USER_SUFFIXES
+from iptm_core.routes.user_csv import GPX_SUFFIX, USER_SUFFIXES
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 from iptm_core.user_input import is_path
 from iptm_faults.fault import faults_from, plain_faults
@@ -34,7 +34,7 @@ LONGEST_NAME = 100
 _OVERRIDES = "parameter_overrides"
 _NODE_PARAMETERS = "node_parameters"
 _FAULTS = "faults"
-_FILE_OF = {"cycle": USER_SUFFIXES, "parameter_set": YAML_SUFFIXES}
+_FILE_OF = {"cycle": USER_SUFFIXES, "slope": (GPX_SUFFIX,), "parameter_set": YAML_SUFFIXES}
 """Fields that may name a file, and by which suffixes that is seen."""
 
 

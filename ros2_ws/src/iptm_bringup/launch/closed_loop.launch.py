@@ -159,7 +159,8 @@ def choices_of(name: str) -> list[str] | None:
     """Return what an argument may be, None where that is not a list."""
     if name in {"record", "use_sim_time", "fails_launch"}:
         return TRUTH_VALUES
-    return list(SPECS[name].choices) or None if name in SPECS else None
+    spec = SPECS.get(name)
+    return list(spec.choices) or None if spec and not spec.suffixes else None
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 from iptm_core.errors import ParameterError
 from iptm_core.strict_mapping import nearest, shown
+from iptm_core.user_input import is_path
 
 Scalar = bool | int | float | str
 """A value as files and messages hold it."""
@@ -37,6 +38,7 @@ class ParameterSpec:
         minimum: smallest permitted number.
         maximum: largest permitted number.
         choices: permitted texts, empty for any.
+        suffixes: of files that are permitted beside the choices.
         optional: None is permitted as well.
     """
 
@@ -47,6 +49,7 @@ class ParameterSpec:
     minimum: float = -math.inf
     maximum: float = math.inf
     choices: tuple[str, ...] = ()
+    suffixes: tuple[str, ...] = ()
     optional: bool = False
 
     @property
@@ -59,6 +62,7 @@ class ParameterSpec:
         """What is permitted, in words."""
         words = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
         kind = "one of " + ", ".join(self.choices) if self.choices else words[self.kind]
+        kind += f", the path of a file ({', '.join(self.suffixes)})" if self.suffixes else ""
         bounds = {
             (True, True): f" from {self.minimum:g} to {self.maximum:g}",
             (True, False): f", at least {self.minimum:g}",
@@ -75,11 +79,12 @@ def parameter(
     minimum: float = -math.inf,
     maximum: float = math.inf,
     choices: tuple[str, ...] = (),
+    suffixes: tuple[str, ...] = (),
 ) -> Any:
     """Declare a dataclass field as a parameter; see `ParameterSpec`."""
     if isinstance(default, Enum):
         choices = tuple(member.value for member in type(default))
-    spec = ParameterSpec("", default, description, unit, minimum, maximum, choices)
+    spec = ParameterSpec("", default, description, unit, minimum, maximum, choices, suffixes)
     return field(default=default, metadata={"spec": spec})
 
 
@@ -152,7 +157,8 @@ def checked_value(spec: ParameterSpec, given: Any) -> Any:
             raise _error(spec, given)
     if type(value) is not spec.kind:
         raise _error(spec, given)
-    if spec.choices and value not in spec.choices:
+    is_file = spec.suffixes and is_path(str(value), spec.suffixes)
+    if spec.choices and value not in spec.choices and not is_file:
         raise _error(spec, given)
     return type(spec.default)(value) if isinstance(spec.default, Enum) else value
 

@@ -13,7 +13,7 @@ from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.routes import SLOPE_CHOICES, Route, build_route
-from iptm_core.routes.user_csv import USER_FILES
+from iptm_core.routes.user_csv import GPX_SUFFIX, USER_FILES
 from iptm_core.text_enum import TextEnum
 from iptm_core.trip_time import NS_PER_S
 
@@ -57,7 +57,13 @@ class RoadSettings(Settings):
         "wltc_class3b",
         f"driving cycle of the leader: a name, or the path of a drive ({USER_FILES})",
     )
-    slope: str = parameter("as_designed", "slope of the road", choices=SLOPE_CHOICES)
+    slope: str = parameter(
+        "as_designed",
+        "slope of the road; that of a track, recorded or planned without times, is the road that the cycle "
+        "is driven on",
+        choices=SLOPE_CHOICES,
+        suffixes=(GPX_SUFFIX,),
+    )
 
     def route(self, initial_gap_m: float, duration_s: float = 0.0) -> Route:
         """Build the route.

@@ -20,7 +20,7 @@ from typing import Any
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, read_yaml
-from iptm_core.routes.user_csv import USER_SUFFIXES
+from iptm_core.routes.user_csv import GPX_SUFFIX, USER_SUFFIXES
 from iptm_core.strict_mapping import StrictMapping, shown, suggestion
 from iptm_core.user_input import is_path
 from iptm_studies.run_spec import (
@@ -184,7 +184,7 @@ def _find(name_or_path: str | Path) -> Path:
 SETTINGS = tuple(entry.name for entry in fields(RunSpec))
 """Keys of ``run`` and ``defaults``."""
 
-_FILES = {"cycle": USER_SUFFIXES, "parameter_set": YAML_SUFFIXES}
+_FILES = {"cycle": USER_SUFFIXES, "slope": (GPX_SUFFIX,), "parameter_set": YAML_SUFFIXES}
 _BASE = "base"
 _BEST_OF = "best_of"
 _WEIGHTS = tuple(

@@ -11,11 +11,18 @@ from iptm_core.errors import RouteError
 from iptm_core.routes.composition import RouteComposition, composition_names, load_composition
 from iptm_core.routes.comprehensive import RouteSegment, comprehensive_cycle, hilly_road
 from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle, smooth_cycle
+from iptm_core.routes.gpx import read_gpx_road
 from iptm_core.routes.hills import PEAK_GRADES
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.routes.user_csv import USER_FILES, USER_SUFFIXES, UserTrip, read_user_trip
+from iptm_core.routes.user_csv import (
+    GPX_SUFFIX,
+    USER_FILES,
+    USER_SUFFIXES,
+    UserTrip,
+    read_user_trip,
+)
 from iptm_core.strict_mapping import nearest
 from iptm_core.user_input import is_path
 
@@ -66,7 +73,8 @@ def build_route(
         slope: ``"as_designed"`` takes the road that belongs to the cycle (alternating hills for the
             comprehensive cycles, that in the file of a drive, level for the published cycles, which
             are made for a dynamometer); ``"flat"``, ``"small"`` (2 % at the steepest) and
-            ``"large"`` (6 %) replace it.
+            ``"large"`` (6 %) replace it, and so does the road of a track: the path of a GPX file, with
+            or without times.
         initial_gap_m: distance from the host to the leader at t = 0.
         duration_s: length of the trip; None takes the whole cycle. A shorter trip leaves the motion
             of the leader as it is; in a longer one it stands still at the end.
@@ -78,20 +86,35 @@ def build_route(
         RouteError: unknown cycle or slope, a gap or duration that is not positive, or a file that is
             not as it should be.
     """
-    if slope not in SLOPE_CHOICES:
-        raise RouteError(f"slope is {slope!r}; allowed: {', '.join(SLOPE_CHOICES)}")
+    is_road_file = is_path(slope, (GPX_SUFFIX,))
+    if slope not in SLOPE_CHOICES and not is_road_file:
+        raise RouteError(
+            f"slope is {slope!r}; allowed: {', '.join(SLOPE_CHOICES)}, or the path of a track ({GPX_SUFFIX})"
+        )
     if not (np.isfinite(initial_gap_m) and initial_gap_m > 0.0):
         raise RouteError(f"initial gap is {initial_gap_m} m; allowed: a positive distance")
     if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0.0):
         raise RouteError(f"trip is {duration_s} s; allowed: a positive duration")
     trace, segments, profile, line = _designed(cycle)
-    if slope != "as_designed":
+    leader = LeaderMotion.from_cycle(trace, initial_gap_m)
+    if is_road_file:
+        line, measured = read_gpx_road(Path(slope))
+        driven_m = float(leader.positions_at(min(duration_s or np.inf, trace.duration_s)))
+        if line.length_m < driven_m:
+            raise RouteError(
+                f"slope is {slope!r}, a road of {line.length_m:.0f} m; allowed: {driven_m:.0f} m or more, "
+                "as far as the leader drives"
+            )
+        profile = measured or SlopeProfile.flat()
+        kind = "flat" if measured is None else "measured"
+        segments = tuple(replace(segment, slope_kind=kind) for segment in segments)
+    elif slope != "as_designed":
         segments = tuple(replace(segment, slope_kind=slope) for segment in segments)
         profile = hilly_road(segments, len(segments), RouteComposition(slope))
     on_earth = {} if line is None else {"road_line": line}
     return Route(
         name=f"{trace.name}, slope {slope}",
-        leader=LeaderMotion.from_cycle(trace, initial_gap_m),
+        leader=leader,
         slope=profile,
         duration_s=float(trace.duration_s if duration_s is None else duration_s),
         segments=segments,

@@ -26,6 +26,7 @@ MAX_RECORDED_GRADE = 0.15
 STANDSTILL_M_S = 0.7
 LINE_SPACING_M = 10.0
 MAX_GAP_S = 60.0
+"""A longer time without a point is a pause if the car has hardly moved; so much of it is kept."""
 MAX_SPEED_M_S = 100.0
 
 
@@ -61,7 +62,7 @@ class Track:
             first = int(np.flatnonzero(bad)[0])
             raise RouteError(
                 f"{self.source}, point {first + 2}: {steps[first]:g} s after the one before; "
-                f"allowed: more than 0 and up to {MAX_GAP_S:g} s"
+                f"allowed: more than 0 and up to {MAX_GAP_S:g} s, or a pause at one place"
             )
         places = ((self.latitudes_deg, 85.0, "latitude"), (self.longitudes_deg, 180.0, "longitude"))
         for values, limit, name in places:
@@ -88,12 +89,52 @@ class Track:
                     f"allowed: 0 to {MAX_SPEED_M_S:g} m/s"
                 )
 
+    @classmethod
+    def without_pauses(
+        cls,
+        source: str,
+        times_s: FloatArray,
+        latitudes_deg: FloatArray,
+        longitudes_deg: FloatArray,
+        heights_m: FloatArray | None = None,
+        speeds_m_s: FloatArray | None = None,
+    ) -> Track:
+        """Return a track whose pauses are `MAX_GAP_S` long; arguments are the attributes.
+
+        A device that stops recording while the car stands leaves a gap. In one that is longer than the
+        window of the speeds and in which the car was slower than walking, points at standstill are added.
+        """
+        steps, moved_m = np.diff(times_s), _steps_m(latitudes_deg, longitudes_deg)
+        kept = np.minimum(steps, MAX_GAP_S)
+        stands = (steps > 2.0 * SPEED_WINDOW_S) & (moved_m <= STANDSTILL_M_S * kept)
+        cut = np.where(stands, steps - kept, 0.0)
+        times = times_s - np.concatenate([[0.0], np.cumsum(cut)])
+        count = np.where(stands, np.ceil(kept).astype(np.int64) - 1, 0)
+        at = np.repeat(np.arange(count.size), count)
+        inside = np.arange(at.size) - np.repeat(np.cumsum(count) - count, count) + 1.0
+
+        def filled(values: FloatArray) -> FloatArray:
+            between = values[at] + (values[at + 1] - values[at]) * inside / kept[at]
+            return np.insert(values, at + 1, between)
+
+        return cls(
+            source,
+            np.insert(times, at + 1, times[at] + inside),
+            filled(latitudes_deg),
+            filled(longitudes_deg),
+            None if heights_m is None else filled(heights_m),
+            None if speeds_m_s is None else np.insert(speeds_m_s, at + 1, 0.0),
+        )
+
     def steps_m(self) -> FloatArray:
         """Return the distances from point to point, shape (n - 1,)."""
-        before = (self.latitudes_deg[:-1], self.longitudes_deg[:-1])
-        east, north = east_north_m(self.latitudes_deg[1:], self.longitudes_deg[1:], before)
-        steps: FloatArray = np.hypot(east, north)
-        return steps
+        return _steps_m(self.latitudes_deg, self.longitudes_deg)
+
+
+def _steps_m(latitudes_deg: FloatArray, longitudes_deg: FloatArray) -> FloatArray:
+    before = (latitudes_deg[:-1], longitudes_deg[:-1])
+    steps: FloatArray = np.hypot(*east_north_m(latitudes_deg[1:], longitudes_deg[1:], before))
+    return steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +191,31 @@ def read_out(track: Track) -> RecordedDrive:
         )
     line = _line(distances, latitudes, (longitudes + 180.0) % 360.0 - 180.0)
     positions = np.interp(track.times_s, seconds, distances)
-    slope, bounded_m = _slope(track, positions)
+    slope, bounded_m = _slope(track.heights_m, positions)
     return RecordedDrive(track, seconds, speeds, positions, line, slope, bounded_m)
+
+
+def road_through(
+    source: str, latitudes_deg: FloatArray, longitudes_deg: FloatArray, heights_m: FloatArray | None
+) -> tuple[RoadLine, SlopeProfile | None]:
+    """Return course and slope of a road through places, without times.
+
+    Args:
+        source: file name for messages.
+        latitudes_deg: latitudes, shape (n,).
+        longitudes_deg: longitudes, shape (n,).
+        heights_m: heights above any datum, shape (n,); None if a place has none.
+
+    Raises:
+        RouteError: places off the Earth, or a road of less than `LINE_SPACING_M`.
+    """
+    steps = _steps_m(latitudes_deg, longitudes_deg)
+    distances: FloatArray = np.concatenate([[0.0], np.cumsum(steps)])
+    if distances[-1] < LINE_SPACING_M:
+        raise RouteError(
+            f"{source}: it covers {distances[-1]:.1f} m; allowed: {LINE_SPACING_M:g} m or more"
+        )
+    return _line(distances, latitudes_deg, longitudes_deg), _slope(heights_m, distances)[0]
 
 
 def _line(distances: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -> RoadLine:
@@ -165,12 +229,14 @@ def _line(distances: FloatArray, latitudes: FloatArray, longitudes: FloatArray) 
     return RoadLine(latitudes[kept], longitudes[kept])
 
 
-def _slope(track: Track, positions: FloatArray) -> tuple[SlopeProfile | None, float]:
-    if track.heights_m is None:
+def _slope(
+    heights_m: FloatArray | None, positions: FloatArray
+) -> tuple[SlopeProfile | None, float]:
+    if heights_m is None:
         return None, 0.0
     # Points recorded at a standstill are one point of the road.
     places, index = np.unique(np.round(positions), return_inverse=True)
-    heights = np.bincount(index, weights=track.heights_m) / np.bincount(index)
+    heights = np.bincount(index, weights=heights_m) / np.bincount(index)
     count = max(2, round(float(places[-1] - places[0]) / ELEVATION_SPACING_M) + 1)
     grid: FloatArray = np.linspace(float(places[0]), float(places[-1]), count, dtype=np.float64)
     if places.size < 2:
