@@ -56,7 +56,7 @@ def test_the_end_of_service_has_the_loss_of_equal_days(name: str) -> None:
     use = AgingSettings(parking_air_k=295.15, parking_air_swing_k=0.0)
     aging = ParkedAging(LAWS[name], use, 0.0)
     mean = 2.0 * use.daily_discharge / 24.0
-    load = Load(298.15, mean, use.parked_charge, use.daily_discharge, mean)
+    load = Load(298.15, mean, use.parked_charge, use.daily_discharge, mean, 0.1)
     for part, weight in zip(LAWS[name].mechanisms, aging.weights, strict=True):
         damage = 8.0 * 365.25 * 86400.0 * float(part.damage_rate_1_s(load))
         assert weight == pytest.approx(part.exponent * damage ** (part.exponent - 1.0))

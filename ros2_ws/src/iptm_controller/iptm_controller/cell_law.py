@@ -29,7 +29,6 @@ _SCALE = 0.02
 """A kelvin is worth two orders of magnitude more than under the paper's law."""
 _J_PER_KWH = 3.6e6
 _WH_PER_KWH = 1000.0
-_FIT_K = 303.15
 _TABLE_K: FloatArray = np.linspace(233.0, 353.0, 241, dtype=np.float64)
 _LEAST_CURVATURE_1_K = 1e-3
 """Of the calendar loss over its slope, where a law is straight or bends the other way."""
@@ -38,17 +37,19 @@ _LEAST_CURVATURE_1_K = 1e-3
 def cyclic_parameters(aging: ParkedAging, model: ModelParameters) -> AgingParameters:
     """Return the cyclic loss of a law as coefficients of eq. (12).
 
-    Exact for laws that are linear in the current and of one activation energy. A law without cyclic loss
+    Exact for laws that are linear in the current and of one activation energy, for others close to the
+    temperature of the parked pack. A law without cyclic loss
     leaves those of the paper, or nothing would weigh how the car is driven.
     """
-    rate_1_s, slope_1_s_k = aging.cyclic_1_s(_FIT_K)
+    fit_k = aging.parked_k
+    rate_1_s, slope_1_s_k = aging.cyclic_1_s(fit_k)
     if rate_1_s <= 0.0:
         return model.aging
-    energy_k = _FIT_K**2 * slope_1_s_k / rate_1_s
+    energy_k = fit_k**2 * slope_1_s_k / rate_1_s
     at_1_ah_1_h = rate_1_s * 3600.0 / model.cell.nominal_capacity_ah
     return replace(
         model.aging,
-        pre_exponential_factor=at_1_ah_1_h * math.exp(energy_k / _FIT_K),
+        pre_exponential_factor=at_1_ah_1_h * math.exp(energy_k / fit_k),
         activation_energy_j_mol=energy_k * model.aging.gas_constant_j_mol_k,
         compensation_factor_j_mol=0.0,
         throughput_exponent=1.0,

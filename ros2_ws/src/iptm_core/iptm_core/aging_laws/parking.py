@@ -82,6 +82,9 @@ class AgingSettings(Settings):
     charging_target: float = parameter(
         0.8, "state of charge to which the pack is charged", "", 0.0, 1.0
     )
+    charging_c_rate_1_h: float = parameter(
+        0.1, "power of the charger over the nominal energy of the pack", "1/h", 0.0, 10.0
+    )
     daily_discharge: float = parameter(
         0.1, "share of the capacity that a day's trips take", "", 0.0, 2.0
     )
@@ -109,6 +112,7 @@ class ParkedAging:
     Attributes:
         weights: change of the capacity loss at the end of service over that of the damage, ``p u_f^(p-1)``,
             one for each mechanism.
+        parked_k: temperature that a parked pack approaches, mean of a day.
     """
 
     def __init__(self, law: AgingLaw, use: AgingSettings, ambient_k: float) -> None:
@@ -121,7 +125,7 @@ class ParkedAging:
         """
         self._law, self._use = law, use
         day_air_k = use.parking_air_k or ambient_k
-        self._parked_k = day_air_k + use.pack_above_air_k
+        self.parked_k = day_air_k + use.pack_above_air_k
         self._tau_s = use.parked_time_constant_h * SECONDS_PER_HOUR
         damping = math.hypot(1.0, 2.0 * math.pi * self._tau_s / SECONDS_PER_DAY)
         self._swing_k: FloatArray = use.parking_air_swing_k / damping * np.cos(_ANGLES)
@@ -141,12 +145,12 @@ class ParkedAging:
         Args:
             temperature_k: temperatures of the pack on arrival, shape (n,).
         """
-        above_k = temperature_k - self._parked_k
+        above_k = temperature_k - self.parked_k
         above_k = np.where(np.abs(above_k) < _SMALLEST_STEP_K, _SMALLEST_STEP_K, above_k)
         total = np.zeros_like(above_k)
         for part, weight in zip(self._law.mechanisms, self.weights, strict=True):
             arrival, end = (
-                np.mean(self._rates(part, self._parked_k + left * above_k), axis=1)
+                np.mean(self._rates(part, self.parked_k + left * above_k), axis=1)
                 for left in (1.0, self._left)
             )
             total += weight * (arrival - end) / above_k
@@ -192,7 +196,12 @@ class ParkedAging:
         use = self._use
         mean_1_h = 2.0 * use.daily_discharge / _HOURS_PER_DAY
         return Load(
-            temperature_k, c_rate_1_h, use.parked_charge, min(use.daily_discharge, 1.0), mean_1_h
+            temperature_k,
+            c_rate_1_h,
+            use.parked_charge,
+            min(use.daily_discharge, 1.0),
+            mean_1_h,
+            use.charging_c_rate_1_h,
         )
 
     def _rates(self, part: MechanismLaw, mean_k: FloatArray) -> FloatArray:

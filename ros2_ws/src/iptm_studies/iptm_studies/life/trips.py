@@ -145,10 +145,16 @@ def trip_maps(states: Sequence[CaseState], store: ResultStore) -> Mapping[tuple[
             label = str(state.case.labels["cycle"]), str(state.case.labels["control"])
             runs.setdefault(label, []).append(store.load(state.key).trajectory)
     energy_j = nominal_energy_j(load_parameters().values)
-    return {label: _trip_map(trajectories, energy_j) for label, trajectories in runs.items()}
+    return {label: trip_map(trajectories, energy_j) for label, trajectories in runs.items()}
 
 
-def _trip_map(runs: Sequence[Trajectory], energy_j: float) -> TripMap:
+def trip_map(runs: Sequence[Trajectory], energy_j: float) -> TripMap:
+    """Return the map of a trip driven from several temperatures, lowest first.
+
+    Args:
+        runs: the trips.
+        energy_j: nominal energy of the pack.
+    """
     rows = [_sampled(run, energy_j) for run in runs]
     temperature_k, c_rate_1_h, drawn = (np.array(column) for column in zip(*rows, strict=True))
     mean_k = [0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k) for run in runs]

@@ -1,0 +1,63 @@
+"""The controller's price of a kelvin on arrival, against what a kelvin more costs in years of use."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from tests.iptm_studies.test_life import trip
+
+from iptm_core.aging_laws.cells import LAWS
+from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.state import FloatArray
+from iptm_studies.life import year
+from iptm_studies.life.costate import arrival_costates
+from iptm_studies.life.usage import CLIMATES, USAGES, Climate
+
+COMMUTER = USAGES[0]
+PARAMETERS = load_parameters().values
+DRAWN = 0.052
+UNCOOLED = trip(4.4, drawn=DRAWN)
+"""Warms the pack as the WLTC without cooling does, and draws as much."""
+
+
+def prices_1_k(law: str, climate: Climate, arrival_k: FloatArray) -> FloatArray:
+    """Prices with the settings of a commuter, mean of the arrivals of each month."""
+    monthly_k = np.array(climate.monthly_c) + CELSIUS_ZERO_K
+    prices = []
+    for air_k, kelvin in zip(monthly_k, arrival_k, strict=True):
+        use = AgingSettings(
+            aging_law=law,
+            parking_air_k=float(air_k),
+            parking_air_swing_k=0.5 * climate.daily_range_k,
+            year_air_k=float(np.mean(monthly_k)),
+            year_air_swing_k=0.5 * float(np.ptp(monthly_k)),
+            charging_target=COMMUTER.charging.target,
+            charging_c_rate_1_h=COMMUTER.charging_c_rate_1_h,
+            daily_discharge=len(COMMUTER.departures) * DRAWN,
+        )
+        parked = ParkedAging(LAWS[law], use, PARAMETERS.environment.ambient_temperature_k)
+        prices.append(float(np.mean(parked.kelvin_price_1_k(kelvin))))
+    return np.array(prices)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_price_of_a_kelvin_is_its_costate(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over a year within 15 % of the sum of magnitudes in each climate, over months correlated by 0.99."""
+    monkeypatch.setattr(year, "UPPER_LIMIT_K", math.inf)  # a kelvin above it lasts no time
+    found, expected = [], []
+    for climate in CLIMATES:
+        costates = arrival_costates(LAWS[name], COMMUTER, climate, UNCOOLED, PARAMETERS)
+        prices = prices_1_k(name, climate, costates.arrival_k)
+        costs = costates.cost_1_k
+        error = float(np.sum(prices - costs) / np.sum(np.abs(costs)))
+        print(f"{name} {climate.name}: {100.0 * error:+.1f} %")
+        assert abs(error) < 0.15
+        found += list(prices)
+        expected += list(costs)
+    correlation = float(np.corrcoef(found, expected)[0, 1])
+    print(f"{name}: correlation {correlation:.4f}")
+    assert correlation > 0.99
