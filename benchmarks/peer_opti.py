@@ -143,7 +143,7 @@ class OptiPeer:
             opti.subject_to(at_end * reserve + (1.0 - at_end) * NOT_ASKED_FOR_M + short >= 0.0)
             opti.subject_to(gap - long <= gap_policy.max_gap_m)
             opti.subject_to(speed + fast >= limits.min_speed_m_s)
-            opti.subject_to(speed - fast <= limits.max_speed_m_s)
+            opti.subject_to(speed - fast <= p[StepIndex.MAX_SPEED])
             for temperature_k in (WARM_K + after[2], WARM_K + after[3], outlet_k):
                 opti.subject_to(temperature_k - warm <= limits.max_temperature_k)
             cost += stage_cost + cold_cost(length, WARM_K + after[2], shared)

@@ -12,6 +12,7 @@ import numpy as np
 from benchmarks.harness import formatted_table, run_benchmark
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes import build_route
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
@@ -26,7 +27,7 @@ from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, Predictor
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.signals import BoundedBySignals
-from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits, SpeedLimits
+from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import SenderSettings

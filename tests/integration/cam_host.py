@@ -8,10 +8,12 @@ from typing import Any
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 
+from iptm_core.road_ahead import RoadAhead
 from iptm_core.state import LeaderPreview, LeaderState
 from iptm_interfaces.codecs import (
     decode_leader,
     decode_leader_preview_bytes,
+    decode_road_ahead,
     ns_from_time,
     time_from_s,
 )
@@ -35,11 +37,13 @@ class Host:
         self.peer = peer
         self.leaders: dict[int, LeaderState] = {}
         self.previews: dict[int, LeaderPreview] = {}
+        self.roads: dict[int, RoadAhead] = {}
         self.statuses = peer.statuses("/v2x_bridge")
         self.clock = peer.node.advertise(Topic.CLOCK)
         self.odometry = peer.node.advertise(Topic.PLANT_ODOMETRY)
         peer.node.listen(Topic.LEADER, self._on_leader)
         peer.node.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
+        peer.node.listen(Topic.ROAD_AHEAD, self._on_road)
 
     def _on_leader(self, message: Any) -> None:
         self.leaders[ns_from_time(message.header.stamp)] = decode_leader(message)
@@ -47,6 +51,10 @@ class Host:
     def _on_preview(self, data: bytes) -> None:
         stamp_ns, preview = decode_leader_preview_bytes(data)
         self.previews[stamp_ns] = preview
+
+    def _on_road(self, message: Any) -> None:
+        stamp_ns, road = decode_road_ahead(message)
+        self.roads[stamp_ns] = road
 
     def wait_for(self, listeners_of_the_clock: int) -> None:
         self.peer.wait_until(
@@ -67,7 +75,10 @@ class Host:
     def tick(self, time_s: float, position_m: float = 0.0) -> LeaderPreview:
         self.move(time_s, position_m)
         stamp_ns = round(time_s * 1e9)
-        self.peer.wait_until(lambda: stamp_ns in self.previews, what=f"answer to {time_s} s")
+        self.peer.wait_until(
+            lambda: stamp_ns in self.previews and stamp_ns in self.roads,
+            what=f"answer to {time_s} s",
+        )
         return self.previews[stamp_ns]
 
     def settled_values(self) -> dict[str, str]:

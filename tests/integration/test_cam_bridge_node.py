@@ -11,7 +11,6 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from tests.integration.cam_host import BRIDGE, SENDER, Host, free_port
 
-from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_interfaces.diagnostics import status_values
 from iptm_v2x_bridge.cam_bridge import CamBridge
@@ -168,7 +167,7 @@ def test_two_thousand_datagrams_a_second_do_not_drown_the_leader(launcher: Any, 
 
 
 def test_a_host_alone_on_the_road_is_held_by_its_rules(launcher: Any, host: Host) -> None:
-    """No car is heard; what leads is the limit of 36 km/h, then the line at 60 m, which stays closed."""
+    """No car is heard: a limit of 36 km/h, and a line at 60 m that stays closed; no vehicle is reported."""
     port = free_port()
     bridge = launcher.start_node(
         BRIDGE,
@@ -183,11 +182,14 @@ def test_a_host_alone_on_the_road_is_held_by_its_rules(launcher: Any, host: Host
         },
     )
     host.wait_for(1)
-    first = host.tick(0.0, 0.0)
-    assert first.times_s[-1] == 60.0
-    assert first.speeds_m_s.max() <= 10.0 + 1e-9
-    # The host halts 2 m before the line, so far behind what it is told to follow as it stands behind a car.
-    standstill_m = load_parameters().values.gap.standstill_gap_m
-    assert first.positions_m[-1] == pytest.approx(58.0 + standstill_m)
-    assert first.speeds_m_s[-1] == 0.0
+    preview = host.tick(0.0, 0.0)
+    assert not preview.times_s.size
+    assert not host.leaders
+    road = host.roads[0]
+    assert not road.has_leader
+    assert road.limits is not None
+    assert road.limits.limits_m_s.tolist() == [pytest.approx(10.0)]
+    # The host halts 2 m before the line.
+    assert [stop.position_m for stop in road.stops] == [58.0]
+    assert road.stops[0].until_s == pytest.approx(901.0)
     assert bridge.stop(signal.SIGINT) == 0

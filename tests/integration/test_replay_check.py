@@ -10,7 +10,7 @@ import pytest
 from iptm_bringup.replay_check import check_node
 from iptm_bringup.replay_inputs import OUTPUTS, read_recorded
 from iptm_core.errors import BagError, ScenarioError
-from iptm_interfaces.topics import TOPICS
+from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
 
@@ -29,7 +29,9 @@ def own_domain(ros_environment: dict[str, str]) -> None:
 @pytest.mark.parametrize("node", OUTPUTS)
 def test_the_example_bag_is_answered_as_recorded(node: str) -> None:
     comparison = check_node(BAG, node)
-    names = {f"/{TOPICS[topic].name.lstrip('/')}" for topic in OUTPUTS[node]}
+    # The bag is older than this topic.
+    recorded = (topic for topic in OUTPUTS[node] if topic is not Topic.ROAD_AHEAD)
+    names = {f"/{TOPICS[topic].name.lstrip('/')}" for topic in recorded}
     assert {outcome.topic.split(" ")[0] for outcome in comparison} == names
     for outcome in comparison:
         assert outcome.agrees, outcome.divergence_text() or outcome

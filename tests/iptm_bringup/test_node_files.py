@@ -161,7 +161,8 @@ def test_the_launch_file_sets_parameters_and_arguments_that_exist(
                 continue
             assert specs[key].kind is value.named["value_type"], key
             if key in module["ARGUMENTS"]:
-                default = value.named["value_type"](module["ARGUMENTS"][key][0])
+                text, kind = module["ARGUMENTS"][key][0], value.named["value_type"]
+                default = text == "True" if kind is bool else kind(text)
                 assert checked_value(specs[key], default) == specs[key].default, key
     for name in NODES:
         assert Path(module["ARGUMENTS"][f"{name}_parameters"][0]).is_file()

@@ -177,6 +177,7 @@ def run_stage(
     lowest_k: float = 0.0,
     thermal_energy_price_1_j: float = 0.0,
     model: ModelParameters = PARAMETERS,
+    max_speed_m_s: float | None = None,
 ) -> tuple[FloatArray, float, FloatArray]:
     """Return the result of one step of the optimal control problem, in physical units.
 
@@ -189,7 +190,8 @@ def run_stage(
          state.acceleration_m_s2, state.compressor_power_w]
     )  # fmt: skip
     step_parameters = [
-        leader[0] - state.position_m, leader[1], step_s, step_s, float(end_of_horizon)
+        leader[0] - state.position_m, leader[1], step_s, step_s, float(end_of_horizon),
+        model.limits.max_speed_m_s if max_speed_m_s is None else max_speed_m_s,
     ]  # fmt: skip
     for node in quadrature(count)[0] * step_s:
         moved = state.speed_m_s * node + 0.5 * acceleration_m_s2 * node**2

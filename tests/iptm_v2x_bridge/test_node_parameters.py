@@ -8,10 +8,11 @@ import pytest
 from iptm_core.declaration import parameter_specs
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
-from iptm_core.settings import PreviewSettings
+from iptm_core.settings import LeaderSource, PreviewSettings
 from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
+from iptm_v2x_bridge.road_knowledge import given_rules
 from iptm_v2x_bridge.stations.station import Observation
 
 
@@ -49,12 +50,15 @@ def test_the_node_drives_the_bridge_by_its_own_parameters() -> None:
 def test_rules_that_cannot_be_read_are_refused(given: dict[str, str], word: str) -> None:
     parameters = BridgeNodeParameters(**given)  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match=word):
-        parameters.build_given_rules()
+        given_rules(parameters, parameters.build_source().route)
 
 
 def test_a_host_that_keeps_the_rules_needs_to_know_them() -> None:
     with pytest.raises(ParameterError, match="speed_limits_km_h"):
         BridgeNodeParameters(host_keeps_rules=True)
+    with pytest.raises(ParameterError, match="set_speed_km_h is 0 with leader_source none"):
+        BridgeNodeParameters(leader_source=LeaderSource.NONE)
+    assert BridgeNodeParameters(leader_source=LeaderSource.NONE, set_speed_km_h=90.0).keeps_rules
 
 
 def test_what_is_given_of_the_road_bounds_the_prediction() -> None:
@@ -64,9 +68,8 @@ def test_what_is_given_of_the_road_bounds_the_prediction() -> None:
     given = {"signals": "204.5:80:30:40"}
     for keeps, farthest_m in ((True, 200.5), (False, np.inf)):
         parameters = BridgeNodeParameters(leader_keeps_rules=keeps, **given)  # type: ignore[arg-type]
-        predictors = parameters.build_predictors(
-            parameters.build_source().route, parameters.build_given_rules()
-        )
+        route = parameters.build_source().route
+        predictors = parameters.build_predictors(route, given_rules(parameters, route))
         found = [predictor.predict(stands, times) for predictor in predictors]
         best = next(prediction for prediction in found if prediction is not None)
         assert 150.0 < best.positions_m[29] < farthest_m

@@ -6,13 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iptm_core.errors import RouteError
+from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes import build_route
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
 from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName, RoadPath
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath, monotone_spline
-from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits, SpeedLimits
+from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits
 from iptm_v2x_bridge.sending.settings import path_times_s
 from iptm_v2x_bridge.stations.station import Observation
 

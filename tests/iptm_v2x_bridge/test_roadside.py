@@ -21,6 +21,7 @@ from tests.iptm_v2x_bridge.roadside import (
     signs,
 )
 
+from iptm_core.road_ahead import SpeedLimits
 from iptm_v2x_bridge.messages.its_time import (
     its_timestamp_ms,
     minute_of_year,
@@ -35,7 +36,6 @@ from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, GivenRules
 from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan, SwitchedSignal
-from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.stop_lines import stop_lines

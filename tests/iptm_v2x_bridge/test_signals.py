@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iptm_core.errors import RouteError
+from iptm_core.road_ahead import SpeedLimits
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, PredictorName
 from iptm_v2x_bridge.prediction.signals import BoundedBySignals, CyclicSignal, SignalPlan
-from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
 from iptm_v2x_bridge.stations.station import Observation
 
 TIMES: FloatArray = np.arange(0.0, 61.0)

@@ -20,7 +20,7 @@ from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.settings import TripSettings
+from iptm_core.settings import LeaderSource, TripSettings
 from iptm_core.strict_mapping import shown
 from iptm_studies.run import Run as StudyRun
 from iptm_studies.run import perform_run
@@ -38,6 +38,7 @@ def simulate(
     overrides: Mapping[str, float] | None = None,
     controller: Controller | None = None,
     predictor: Predictor | None = None,
+    leader: str | None = LeaderSource.CYCLE.value,
     **settings: Any,
 ) -> Run:
     """Drive a trip behind a lead vehicle, without ROS.
@@ -60,9 +61,12 @@ def simulate(
         controller: drives instead of the controller of the suite, see `Controller`; strategy and horizon then
             do not count.
         predictor: predicts the lead vehicle for the controller instead of its true future, see `Predictor`.
+        leader: ``cycle``, or None for an empty road, on which the ego vehicle drives the road of the cycle at
+            its limits; ``speed_limits_km_h`` (``"cycle"`` takes those that the cycle suggests) or
+            ``set_speed_km_h`` is needed then.
         settings: further keys of a run in a study: ``slope``, ``duration_s``, ``preview``, ``solver``,
-            ``thermal_model``, ``tick_s``, ``plant_step_s``, ``faults``, and ``charging_minute_kwh`` with
-            the others of a stop at a fast charger.
+            ``thermal_model``, ``tick_s``, ``plant_step_s``, ``faults``, ``signals``, ``host_keeps_rules``,
+            and ``charging_minute_kwh`` with the others of a stop at a fast charger.
 
     Returns:
         The finished run.
@@ -79,16 +83,22 @@ def simulate(
                 f"{name} is {shown(part)}; allowed: an object with the method {method}, see"
                 f" iptm.{name.title()}"
             )
+    if leader is not None and not isinstance(leader, str):
+        raise ParameterError(f"leader is {shown(leader)}; allowed: cycle or None")
     own_law = aging_law if isinstance(aging_law, AgingLaw) else None
-    settings |= {"aging_law": PAPER_LAW if own_law else aging_law}
-    inputs = run_inputs(cycle, strategy, vehicle, overrides, {"horizon": horizon, **settings})
+    settings |= {
+        "horizon": horizon,
+        "aging_law": PAPER_LAW if own_law else aging_law,
+        "leader_source": leader or LeaderSource.NONE.value,
+    }
+    inputs = run_inputs(cycle, strategy, vehicle, overrides, settings)
     own = (
         None
         if controller is None
         else OwnController(controller, inputs.parameters.limits, inputs.spec.tick_s)
     )
-    leader = None if predictor is None else PredictedSource(inputs.route, predictor)
-    done = perform_run(inputs, own_controller=own, leader=leader, own_law=own_law)
+    source = None if predictor is None else PredictedSource(inputs.route, predictor)
+    done = perform_run(inputs, own_controller=own, leader=source, own_law=own_law)
     run = run_of_study(done, inputs.route.slope)
     if controller is not None:
         own_settings = {"strategy": _OWN, "horizon": _OWN, "solver": _OWN}

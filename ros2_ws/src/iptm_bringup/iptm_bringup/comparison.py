@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
 
 from iptm_bringup.scenario import PreparedScenario
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import strategy_by_name
-from iptm_core.declaration import Settings, parameter_specs
+from iptm_core.declaration import given_settings
 from iptm_core.metrics import RunMetrics, compute_metrics, figure_values
 from iptm_core.settings import (
     IntegrationSettings,
     PreviewSettings,
+    RoadAheadSettings,
     SafetyMonitorSettings,
     SamplingSettings,
 )
@@ -26,8 +26,10 @@ from iptm_interfaces.topics import PLANT
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
-
-S = TypeVar("S", bound=Settings)
+from iptm_studies.run_spec import HEADLESS_LEADERS
+from iptm_v2x_bridge.bridge import TickBridge
+from iptm_v2x_bridge.road_knowledge import road_bridge
+from iptm_v2x_bridge.source import PreviewSource
 
 NO_COMPARISON = "none"
 
@@ -81,16 +83,10 @@ def relative_changes(own: RunMetrics, other: RunMetrics) -> dict[str, float]:
     }
 
 
-def given_settings(group: type[S], given: Mapping[str, Any]) -> S:
-    """Return the settings of a group as far as they are among others; the rest are defaults."""
-    names = [spec.name for spec in parameter_specs(group)]
-    return group(**{name: given[name] for name in names if name in given})
-
-
 def drive_other(
     prepared: PreparedScenario,
     strategy: str,
-    on_step: Callable[[PlantStep, LeaderState], None] | None = None,
+    on_step: Callable[[PlantStep, LeaderState | None], None] | None = None,
 ) -> ClosedLoopRun:
     """Drive the trip of a scenario once more, with the plant and the sampling time that it asks for.
 
@@ -102,11 +98,13 @@ def drive_other(
     Raises:
         IptmError: the strategy is not known, or the problem cannot be compiled.
     """
+    source, bridge = bridge_for(prepared)
     return run_closed_loop(
         prepared.route,
         plant_for(prepared),
         controller_for(prepared, strategy),
-        preview_for(prepared),
+        bridge=bridge,
+        leader=source,
         on_step=on_step,
     )
 
@@ -138,9 +136,13 @@ def controller_for(
     return Controller(prepared.model.values, options)
 
 
-def preview_for(prepared: PreparedScenario) -> PreviewSettings:
-    """Return the preview settings of a scenario."""
-    return given_settings(PreviewSettings, vars(prepared.scenario))
+def bridge_for(prepared: PreparedScenario) -> tuple[PreviewSource, TickBridge]:
+    """Return the leader of a scenario without ROS and its bridge; one that is heard drives the cycle."""
+    road = prepared.road
+    if road.leader_source not in HEADLESS_LEADERS:
+        road = RoadAheadSettings()
+    preview = PreviewSettings.of(prepared.scenario)
+    return road_bridge(road, prepared.route, prepared.model.values, preview)
 
 
 def drive_comparison(prepared: PreparedScenario, strategy: str) -> Comparison:

@@ -17,6 +17,7 @@ from iptm_bringup.scenario import NODES, PreparedScenario, names_for
 from iptm_bringup.scenario_files import scenario_text
 from iptm_core.declaration import Scalar, plain
 from iptm_core.parameters import to_flat_dict
+from iptm_core.settings import LeaderSource
 from iptm_faults.fault import Fault, at_places, plain_faults
 from iptm_faults.kinds import FaultPlace
 from iptm_faults.wiring import faulty_name, route_name
@@ -26,9 +27,6 @@ from iptm_recording.run_information import MODEL_KEY
 RECORDER = "recorder"
 INJECTOR = "fault_injector"
 COMMENT_WIDTH = 100
-LEADER_FROM_MESSAGES = "cam"
-"""Value of the bridge's parameter `leader_source` that selects received CAM messages."""
-
 MODULES = {
     PLANT: "iptm_plant_sim.node",
     BRIDGE: "iptm_v2x_bridge.node",
@@ -104,15 +102,14 @@ def node_parameters(
     is_foreign = CONTROLLER in listeners.without
     controller = 1 - int(is_foreign and listeners.foreign_to_state > 0)
     # A bridge on received messages also subscribes to the odometry; in lock-step their sender to the clock.
-    bridge_settings = scenario.node_parameters.get(BRIDGE, {})
-    wireless = int(
-        bridge_settings.get("leader_source") == LEADER_FROM_MESSAGES
-        and bridge_settings.get("cam_lock_step") is not False
-        and not bridge_settings.get("recorded_packets")
-    )
+    # One that keeps the rules of the road without messages subscribes to both.
+    of_bridge, road = scenario.node_parameters.get(BRIDGE, {}), prepared.road
+    in_step = of_bridge.get("cam_lock_step") is not False and not of_bridge.get("recorded_packets")
+    is_cam = road.leader_source is LeaderSource.CAM
+    bridge = int(in_step if is_cam else road.keeps_rules)
     peers: dict[str, dict[str, Scalar]] = {
         PLANT: {
-            "expected_peers": controller + recorder + runner + wireless + listeners.foreign_to_state
+            "expected_peers": controller + recorder + runner + bridge + listeners.foreign_to_state
         },
         BRIDGE: {
             "initial_gap_m": prepared.model.values.gap.initial_gap_m,

@@ -289,8 +289,10 @@ class Drive(AbstractContextManager["Drive"]):
         last_ns = self.monitor.time_ns
         deadline_s = time.monotonic() + _LAST_ANSWER_TIMEOUT_S
         while time.monotonic() < deadline_s:
-            newest = [self.monitor.newest_stamp_ns(topic) for topic in _LAST_ANSWERS]
-            if all(stamp_ns == last_ns for stamp_ns in newest):
+            newest = {topic: self.monitor.newest_stamp_ns(topic) for topic in _LAST_ANSWERS}
+            if newest[Topic.LEADER] is None:
+                del newest[Topic.LEADER]  # an empty road
+            if all(stamp_ns == last_ns for stamp_ns in newest.values()):
                 return
             self._hear()
 

@@ -21,6 +21,7 @@ from iptm_bringup.summary import OWN_AGING, PAPER_AGING, Summary, summarise
 from iptm_core.decision_record import DecisionSeries, DecisionStatistics
 from iptm_core.errors import MissingTopicError
 from iptm_core.metrics import FIGURES, RunMetrics, compute_metrics, figure_values
+from iptm_core.settings import LeaderSource
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.assembly import assemble_decisions, assemble_run, split_trips, unpublished
 from iptm_interfaces.codecs import s_from_ns, stamp_ns_of
@@ -145,7 +146,12 @@ def evaluate(
         if missed:
             notes.append(f"the runner missed {missed} states; the bag holds them")
     losses = None if bag is None else stored_losses(information)
-    notes += unpublished(trajectory)
+    is_empty = prepared.road.leader_source is LeaderSource.NONE
+    notes += [
+        note
+        for note in unpublished(trajectory)
+        if not (is_empty and note.startswith(Topic.LEADER.value))
+    ]
     notes += [remark] if (remark := leader_remark(trajectory, losses)) else []
     fastest_m_s = float(np.fmax.reduce(trajectory.leader_speed_m_s))
     if fastest_m_s > parameters.limits.max_speed_m_s:
@@ -183,6 +189,9 @@ def _missing_messages(
     # In real time the plant does not wait for answers, so only its own messages are certain.
     complete = (*_OF_PLANT, *_OF_BRIDGE) if prepared.is_lock_step else _OF_PLANT
     expected = dict.fromkeys(complete, ticks)
+    road = prepared.road
+    if road.keeps_rules and road.leader_source is not LeaderSource.CYCLE:
+        expected.pop(Topic.LEADER, None)  # published where a vehicle is ahead
     if prepared.is_lock_step:
         # The last state ends the trip, whether it is answered or not.
         expected |= dict.fromkeys(_OF_CONTROLLER, ticks - 1)

@@ -231,6 +231,8 @@ class RunMonitor(SuiteNode):
 
     def _gap_m(self) -> float:
         """Return the gap at the stamp of the newest leader, NaN if no recent state has that stamp."""
+        if not self.recorded[Topic.LEADER]:
+            return math.nan  # an empty road
         leader = self._newest(Topic.LEADER)
         stamp_ns = ns_from_time(leader.header.stamp)
         for data in self.recorded[Topic.PLANT_ODOMETRY][: -1 - _RECENT_STATES : -1]:

@@ -10,10 +10,10 @@ from typing import Any
 
 import yaml
 
-from iptm_bringup.composition import LEADER_FROM_MESSAGES
 from iptm_bringup.replay_feed import Step
+from iptm_core.declaration import given_settings
 from iptm_core.errors import BagError
-from iptm_core.settings import LoopMode
+from iptm_core.settings import LeaderSource, LoopMode, RoadAheadSettings
 from iptm_interfaces.assembly import split_trips
 from iptm_interfaces.topics import (
     BRIDGE,
@@ -32,20 +32,28 @@ OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
     CONTROLLER: (
         Topic.SOLVE, Topic.PLAN, Topic.ACCELERATION_COMMAND, Topic.COMPRESSOR_POWER_COMMAND, Topic.COMMAND,
     ),
-    BRIDGE: (Topic.SLOPE, Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW),
+    BRIDGE: (
+        Topic.SLOPE, Topic.ROAD_AHEAD, Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW,
+    ),
     PLANT: (*OBSERVATION_TOPICS, Topic.PLANT_SAFETY, Topic.CLOCK),
 }  # fmt: skip
 """Compared outputs of each node; its diagnostics depend on the machine and are left out."""
 
 INPUTS: Mapping[str, tuple[Topic, ...]] = {
-    CONTROLLER: (Topic.SLOPE, *STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW),
+    CONTROLLER: (
+        Topic.SLOPE,
+        *STATE_TOPICS,
+        Topic.ROAD_AHEAD,
+        Topic.LEADER,
+        Topic.LEADER_PREVIEW,
+    ),
     BRIDGE: (Topic.CLOCK,),
     PLANT: (Topic.LEADER_SAMPLES, Topic.COMMAND),
 }
 """Recorded inputs of each node; a bridge on received messages also needs the position of the ego vehicle."""
 
-_LATER = (Topic.PLANT_SAFETY, Topic.LEADER_SAMPLES)
-"""Topics that older bags lack."""
+_LATER = (Topic.PLANT_SAFETY, Topic.LEADER_SAMPLES, Topic.ROAD_AHEAD, Topic.LEADER)
+"""Topics that older bags lack, or those of an empty road."""
 _FINAL_ANSWER = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
 _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
     # The check is the only subscriber, and its inputs are never late.
@@ -91,10 +99,7 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
             raise BagError(
                 f"{bag} does not hold the parameters of {node}: there is nothing to start it with"
             )
-        inputs, own_way = INPUTS[node], dict(_OWN_WAY[node])
-        if node == BRIDGE and given.get("leader_source") == LEADER_FROM_MESSAGES:
-            inputs = (Topic.PLANT_ODOMETRY, *inputs)
-            own_way |= {"recorded_packets": str(bag.resolve()), "publish_datagrams": False}
+        inputs, own_way = _told(node, given, bag)
         wanted = dict.fromkeys((*inputs, *OUTPUTS[node]))
         names = {}
         for topic in wanted:
@@ -126,6 +131,21 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
         parameters={**given, **own_way},
         steps=tuple(_steps(node, inputs, heard, bag)),
     )
+
+
+def _told(
+    node: str, given: Mapping[str, Any], bag: Path
+) -> tuple[tuple[Topic, ...], dict[str, Any]]:
+    """Return the inputs of a node with such parameters, and the parameters that differ in a check."""
+    inputs, own_way = INPUTS[node], dict(_OWN_WAY[node])
+    if node == BRIDGE:
+        road = given_settings(RoadAheadSettings, given)
+        is_cam = road.leader_source is LeaderSource.CAM
+        if is_cam or road.keeps_rules:
+            inputs = (Topic.PLANT_ODOMETRY, *inputs)
+        if is_cam:
+            own_way |= {"recorded_packets": str(bag.resolve()), "publish_datagrams": False}
+    return inputs, own_way
 
 
 def _steps(

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from iptm_bringup.comparison import NO_COMPARISON, controller_for, plant_for, preview_for
+from iptm_bringup.comparison import NO_COMPARISON, controller_for, plant_for
 from iptm_bringup.environment import domain_of_run, environment_of_run
 from iptm_bringup.run_closed_loop import parsed_options, prepared_from
 from iptm_bringup.run_folder import LOGS, RunFolder
@@ -26,7 +26,7 @@ from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error, refused
-from iptm_core.settings import VEHICLE_LENGTH_M
+from iptm_core.settings import VEHICLE_LENGTH_M, PreviewSettings
 from iptm_core.vehicle_string import (
     MAX_VEHICLES,
     vehicle_count,
@@ -240,7 +240,7 @@ def _headless(
             vehicles,
             plant_for(prepared),
             lambda: controller_for(prepared, *chosen),
-            preview_for(prepared),
+            PreviewSettings.of(prepared.scenario),
             length_m,
         )
     )

@@ -22,6 +22,7 @@ from iptm_core.declaration import (
     Scalar,
     Settings,
     checked_value,
+    given_settings,
     parameter,
     parameter_specs,
     plain,
@@ -37,13 +38,16 @@ from iptm_core.settings import (
     PaceSettings,
     PreviewSettings,
     RangeSensorSettings,
+    RoadAheadSettings,
     RoadSettings,
     SafetyMonitorSettings,
     SamplingSettings,
     TripSettings,
 )
 from iptm_faults.fault import Fault
+from iptm_faults.injection import check_empty_road
 from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
+from iptm_v2x_bridge.road_knowledge import given_rules
 
 T = TypeVar("T")
 
@@ -61,6 +65,7 @@ SETTINGS_OF_NODES: Mapping[str, tuple[type[Settings], ...]] = {
     ),
     BRIDGE: (
         RoadSettings,
+        RoadAheadSettings,
         ModelSettings,
         PreviewSettings,
         ClockSettings,
@@ -98,6 +103,7 @@ class Scenario(
     ChargingStopSettings,
     ControllerSettings,
     ModelSettings,
+    RoadAheadSettings,
     TripSettings,
 ):
     """Route, vehicle, controller and conditions of a run; ranges and units are in the declarations.
@@ -182,6 +188,12 @@ class PreparedScenario:
         return changes
 
     @property
+    def road(self) -> RoadAheadSettings:
+        """Lead vehicle and rules of the road, as the bridge is given them."""
+        given = self.scenario.node_parameters.get(BRIDGE, {})
+        return given_settings(RoadAheadSettings, {**vars(self.scenario), **given})
+
+    @property
     def is_lock_step(self) -> bool:
         """Whether trip time waits for the controller."""
         return self.scenario.mode is LoopMode.LOCK_STEP
@@ -210,7 +222,11 @@ def prepare(scenario: Scenario) -> PreparedScenario:
     part("horizon", lambda: Horizon.parse(scenario.horizon))
     part("namespace", lambda: _check_namespace(scenario.full_namespace))
     part("node_parameters", lambda: _check_periods(scenario))
-    return PreparedScenario(scenario, parameters, route)
+    prepared = PreparedScenario(scenario, parameters, route)
+    road = part("node_parameters", lambda: prepared.road)
+    part("speed_limits_km_h, signals", lambda: given_rules(road, route))
+    part("faults", lambda: check_empty_road(road.leader_source, scenario.faults))
+    return prepared
 
 
 def _check_periods(scenario: Scenario) -> None:

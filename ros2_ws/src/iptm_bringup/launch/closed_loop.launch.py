@@ -53,7 +53,6 @@ SPECS = {spec.name: spec for spec in parameter_specs(Scenario)}
 PARAMETERS = {node: {name: SPECS[name].kind for name in names_for(node)} for node in NODES}
 PARAMETERS[BRIDGE] |= {
     "initial_gap_m": float,
-    "leader_source": str,
     "vehicle_ahead": str,
     "leader_length_m": float,
 }
@@ -77,7 +76,6 @@ ARGUMENTS = {
         if any(name in of_node for of_node in PARAMETERS.values())
     },
     "initial_gap_m": (str(DEFAULT_GAP_M), "gap at the start in m, as in the parameter set"),
-    "leader_source": ("cycle", "where the leader is known from: cycle, cam or vehicle"),
     "leader_length_m": (str(VEHICLE_LENGTH_M), "leader_source vehicle: length of the leader in m"),
     "start_position_m": ("0.0", "where the vehicle starts along the road, in m"),
     **{name: (str(plain(spec.default)), spec.description) for name, spec in NEIGHBOURS.items()},

@@ -50,8 +50,11 @@ class CollisionGuard:
         self._lost_after_ticks = lost_after_ticks
         self.memory = GuardMemory()
 
-    def observe(self, leader: LeaderState | None) -> None:
-        """Note the leader of a tick, None if it is not measured."""
+    def observe(self, leader: LeaderState | None, *, is_free: bool = False) -> None:
+        """Note the leader of a tick, None if it is not measured or, on a free road, not there."""
+        if is_free:
+            self.memory = GuardMemory()
+            return
         last = self.memory.leader
         if leader is None:
             lost_ticks = self.memory.lost_ticks + 1

@@ -39,6 +39,7 @@ from iptm_controller.plan import (
     variables_from_plan,
 )
 from iptm_controller.production import ProductionLikeController
+from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
@@ -102,6 +103,7 @@ class Controller:
         self._estimator = Estimator(options.noise, parameters.limits, options.tick_s)
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
         self._production = ProductionLikeController(parameters, options.production)
+        self._road = RoadEnvelope(parameters, options.tick_s)
         self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
         self._last_trusted: VehicleState | None = None
 
@@ -153,6 +155,7 @@ class Controller:
             actuation=self._actuation.memory,
             estimator=self._estimator.memory,
             is_cooling=self._production.is_cooling,
+            pace=self._road.pace,
             solves_since_second=None if check is None else check.since_second,
         )
 
@@ -171,6 +174,7 @@ class Controller:
         self._actuation.memory = memory.actuation
         self._estimator.memory = memory.estimator
         self._production.is_cooling = memory.is_cooling
+        self._road.pace = memory.pace
         if self._switching_check is not None:
             self._switching_check.since_second = memory.solves_since_second
 
@@ -186,10 +190,12 @@ class Controller:
             state, leader = self._estimator.update(state, leader)
             self._actuation.observe(state)
             state = self._within_comfort(self._actuation.predicted(state))
-        if state is None or leader is None or trusted.fault:
+        if state is None or trusted.fault or (leader is None and not measured.is_free):
             planned = PlanningResult(None, trusted.fault)
         elif self.options.strategy.is_rule_based:
-            planned = PlanningResult(None, "", command=self._production.command(state, leader))
+            lawful = self._road.command_m_s2(state, measured.rules)
+            command = self._production.command(state, leader, lawful)
+            planned = PlanningResult(None, "", command=command)
         else:
             planned = self._plan(state, leader, measured)
         if planned.command is not None:
@@ -197,12 +203,11 @@ class Controller:
         elif planned.plan is not None:
             rung, command = self._ladder.accept(planned.plan)
         else:
-            ahead = None if state is None else self._forecaster.leader_at(state.time_s, leader)
-            rung, command = self._ladder.fall_back(state, ahead, self._last_trusted)
+            rung, command = self._fall_back(state, leader, measured)
         limited = self._limit(command, state)
         reasons = [planned.reason, self._actuation.reason]
         if state is not None:
-            self._guard.observe(leader)
+            self._guard.observe(leader, is_free=measured.is_free)
             if self._guard.collision_threatens(
                 limited.command.acceleration_m_s2,
                 state,
@@ -228,15 +233,27 @@ class Controller:
             ", ".join(filter(None, (self._estimator.noise, self._forecaster.fusion.noise))),
         )
 
+    def _fall_back(
+        self, state: VehicleState | None, leader: LeaderState | None, measured: Measurements
+    ) -> tuple[Rung, Command]:
+        """Return rung and command of a tick without a usable plan."""
+        if state is None:
+            return self._ladder.fall_back(state, None, self._last_trusted)
+        ahead = self._forecaster.leader_at(state.time_s, leader)
+        # A lead vehicle that is lost may be nearer than the rules: it is not driven towards.
+        if measured.rules is not None and (leader is not None or measured.is_free):
+            ahead = self._road.nearest(state, measured.rules, ahead)
+        rung, command = self._ladder.fall_back(state, ahead, self._last_trusted)
+        lawful = self._road.command_m_s2(state, measured.rules)
+        slower = min(command.acceleration_m_s2, lawful)
+        return rung, replace(command, acceleration_m_s2=slower)
+
     def _within_comfort(self, state: VehicleState) -> VehicleState:
         """Return a state whose acceleration ordinary commands can follow; service brakes go beyond."""
         limits = self._model.limits
-        acceleration = min(
-            max(state.acceleration_m_s2, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2
-        )
-        if acceleration == state.acceleration_m_s2:
-            return state
-        return replace(state, acceleration_m_s2=acceleration)
+        own = state.acceleration_m_s2
+        clipped = min(max(own, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2)
+        return state if clipped == own else replace(state, acceleration_m_s2=clipped)
 
     def _further_stopping_distance_m(self, speed_m_s: float) -> float:
         """Return by how much the weak brakes lengthen an emergency stop; kept as an additional gap."""
@@ -244,20 +261,22 @@ class Controller:
         return stated_m * (1.0 / self._actuation.brake_share - 1.0)
 
     def _plan(
-        self, state: VehicleState, leader: LeaderState, measured: Measurements
+        self, state: VehicleState, leader: LeaderState | None, measured: Measurements
     ) -> PlanningResult:
-        """Pose and solve the problem of a tick."""
-        forecast = self._forecaster.forecast(leader, measured.preview)
-        known_s = forecast.known_s - (state.time_s - leader.time_s)
-        motion, limiting = forecast.motion, forecast.limiting
-        if self._actuation.has_weak_brakes:
-            known_s = 0.0
-            further_m = self._further_stopping_distance_m(state.speed_m_s)
-            motion, limiting = motion.nearer_by(further_m), limiting.nearer_by(further_m)
+        """Pose and solve the problem of a tick; without a lead vehicle there are rules of the road."""
         last = self._ladder.plan_at(state.time_s)
         guess = (
             self._shifter.cold_start(state) if last is None else self._shifter.shift(last, state)
         )
+        forecast = None if leader is None else self._forecaster.forecast(leader, measured.preview)
+        motion, limiting = self._road.lead(state, measured.rules, forecast)
+        known_s = LOOK_AHEAD_S
+        if forecast is not None and leader is not None:
+            known_s = forecast.known_s - (state.time_s - leader.time_s)
+        if self._actuation.has_weak_brakes:
+            known_s = 0.0
+            further_m = self._further_stopping_distance_m(state.speed_m_s)
+            motion, limiting = motion.nearer_by(further_m), limiting.nearer_by(further_m)
         value = NO_VALUE
         if self._valuation is not None:
             value = self._valuation.value(state, motion)
@@ -277,12 +296,14 @@ class Controller:
             thermal,
             guess.states[:, StateIndex.SPEED],
             limiting,
+            self._road.speed_limits_m_s(measured.rules, guess.motion),
         )
         result = self._solve(data, variables_from_plan(guess, self._grid, state))
         if not result.status.usable:
             return PlanningResult(None, result.reason, result, forecast, value)
         plan = plan_from_variables(result.variables, self._grid, state)
-        return PlanningResult(plan, forecast.reason, result, forecast, value)
+        reason = "" if forecast is None else forecast.reason
+        return PlanningResult(plan, reason, result, forecast, value)
 
     def _solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
         """Solve a problem; a back end that raises, against its promise, has broken off."""

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from iptm_core.road_ahead import RoadAhead
 from iptm_core.state import (
     SPEED_AT_REST_M_S,
     LeaderPreview,
@@ -50,6 +51,7 @@ class Measurements:
         preview: newest received prediction, possibly empty.
         slope: road slope over position.
         fault: why something is not measured; empty if all is.
+        road: rules of the road, None where none are known.
     """
 
     state: VehicleState | None
@@ -57,6 +59,17 @@ class Measurements:
     preview: LeaderPreview
     slope: SlopePreview
     fault: str = ""
+    road: RoadAhead | None = None
+
+    @property
+    def rules(self) -> RoadAhead | None:
+        """The rules of the road that bind the host, None for none."""
+        return None if self.road is None or self.road.limits is None else self.road
+
+    @property
+    def is_free(self) -> bool:
+        """Whether no vehicle is ahead, and rules tell how to drive on."""
+        return self.leader is None and self.rules is not None and not self.rules.has_leader
 
 
 @dataclass(frozen=True)
@@ -93,6 +106,8 @@ def trusted_measurements(measured: Measurements, last: VehicleState | None = Non
     pack_fault = _out_of_range(state, _PACK)
     if pack_fault:
         state = _with_possible_pack(state, last)
+    if measured.is_free:
+        return Trusted(state, None, pack_fault or slope_fault(measured.slope))
     if leader is None:
         fault = pack_fault or measured.fault or "no measurement of the leader"
         return Trusted(state, None, fault)

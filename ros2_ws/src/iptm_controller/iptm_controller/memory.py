@@ -44,6 +44,19 @@ class TractionMemory:
 
 
 @dataclass(frozen=True)
+class PaceMemory:
+    """Of the road ahead: the lead motion of its limits at the last tick.
+
+    ``is_held``: a stop or a lead vehicle was nearer.
+    """
+
+    time_s: float
+    position_m: float
+    speed_m_s: float
+    is_held: bool
+
+
+@dataclass(frozen=True)
 class ControllerMemory:
     """Of a controller; the default is that of one which has not decided anything.
 
@@ -59,6 +72,7 @@ class ControllerMemory:
         actuation: of the observer of the actuators.
         estimator: of the filter of noisy measurements.
         is_cooling: of the thermostat of the production-like controller.
+        pace: of the road ahead, None where no rule has bound the vehicle.
         solves_since_second: of the check for better switching; None for one that has not solved anything.
     """
 
@@ -73,4 +87,5 @@ class ControllerMemory:
     actuation: ActuationMemory = field(default_factory=ActuationMemory)
     estimator: EstimatorMemory = field(default_factory=EstimatorMemory)
     is_cooling: bool = False
+    pace: PaceMemory | None = None
     solves_since_second: int | None = None

@@ -6,6 +6,7 @@ import math
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -14,7 +15,7 @@ from std_msgs.msg import Float64, Float64MultiArray
 from iptm_controller.decision import Decision
 from iptm_controller.memory import ControllerMemory
 from iptm_controller.node_changes import SettingsChanges
-from iptm_controller.node_inputs import read_measurements
+from iptm_controller.node_inputs import TICK_INPUTS, CompleteTick, read_measurements
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
 from iptm_controller.node_reports import Road, decision_values, plan_trajectory, situation
 from iptm_controller.node_watch import OperatorWatch
@@ -25,6 +26,7 @@ from iptm_core.state import SlopePreview
 from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import (
     decode_leader_preview_bytes,
+    decode_road_ahead,
     decode_slope,
     encode_command,
     encode_decision_record,
@@ -55,7 +57,7 @@ CATCH_UP_S = 0.002
 
 
 class ControllerNode(SuiteNode):
-    """Matches state, leader and preview by stamp, decides, and publishes the decision."""
+    """Matches state, leader, preview and road by stamp, decides, and publishes the decision."""
 
     PARAMETERS = ControllerNodeParameters
 
@@ -73,9 +75,7 @@ class ControllerNode(SuiteNode):
         self._trip_before = (self._controller.memory, self._watch)
         self._slope: SlopePreview | None = None
         self._slope_fault = ""
-        self._matcher = StampMatcher(
-            [*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW], leading=STATE_TOPICS
-        )
+        self._matcher = StampMatcher(TICK_INPUTS, STATE_TOPICS, is_complete=CompleteTick(self))
         self._waiting_since_s: float | None = None
         self._unanswered_since_s: float | None = None
         self._held: MatchedSet[Topic] | None = None
@@ -97,7 +97,10 @@ class ControllerNode(SuiteNode):
         self._solve_publisher = self.advertise(Topic.SOLVE)
         self._reporter = DiagnosticsReporter.of_node(self, "optimal control")
         self.listen(Topic.SLOPE, self._on_slope)
-        self.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
+        road, preview = Topic.ROAD_AHEAD, Topic.LEADER_PREVIEW
+        self.listen(road, partial(self._on_decoded, road, decode_road_ahead))
+        read_preview = partial(self._on_decoded, preview, decode_leader_preview_bytes)
+        self.listen(preview, read_preview, raw=True)
         for topic in (Topic.LEADER, *STATE_TOPICS):
             self.listen(topic, partial(self._on_stamped, topic))
         self.watch_peers(Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
@@ -123,15 +126,17 @@ class ControllerNode(SuiteNode):
     def _on_stamped(self, topic: Topic, message: Any) -> None:
         self._put(topic, ns_from_time(message.header.stamp), message)
 
-    def _on_preview(self, data: bytes) -> None:
+    def _on_decoded(
+        self, topic: Topic, decode: Callable[[Any], tuple[int, Any]], message: Any
+    ) -> None:
         try:
-            stamp_ns, preview = decode_leader_preview_bytes(data)
+            stamp_ns, value = decode(message)
         except MessageError as error:
             # Without a stamp it cannot be matched: the tick is answered when the inputs time out,
             # unless a newer state arrives first.
             self.get_logger().warning(str(error), throttle_duration_sec=5.0)
             return
-        self._put(Topic.LEADER_PREVIEW, stamp_ns, preview)
+        self._put(topic, stamp_ns, value)
 
     def _put(self, topic: Topic, stamp_ns: int, value: Any) -> None:
         duplicates = self._matcher.duplicates

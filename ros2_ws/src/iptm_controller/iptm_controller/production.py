@@ -13,6 +13,7 @@ publish no such thresholds: these are chosen, in the middle of the paper's limit
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from iptm_core.declaration import Settings, parameter
@@ -121,9 +122,20 @@ class ProductionLikeController:
         self._settings = settings
         self.is_cooling = False
 
-    def command(self, state: VehicleState, leader: LeaderState) -> Command:
-        """Return the command of a tick; jerk and the rate of the compressor are left to the limiter."""
-        acceleration = cruise_control_m_s2(state, leader, self._parameters, self._settings)
+    def command(
+        self, state: VehicleState, leader: LeaderState | None, at_most_m_s2: float = math.inf
+    ) -> Command:
+        """Return the command of a tick; jerk and the rate of the compressor are left to the limiter.
+
+        Args:
+            state: ego vehicle.
+            leader: lead vehicle, None without one.
+            at_most_m_s2: what the rules of the road allow.
+        """
+        acceleration = at_most_m_s2
+        if leader is not None:
+            following = cruise_control_m_s2(state, leader, self._parameters, self._settings)
+            acceleration = min(following, at_most_m_s2)
         return Command(acceleration, self._compressor_power_w(state))
 
     def _compressor_power_w(self, state: VehicleState) -> float:

@@ -11,6 +11,7 @@ needs the same parameter inherits from the group or refers to its declaration wi
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from enum import Enum
 from typing import Any, TypeVar
@@ -139,6 +140,12 @@ class Settings:
     def of(cls: type[Group], composed: Settings) -> Group:  # noqa: PYI019  Self needs Python 3.11
         """Return the settings of this group out of a composition of groups."""
         return cls(**{spec.name: getattr(composed, spec.name) for spec in parameter_specs(cls)})
+
+
+def given_settings(group: type[Group], given: Mapping[str, Any]) -> Group:
+    """Return the settings of a group as far as they are among others; the rest are defaults."""
+    names = [spec.name for spec in parameter_specs(group)]
+    return group(**{name: given[name] for name in names if name in given})
 
 
 def checked_value(spec: ParameterSpec, given: Any) -> Any:

@@ -40,6 +40,19 @@ class PreviewMode(TextEnum):
     NONE = "none"
 
 
+class LeaderSource(TextEnum):
+    """Where the bridge gets the lead vehicle from."""
+
+    CYCLE = "cycle"
+    """The cycle itself."""
+    CAM = "cam"
+    """Cooperative awareness messages that arrive at a UDP port."""
+    VEHICLE = "vehicle"
+    """The odometry and the plans of another vehicle of the graph."""
+    NONE = "none"
+    """There is no lead vehicle: the host drives the road of the cycle at its limits."""
+
+
 class ThermalModel(TextEnum):
     """Which cells of a coolant channel the simulated vehicle has."""
 
@@ -89,6 +102,63 @@ class TripSettings(RoadSettings):
     def trip_route(self, initial_gap_m: float) -> Route:
         """Build the route of the trip; see `RoadSettings.route`."""
         return self.route(initial_gap_m, self.duration_s)
+
+
+@dataclass(frozen=True)
+class RoadAheadSettings(Settings):
+    """Lead vehicle, and what the road allows the host beside it.
+
+    Raises:
+        ParameterError: a value is out of range, or rules are to be kept and no speed is limited.
+    """
+
+    leader_source: LeaderSource = parameter(
+        LeaderSource.CYCLE,
+        "cycle: the leader drives the cycle; cam: it is observed by the messages that arrive; vehicle: it is "
+        "vehicle_ahead, whose plans are the previews; none: the road is empty; with the latter three the "
+        "cycle gives the road only",
+    )
+    host_keeps_rules: bool = parameter(
+        default=False,
+        description="with a leader: the host keeps speed limits and signals where they are stricter, and "
+        "drives on where none is observed; without one it always does",
+    )
+    set_speed_km_h: float = parameter(
+        0.0,
+        "largest speed that the driver wants where rules are kept, 0 for none",
+        "km/h",
+        0.0,
+        250.0,
+    )
+    speed_limits_km_h: str = parameter(
+        "",
+        "speed limits of the road, <from metre>:<km/h> parts, e.g. '0:50, 1200:70'; cycle: between two halts "
+        "the lowest usual limit that the cycle keeps",
+    )
+    signals: str = parameter(
+        "",
+        "signals of the road with plans that repeat themselves, <metre of the stop line>:<cycle in s>:"
+        "<s of trip time, with cam of TimestampIts, at which it turns green>:<s for which it is green> parts",
+    )
+    line_foresight_s: float = parameter(
+        60.0, "stop lines that the host reaches later are not looked at", "s", 1.0, 3600.0
+    )
+    max_lateral_acceleration_m_s2: float = parameter(
+        2.0, "where rules are kept, curves are passed with this at most", "m/s^2", 0.1, 10.0
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.keeps_rules and not (self.speed_limits_km_h.strip() or self.set_speed_km_h):
+            told = "leader_source none" if not self.host_keeps_rules else "host_keeps_rules"
+            raise ParameterError(
+                f"speed_limits_km_h is empty and set_speed_km_h is 0 with {told}; allowed: one of them stated"
+            )
+
+    @property
+    def keeps_rules(self) -> bool:
+        """Whether the rules of the road bind the host."""
+        return self.host_keeps_rules or self.leader_source is LeaderSource.NONE
 
 
 @dataclass(frozen=True)

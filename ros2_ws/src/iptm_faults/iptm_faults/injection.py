@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from iptm_controller.measurements import Measurements
 from iptm_core.errors import ScenarioError
+from iptm_core.settings import LeaderSource
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview
 from iptm_core.trip_time import NS_PER_S
 from iptm_faults.fault import Fault, at_places
@@ -34,6 +35,21 @@ def check_headless(faults: Iterable[Fault]) -> None:
         if not fault.spec.headless:
             allowed = ", ".join(kind for kind, spec in KINDS.items() if spec.headless)
             raise ScenarioError(f"fault is {fault.kind}; allowed without ROS: {allowed}")
+
+
+def check_empty_road(leader_source: LeaderSource, faults: Iterable[Fault]) -> None:
+    """Refuse faults of a lead vehicle that is not there.
+
+    Raises:
+        ScenarioError: the road is empty, and one of the faults needs a lead vehicle.
+    """
+    of_leader = {FaultPlace.TRAFFIC, FaultPlace.LEADER, FaultPlace.PREVIEW}
+    for fault in faults:
+        if leader_source is LeaderSource.NONE and fault.spec.place in of_leader:
+            allowed = ", ".join(kind for kind, spec in KINDS.items() if spec.place not in of_leader)
+            raise ScenarioError(
+                f"fault is {fault.kind} with leader_source none; allowed: {allowed}"
+            )
 
 
 class FaultInjection:

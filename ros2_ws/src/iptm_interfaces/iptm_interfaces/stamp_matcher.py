@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -71,6 +71,7 @@ class StampMatcher(Generic[K]):
         leading: Iterable[K] | None = None,
         max_pending: int = 16,
         gate: StampGate | None = None,
+        is_complete: Callable[[Mapping[K, Any]], bool] | None = None,
     ) -> None:
         """Set up a matcher.
 
@@ -79,6 +80,7 @@ class StampMatcher(Generic[K]):
             leading: the slots that advance the time of the trip, by default all.
             max_pending: incomplete sets kept; beyond it one that is least likely the next tick is given up.
             gate: judges the stamps of sets.
+            is_complete: whether the values of a stamp make a set, by default those of all slots.
 
         Raises:
             ParameterError: no slot, no room, or a leading slot that is none.
@@ -92,6 +94,7 @@ class StampMatcher(Generic[K]):
             )
         self._max_pending = max_pending
         self._gate = gate or StampGate()
+        self._is_complete = is_complete or self._has_all
         self._pending: dict[int, _Pending[K]] = {}
         self._again: set[K] = set()
         self._counts = dict.fromkeys(("matched", "late", "duplicate", "abandoned"), 0)
@@ -148,12 +151,15 @@ class StampMatcher(Generic[K]):
         elif slot in self._leading:
             pending.led += 1
         values[slot] = value
-        if len(values) == len(self._slots):
+        if self._is_complete(values):
             return self._hand_out(stamp_ns)
         if len(self._pending) > self._max_pending:
             del self._pending[min(self._pending, key=self._likelihood)]
             self._counts["abandoned"] += 1
         return None
+
+    def _has_all(self, values: Mapping[K, Any]) -> bool:
+        return len(values) == len(self._slots)
 
     def _put_again(self, slot: K, stamp_ns: int) -> MatchedSet[K] | None:
         self._again.add(slot)

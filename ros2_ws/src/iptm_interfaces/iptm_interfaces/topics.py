@@ -66,6 +66,7 @@ class Topic(Enum):
     LEADER = "v2x/leader"
     LEADER_SAMPLES = "v2x/leader_samples"
     LEADER_PREVIEW = "v2x/leader_preview"
+    ROAD_AHEAD = "v2x/road_ahead"
     SLOPE = "v2x/slope"
     DATAGRAMS = "v2x/datagrams"
     COMMAND = "controller/command"
@@ -199,8 +200,8 @@ _SPECS = (
     ),
     TopicSpec(
         Topic.LEADER, Odometry, BRIDGE, f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",
-        "preceding vehicle now (range sensor): pose.position.x = rear bumper along the road, "
-        "twist.linear.x = speed; covariances are not estimated (0)",
+        "preceding vehicle now (range sensor), none where no vehicle is ahead: pose.position.x = rear bumper "
+        "along the road, twist.linear.x = speed; covariances are not estimated (0)",
     ),
     TopicSpec(
         Topic.LEADER_SAMPLES, JointTrajectory, BRIDGE, ROAD_FRAME, "m, m/s",
@@ -216,6 +217,14 @@ _SPECS = (
         "(time_from_start <= 0); no points: nothing received yet; leader_bound: how far the vehicle may be "
         "behind these positions (99 % bound), and its rate; left out where the motion is known",
         {"leader": "m, m/s", "leader_bound": "m, m/s"},
+    ),
+    TopicSpec(
+        Topic.ROAD_AHEAD, JointState, BRIDGE, ROAD_FRAME, "m, m/s, s",
+        "what the road allows the host, vehicles apart: a bound per name[], at position[] m with velocity[] "
+        "m/s until trip time effort[] s: speed_limit from there on (the first one before it, too); stop (a "
+        "closed line, the end of the route), not passed by the front before; lead_vehicle: v2x/leader has a "
+        "message of this stamp. No names: nothing is known",
+        {"lead_vehicle": "-", "speed_limit": "m/s", "stop": "s"},
     ),
     TopicSpec(
         Topic.SLOPE, Float64MultiArray, BRIDGE, "-", "m, rad",

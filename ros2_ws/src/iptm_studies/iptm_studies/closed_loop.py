@@ -28,7 +28,7 @@ from iptm_v2x_bridge.source import (
     single_sample,
 )
 
-Disturb = Callable[[Measurements], tuple[LeaderState, Measurements]]
+Disturb = Callable[[Measurements], tuple[LeaderState | None, Measurements]]
 """From the true values to the effective leader and the measurements of the controller."""
 
 Sampled = Callable[[LeaderPreview, float], LeaderPreview | None]
@@ -43,8 +43,8 @@ class World(Protocol):
         """Let an interval pass in which the host moves from one state to the other."""
         ...
 
-    def leader_at(self, time_ns: int) -> LeaderState:
-        """Return the leader at the present tick (integer nanoseconds of trip time)."""
+    def leader_at(self, time_ns: int) -> LeaderState | None:
+        """Return the leader at the present tick (integer nanoseconds of trip time), None without one."""
         ...
 
     def sampled(self, times_s: FloatArray) -> LeaderPreview:
@@ -102,7 +102,7 @@ def run_closed_loop(
     leader: PreviewSource | None = None,
     start_position_m: float = 0.0,
     sampled: Sampled | None = None,
-    on_step: Callable[[PlantStep, LeaderState], None] | None = None,
+    on_step: Callable[[PlantStep, LeaderState | None], None] | None = None,
     world: World | None = None,
 ) -> ClosedLoopRun:
     """Drive a route from standstill.
@@ -121,7 +121,7 @@ def run_closed_loop(
         start_position_m: where the host starts, along the road.
         sampled: with ``disturb``, the leader that counts between two ticks, for the sensor of the safety
             monitor. Without it, a leader that counts and is not that of the source is measured once per tick.
-        on_step: called with vehicle and leader at every instant, the last one included.
+        on_step: called with vehicle and leader, if there is one, at every instant, the last one included.
         world: what is around the host; None for a leader only, that of ``leader`` or of the route.
 
     Returns:
@@ -135,10 +135,10 @@ def run_closed_loop(
     answering: TickBridge = bridge or V2xBridge(source, bridge_settings)
     step = plant.observe(plant.initial_state(start_position_m))
 
-    def measure(state: VehicleState, tick: int) -> tuple[LeaderState, Measurements]:
+    def measure(state: VehicleState, tick: int) -> tuple[LeaderState | None, Measurements]:
         time_ns = round(tick * tick_s * NS_PER_S)
-        answer = answering.answer(time_ns, state.position_m)
-        measured = Measurements(state, answer.leader, answer.preview, slope)
+        answer = answering.answer(time_ns, state.position_m, state.speed_m_s)
+        measured = Measurements(state, answer.leader, answer.preview, slope, road=answer.road)
         # The trajectory holds the true leader, not the estimated one.
         return (around.leader_at(time_ns), measured) if disturb is None else disturb(measured)
 
@@ -157,9 +157,9 @@ def run_closed_loop(
 
     plant.watch(range_sensor)
     period_s = plant.monitor.settings.monitor_period_s
-    observed: list[tuple[PlantStep, LeaderState]] = []
+    observed: list[tuple[PlantStep, LeaderState | None]] = []
 
-    def observe(step: PlantStep, leader_now: LeaderState) -> None:
+    def observe(step: PlantStep, leader_now: LeaderState | None) -> None:
         observed.append((step, leader_now))
         if on_step is not None:
             on_step(step, leader_now)

@@ -40,6 +40,7 @@ from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
 from iptm_studies.whole_trip import WholeTripRecord, solve_whole_trip
+from iptm_v2x_bridge.road_knowledge import road_bridge
 from iptm_v2x_bridge.source import PreviewSource
 
 CONTROLLER, VEHICLE = "controller", "vehicle"
@@ -180,14 +181,17 @@ def perform_run(
         )
         injection = FaultInjection(spec.faults)
         disturb, sampled = injection.disturb, injection.sampled
+    source, bridge = road_bridge(
+        spec.road, route, inputs.parameters, spec.bridge_settings(), leader
+    )
     loop = run_closed_loop(
         route,
         plant,
         controller,
-        spec.bridge_settings(),
         on_tick=note,
         disturb=disturb,
-        leader=leader,
+        bridge=bridge,
+        leader=source,
         sampled=sampled,
     )
     trajectory: Trajectory = loop.trajectory

@@ -114,6 +114,7 @@ def run_key(inputs: RunInputs) -> str:
         "aging": asdict(AgingSettings.of(spec)),
         "charging_stop": asdict(ChargingStopSettings.of(spec)),
         "faults": plain_faults(spec.faults),
+        "road": asdict(spec.road),
         "code": inputs.fingerprint,
     }
     return hashlib.sha256(canonical_json(content).encode()).hexdigest()[:KEY_LENGTH]

@@ -23,15 +23,17 @@ from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET
 from iptm_core.settings import (
     IntegrationSettings,
+    LeaderSource,
     ModelSettings,
     PreviewSettings,
+    RoadAheadSettings,
     SamplingSettings,
     ThermalModel,
     TripSettings,
 )
 from iptm_core.strict_mapping import StrictMapping
 from iptm_faults.fault import Fault, faults_from, in_order, plain_faults
-from iptm_faults.injection import check_headless
+from iptm_faults.injection import check_empty_road, check_headless
 
 REPRODUCED_CYCLE = "comprehensive_identified"
 REPRODUCED_SET = "paper_identified"
@@ -94,8 +96,11 @@ class PreviewSpec(PreviewSettings):
         return PreviewSettings(**{**asdict(self), "preview_length_s": length_s})
 
 
+HEADLESS_LEADERS = (LeaderSource.CYCLE, LeaderSource.NONE)
+
+
 @dataclass(frozen=True)
-class RunSpec(AgingSettings, ChargingStopSettings):
+class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings):
     """One run; what studies choose otherwise than nodes and scenarios is stated as another default.
 
     Attributes:
@@ -115,7 +120,8 @@ class RunSpec(AgingSettings, ChargingStopSettings):
         thermal_model: cells that the plant has.
         faults: what goes wrong, in the order of their beginning.
 
-    The other fields are those of `AgingSettings` and `ChargingStopSettings`, of the controller.
+    The other fields are those of `RoadAheadSettings` and, of the controller, `AgingSettings` and
+    `ChargingStopSettings`.
 
     Raises:
         IptmError: a value is unknown or out of range.
@@ -145,6 +151,7 @@ class RunSpec(AgingSettings, ChargingStopSettings):
         object.__setattr__(self, "faults", in_order(self.faults))
         check_headless(self.faults)
         self.bridge_settings()
+        self._check_road()
         if self.strategy.is_rule_based and self.kind is RunKind.WHOLE_TRIP:
             raise ScenarioError(
                 f"a whole trip with strategy '{self.strategy.name}', which optimises nothing; "
@@ -155,6 +162,24 @@ class RunSpec(AgingSettings, ChargingStopSettings):
                 f"duration_s is {self.duration_s}; allowed: one tick, {self.tick_s:g} s, or more"
             )
 
+    def _check_road(self) -> None:
+        """Refuse what cannot happen without ROS, or on an empty road."""
+        if self.leader_source not in HEADLESS_LEADERS:
+            raise ScenarioError(
+                f"leader_source is {self.leader_source}; allowed without ROS: "
+                f"{', '.join(HEADLESS_LEADERS)}"
+            )
+        if self.kind is RunKind.WHOLE_TRIP and self.keeps_rules:
+            raise ScenarioError(
+                "a whole trip with rules of the road; allowed: closed loops, as it knows its leader only"
+            )
+        check_empty_road(self.leader_source, self.faults)
+
+    @property
+    def road(self) -> RoadAheadSettings:
+        """Lead vehicle and rules of the road."""
+        return RoadAheadSettings.of(self)
+
     def bridge_settings(self) -> PreviewSettings:
         """Settings of the bridge for this run's horizon."""
         return self.preview.settings(Horizon.parse(self.horizon).duration_s)
@@ -164,6 +189,7 @@ class RunSpec(AgingSettings, ChargingStopSettings):
         content = asdict(self)
         content["kind"] = self.kind.value
         content["thermal_model"] = self.thermal_model.value
+        content["leader_source"] = self.leader_source.value
         content |= {name: dict(getattr(self, name)) for name in _OVERRIDES}
         content["faults"] = plain_faults(self.faults)
         return content
@@ -208,20 +234,10 @@ class RunSpec(AgingSettings, ChargingStopSettings):
             parts.append(str(self.thermal_model))
         parts += [f"{key}={value:g}" for key, value in self.overrides]
         parts += [f"controller {key}={value:g}" for key, value in self.controller_overrides]
-        if self.preview != PreviewSpec():
-            usual = asdict(PreviewSpec())
-            parts += [
-                f"{key}={value}"
-                for key, value in asdict(self.preview).items()
-                if value != usual[key]
-            ]
-        for group in (AgingSettings, ChargingStopSettings):
-            standard = asdict(group())
-            parts += [
-                f"{key}={value}"
-                for key, value in asdict(group.of(self)).items()
-                if value != standard[key]
-            ]
+        groups = (RoadAheadSettings.of(self), AgingSettings.of(self), ChargingStopSettings.of(self))
+        for own in (self.preview, *groups):
+            usual = asdict(type(own)())
+            parts += [f"{key}={value}" for key, value in asdict(own).items() if value != usual[key]]
         parts += [fault.describe() for fault in self.faults]
         return ", ".join(parts)
 

@@ -55,10 +55,12 @@ class _HeardTraffic:
     def __init__(self, radio: TrafficRadio, bridge: CamBridge) -> None:
         self._radio, self._bridge = radio, bridge
 
-    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+    def answer(
+        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+    ) -> BridgeAnswer:
         for sent_ns, datagram in self._radio.take():
             self._bridge.receive(datagram, sent_ns)
-        return self._bridge.answer(time_ns, host_position_m)
+        return self._bridge.answer(time_ns, host_position_m, host_speed_m_s)
 
 
 class _Watched:
@@ -68,8 +70,10 @@ class _Watched:
         self._inner = inner
         self.predictors: Counter[str] = Counter()
 
-    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
-        answer = self._inner.answer(time_ns, host_position_m)
+    def answer(
+        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+    ) -> BridgeAnswer:
+        answer = self._inner.answer(time_ns, host_position_m, host_speed_m_s)
         self.predictors[answer.predictor or "none"] += 1
         return answer
 
@@ -147,7 +151,6 @@ def _closed_loop(
     knows_plan = drive.knowledge is TrafficKnowledge.SIGNALS
     rules = RulesOfTheRoad(
         _HeardTraffic(radio, bridge),
-        lambda: simulation.host_speed_m_s,
         for_host,
         parameters,
         preview,

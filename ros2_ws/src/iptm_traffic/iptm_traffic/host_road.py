@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes.road_line import RoadLine, step_deg
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import FloatArray
 from iptm_traffic.sumo_net import Link, SumoNet
-from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
 
 ORIGIN_DEG = (48.0, 10.0)
 AROUND_M = (-150.0, 450.0)

@@ -10,13 +10,13 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from iptm_core.errors import ScenarioError
+from iptm_core.road_ahead import SpeedLimits
 from iptm_traffic.corridor import Corridor
 from iptm_traffic.host_road import HostRoad
 from iptm_traffic.sumo_net import Link, SumoNet
 from iptm_traffic.sumo_process import sumo_program
 from iptm_v2x_bridge.prediction.road_rules import GivenRules
 from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
-from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
 
 CYCLE_S = 80.0
 MAIN_OPEN_S, YELLOW_S, CLEARING_S = 42.0, 4.0, 2.0

@@ -42,6 +42,8 @@ from iptm_traffic.simulation import TrafficSimulation
 RUN = "iptm_bringup.run_closed_loop"
 _PEERS_OF_THE_PLANT = 3
 """Controller or bridge, recorder, runner."""
+_BENDS_IN_LIMITS_M_S2 = 10.0
+"""Bends that matter are in the limits of the network, which the host has without ROS, too."""
 _SPIN_TIMEOUT_S = 0.1
 _PATIENCE_S = 60.0
 
@@ -59,6 +61,7 @@ def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[
         "cam_port": port,
         "publish_datagrams": True,
         "host_keeps_rules": True,
+        "max_lateral_acceleration_m_s2": _BENDS_IN_LIMITS_M_S2,
         "leader_keeps_rules": knows_plan,
         "line_foresight_s": PreviewSettings.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,
     }

@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from iptm_core.road_ahead import HARDEST_M_S2, START_M_S2, SpeedLimits
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.sumo_net import Junction, Link
 from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan, SwitchedSignal
-from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
 from iptm_v2x_bridge.roadside.phases import ALWAYS, Span, joined
 from iptm_v2x_bridge.roadside.rules import CurrentRules
-from iptm_v2x_bridge.rules_of_the_road import HARDEST_M_S2, PASS_MARGIN_S, START_M_S2
+from iptm_v2x_bridge.rules_of_the_road import PASS_MARGIN_S
 
 AHEAD_M = 200.0
 """Others are looked at for lines that are so near, and if they are as near to the junction."""

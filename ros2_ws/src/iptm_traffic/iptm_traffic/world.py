@@ -6,7 +6,7 @@ from iptm_core.state import FloatArray, LeaderPreview, LeaderState, VehicleState
 from iptm_traffic.demand import TrafficScenario
 from iptm_traffic.events import Director, LeaderWatch, LineWatch
 from iptm_traffic.right_of_way import RightOfWay
-from iptm_traffic.simulation import LOOKED_AHEAD_M, HostInstant, TrafficSimulation
+from iptm_traffic.simulation import HostInstant, TrafficSimulation
 from iptm_v2x_bridge.source import single_sample
 
 
@@ -53,13 +53,13 @@ class SumoWorld:
         self.found = self.ahead.watch()
         self._director.direct(None if self.found is None else self.found[0])
 
-    def leader_at(self, time_ns: int) -> LeaderState:
-        """Return the car ahead at the present tick; without one, a point as far as is looked."""
+    def leader_at(self, time_ns: int) -> LeaderState | None:
+        """Return the car ahead at the present tick, None if there is none."""
         del time_ns
-        simulation = self._simulation
-        host_m, speed_m_s = simulation.host_position_m, simulation.host_speed_m_s
-        gap_m, speed_m_s = (LOOKED_AHEAD_M, speed_m_s) if self.found is None else self.found[1:]
-        return LeaderState(self._time_s, host_m + gap_m, speed_m_s)
+        if self.found is None:
+            return None
+        _, gap_m, speed_m_s = self.found
+        return LeaderState(self._time_s, self._simulation.host_position_m + gap_m, speed_m_s)
 
     def sampled(self, times_s: FloatArray) -> LeaderPreview:
         """Return the car ahead at the present tick; where it will be, SUMO has not decided yet."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from iptm_core.road_ahead import RoadAhead
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import LeaderPreview, LeaderState
 from iptm_core.trip_time import NS_PER_S
@@ -24,6 +25,7 @@ class BridgeAnswer:
         predictor: who foretold the leader from its messages; empty where no one had to.
         leader_bound_m: by how much the leader's position was taken nearer, to be on the safe side.
         contested: whether messages with the identity of the leader contradict each other.
+        road: rules of the road, None where none are known.
     """
 
     time_ns: int
@@ -33,6 +35,7 @@ class BridgeAnswer:
     predictor: str = ""
     leader_bound_m: float = 0.0
     contested: bool = False
+    road: RoadAhead | None = None
 
     @property
     def preview_age_s(self) -> float:
@@ -81,8 +84,16 @@ class Receiver:
 class TickBridge(Protocol):
     """What answers ticks, wherever it knows the leader from."""
 
-    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
-        """Return the answer to one tick, the host being at a position along the road."""
+    def answer(
+        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+    ) -> BridgeAnswer:
+        """Return the answer to one tick.
+
+        Args:
+            time_ns: the tick, integer nanoseconds of trip time.
+            host_position_m: front of the host along the road at the tick.
+            host_speed_m_s: its speed; plays no part without rules of the road.
+        """
         ...
 
 
@@ -128,13 +139,13 @@ class V2xBridge:
         """Predictions lost in this trip."""
         return self._lost
 
-    def answer(self, time_ns: int, host_position_m: float = 0.0) -> BridgeAnswer:  # noqa: ARG002
-        """Return the answer to one tick.
-
-        Args:
-            time_ns: the tick, integer nanoseconds of trip time.
-            host_position_m: plays no part; a cycle has one leader.
-        """
+    def answer(
+        self,
+        time_ns: int,
+        host_position_m: float = 0.0,  # noqa: ARG002
+        host_speed_m_s: float = 0.0,  # noqa: ARG002
+    ) -> BridgeAnswer:
+        """Return the answer to one tick; the place of the host plays no part. See `TickBridge.answer`."""
         if self._last is not None and time_ns == self._last.time_ns:
             return self._last
         if self._last is not None and time_ns < self._last.time_ns:

@@ -149,13 +149,13 @@ class CamBridge:
     def _timestamp_ms(self, time_ns: int) -> int:
         return self._start_ms + time_ns // NS_PER_MS
 
-    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
-        """Return the answer to one tick.
-
-        Args:
-            time_ns: the tick, integer nanoseconds of trip time.
-            host_position_m: front of the host along the road at the tick.
-        """
+    def answer(
+        self,
+        time_ns: int,
+        host_position_m: float,
+        host_speed_m_s: float = 0.0,  # noqa: ARG002
+    ) -> BridgeAnswer:
+        """Return the answer to one tick; see `TickBridge.answer`."""
         self._begin(time_ns)
         self._host_position_m = host_position_m
         self._table.forget_silent(self._timestamp_ms(time_ns))

@@ -11,6 +11,7 @@ from iptm_core.settings import PreviewMode
 from iptm_interfaces.codecs import (
     encode_leader,
     encode_leader_preview_bytes,
+    encode_road_ahead,
     encode_slope,
     ns_from_time,
 )
@@ -28,10 +29,11 @@ from iptm_v2x_bridge.prediction.predictor import PredictorName
 
 CLOCK_TIMEOUT_S = 5.0
 MATCHING_PERIOD_S = 0.02
+_FREE = (Level.OK, "no vehicle ahead, the rules of the road are kept")
 
 
 class BridgeNode(SuiteNode):
-    """Publishes `v2x/slope` once, then leader, samples and preview of it for every `/clock`.
+    """Publishes `v2x/slope` once, then the road ahead, leader, samples and preview for every `/clock`.
 
     The clock sets the pace in lock-step and in real time alike, so the node has no timer of its own
     but for its diagnostics and the wait for its peers. A stray clock is not answered: whoever followed the
@@ -48,6 +50,8 @@ class BridgeNode(SuiteNode):
         self._turned_away_s = -math.inf
         self._answer: BridgeAnswer | None = None
         self._unanswered_ns: int | None = None
+        # The first one: who hears of another topic of this node has found this one, too.
+        self._road_publisher = self.advertise(Topic.ROAD_AHEAD)
         self._leader_publisher = self.advertise(Topic.LEADER)
         self._samples_publisher = self.advertise(Topic.LEADER_SAMPLES)
         self._preview_publisher = self.advertise(Topic.LEADER_PREVIEW)
@@ -109,6 +113,8 @@ class BridgeNode(SuiteNode):
         if time_ns is None or answer is None:
             return
         self._answer, self._unanswered_ns = answer, None
+        has_leader = answer.leader is not None
+        self._road_publisher.publish(encode_road_ahead(answer.road, time_ns, has_leader=has_leader))
         if answer.leader is not None:
             # The stamp is that of the clock to the nanosecond, however late the hour.
             leader = encode_leader.data(self.frame_prefix, answer.leader, time_ns)
@@ -133,6 +139,8 @@ class BridgeNode(SuiteNode):
         if answer is not None:
             values["preview_age_s"] = answer.preview_age_s
             values["preview_points"] = int(answer.preview.times_s.size)
+            if answer.road is not None:
+                values["stops_ahead"] = len(answer.road.stops)
         self._reporter.report(answer.time_ns if answer else 0, level, reason, values)
 
     def _situation(self, answer: BridgeAnswer | None) -> tuple[Level, str]:
@@ -148,7 +156,7 @@ class BridgeNode(SuiteNode):
         if missing:
             return Level.WARN, missing
         if answer.leader is None:
-            return Level.WARN, "no leader is known"
+            return _FREE if answer.road is not None else (Level.WARN, "no leader is known")
         if answer.contested:
             return Level.WARN, "stations with the identity of the leader contradict each other"
         if answer.predictor == PredictorName.ASSUMED_BRAKING:

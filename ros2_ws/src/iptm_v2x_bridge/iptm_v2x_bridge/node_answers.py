@@ -1,17 +1,20 @@
-"""Where the node's answers to the clock come from: a cycle, a vehicle, or messages."""
+"""Where the node's answers to the clock come from: a cycle, an empty road, a vehicle, or messages."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Protocol
 
+from iptm_core.settings import LeaderSource
 from iptm_core.state import LeaderPreview, SlopePreview
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_v2x_bridge.bridge import BridgeAnswer, V2xBridge
+from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, V2xBridge
 from iptm_v2x_bridge.node_cam_answers import CamAnswers
-from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, LeaderSource
+from iptm_v2x_bridge.node_host_states import MISSING, HostStates
+from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.node_vehicle_answers import VehicleAnswers
-from iptm_v2x_bridge.source import CycleSource, sampling_times_s
+from iptm_v2x_bridge.road_knowledge import with_rules
+from iptm_v2x_bridge.source import CycleSource, EmptyRoad, PreviewSource, sampling_times_s
 
 
 class NodeAnswers(Protocol):
@@ -70,32 +73,48 @@ def node_answers(
         IptmError: the cycle, its file, the socket or the recorded packets are not usable.
     """
     source = options.build_source()
-    if options.leader_source is LeaderSource.CYCLE:
-        return _CycleAnswers(source, options)
+    if options.leader_source in {LeaderSource.CYCLE, LeaderSource.NONE}:
+        return _CycleAnswers(node, source, options, retry)
     if options.leader_source is LeaderSource.VEHICLE:
         return VehicleAnswers(node, source, options, retry)
     return CamAnswers(node, source, options, retry)
 
 
 class _CycleAnswers:
-    """The leader drives a cycle; a simulated link spoils its predictions."""
+    """The leader drives a cycle, and a simulated link spoils its predictions; or there is none."""
 
-    def __init__(self, source: CycleSource, options: BridgeNodeParameters) -> None:
-        self._source = source
-        self._options = options
-        self._bridge = self._before = self._fresh()
+    def __init__(
+        self,
+        node: SuiteNode,
+        source: CycleSource,
+        options: BridgeNodeParameters,
+        retry: Callable[[], None],
+    ) -> None:
+        self._road, self._options = source, options
+        self._source: PreviewSource = source
+        if options.leader_source is LeaderSource.NONE:
+            self._source = EmptyRoad()
+        self._host = HostStates(node, retry, is_counted=True) if options.keeps_rules else None
+        self._missing = ""
+        self._model = options.model().values
+        self._bridge, self._ruled = self._before = self._fresh()
 
     def begin_trip(self) -> None:
-        self._before, self._bridge = self._bridge, self._fresh()
+        self._before = self._bridge, self._ruled
+        self._bridge, self._ruled = self._fresh()
 
-    def _fresh(self) -> V2xBridge:
-        return V2xBridge(self._source, self._options, self._options.earlier_ticks_ns)
+    def _fresh(self) -> tuple[V2xBridge, TickBridge]:
+        options = self._options
+        bridge = V2xBridge(self._source, options, options.earlier_ticks_ns)
+        return bridge, with_rules(bridge, options, self._road.route, self._model, options)
 
     def resume_trip(self) -> None:
-        self._bridge = self._before
+        self._bridge, self._ruled = self._before
 
-    def answer(self, time_ns: int) -> BridgeAnswer:
-        return self._bridge.answer(time_ns)
+    def answer(self, time_ns: int) -> BridgeAnswer | None:
+        host = (0.0, 0.0) if self._host is None else self._host.at(time_ns)
+        self._missing = MISSING if host is None else ""
+        return None if host is None else self._ruled.answer(time_ns, *host)
 
     def samples(self, answer: BridgeAnswer) -> LeaderPreview:
         options = self._options
@@ -104,7 +123,7 @@ class _CycleAnswers:
         )
 
     def missing(self) -> str:
-        return ""
+        return self._missing
 
     def is_heard(self) -> bool:
         return True
@@ -113,7 +132,7 @@ class _CycleAnswers:
         return {"predictions_sent": self._bridge.sent, "dropouts": self._bridge.lost}
 
     def slope_ahead(self) -> SlopePreview:
-        return self._source.slope_ahead()
+        return self._road.slope_ahead()
 
     def close(self) -> None:
         pass

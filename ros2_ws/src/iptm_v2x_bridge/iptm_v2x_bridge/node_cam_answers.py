@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 
-from nav_msgs.msg import Odometry
-
 from iptm_core.state import LeaderPreview, SlopePreview
 from iptm_core.trip_time import NS_PER_MS
-from iptm_interfaces.codecs import encode_raw_datagram, ns_from_time
+from iptm_interfaces.codecs import encode_raw_datagram
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
@@ -18,13 +15,13 @@ from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam_codec import specification
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.node_datagrams import open_source
+from iptm_v2x_bridge.node_host_states import MISSING, HostStates
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
-from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
+from iptm_v2x_bridge.road_knowledge import given_rules, with_rules
 from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
 from iptm_v2x_bridge.source import CycleSource, single_sample
 
 READ_PERIOD_S = 0.005
-_KEPT_HOST_STATES = 16
 
 
 class CamAnswers:
@@ -44,7 +41,7 @@ class CamAnswers:
         """Open the source of the datagrams and listen for the host; see `node_answers`."""
         self._source, self._options, self._retry = source, options, retry
         self._model = options.model().values
-        self._given = options.build_given_rules()
+        self._given = given_rules(options, source.route)
         # Refused now, if at all.
         self._verifier = options.build_verifier()
         options.build_heard_rules(self._given, source.route.road_line)
@@ -55,8 +52,6 @@ class CamAnswers:
         self._before = (None, None, 0, 0, None)
         topic = node.resolve_topic_name(Topic.DATAGRAMS.value)
         self._datagrams = open_source(options, topic, node.get_logger().warning)
-        self._host: dict[int, tuple[float, float]] = {}
-        self._host_speed_m_s = 0.0
         self._start_ms = self._last_ns = 0
         self._read_ns: int | None = None
         self._received = 0
@@ -67,7 +62,7 @@ class CamAnswers:
             options.recorded_packets or options.cam_lock_step
         )
         specification()  # compiled now, not at the first tick, which others wait for
-        node.listen(Topic.PLANT_ODOMETRY, self._on_host)
+        self._host = HostStates(node, retry)
         node.every(READ_PERIOD_S, self._on_read_timer)
 
     def begin_trip(self) -> None:
@@ -79,16 +74,6 @@ class CamAnswers:
         """Go on with the trip before the last beginning."""
         self._bridge, self._rules, self._start_ms, self._last_ns, self._read_ns = self._before
 
-    def _on_host(self, message: Odometry) -> None:
-        position_m = float(message.pose.pose.position.x)
-        speed_m_s = float(message.twist.twist.linear.x)
-        if not (math.isfinite(position_m) and math.isfinite(speed_m_s)):
-            return  # the tick stays unanswered; the report says what it waits for
-        self._host[ns_from_time(message.header.stamp)] = (position_m, speed_m_s)
-        while len(self._host) > _KEPT_HOST_STATES:
-            del self._host[next(iter(self._host))]
-        self._retry()
-
     def _on_read_timer(self) -> None:
         if self._bridge is not None and self._by_wall_clock:
             self._read(self._bridge, self._last_ns)
@@ -98,17 +83,16 @@ class CamAnswers:
         """Return the answer to a tick, None while something is missing."""
         bridge = self._bridge or self._start(time_ns)
         self._read(bridge, time_ns)
-        host = self._host.get(time_ns)
+        host = self._host.at(time_ns)
         if host is None:
-            self._missing = "waiting for the position of the host"
+            self._missing = MISSING
             return None
         self._missing = self._datagrams.missing(time_ns)
         if self._missing:
             return None
         self._last_ns = time_ns
         self._publish(EndOfTick(time_ns, self._received).encode(), time_ns)
-        host_m, self._host_speed_m_s = host
-        return (self._rules or bridge).answer(time_ns, host_m)
+        return (self._rules or bridge).answer(time_ns, *host)
 
     def _start(self, time_ns: int) -> CamBridge:
         """Begin with the first tick: it tells what time of the messages is trip time 0."""
@@ -125,16 +109,15 @@ class CamAnswers:
             roadside=heard,
             verifier=self._verifier,
         )
-        if options.host_keeps_rules:
-            self._rules = RulesOfTheRoad(
-                bridge,
-                lambda: self._host_speed_m_s,
-                heard.host if heard else self._given,
-                self._model,
-                options,
-                foresight_s=options.line_foresight_s,
-                start_timestamp_ms=self._start_ms,
-            )
+        self._rules = with_rules(
+            bridge,
+            options,
+            route,
+            self._model,
+            options,
+            heard.host if heard else self._given,
+            self._start_ms,
+        )
         return bridge
 
     def _read(self, bridge: CamBridge, time_ns: int) -> None:
@@ -159,11 +142,8 @@ class CamAnswers:
             self._publisher.publish(encode_raw_datagram(datagram, its_ns))
 
     def samples(self, answer: BridgeAnswer) -> LeaderPreview:
-        """Return the leader at the tick as its messages have it, without the rules of the road."""
-        host = self._host.get(answer.time_ns)
-        if self._rules is None or self._bridge is None or host is None:
-            return single_sample(answer.leader)
-        return single_sample(self._bridge.answer(answer.time_ns, host[0]).leader)
+        """Return the leader at the tick as its messages have it."""
+        return single_sample(answer.leader)
 
     def missing(self) -> str:
         """Return what is waited for, empty if nothing is."""

@@ -13,6 +13,7 @@ from iptm_core.settings import (
     ModelSettings,
     PreviewSettings,
     RangeSensorSettings,
+    RoadAheadSettings,
     RoadSettings,
     StringSettings,
     TickSettings,
@@ -28,26 +29,10 @@ DEFAULT_CAM_PORT = 8947
 LOCALHOST = "127.0.0.1"
 
 
-class LeaderSource(TextEnum):
-    """Where the bridge knows the leader from."""
-
-    CYCLE = "cycle"
-    """The cycle itself."""
-    CAM = "cam"
-    """Cooperative awareness messages that arrive at a UDP port."""
-    VEHICLE = "vehicle"
-    """The odometry and the plans of another vehicle of the graph."""
-
-
 @dataclass(frozen=True)
 class CamSettings(Settings):
-    """The leader known from its messages."""
+    """The leader observed by its messages."""
 
-    leader_source: LeaderSource = parameter(
-        LeaderSource.CYCLE,
-        "cycle: the leader drives the cycle; cam: it is known from the messages that arrive; vehicle: it is "
-        "vehicle_ahead, whose plans are the previews; with the latter two the cycle gives the road only",
-    )
     cam_address: str = parameter(
         LOCALHOST, "cam: own address to listen at; 0.0.0.0 listens to the whole network"
     )
@@ -117,6 +102,7 @@ class BridgeNodeParameters(
     TickSettings,
     PreviewSettings,
     ModelSettings,
+    RoadAheadSettings,
     RoadSettings,
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""

@@ -15,9 +15,11 @@ from iptm_interfaces.codecs import decode_plan, ns_from_time
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_interfaces.vehicle_presence import VehiclePresence
-from iptm_v2x_bridge.bridge import BridgeAnswer, V2xBridge
+from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, V2xBridge
+from iptm_v2x_bridge.node_host_states import MISSING, HostStates
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import PredictorName
+from iptm_v2x_bridge.road_knowledge import with_rules
 from iptm_v2x_bridge.source import CycleSource, single_sample
 from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
 
@@ -59,7 +61,9 @@ class VehicleAnswers:
             )
         self._source, self._options, self._retry = source, options, retry
         self._vehicle = VehicleAhead(options.leader_length_m, _KEPT)
-        self._bridge = self._before = V2xBridge(self._vehicle, options)
+        self._host = HostStates(node, retry, is_counted=True) if options.keeps_rules else None
+        self._model = options.model().values
+        self._bridge, self._ruled = self._before = self._fresh()
         self._missing = ""
         self._assumed = 0
         self._states = VehiclePresence(node, self._name, Topic.PLANT_ODOMETRY, retry)
@@ -82,11 +86,17 @@ class VehicleAnswers:
 
     def begin_trip(self) -> None:
         """Begin anew; what the vehicle ahead says of the new trip may have arrived already."""
-        self._before, self._bridge = self._bridge, V2xBridge(self._vehicle, self._options)
+        self._before = self._bridge, self._ruled
+        self._bridge, self._ruled = self._fresh()
+
+    def _fresh(self) -> tuple[V2xBridge, TickBridge]:
+        options = self._options
+        bridge = V2xBridge(self._vehicle, options)
+        return bridge, with_rules(bridge, options, self._source.route, self._model, options)
 
     def resume_trip(self) -> None:
         """Go on with the trip before the last beginning."""
-        self._bridge = self._before
+        self._bridge, self._ruled = self._before
 
     def answer(self, time_ns: int) -> BridgeAnswer | None:
         """Return the answer to a tick, None while state or plan of that stamp are missing."""
@@ -99,8 +109,11 @@ class VehicleAnswers:
         if not (planned or self._plans.is_gone):
             self._missing = f"waiting for the plan of {self._name}"
             return None
-        self._missing = ""
-        answer = self._bridge.answer(time_ns)
+        host = (0.0, 0.0) if self._host is None else self._host.at(time_ns)
+        self._missing = MISSING if host is None else ""
+        if host is None:
+            return None
+        answer = self._ruled.answer(time_ns, *host)
         if measured and planned:
             return answer
         self._assumed += 1

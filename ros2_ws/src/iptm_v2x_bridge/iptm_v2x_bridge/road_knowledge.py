@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError, RouteError
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes import Route, build_route
+from iptm_core.routes.limits import limits_of_curves, limits_of_drive
 from iptm_core.routes.road_line import RoadLine
+from iptm_core.settings import LeaderSource, PreviewSettings, RoadAheadSettings
 from iptm_core.text_enum import TextEnum
+from iptm_v2x_bridge.bridge import TickBridge, V2xBridge
 from iptm_v2x_bridge.messages.pycrate_codec import specification
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
@@ -20,9 +26,14 @@ from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, GivenRules, RoadRules
 from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
-from iptm_v2x_bridge.prediction.speed_limits import SpeedLimits
+from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS
 from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.table import RoadsideTable
+from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
+from iptm_v2x_bridge.source import CycleSource, EmptyRoad, PreviewSource
+
+OF_THE_CYCLE = "cycle"
+"""Value of `speed_limits_km_h` for the limits that the cycle itself keeps."""
 
 
 class Expectation(TextEnum):
@@ -36,7 +47,7 @@ class Expectation(TextEnum):
 
 @dataclass(frozen=True)
 class RoadKnowledgeSettings(Settings):
-    """Earlier drives, the rules of the road, and what is expected where nothing is known."""
+    """Earlier drives, messages of the roadside, and what is expected where nothing is known."""
 
     prediction: Expectation = parameter(
         Expectation.HISTORY,
@@ -52,14 +63,6 @@ class RoadKnowledgeSettings(Settings):
         "",
         "cam: earlier drives of this road to learn from, as in cycle, separated by commas",
     )
-    speed_limits_km_h: str = parameter(
-        "", "cam: speed limits of the road, <from metre>:<km/h> parts, e.g. '0:50, 1200:70'"
-    )
-    signals: str = parameter(
-        "",
-        "cam: signals of the road with plans that repeat themselves, <metre of the stop line>:<cycle in s>:"
-        "<s of TimestampIts at which it turns green>:<s for which it is green> parts",
-    )
     roadside_messages: bool = parameter(
         default=False,
         description="cam: take signals and speed limits from the messages of roadside stations, too (SPATEM, "
@@ -69,36 +72,6 @@ class RoadKnowledgeSettings(Settings):
         default=True,
         description="cam: the prediction obeys the known speed limits and signals",
     )
-    host_keeps_rules: bool = parameter(
-        default=False,
-        description="cam: where the speed limits and signals that are known are stricter than the leader, or "
-        "none is there, the host is given a leader that stands for them",
-    )
-    line_foresight_s: float = parameter(
-        60.0,
-        "cam: with host_keeps_rules, stop lines that the host reaches later are not looked at",
-        "s",
-        1.0,
-        3600.0,
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.host_keeps_rules and not self.speed_limits_km_h.strip():
-            raise ParameterError(
-                "speed_limits_km_h is empty with host_keeps_rules; allowed: the limits to be kept, with "
-                "roadside_messages where no sign is heard"
-            )
-
-    def build_given_rules(self) -> GivenRules:
-        """Return the rules that the parameters state.
-
-        Raises:
-            ParameterError: a text is not usable.
-        """
-        text = self.speed_limits_km_h
-        limits = read_limits(text) if text.strip() else None
-        return GivenRules(limits, read_signals(self.signals))
 
     def build_heard_rules(self, given: GivenRules, road: RoadLine) -> HeardRules | None:
         """Return the rules as they are heard, None where they are not to be.
@@ -139,6 +112,94 @@ class RoadKnowledgeSettings(Settings):
         return (*found, usual)
 
 
+def given_rules(settings: RoadAheadSettings, route: Route) -> GivenRules:
+    """Return the rules that settings state for a route.
+
+    Raises:
+        ParameterError: a text is not usable.
+    """
+    text = settings.speed_limits_km_h.strip()
+    if text == OF_THE_CYCLE:
+        limits: SpeedLimits | None = limits_of_drive(route.leader)
+    else:
+        limits = read_limits(text) if text else None
+    return GivenRules(limits, read_signals(settings.signals))
+
+
+def own_limits(settings: RoadAheadSettings, route: Route) -> SpeedLimits:
+    """Return the limits beside those of signs: set speed of the driver, and curves."""
+    limits = NO_LIMITS
+    if settings.set_speed_km_h:
+        limits = SpeedLimits(np.zeros(1), np.full(1, settings.set_speed_km_h / KM_H_PER_M_S))
+    curves = limits_of_curves(route.road_line, settings.max_lateral_acceleration_m_s2)
+    return limits.and_not_above(curves)
+
+
+def with_rules(
+    inner: TickBridge,
+    settings: RoadAheadSettings,
+    route: Route,
+    model: ModelParameters,
+    preview: PreviewSettings,
+    rules: RoadRules | None = None,
+    start_timestamp_ms: int = 0,
+) -> TickBridge:
+    """Return a bridge that adds the rules of the road, or the same one where none are kept.
+
+    Args:
+        inner: source of the leader.
+        settings: rules.
+        route: road and, without a leader, where the trip ends.
+        model: of the host.
+        preview: length of the look ahead.
+        rules: as they are heard; None for the given ones.
+        start_timestamp_ms: TimestampIts at trip time 0.
+
+    Raises:
+        ParameterError: a text is not usable.
+    """
+    given = given_rules(settings, route)  # refused also where nobody keeps them
+    if not settings.keeps_rules:
+        return inner
+    is_empty = settings.leader_source is LeaderSource.NONE
+    motion = route.leader
+    return RulesOfTheRoad(
+        inner,
+        rules or given,
+        model,
+        preview,
+        foresight_s=settings.line_foresight_s,
+        start_timestamp_ms=start_timestamp_ms,
+        own_limits=own_limits(settings, route),
+        end_m=float(motion.positions_m[-1] - motion.start_position_m) if is_empty else math.inf,
+    )
+
+
+def road_bridge(
+    settings: RoadAheadSettings,
+    route: Route,
+    model: ModelParameters,
+    preview: PreviewSettings,
+    leader: PreviewSource | None = None,
+) -> tuple[PreviewSource, TickBridge]:
+    """Return who drives ahead of a host without ROS, and the bridge that answers its ticks.
+
+    Args:
+        settings: lead vehicle and rules.
+        route: road and leader.
+        model: of the host.
+        preview: predictions and link.
+        leader: who drives ahead, where it is not the leader of the route.
+
+    Raises:
+        ParameterError: a text is not usable.
+    """
+    source: PreviewSource = leader or CycleSource(route)
+    if settings.leader_source is LeaderSource.NONE:
+        source = EmptyRoad()
+    return source, with_rules(V2xBridge(source, preview), settings, route, model, preview)
+
+
 def read_limits(text: str) -> SpeedLimits:
     """Return the speed limits that a text such as `0:50, 1200:70` states.
 
@@ -151,7 +212,7 @@ def read_limits(text: str) -> SpeedLimits:
     except (ValueError, IndexError, RouteError) as reason:
         raise ParameterError(
             f"speed_limits_km_h is {text!r}; allowed: <from metre>:<km/h> parts joined by commas, metres "
-            "increasing, limits above 0"
+            "increasing, limits above 0; or cycle"
         ) from reason
 
 

@@ -15,8 +15,8 @@ from iptm_core.trip_time import NS_PER_S
 class PreviewSource(Protocol):
     """Knows the leader: where it is, and what it will do as far as anyone can tell."""
 
-    def leader_at(self, time_ns: int) -> LeaderState:
-        """Return the leader's state at an instant (integer nanoseconds of trip time)."""
+    def leader_at(self, time_ns: int) -> LeaderState | None:
+        """Return the leader's state at an instant (integer nanoseconds of trip time), None without one."""
         ...
 
     def predict(self, times_s: FloatArray) -> LeaderPreview:
@@ -103,3 +103,18 @@ class CycleSource:
     def slope_ahead(self) -> SlopePreview:
         """Return the slope of the whole road, as a map holds it."""
         return SlopePreview(self.route.slope.positions_m, self.route.slope.slopes_rad)
+
+
+class EmptyRoad:
+    """No vehicle ahead: a `PreviewSource` without states and predictions."""
+
+    def leader_at(self, time_ns: int) -> None:
+        """Return None; see `PreviewSource`."""
+
+    def predict(self, times_s: FloatArray) -> LeaderPreview:  # noqa: ARG002
+        """Return the empty prediction."""
+        return LeaderPreview.empty()
+
+    def sampled(self, times_s: FloatArray) -> LeaderPreview:  # noqa: ARG002
+        """Return no measurement: the road is free."""
+        return LeaderPreview.empty()

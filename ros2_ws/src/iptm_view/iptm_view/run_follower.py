@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message
 
 from iptm_core.errors import MessageError
 from iptm_core.trip_time import NS_PER_S
-from iptm_interfaces.codecs import s_from_ns
+from iptm_interfaces.codecs import has_leader, s_from_ns
 from iptm_interfaces.diagnostics import TRIP_TIME, Level, status_values
 from iptm_interfaces.topics import Topic
 from iptm_recording.timeline import read_stamp_ns
@@ -18,7 +18,7 @@ from iptm_view.page_feed import EVENTS, PLANS, ROWS, PageFeed
 from iptm_view.page_row import AHEAD_TOPICS, ROW_TOPICS, page_row, plan_ahead, road_height
 from iptm_view.run_facts import RunFacts
 
-JOINED_TOPICS = (*ROW_TOPICS, *AHEAD_TOPICS, Topic.COMMAND)
+JOINED_TOPICS = (*ROW_TOPICS, *AHEAD_TOPICS, Topic.ROAD_AHEAD, Topic.COMMAND)
 """Topics that belong together by their stamps."""
 
 PAGE_TOPICS = (*JOINED_TOPICS, Topic.SLOPE, Topic.DIAGNOSTICS)
@@ -62,6 +62,12 @@ class RunFollower:
         """Set the published topics; a tick is complete when it has all of them."""
         self._expected = _OF_EVERY_TICK.intersection(topics)
 
+    def _is_complete(self, found: Mapping[Topic, bytes]) -> bool:
+        missing = self._expected - found.keys()
+        road = found.get(Topic.ROAD_AHEAD)
+        is_free = road is not None and not has_leader(road)
+        return not missing or (is_free and missing == {Topic.LEADER})
+
     def take(self, topic: Topic, data: bytes) -> None:
         """Take one message, given by its CDR bytes."""
         if topic is Topic.DIAGNOSTICS:
@@ -87,7 +93,7 @@ class RunFollower:
         ready = [
             stamp
             for stamp, found in sorted(self._pending.items())
-            if Topic.PLANT_ODOMETRY in found and (incomplete or self._expected <= found.keys())
+            if Topic.PLANT_ODOMETRY in found and (incomplete or self._is_complete(found))
         ]
         if not ready:
             return 0

@@ -88,6 +88,7 @@ class ProblemDataBuilder:
         thermal_samples: FloatArray | None = None,
         expected_speeds_m_s: FloatArray | None = None,
         limiting: PredictedLeaderMotion | None = None,
+        speed_limits_m_s: FloatArray | None = None,
     ) -> ProblemData:
         """Assemble the problem of one tick.
 
@@ -104,6 +105,7 @@ class ProblemDataBuilder:
             expected_speeds_m_s: expected host speeds at the nodes, shape (N + 1,); for ticks shorter
                 than the steps.
             limiting: motion that the gap limits hold for at the nodes; None for that of the leader.
+            speed_limits_m_s: of the road at the ends of the motion steps, None where there is none.
         """
         grid, origin_m = self._grid, state.position_m
         steps = np.empty((grid.steps, layout.STEP_PARAMETERS))
@@ -122,6 +124,10 @@ class ProblemDataBuilder:
         steps[:, StepIndex.ACCELERATION_INTERVAL] = self._acceleration_intervals_s
         steps[:, StepIndex.COMPRESSOR_INTERVAL] = self._compressor_intervals_s
         steps[:, StepIndex.END_OF_PREVIEW] = 0.0
+        steps[:, StepIndex.MAX_SPEED] = self._limits.max_speed_m_s
+        if speed_limits_m_s is not None:
+            slower = np.minimum(speed_limits_m_s, self._limits.max_speed_m_s)
+            steps[: slower.size, StepIndex.MAX_SPEED] = slower
         motion_nodes = self._node_times_s[1 : grid.horizon.motion_steps + 1]
         known_nodes = int(np.searchsorted(motion_nodes, known_s + 1e-6, side="right"))
         steps[max(known_nodes, 1) - 1, StepIndex.END_OF_PREVIEW] = 1.0

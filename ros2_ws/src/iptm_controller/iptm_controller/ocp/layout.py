@@ -73,9 +73,10 @@ class GlobalIndex(IntEnum):
 class StepIndex(IntEnum):
     """Parameters of one step ahead of its per-sample parameters.
 
-    The intervals are the times in which the inputs change from those of the step before. The last parameter
+    The intervals are the times in which the inputs change from those of the step before. ``END_OF_PREVIEW``
     is 1 for the step with which the knowledge of the leader ends, where the braking reserve is asked for, and
-    0 for the others: all steps have the same rows, as structure-exploiting solvers want.
+    0 for the others: all steps have the same rows, as structure-exploiting solvers want. The largest speed
+    holds at the end of the step.
     """
 
     LEADER_POSITION = 0
@@ -83,6 +84,7 @@ class StepIndex(IntEnum):
     ACCELERATION_INTERVAL = 2
     COMPRESSOR_INTERVAL = 3
     END_OF_PREVIEW = 4
+    MAX_SPEED = 5
 
 
 class SampleIndex(IntEnum):

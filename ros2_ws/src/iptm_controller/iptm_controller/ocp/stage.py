@@ -330,7 +330,7 @@ def _limits(
         - gap
         + inputs[InputIndex.GAP_LONG],
         speed - bounds.min_speed_m_s + speed_slack,
-        bounds.max_speed_m_s - speed + speed_slack,
+        p[StepIndex.MAX_SPEED] - speed + speed_slack,
         *temperature_rows(
             next_state[StateIndex.CELL_1_TEMPERATURE],
             next_state[StateIndex.CELL_N_TEMPERATURE],

@@ -25,6 +25,7 @@ from iptm_interfaces.codecs.preview_wire import (
     decode_leader_preview_bytes,
     encode_leader_preview_bytes,
 )
+from iptm_interfaces.codecs.road import decode_road_ahead, encode_road_ahead, has_leader
 from iptm_interfaces.codecs.time import (
     ns_from_s,
     ns_from_time,
@@ -58,6 +59,7 @@ __all__ = [
     "decode_plan",
     "decode_powers",
     "decode_raw_datagram",
+    "decode_road_ahead",
     "decode_safety",
     "decode_slope",
     "decode_temperature",
@@ -75,9 +77,11 @@ __all__ = [
     "encode_plan_bytes",
     "encode_powers",
     "encode_raw_datagram",
+    "encode_road_ahead",
     "encode_safety",
     "encode_slope",
     "encode_temperature",
+    "has_leader",
     "ns_from_s",
     "ns_from_time",
     "s_from_ns",

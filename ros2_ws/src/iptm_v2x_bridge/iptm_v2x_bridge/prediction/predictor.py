@@ -24,8 +24,6 @@ class PredictorName(TextEnum):
     REGRESSION = "regression"
     HISTORY = "history"
     ASSUMED_BRAKING = "assumed_braking"
-    RULES = "rules"
-    """No prediction: where the rules of the road let the host drive."""
 
 
 @dataclass(frozen=True, eq=False)

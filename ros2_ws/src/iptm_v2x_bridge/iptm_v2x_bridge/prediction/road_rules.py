@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from iptm_core.road_ahead import SpeedLimits
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, Predictor
 from iptm_v2x_bridge.prediction.signals import BoundedBySignals, SignalPlan
-from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS, BoundedBySpeedLimits, SpeedLimits
+from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS, BoundedBySpeedLimits
 
 
 class RoadRules(Protocol):

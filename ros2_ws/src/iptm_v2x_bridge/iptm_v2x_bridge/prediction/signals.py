@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from iptm_core.errors import RouteError
+from iptm_core.road_ahead import BRAKING_M_S2, SpeedLimits
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.predictor import (
     Knowledge,
@@ -21,7 +22,7 @@ from iptm_v2x_bridge.prediction.predictor import (
     Predictor,
     PredictorName,
 )
-from iptm_v2x_bridge.prediction.speed_limits import BRAKING_M_S2, GROWTH, SpeedLimits
+from iptm_v2x_bridge.prediction.speed_limits import GROWTH
 
 STANDING_M_S = 0.1
 QUEUE_M = 60.0

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from bisect import bisect_right
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from iptm_core.errors import RouteError
+from iptm_core.road_ahead import BRAKING_M_S2, SpeedLimits
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.predictor import (
     ErrorGrowth,
@@ -18,54 +16,11 @@ from iptm_v2x_bridge.prediction.predictor import (
     PredictorName,
 )
 
-BRAKING_M_S2 = 1.0
-"""Deceleration with which drivers come down to a lower limit."""
 _STEP_S = 0.25
 GROWTH = ErrorGrowth(
     (0.0, 0.2, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0, 60.0),
     (0.02, 0.03, 0.07, 0.26, 0.65, 1.3, 3.5, 12.6, 56.0, 192.0, 491.0, 727.0),
 )
-
-
-@dataclass(frozen=True, eq=False)
-class SpeedLimits:
-    """Limits along the road.
-
-    Attributes:
-        starts_m: where each limit begins, shape (n,), increasing; the first holds before it, too.
-        limits_m_s: the limits, shape (n,), above 0.
-
-    Raises:
-        RouteError: malformed arrays.
-    """
-
-    starts_m: FloatArray
-    limits_m_s: FloatArray
-    _starts: tuple[float, ...] = field(init=False, repr=False)
-    _limits: tuple[float, ...] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        fits = self.starts_m.size and self.starts_m.shape == self.limits_m_s.shape
-        if not fits or np.any(np.diff(self.starts_m) <= 0.0) or np.any(self.limits_m_s <= 0.0):
-            raise RouteError(
-                f"speed limits: {self.starts_m.size} starts, {self.limits_m_s.size} limits; "
-                "allowed: equal numbers from 1, increasing starts, limits above 0"
-            )
-        # The same as plain numbers, for single positions.
-        object.__setattr__(self, "_starts", tuple(self.starts_m.tolist()))
-        object.__setattr__(self, "_limits", tuple(self.limits_m_s.tolist()))
-
-    def approach_at_m_s(self, position_m: float) -> float:
-        """Return the speed with which a position can be passed, lower limits ahead kept in mind."""
-        starts, limits = self._starts, self._limits
-        here = max(bisect_right(starts, position_m) - 1, 0)
-        allowed = limits[here]
-        for start, limit in zip(starts[here + 1 :], limits[here + 1 :], strict=True):
-            ahead = start - position_m
-            if 2.0 * BRAKING_M_S2 * ahead >= allowed * allowed:
-                break
-            allowed = min(allowed, math.sqrt(limit * limit + 2.0 * BRAKING_M_S2 * ahead))
-        return allowed
 
 
 NO_LIMITS = SpeedLimits(np.zeros(1), np.full(1, 70.0))

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes.road_line import RoadLine, step_m
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, ZoneDirection
-from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS, SpeedLimits
+from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS
 from iptm_v2x_bridge.roadside.stop_lines import is_same_way
 
 MAX_ASIDE_M = 10.0

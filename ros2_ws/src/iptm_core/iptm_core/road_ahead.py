@@ -1,0 +1,174 @@
+"""What the road ahead allows: speed limits over position, places not to be passed before an instant.
+
+A rule of the road is an upper bound and no vehicle. Limits of signs, curves and the set speed of the driver
+are speeds over position; a closed stop line and the end of the route are positions over time.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from iptm_core.errors import RouteError
+from iptm_core.state import FloatArray
+
+BRAKING_M_S2 = 1.0
+"""Deceleration with which drivers come down to a lower limit."""
+START_M_S2 = 1.0
+"""Acceleration with which drivers come up to a limit."""
+HARDEST_M_S2 = 1.8
+"""Deceleration for a stop that leaves no room for comfort."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedLimits:
+    """Limits along the road.
+
+    Attributes:
+        starts_m: where each limit begins, shape (n,), increasing; the first holds before it, too.
+        limits_m_s: the limits, shape (n,), above 0.
+
+    Raises:
+        RouteError: malformed arrays.
+    """
+
+    starts_m: FloatArray
+    limits_m_s: FloatArray
+    _starts: tuple[float, ...] = field(init=False, repr=False)
+    _limits: tuple[float, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        fits = self.starts_m.size and self.starts_m.shape == self.limits_m_s.shape
+        # "Not above" is not the same as "at most": NaN is neither.
+        rising = fits and np.all(np.diff(self.starts_m) > 0.0)
+        if not rising or not np.all(self.limits_m_s > 0.0):
+            raise RouteError(
+                f"speed limits: {self.starts_m.size} starts, {self.limits_m_s.size} limits; "
+                "allowed: equal numbers from 1, increasing starts, limits above 0"
+            )
+        # The same as plain numbers, for single positions.
+        object.__setattr__(self, "_starts", tuple(self.starts_m.tolist()))
+        object.__setattr__(self, "_limits", tuple(self.limits_m_s.tolist()))
+
+    def at_m_s(self, positions_m: FloatArray) -> FloatArray:
+        """Return the limits that hold at positions, shape of them."""
+        index = np.searchsorted(self.starts_m, positions_m, side="right") - 1
+        limits: FloatArray = self.limits_m_s[np.maximum(index, 0)]
+        return limits
+
+    def approach_at_m_s(self, position_m: float) -> float:
+        """Return the speed with which a position can be passed, lower limits ahead kept in mind."""
+        starts, limits = self._starts, self._limits
+        here = max(bisect_right(starts, position_m) - 1, 0)
+        allowed = limits[here]
+        for start, limit in zip(starts[here + 1 :], limits[here + 1 :], strict=True):
+            ahead = start - position_m
+            if 2.0 * BRAKING_M_S2 * ahead >= allowed * allowed:
+                break
+            allowed = min(allowed, math.sqrt(limit * limit + 2.0 * BRAKING_M_S2 * ahead))
+        return allowed
+
+    def and_not_above(self, other: SpeedLimits) -> SpeedLimits:
+        """Return the lower one of two limits everywhere."""
+        starts = np.union1d(self.starts_m, other.starts_m)
+        return SpeedLimits(starts, np.minimum(self.at_m_s(starts), other.at_m_s(starts)))
+
+    def between(self, from_m: float, to_m: float) -> SpeedLimits:
+        """Return what holds on a part of the road; its first and last limits hold beyond the part."""
+        first = max(bisect_right(self._starts, from_m) - 1, 0)
+        last = max(bisect_right(self._starts, to_m), first + 1)
+        return SpeedLimits(self.starts_m[first:last], self.limits_m_s[first:last])
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A place that the front of the ego vehicle does not pass before an instant.
+
+    Attributes:
+        position_m: where it halts at the latest.
+        until_s: trip time at which the way is free; infinite at the end of the route.
+    """
+
+    position_m: float
+    until_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class RoadAhead:
+    """Upper bounds of motion at one instant, vehicles apart.
+
+    Attributes:
+        has_leader: whether a lead vehicle is observed, whose motion is reported apart from this.
+        limits: speed limits, None where no rule of the road is known; there are no stops then.
+        stops: in driving order.
+    """
+
+    has_leader: bool
+    limits: SpeedLimits | None = None
+    stops: tuple[Stop, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A motion in equal steps, its first node the present.
+
+    Attributes:
+        times_s: times, shape (n,).
+        positions_m: front of the vehicle, shape (n,).
+        speeds_m_s: speeds, shape (n,).
+    """
+
+    times_s: FloatArray
+    positions_m: FloatArray
+    speeds_m_s: FloatArray
+
+
+def lawful_drive(
+    limits: SpeedLimits,
+    stops: Sequence[Stop],
+    start: tuple[float, float, float],
+    steps: int,
+    step_s: float,
+    room_m: FloatArray | None = None,
+    headway_s: float = 0.0,
+) -> Drive:
+    """Return how an attentive driver drives: at the limits, with comfort, and never past a stop.
+
+    Args:
+        limits: that are kept at the end of every step.
+        stops: that hold the vehicle, in driving order, none behind it.
+        start: trip time, position and speed at the first node.
+        steps: number of steps.
+        step_s: length of a step.
+        room_m: where a lead vehicle lets the front of this one stand at the nodes, shape (steps + 1,).
+        headway_s: time headway that is kept to that place.
+    """
+    now_s, position, speed = start
+    begin_m, begin_m_s = position, speed
+    positions, speeds = [position], [speed]
+    for number in range(1, steps + 1):
+        time_s = now_s + number * step_s
+        allowed = limits.approach_at_m_s(position + speed * step_s)
+        aimed = min(speed + START_M_S2 * step_s, allowed)
+        stop = next((stop for stop in stops if stop.until_s > time_s), None)
+        stop_m = math.inf
+        if stop is not None:
+            stop_m = max(stop.position_m, position)
+            # What is to be braked for at once may take more than comfort.
+            way_m = max(stop_m - begin_m, 0.1)
+            braking = max(BRAKING_M_S2, 0.5 * begin_m_s**2 / way_m)
+            rest_m = max(stop_m - position - 0.5 * speed * step_s, 0.0)
+            aimed = min(aimed, math.sqrt(2.0 * braking * rest_m))
+        if room_m is not None and room_m[number] < math.inf:
+            aimed = min(aimed, max(float(room_m[number]) - position, 0.0) / headway_s)
+        aimed = max(aimed, speed - HARDEST_M_S2 * step_s, 0.0)
+        position += min(0.5 * step_s * (speed + aimed), stop_m - position)
+        speed = aimed
+        positions.append(position)
+        speeds.append(speed)
+    times: FloatArray = now_s + step_s * np.arange(steps + 1, dtype=np.float64)
+    return Drive(times, np.array(positions), np.array(speeds))

@@ -1,0 +1,86 @@
+"""The road ahead as a message: bounds by kind and place, each with its speed and the end of its validity."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from iptm_core.errors import RouteError
+from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
+from iptm_interfaces.codecs._checks import reject
+from iptm_interfaces.codecs.time import ns_from_time, time_from_ns
+from iptm_interfaces.message_types import JointState
+from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
+
+LEAD_VEHICLE, SPEED_LIMIT, STOP = TOPICS[Topic.ROAD_AHEAD].fields
+_NOTHING_KNOWN = RoadAhead(has_leader=False)
+
+
+def encode_road_ahead(road: RoadAhead | None, stamp_ns: int, *, has_leader: bool) -> JointState:
+    """Return the road ahead as a message.
+
+    Args:
+        road: rules; None where none are known.
+        stamp_ns: of the tick.
+        has_leader: whether `v2x/leader` has a message of this stamp.
+    """
+    known = road or _NOTHING_KNOWN
+    rows: list[tuple[str, float, float, float]] = []
+    if has_leader:
+        rows.append((LEAD_VEHICLE, math.nan, math.nan, math.inf))
+    if known.limits is not None:
+        places, limits = known.limits.starts_m.tolist(), known.limits.limits_m_s.tolist()
+        rows += [
+            (SPEED_LIMIT, at_m, limit, math.inf) for at_m, limit in zip(places, limits, strict=True)
+        ]
+    rows += [(STOP, stop.position_m, 0.0, stop.until_s) for stop in known.stops]
+    message = JointState(
+        name=[row[0] for row in rows],
+        position=[row[1] for row in rows],
+        velocity=[row[2] for row in rows],
+        effort=[row[3] for row in rows],
+    )
+    message.header.stamp = time_from_ns(stamp_ns)
+    message.header.frame_id = ROAD_FRAME
+    return message
+
+
+def decode_road_ahead(message: JointState) -> tuple[int, RoadAhead]:
+    """Return stamp (ns) and road ahead of a message; bounds of an unknown kind are refused.
+
+    Raises:
+        MessageError: lengths differ, a kind is unknown, or a bound is none.
+    """
+    columns = (message.position, message.velocity, message.effort)
+    count = len(message.name)
+    if any(len(column) != count for column in columns):
+        sizes = ", ".join(str(len(column)) for column in columns)
+        reject(Topic.ROAD_AHEAD, f"{count} names, but {sizes} positions, velocities and efforts")
+    limits: list[tuple[float, float]] = []
+    stops: list[Stop] = []
+    for kind, place_m, speed_m_s, until_s in zip(message.name, *columns, strict=True):
+        if kind == SPEED_LIMIT:
+            limits.append((place_m, speed_m_s))
+        elif kind == STOP and math.isfinite(place_m) and not math.isnan(until_s):
+            stops.append(Stop(place_m, until_s))
+        elif kind != LEAD_VEHICLE:
+            reject(
+                Topic.ROAD_AHEAD,
+                f"bound is {kind} at {place_m} m until {until_s} s; allowed: {LEAD_VEHICLE}, "
+                f"{SPEED_LIMIT} and {STOP} at finite places",
+            )
+    if stops and not limits:
+        reject(Topic.ROAD_AHEAD, f"{len(stops)} stops without a speed limit; allowed: with one")
+    try:
+        known = SpeedLimits(*np.array(limits).T) if limits else None
+    except RouteError as error:
+        reject(Topic.ROAD_AHEAD, str(error))
+    stops.sort(key=lambda stop: stop.position_m)
+    road = RoadAhead(LEAD_VEHICLE in message.name, known, tuple(stops))
+    return ns_from_time(message.header.stamp), road
+
+
+def has_leader(data: bytes) -> bool:
+    """Return whether a serialised road ahead states a lead vehicle, without decoding it."""
+    return LEAD_VEHICLE.encode() in data

@@ -1,0 +1,125 @@
+"""The road ahead as the problem takes it: what leads, and how fast the ego vehicle may be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.iptm_controller.scenes import PARAMETERS, make_state
+
+from iptm_controller.forecast import LeaderForecast, PreviewQuality
+from iptm_controller.leader_motion import PredictedLeaderMotion
+from iptm_controller.road_envelope import PACE_MARGIN_M, RoadEnvelope
+from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
+
+GAP = PARAMETERS.gap
+LIMITS = SpeedLimits(np.array([0.0]), np.array([14.0]))
+FREE = RoadAhead(has_leader=False, limits=LIMITS)
+
+
+def envelope() -> RoadEnvelope:
+    return RoadEnvelope(PARAMETERS, 1.0)
+
+
+def of_leader(gap_m: float, speed_m_s: float) -> LeaderForecast:
+    times = np.arange(0.0, 61.0)
+    motion = PredictedLeaderMotion(times, gap_m + speed_m_s * times, np.full(61, speed_m_s))
+    return LeaderForecast(motion, motion, PreviewQuality.FULL, "", 0.0, 60.0)
+
+
+def host(speed_m_s: float, position_m: float = 0.0, time_s: float = 0.0) -> object:
+    return make_state(speed_m_s=speed_m_s, position_m=position_m, time_s=time_s)
+
+
+def test_without_rules_the_lead_vehicle_is_taken_as_it_is() -> None:
+    forecast = of_leader(30.0, 10.0)
+    assert envelope().lead(host(10.0), None, forecast) == (forecast.motion, forecast.limiting)
+
+
+def test_on_a_free_road_the_pace_drives_at_the_limit_and_waits_at_the_largest_gap() -> None:
+    road = envelope()
+    motion, limiting = road.lead(host(14.0), FREE, None)
+    assert limiting is motion
+    first_m = GAP.max_gap_m - PACE_MARGIN_M
+    assert motion.positions_m[0] == pytest.approx(first_m)
+    assert np.diff(motion.positions_m) == pytest.approx(7.0)
+    # A host that falls back does not move it back; one that halts does not lose it.
+    later, _ = road.lead(host(12.0, 12.0, 1.0), FREE, None)
+    assert later.positions_m[0] == pytest.approx(12.0 + first_m)
+    caught_up, _ = road.lead(host(14.0, 40.0, 2.0), FREE, None)
+    assert caught_up.positions_m[0] == pytest.approx(12.0 + first_m + 14.0)
+
+
+def test_the_pace_asks_for_no_more_than_a_lawful_drive() -> None:
+    """A limit rises behind the pace, not yet behind the host."""
+    rising = SpeedLimits(np.array([0.0, 60.0]), np.array([8.0, 30.0]))
+    motion, _ = envelope().lead(host(8.0), replace(FREE, limits=rising), None)
+    reached_s = 60.0 / 8.0
+    at_node = motion.times_s <= reached_s
+    lawful_m = 8.0 * motion.times_s + GAP.max_gap_m - PACE_MARGIN_M
+    assert np.all(motion.positions_m[at_node] <= lawful_m[at_node] + 1.0)
+
+
+def test_a_stop_leads_until_it_opens() -> None:
+    road = replace(FREE, stops=(Stop(150.0, 30.0),))
+    motion, _ = envelope().lead(host(14.0), road, None)
+    held = motion.times_s < 30.0
+    assert motion.positions_m[held].max() == pytest.approx(150.0 + GAP.standstill_gap_m)
+    assert motion.speeds_m_s[held][-1] == 0.0
+    assert motion.positions_m[-1] > 300.0
+
+
+def test_the_nearer_one_of_leader_and_stop_binds() -> None:
+    near, far = of_leader(40.0, 5.0), of_leader(40.0, 12.0)
+    stop = replace(FREE, has_leader=True, stops=(Stop(300.0, math.inf),))
+    # The slow leader is still in front of the line after 28 s, the fast one passes it.
+    motion, _ = envelope().lead(host(10.0), stop, near)
+    places, _ = motion.at(np.array([0.0, 20.0]))
+    assert places == pytest.approx([40.0, 140.0])
+    motion, _ = envelope().lead(host(10.0), stop, far)
+    places, speeds = motion.at(np.array([0.0, 60.0]))
+    assert places == pytest.approx([40.0, 300.0 + GAP.standstill_gap_m])
+    assert speeds[-1] == 0.0
+
+
+def test_behind_a_leader_that_may_brake_the_rules_lead_no_faster_than_to_its_halt() -> None:
+    slow = replace(FREE, has_leader=True, limits=SpeedLimits(np.zeros(1), np.full(1, 10.0)))
+    motion, _ = envelope().lead(host(10.0), slow, of_leader(99.0, 11.0))
+    ahead_m = 99.0 + 11.0 * motion.times_s
+    halting_m = motion.positions_m + motion.speeds_m_s**2 / 4.0
+    assert np.all(halting_m <= ahead_m + 11.0**2 / 4.0 + 1e-6)
+
+
+def test_speed_limits_hold_around_the_expected_places() -> None:
+    limits = SpeedLimits(np.array([0.0, 100.0, 200.0]), np.array([10.0, 5.0, 20.0]))
+    places = np.array([0.0, 20.0, 90.0, 120.0, 204.0, 206.0])
+    speeds = np.array([10.0, 10.0, 5.0, 5.0, 5.0, 5.0])
+    found = envelope().speed_limits_m_s(
+        replace(FREE, limits=limits), (np.arange(6.0), places, speeds)
+    )
+    assert found is not None
+    # 95 m: 5 m before the lower limit; 199 m: still in it; 201 m: behind it.
+    assert found == pytest.approx([10.0, math.sqrt(25.0 + 2.0 * 5.0), 5.0, 5.0, 20.0], rel=1e-6)
+    assert envelope().speed_limits_m_s(None, (places, places, speeds)) is None
+
+
+def test_a_driver_begins_to_brake_in_time_for_the_jerk_limit() -> None:
+    road = envelope()
+    limits = PARAMETERS.limits
+    for bound in (
+        replace(FREE, limits=SpeedLimits(np.array([0.0, 300.0]), np.array([20.0, 8.0]))),
+        replace(FREE, limits=SpeedLimits(np.zeros(1), np.full(1, 20.0)), stops=(Stop(300.0, 1e9),)),
+    ):
+        speed, place, acceleration = 10.0, 0.0, 0.0
+        for tick in range(120):
+            wanted = road.command_m_s2(host(speed, place, float(tick)), bound)
+            change = wanted - acceleration
+            acceleration += min(max(change, -limits.max_jerk_m_s3), limits.max_jerk_m_s3)
+            after = max(speed + acceleration, 0.0)
+            place, speed = place + 0.5 * (speed + after), after
+            assert bound.limits is not None
+            assert speed <= bound.limits.at_m_s(np.array([place]))[0] + 0.05
+            assert not bound.stops or place <= 301.5
+        assert place > 298.0
