@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import pytest
 from tests.iptm_v2x_bridge.radio import ROAD, station
 
@@ -53,10 +55,45 @@ def test_a_cut_in_and_a_turn_off_change_the_leader_once_each() -> None:
         # Car 2 moves in within two seconds, stays, and leaves again.
         left_m = max(3.5 - 0.175 * number, 0.0) + max(0.0, 0.175 * (number - 40))
         leaders.append(traffic.hear({1: (120.0, 0.0), 2: (80.0, left_m)}))
-    assert leaders[0] == leaders[10] == 1
-    assert leaders[20] == leaders[45] == 2
+    assert leaders[0] == leaders[4] == 1
+    assert leaders[8] == leaders[45] == 2
     assert leaders[-1] == 1
     assert traffic.selector.changes == 3
+
+
+@pytest.mark.parametrize("lateral_m_s", [0.7, 1.0, 1.5])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_cut_in_is_noticed_when_the_edge_is_over_the_line(
+    lateral_m_s: float, side: float
+) -> None:
+    """The line is 1.75 m away, and a car of 1.8 m reaches over it when its middle is 2.65 m away."""
+    traffic, moved_s = Traffic(), 0.0
+    for number in range(60):
+        moved_s = max(0.1 * (number - 10), 0.0)
+        left_m = side * max(3.5 - lateral_m_s * moved_s, 0.0)
+        if traffic.hear({1: (120.0, 0.0), 2: (80.0, left_m)}) == 2:
+            break
+    assert 0.0 < moved_s - (3.5 - 2.65) / lateral_m_s < 0.35
+    assert traffic.selector.changes == 2
+
+
+def test_a_car_that_weaves_in_the_next_lane_does_not_cut_in() -> None:
+    traffic = Traffic()
+    for number in range(300):
+        left_m = 2.9 + 0.35 * math.sin(2.0 * math.pi * number / 30.0)
+        leader = traffic.hear({1: (120.0, 0.0), 2: (80.0, left_m)})
+    assert leader == 1
+    assert traffic.selector.changes == 1
+
+
+def test_a_car_that_begins_to_cut_in_and_returns_leads_for_a_moment_only() -> None:
+    traffic = Traffic()
+    leaders = []
+    for number in range(60):
+        left_m = 3.5 - max(0.0, 1.2 - abs(0.1 * (number - 20)))
+        leaders.append(traffic.hear({1: (120.0, 0.0), 2: (80.0, left_m)}))
+    assert leaders.count(2) <= 8
+    assert leaders[-1] == 1
 
 
 def test_noise_of_the_position_changes_nothing() -> None:

@@ -19,6 +19,8 @@ VEHICLE_TYPES = range(3, 12)
 
 ASSUMED_LENGTH_M = VEHICLE_LENGTH_M
 """Length of a car that does not state it."""
+ASSUMED_WIDTH_M = 1.8
+"""Width of a vehicle that does not state it: that of a car."""
 LONGEST_M = {6: 18.75, 7: 12.0, 8: 18.75, 9: 18.75, 10: 18.75, 11: 75.0}
 """Length of other vehicles that do not state it, by station type: the longest bus, motor vehicle and road
 train of directive 96/53/EC (annex I), and the longest tram of BOStrab (section 34)."""

@@ -6,10 +6,12 @@ from collections import deque
 from dataclasses import dataclass
 
 from iptm_core.routes.road_line import RoadFix, RoadLine
-from iptm_v2x_bridge.messages.cam import SLOW_M_S, CamMessage, PredictedPath
+from iptm_v2x_bridge.messages.cam import ASSUMED_WIDTH_M, SLOW_M_S, CamMessage, PredictedPath
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.stations.plausibility import contradiction, lies_between, same_measurement
 
+LATERALS = 16
+"""Distances from the path of the host kept of a station: more than a second at 10 Hz."""
 HISTORY = 64
 """Messages kept of a station: six seconds at 10 Hz."""
 OBSERVATIONS = 128
@@ -26,6 +28,12 @@ ACCURACY_SHARE = 0.5
 LARGEST_ALLOWANCE_M = 1.0
 """Both grow with this share of the stated position accuracy, by this much at most: a car in the next lane may
 lead by mistake, one in the lane of the ego vehicle must not be lost."""
+LANE_LINE_M = 1.75
+"""Where the line of the lane is, half the width of a lane of a motorway (3.5 m)."""
+CUT_IN_S = 1.5
+"""A station with an edge over the line is in the lane if its middle will be there so soon."""
+LATERAL_SPEED_OVER_S = (0.25, 1.2)
+"""Lateral speeds are differences over times in this range, the longest there is."""
 LANE_VOTES = 2
 """Messages in a row that it takes to enter the lane."""
 LEAVING_VOTES = 5
@@ -95,6 +103,8 @@ class Station:
         self._clock_ahead_ms = 0
         self._messages: deque[tuple[int, CamMessage]] = deque(maxlen=HISTORY)
         self.observations: deque[Observation] = deque(maxlen=OBSERVATIONS)
+        self._asides: deque[tuple[float, float]] = deque(maxlen=LATERALS)
+        """When (s of TimestampIts) it was how far from the path of the host (m)."""
         self.path: tuple[int, PredictedPath, float] | None = None
         self._votes = LANE_VOTES - 1
         self._driven_heading_deg: float | None = None
@@ -206,12 +216,27 @@ class Station:
         accuracy_m = self.message.position_bound_m or 0.0
         aside_m = abs(self.fix.lateral_m) - min(ACCURACY_SHARE * accuracy_m, LARGEST_ALLOWANCE_M)
         says_inside = aside_m < (LEFT_LANE_M if self.in_lane else LANE_HALF_WIDTH_M)
+        says_inside |= not self.in_lane and self._cuts_in()
+        self._asides.append((self.last.time_s, abs(self.fix.lateral_m)))
         if says_inside == self.in_lane:
             self._votes = 0
             return
         self._votes += 1
         if self._votes >= (LEAVING_VOTES if self.in_lane else LANE_VOTES):
             self.in_lane, self._votes = says_inside, 0
+
+    def _cuts_in(self) -> bool:
+        """Return whether an edge is over the line of the lane, and the middle soon will be inside."""
+        aside_m = abs(self.fix.lateral_m)
+        if aside_m - 0.5 * (self.message.width_m or ASSUMED_WIDTH_M) >= LANE_LINE_M:
+            return False
+        shortest_s, longest_s = LATERAL_SPEED_OVER_S
+        for time_s, before_m in self._asides:
+            elapsed_s = self.last.time_s - time_s
+            if shortest_s <= elapsed_s <= longest_s:
+                inwards_m_s = (before_m - aside_m) / elapsed_s
+                return aside_m - CUT_IN_S * inwards_m_s < LANE_HALF_WIDTH_M
+        return False
 
     @property
     def is_confirmed(self) -> bool:
