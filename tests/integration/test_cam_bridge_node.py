@@ -121,6 +121,11 @@ def test_a_port_in_use_is_refused(launcher: Any) -> None:
         bridge.assert_refused("cam_port")
 
 
+def test_a_topic_without_the_package_of_its_type_is_refused(launcher: Any) -> None:
+    parameters = {"leader_source": "cam", "cam_lock_step": False, "cam_topic": "/cam"}
+    launcher.start_node(BRIDGE, parameters=parameters).assert_refused("etsi_its_cam_msgs")
+
+
 def test_two_thousand_datagrams_a_second_do_not_drown_the_leader(launcher: Any, host: Host) -> None:
     """Four seconds of a crowd of two hundred cars at 10 Hz beside the leader."""
     port = free_port()

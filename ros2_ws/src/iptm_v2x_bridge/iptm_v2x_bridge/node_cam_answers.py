@@ -50,8 +50,7 @@ class CamAnswers:
         self._rules: TickBridge | None = None
         self._before: tuple[CamBridge | None, TickBridge | None, int, int, int | None]
         self._before = (None, None, 0, 0, None)
-        topic = node.resolve_topic_name(Topic.DATAGRAMS.value)
-        self._datagrams = open_source(options, topic, node.get_logger().warning)
+        self._datagrams = open_source(options, node)
         self._start_ms = self._last_ns = 0
         self._read_ns: int | None = None
         self._received = 0

@@ -6,15 +6,17 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
-from iptm_core.errors import BagError
+from iptm_core.errors import BagError, ParameterError
 from iptm_core.trip_time import NS_PER_MS
 from iptm_interfaces.codecs import decode_raw_datagram
+from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_v2x_bridge.captures import CAPTURE_SUFFIXES, read_capture
 from iptm_v2x_bridge.datagrams import MAX_KEPT, DatagramReader
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
+from iptm_v2x_bridge.messages.ros_cam import bits_of, message_type
 from iptm_v2x_bridge.node_parameters import CamSettings
 from iptm_v2x_bridge.radio_recording import (
     RadioRecording,
@@ -23,6 +25,9 @@ from iptm_v2x_bridge.radio_recording import (
     recording_with_marks,
 )
 from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+
+MAX_WAITING = 1000
+"""Messages of a topic that the middleware keeps."""
 
 
 class DatagramSource(Protocol):
@@ -53,25 +58,27 @@ class DatagramSource(Protocol):
         ...
 
 
-def open_source(options: CamSettings, topic: str, warn: Callable[[str], None]) -> DatagramSource:
+def open_source(options: CamSettings, node: SuiteNode) -> DatagramSource:
     """Return the source that the parameters ask for.
 
     Args:
         options: of the node.
-        topic: full name of the node's own topic of datagrams, which counts where a bag has several.
-        warn: called with a sentence if a part of the recording cannot be read.
+        node: hears a topic, and warns if a part of a recording cannot be read; its own topic of datagrams
+            counts where a bag has several.
 
     Raises:
-        IptmError: the socket or the recording is not usable.
+        IptmError: the socket, the topic or the recording is not usable.
     """
+    if options.cam_topic:
+        return _TopicSource(options, node)
     if options.recorded_packets:
         return _RecordedSource(
             read_recording(
                 Path(options.recorded_packets),
                 options.cam_port,
                 options.trip_start_timestamp_ms,
-                topic,
-                warn,
+                node.resolve_topic_name(Topic.DATAGRAMS.value),
+                node.get_logger().warning,
             )
         )
     return _SocketSource(
@@ -79,6 +86,13 @@ def open_source(options: CamSettings, topic: str, warn: Callable[[str], None]) -
         options.trip_start_timestamp_ms,
         lock_step=options.cam_lock_step,
     )
+
+
+def _trip_start_ms(given_ms: int, time_ns: int) -> int:
+    """Return the TimestampIts of trip time 0: the given one, or that of the computer's clock if negative."""
+    if given_ms >= 0:
+        return given_ms
+    return its_timestamp_ms(time.time_ns()) - time_ns // NS_PER_MS
 
 
 class _SocketSource:
@@ -97,9 +111,7 @@ class _SocketSource:
         self._heard = self._dropped = self._lost_on_the_way = 0
 
     def begin_trip(self, time_ns: int) -> int:
-        if self._given_start_ms >= 0:
-            return self._given_start_ms
-        return its_timestamp_ms(time.time_ns()) - time_ns // NS_PER_MS
+        return _trip_start_ms(self._given_start_ms, time_ns)
 
     def take(self, after_ns: int | None, until_ns: int) -> list[Reception]:  # noqa: ARG002
         if not self._lock_step:
@@ -157,6 +169,58 @@ class _SocketSource:
 
     def close(self) -> None:
         self._reader.close()
+
+
+class _TopicSource:
+    """Messages of a topic, as the datagrams that they came from; all by the clock of the computer."""
+
+    def __init__(self, options: CamSettings, node: SuiteNode) -> None:
+        """Subscribe.
+
+        Raises:
+            ParameterError: the type of the messages is not there, or they are asked to come in lock-step.
+        """
+        if options.cam_lock_step or options.recorded_packets:
+            raise ParameterError(
+                f"cam_topic is {options.cam_topic!r} with cam_lock_step {options.cam_lock_step} and "
+                f"recorded_packets {options.recorded_packets!r}; allowed: False and ''"
+            )
+        self._topic, self._node = options.cam_topic, node
+        self._given_start_ms = options.trip_start_timestamp_ms
+        self._kept: deque[bytes] = deque()
+        self._dropped = 0
+        node.create_subscription(message_type(), options.cam_topic, self.hear, MAX_WAITING)
+
+    def hear(self, message: Any) -> None:
+        """Take a message; one that violates the standard is refused and reported."""
+        self._node.guard(self._topic, lambda: self._keep(bits_of(message)))
+
+    def _keep(self, datagram: bytes) -> None:
+        self._kept.append(datagram)
+        if len(self._kept) > MAX_KEPT:
+            self._kept.popleft()
+            self._dropped += 1
+
+    def begin_trip(self, time_ns: int) -> int:
+        return _trip_start_ms(self._given_start_ms, time_ns)
+
+    def take(self, after_ns: int | None, until_ns: int) -> list[Reception]:  # noqa: ARG002
+        taken = [Reception(until_ns, until_ns, datagram) for datagram in self._kept]
+        self._kept.clear()
+        return taken
+
+    def take_dropped(self, after_ns: int | None, until_ns: int) -> int:  # noqa: ARG002
+        dropped, self._dropped = self._dropped, 0
+        return dropped
+
+    def missing(self, time_ns: int) -> str:  # noqa: ARG002 - nothing ever is
+        return ""
+
+    def report(self) -> dict[str, object]:
+        return {"cam_topic": self._topic}
+
+    def close(self) -> None:
+        pass
 
 
 class _RecordedSource:

@@ -58,6 +58,11 @@ class CamSettings(Settings):
         0,
         1000,
     )
+    cam_topic: str = parameter(
+        "",
+        "cam: hear messages of cars on this topic instead of the socket (etsi_its_cam_msgs/msg/CAM, where "
+        "that package is installed); with cam_lock_step false",
+    )
     trust_anchors: str = parameter(
         "",
         "cam: folder with certificates of trusted authorities (.oer, .cert): signatures are verified, and "
