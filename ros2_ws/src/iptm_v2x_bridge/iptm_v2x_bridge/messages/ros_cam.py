@@ -61,7 +61,7 @@ def bits_of(message: Any) -> bytes:
         "messageId": message.header.message_id,
         "stationId": message.header.station_id.value,
     }
-    container = ("roadside", {})
+    container: tuple[str, dict[str, Any]] = ("roadside", {})
     if high.choice == _VEHICLE:
         container = ("vehicle", _vehicle(high.basic_vehicle_container_high_frequency))
     content = {
