@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 import iptm
+from iptm_core.aging_laws.cells import LAWS
 from iptm_core.metrics import figure_values
 from iptm_core.routes import load_cycle
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
@@ -146,6 +147,25 @@ def test_an_own_predictor_is_what_the_controller_hears() -> None:
     assert run.trajectory.position_m.tolist() != true.trajectory.position_m.tolist()
 
 
+def test_a_law_of_a_cell_cools_where_a_kelvin_is_worth_its_energy() -> None:
+    """From 28 degC and with dear energy: parked in a Phoenix July it pays, in an Oslo January it does not."""
+    warm = {"environment.initial_cell_temperature_k": 301.15}
+
+    def drive(law: Any, air_k: float, year_air_k: float) -> iptm.Run:
+        use = {"parking_air_k": air_k, "year_air_k": year_air_k, "year_air_swing_k": 11.0}
+        dear = {"aging_law": law, "electricity_eur_kwh": 0.7, **use}
+        return iptm.simulate("us06", horizon="3x1", overrides=warm, **dear, **SHORT)
+
+    phoenix, own = drive("nmc622", 308.75, 297.6), drive(LAWS["nmc622"], 308.75, 297.6)
+    powers_w = phoenix.trajectory.compressor_power_w
+    assert powers_w.max() > 500.0
+    assert own.trajectory.compressor_power_w.tolist() == powers_w.tolist()
+    assert (phoenix.settings["aging_law"], own.settings["aging_law"]) == ("nmc622", "NMC622")
+    assert own.name.endswith("law NMC622")
+    oslo = drive("nmc622", 268.65, 279.4)
+    assert oslo.trajectory.compressor_power_w.max() < 1.0
+
+
 def test_a_sweep_drives_every_combination() -> None:
     sweep = iptm.sweep(
         cycle=["us06", "udds"],
@@ -197,6 +217,8 @@ class BrokenPredictor:
         ({"strateg": "aging"}, "unknown key 'strateg'; did you mean 'strategy'"),
         ({"horizon": 15}, "horizon is 15"),
         ({"faults": 3}, "faults is 3; allowed: "),
+        ({"aging_law": "nmc"}, "aging_law is 'nmc'.* allowed: one of paper, nca"),
+        ({"charging_target": 1.2}, "charging_target is 1.2 .* allowed: a number from 0 to 1"),
         ({"controller": 3}, "controller is 3; allowed: an object with the method decide"),
         ({"controller": KeepsSpeed}, "controller is <class .* allowed: an object"),
         ({"predictor": Broken(1)}, "predictor is .* allowed: an object with the method predict"),
