@@ -152,14 +152,14 @@ def test_a_kelvin_gains_worth_towards_the_destination() -> None:
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_horizon_may_take_the_price_of_a_kelvin_as_constant(name: str) -> None:
-    """Cooling as hard as the chiller can for 28 s: the price at the start is within 5 % of the mean one."""
+    """Cooling as hard as the chiller can for 28 s: the price at the start is within 7 % of the mean one."""
     aging = ParkedAging(LAWS[name], HOT, AMBIENT_K)
     pack = PARAMETERS.pack
     heat_j_k = pack.cells_in_series * pack.parallel * PARAMETERS.cell.heat_capacity_j_k
     cooled_k = 28.0 * float(cooling_supply(308.15, PARAMETERS)[0][-1]) / heat_j_k
     assert 0.5 < cooled_k < 2.0
     prices = aging.kelvin_price_1_k(308.15 - np.linspace(0.0, cooled_k, 20))
-    assert prices[0] == pytest.approx(float(np.mean(prices)), rel=0.05)
+    assert prices[0] == pytest.approx(float(np.mean(prices)), rel=0.07)
 
 
 def test_supply_begins_at_the_best_efficiency() -> None:
