@@ -25,8 +25,8 @@ from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, Sta
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import (
     GAP_SMOOTHING_M,
-    LONGEST_UNWATCHED_S,
-    NOT_ASKED_FOR_M,
+    INACTIVE_ROW_M,
+    LONGEST_STEP_WITHOUT_SAMPLED_GAP_S,
     cold_cost,
 )
 from iptm_controller.solvers.factory import build_plain_solver
@@ -140,7 +140,7 @@ class OptiPeer:
                 gap, speed, acceleration[k], p[StepIndex.LEADER_SPEED], gap_policy, limits
             )
             at_end = p[StepIndex.END_OF_PREVIEW]
-            opti.subject_to(at_end * reserve + (1.0 - at_end) * NOT_ASKED_FOR_M + short >= 0.0)
+            opti.subject_to(at_end * reserve + (1.0 - at_end) * INACTIVE_ROW_M + short >= 0.0)
             opti.subject_to(gap - long <= gap_policy.max_gap_m)
             opti.subject_to(speed + fast >= limits.min_speed_m_s)
             opti.subject_to(speed - fast <= p[StepIndex.MAX_SPEED])
@@ -225,7 +225,7 @@ def _step_function(kind: StageKind, problem: OptimalControlProblem) -> ca.Functi
             + 0.5 * s[SampleIndex.SLOPE_CURVATURE] * ahead * ahead
         )
         v = advance_speed_m_s(speed, a, elapsed_s)
-        if step_s > LONGEST_UNWATCHED_S:
+        if step_s > LONGEST_STEP_WITHOUT_SAMPLED_GAP_S:
             gap = s[SampleIndex.LEADER_POSITION] - advance_position_m(position, speed, a, elapsed_s)
             shortest = minimum_gap_m(
                 v, s[SampleIndex.LEADER_SPEED], parameters.gap, parameters.limits

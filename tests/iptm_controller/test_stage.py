@@ -12,7 +12,7 @@ from tests.iptm_controller.scenes import PARAMETERS, make_state, run_stage
 
 from iptm_controller.ocp.grid import quadrature, sample_count
 from iptm_controller.ocp.layout import LimitIndex, StateIndex
-from iptm_controller.ocp.stage import DEFAULT_PENALTIES, GAP_SMOOTHING_M, NOT_ASKED_FOR_M
+from iptm_controller.ocp.stage import DEFAULT_PENALTIES, GAP_SMOOTHING_M, INACTIVE_ROW_M
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
 from iptm_core.state import VehicleState
@@ -140,7 +140,7 @@ def test_limits_are_those_of_the_paper(
         LimitIndex.COMPRESSOR_RATE: (power - last[1]) / (limits.max_compressor_rate_w_s * step_s),
         LimitIndex.GAP_MIN: leader_m - position - shortest + short,
         LimitIndex.GAP_FLOOR: leader_m - position - policy.standstill_gap_m + short,
-        LimitIndex.GAP_BRAKING: NOT_ASKED_FOR_M + short,
+        LimitIndex.GAP_BRAKING: INACTIVE_ROW_M + short,
         LimitIndex.GAP_MAX: policy.max_gap_m - (leader_m - position) + far,
         LimitIndex.SPEED_MIN: end_speed - limits.min_speed_m_s + fast,
         LimitIndex.SPEED_MAX: limits.max_speed_m_s - end_speed + fast,

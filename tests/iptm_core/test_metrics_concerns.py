@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iptm_core.metrics import Concern, compute_metrics, figure_values
-from iptm_core.metrics.concerns import FutileCooling, Streak
+from iptm_core.metrics.concerns import IneffectiveCooling, Streak
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 
@@ -94,7 +94,7 @@ def test_a_streak_begins_anew_with_a_new_trip() -> None:
 
 def test_a_fall_from_the_highest_temperature_is_an_effect() -> None:
     """What was gained before a fall does not hide it."""
-    futile = FutileCooling()
+    futile = IneffectiveCooling()
     temperatures = [315.0, 316.0, 315.95, 315.89, 315.88]
     lasted = [
         futile.update(float(second), temperature_k, at_limit=True)

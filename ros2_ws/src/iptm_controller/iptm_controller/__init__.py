@@ -1,1 +1,1 @@
-"""Multi-horizon model predictive control of power and temperature; only ``node`` knows ROS."""
+"""Multi-horizon model predictive control of power and temperature; only ``node`` depends on ROS."""

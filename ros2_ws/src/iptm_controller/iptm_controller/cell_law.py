@@ -26,7 +26,7 @@ from iptm_core.state import FloatArray, VehicleState
 CELLS = 2.0
 """The cost counts the loss of the first and of the last cell."""
 _SCALE = 0.02
-"""A kelvin is worth two orders of magnitude more than under the paper's law."""
+"""Scale of the cost: a kelvin costs two orders of magnitude more than under the paper's law."""
 _J_PER_KWH = 3.6e6
 _WH_PER_KWH = 1000.0
 _TABLE_K: FloatArray = np.linspace(233.0, 353.0, 241, dtype=np.float64)
@@ -80,8 +80,8 @@ class CellLawValuation:
 
     The price of a kelvin is that at which the trip ends at a temperature where a kelvin costs as much: what
     cooling at that price removes until then is taken into account, and cooling beyond the lower temperature
-    limit is worth nothing. So the pack is cooled over the whole trip at the most efficient powers, and not
-    at all where a kelvin is worth less than its cooling takes.
+    limit has no value. So the pack is cooled over the whole trip at the most efficient powers, and not
+    at all where the marginal cost of a kelvin is below the cost of its cooling.
 
     Attributes:
         memory: what is carried from tick to tick: nothing.
@@ -124,7 +124,7 @@ class CellLawValuation:
 
         Args:
             state: measured state.
-            leader: foreseen motion of the leader, which does not count.
+            leader: predicted motion of the leader, which is not used.
         """
         del leader
         kelvin = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)

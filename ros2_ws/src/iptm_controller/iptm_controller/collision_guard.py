@@ -20,7 +20,7 @@ from iptm_core.state import FloatArray, LeaderState, VehicleState
 
 MARGIN_M = 1.0
 """Gap that counts as a collision ahead: what errors of range and prediction within a tick may cost."""
-BORNE_OUT_M_S = 1.0
+CONFIRMED_SPEED_ERROR_M_S = 1.0
 """A leader slower than foretold by more does not do what its preview says."""
 CHECKS_PER_TICK = 4
 EMERGENCY = "a collision threatens, hardest braking"
@@ -139,7 +139,7 @@ class CollisionGuard:
             times_s, leader.time_s + forecast.known_s, forecast.motion
         )
         _, speeds_now = forecast.motion.at(np.array([leader.time_s]))
-        too_fast = float(speeds_now[0]) - leader.speed_m_s > BORNE_OUT_M_S
+        too_fast = float(speeds_now[0]) - leader.speed_m_s > CONFIRMED_SPEED_ERROR_M_S
         if too_fast or forecast.known_s < NEAR_S:
             return np.minimum(as_measured_m, as_predicted_m)
         return as_predicted_m

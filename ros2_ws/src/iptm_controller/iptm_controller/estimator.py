@@ -77,7 +77,7 @@ class EstimatorMemory:
         covariance: of these, row by row.
         ego: estimated speed in m/s and its variance.
         temperatures: estimates in K and their rates in K/s, cell 1 first.
-        doubted: the last gap was an outlier, not believed.
+        doubted: whether the last gap was rejected as an outlier.
     """
 
     state: VehicleState | None = None

@@ -1,8 +1,8 @@
-"""The leader's motion as the optimiser sees it: measured past, predicted future, and how good it is.
+"""Forecast of the leader's motion for the optimiser: measured past, predicted future, and its quality.
 
 A preview is used only if it is well formed and recent enough; beyond its end the leader keeps its last speed.
-It counts as known as far as its bounds allow, and up to the horizon that earlier previews have earned. From
-there on the plan follows what is expected and keeps its braking reserve. Without a preview the leader is
+It is trusted as far as its bounds allow, and up to the horizon that earlier previews justify. From
+there on the plan follows the expected motion and keeps its braking reserve. Without a preview the leader is
 extrapolated: its measured acceleration decays. Which of these holds, and why, is part of the result.
 """
 
@@ -34,7 +34,7 @@ NEAR_S = 3.0
 
 
 class PreviewQuality(IntEnum):
-    """How the leader's future is known."""
+    """Quality of the preview."""
 
     FULL = 0
     """A valid preview, known over the whole horizon."""

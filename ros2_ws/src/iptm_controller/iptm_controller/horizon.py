@@ -2,7 +2,7 @@
 
 ``15x1`` is the paper's single horizon (SH), ``3x1+5x5`` its proposed multi-horizon (MH): both are the
 same code with another list. Phases with a ``t`` behind are thermal, such as the last one of
-``3x1+5x5+10x30t``: their steps carry on cell temperatures and compressor power, the motion is foreseen.
+``3x1+5x5+10x30t``: their steps carry on cell temperatures and compressor power, the motion is predicted.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The fallback ladder: what to do when there is no usable solution.
+"""The fallback ladder: commands without a usable solution.
 
 Rung by rung: the solved plan; the last good plan, shifted, for a few ticks; the safe car-following law
 with a thermostat for a limited time; a controlled stop. No plan of an earlier tick brakes less than the safe

@@ -72,7 +72,7 @@ class PredictedLeaderMotion:
 
 
 def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
-    """Return the leader's acceleration by its speeds of the last second, 0 where they do not tell.
+    """Return the leader's acceleration from its speeds of the last second, 0 without enough of them.
 
     Args:
         measured: leader at increasing times, the newest one last. Where a measurement is missing, the one

@@ -46,7 +46,7 @@ from iptm_interfaces.watchdog import Watchdog
 CHECKS_PER_TIMEOUT = 5.0
 PLANT_TIMEOUT_S = 5.0
 """Wall time without any part of a state after which the plant is told to have stopped."""
-DEAF_AFTER_TIMEOUTS = 2.0
+UNMATCHED_AFTER_TIMEOUTS = 2.0
 """Times `input_timeout_s` for which states may arrive without one that can be answered."""
 LEAST_WAIT_S = 0.02
 """Wall time for which inputs are waited for however fast trip time runs."""
@@ -328,7 +328,7 @@ class ControllerNode(SuiteNode):
         """Return what is wrong with the inputs as a whole, else the situation of the last decision."""
         if self._watchdog.is_silent:
             return Level.STALE, "no state arrives: the plant has stopped or cannot be heard"
-        patience_s = DEAF_AFTER_TIMEOUTS * self._options.input_timeout_s
+        patience_s = UNMATCHED_AFTER_TIMEOUTS * self._options.input_timeout_s
         since_s = self._unanswered_since_s
         if since_s is not None and self.awake.now_s() - since_s > patience_s:
             return Level.ERROR, "states arrive, but none that can be answered"

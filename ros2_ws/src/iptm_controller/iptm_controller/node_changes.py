@@ -36,7 +36,7 @@ class SettingsChanges:
     """
 
     def __init__(self, node: SuiteNode, options: ControllerNodeParameters) -> None:
-        """Answer whoever sets parameters of a node.
+        """Handle changes of the parameters of a node.
 
         Args:
             node: the controller node.
@@ -75,7 +75,7 @@ class SettingsChanges:
         if not different.issubset(_NUMBERS_OF_A_PROBLEM):
             self._node.get_logger().info(f"prepares {self._difference()}")
             self._prepared = Future()
-            # A daemon, so that a node that is told to stop does not wait for a compiler.
+            # A daemon, so that the node can stop without waiting for a compiler.
             Thread(target=_build, args=(self._wanted, self._prepared), daemon=True).start()
 
     def take_over(self, controller: Controller, stamp_ns: int) -> Controller:
@@ -103,7 +103,7 @@ class SettingsChanges:
             return controller
         memory = controller.memory
         if self._wanted.horizon != self.options.horizon:
-            # A plan on another grid is no start for this one.
+            # A plan on another grid cannot start this one.
             memory = replace(memory, ladder=LadderMemory(None, memory.ladder.failures))
         ready.memory = memory
         self._note(self._wanted, stamp_ns, f", prepared in {took_s:.2g} s")
@@ -117,7 +117,7 @@ class SettingsChanges:
         self.options = options
 
     def _give_up(self, error: Exception) -> None:
-        """Keep the present settings, and say so in the parameters as well."""
+        """Keep the present settings, and restore the parameters."""
         self._node.get_logger().error(f"{self._difference()} cannot be prepared: {error}")
         back = [Parameter(name, value=getattr(self.options, name)) for name in self._different()]
         self._wanted = self.options

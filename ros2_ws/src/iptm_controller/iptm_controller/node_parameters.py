@@ -106,7 +106,7 @@ class ControllerNodeParameters(
         return SavedState(CONTROLLER_STATE, stamp_ns, self._kept(), to_plain(memory))
 
     def start_memories(self) -> dict[int, ControllerMemory]:
-        """Return what the controller knows at the start of a trip, by the trip time of the start (ns).
+        """Return the initial memory of the controller, by the trip time of the start (ns).
 
         Raises:
             StateError: the file with a saved state cannot be read, or is none of these settings.

@@ -1,4 +1,4 @@
-"""What the node tells about a decision: plan with node times, one short situation."""
+"""Reports of the node on a decision: plan with node times, one short situation."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _LIMITS = ("gap", "speed", "temperature")
 
 
 def is_about_limits(reason: str) -> bool:
-    """Return whether a reason of a warning tells of nothing but limits that the trip breaks."""
+    """Return whether the reason of a warning lists only limits that the trip violates."""
     parts = reason.removeprefix(_BREAKS).split(", ")
     return all(part in CONCERNS or part in _LIMITS for part in parts)
 
@@ -58,7 +58,7 @@ def plan_trajectory(plan: Plan | None) -> PlanTrajectory:
     """Return the plan as published: inputs hold from their node on, the last node repeats the last ones.
 
     It ends with the motion: of thermal steps there is no position to publish. None becomes a plan without
-    nodes: whoever waits for the plan of a tick has to hear that there is none.
+    nodes, as subscribers may wait for the plan of a tick.
     """
     if plan is None:
         return PlanTrajectory(*np.empty((7, 0)))
@@ -125,7 +125,7 @@ def _of_trip(
     level, reason = _of_decision(decision, road)
     if watch is None or decision is None:
         return level, reason
-    if watch.touching:
+    if watch.in_contact:
         return Level.ERROR, ", ".join((TOUCHING, *watch.warnings))
     if not watch.warnings:
         return level, f"{reason}, {watch.note}" if level is Level.OK and watch.note else reason

@@ -13,7 +13,7 @@ from iptm_controller.ocp.layout import StateIndex
 from iptm_core.declaration import Settings, parameter
 from iptm_core.metrics.concerns import (
     Concern,
-    FutileCooling,
+    IneffectiveCooling,
     Situation,
     Streak,
     broken_limits,
@@ -38,7 +38,7 @@ COLD = "cells below their lowest temperature, which forbids cooling"
 
 @dataclass(frozen=True)
 class WarningSettings(Settings):
-    """After which time a situation is worth a warning."""
+    """Times after which a situation causes a warning."""
 
     motion_warning_s: float = parameter(
         10.0, "warn when gap or speed are measured out of limits for longer", "s", 0.0, 3600.0
@@ -59,7 +59,7 @@ class WarningSettings(Settings):
     )
 
     def after_s(self, concern: Concern) -> float:
-        """Return the time after which a concern is worth a warning, in s."""
+        """Return the time after which a concern causes a warning, in s."""
         times = {
             Concern.HOT_CELL: self.temperature_warning_s,
             Concern.COOLING: self.cooling_warning_s,
@@ -73,21 +73,21 @@ class OperatorWatch:
 
     Attributes:
         lasted_s: for how long each concern has lasted now, in s.
-        touching: the leader is measured at no distance, or overlapping.
-        note: what is worth a word though it is no fault, empty for nothing.
+        in_contact: whether the measured gap is zero or negative.
+        note: informational note that is not a warning, empty for none.
     """
 
     def __init__(self, parameters: ModelParameters, settings: WarningSettings) -> None:
         self._parameters = parameters
         self._settings = settings
         self._streaks = {concern: Streak() for concern in Concern}
-        self._cooling = FutileCooling()
+        self._cooling = IneffectiveCooling()
         self.lasted_s: dict[Concern, float] = dict.fromkeys(Concern, 0.0)
-        self.touching = False
+        self.in_contact = False
         self.note = ""
 
     def update(self, measured: Measurements, decision: Decision) -> None:
-        """Take a tick into account; one without a plausible state or leader says nothing."""
+        """Update with a tick; one without a plausible state or leader is ignored."""
         trusted = trusted_measurements(measured)
         if trusted.state is not None and trusted.leader is not None:
             self._watch_trip(trusted.state, trusted.leader)
@@ -111,7 +111,7 @@ class OperatorWatch:
 
     def _watch_trip(self, state: VehicleState, leader: LeaderState) -> None:
         at = Situation.at(state, leader)
-        self.touching = bool(at.gap_m <= 0.0)
+        self.in_contact = bool(at.gap_m <= 0.0)
         for concern, broken in broken_limits(at, self._parameters).items():
             self._count(concern, state.time_s, holds=bool(broken))
         at_limit = bool(cooling_at_limit(at, self._parameters))

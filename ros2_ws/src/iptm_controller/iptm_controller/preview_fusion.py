@@ -1,6 +1,6 @@
 """Noisy previews, averaged: consecutive previews of the same seconds are estimates of the same motion.
 
-Previews whose errors are drawn anew from one to the next differ in a way in which no driver changes plans:
+Previews with independent errors differ in a way in which no driver changes plans:
 the difference of two of them varies along the preview. A driver who brakes, or a prediction that follows the
 present speed, changes the preview smoothly. The roughness of the differences gives the noise; below a
 threshold previews pass unchanged, to the last bit. Above it the speeds of an instant are averaged over the

@@ -116,7 +116,7 @@ def strategy_by_name(name: str) -> Strategy:
     """Return a shipped strategy.
 
     Raises:
-        ParameterError: there is no such strategy.
+        ParameterError: the strategy is unknown.
     """
     try:
         return STRATEGIES[name]

@@ -1,13 +1,14 @@
-"""What a kelvin in the pack costs at the end of the horizon: the cost to go of the cell temperatures.
+"""Terminal cost of the cell temperatures: marginal cost of a kelvin at the end of the horizon.
+x =>
 
 A warmer cell ages faster until the kelvin is gone. With the aging rate q of both cells, its sensitivity to
-temperature alpha = d ln q / dT (paper eq. 12, at their mean) and the time tau that a kelvin lasts, it costs
+temperature alpha = d ln q / dT (paper eq. 12, at their mean) and the decay time tau of a kelvin, it costs
 
     w = lambda_Q alpha q tau,    alpha = (E_a - B c) / (z R T^2)
 
 per kelvin of both. The rate is the mean of the trip so far, before there is any the forecast of the leader's
 motion. A kelvin lasts until the end of the trip or until it pays to cool it away, whichever is
-sooner: running the chiller ages the cells by the power that it draws, and that is worth it after the
+sooner: running the chiller ages the cells by the power that it draws, which pays after the
 payback time
 
     tau = C_pack (1 + b c) / (COP alpha P),    b = B / (z R T)
@@ -34,7 +35,7 @@ from iptm_core.physics.thermal_loop import most_efficient_cooling
 from iptm_core.state import FloatArray, VehicleState
 
 FORECAST_WEIGHT_S = 60.0
-"""The forecast at the start counts as much as so many seconds of the trip."""
+"""Prior weight of the initial forecast, in seconds of trip data."""
 FORECAST_STEP_S = 1.0
 _C_RATE_ITERATIONS = 6
 _LEAST_RATE_1_S = 1e-15
@@ -166,7 +167,7 @@ class TemperatureValuation:
 
         Args:
             state: measured state; the first one, or one before it, begins a trip.
-            leader: foreseen motion of the leader.
+            leader: predicted motion of the leader.
         """
         start = self.memory.start
         if start is None or state.time_s < start.time_s:

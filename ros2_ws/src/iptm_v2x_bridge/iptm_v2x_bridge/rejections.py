@@ -31,7 +31,7 @@ class Rejection(TextEnum):
     NOT_PERMITTED = "not_permitted"
     """The certificate is not one for messages of this kind."""
     DECODING = "decoding"
-    """The bits are no message."""
+    """The bits are not a message."""
     CONSTRAINT = "constraint"
     """A value outside the range of the standard."""
     INCOMPLETE = "incomplete"
@@ -50,7 +50,7 @@ class Rejection(TextEnum):
     OLDER = "older"
     """Generated before the last message of the station: overtaken on the way, or replayed."""
     CONTRADICTION = "contradiction"
-    """Generated when other messages of the station say otherwise: two senders have one identity."""
+    """Contradicts other messages of the station: two senders with one identity."""
     POSITION_JUMP = "position_jump"
     """The station cannot have moved that far."""
     LATERAL_JUMP = "lateral_jump"
@@ -60,7 +60,7 @@ class Rejection(TextEnum):
     HEADING_JUMP = "heading_jump"
     """The station cannot have turned that far."""
     PHASE_JUMP = "phase_jump"
-    """A signal opens before the earliest end that it has told for its closed phase."""
+    """A signal opens before the announced earliest end of its closed phase."""
     OTHER_MAP = "other_map"
     """Other lanes of the same intersection under the same revision."""
     TABLE_FULL = "table_full"
@@ -85,7 +85,7 @@ class LeftOut(TextEnum):
     CERTAIN_VEHICLES = "certain_vehicles"
     """A speed limit for certain vehicles or drivers only."""
     ZONE = "zone"
-    """A zone that is no line, or lacks a vertex."""
+    """A zone that is not a line, or lacks a vertex."""
 
 
 class RejectionCounts:

@@ -166,7 +166,7 @@ def _not_writable(folder: Path, error: OSError) -> SolverSetupError:
 
 
 def _make_private(folder: Path) -> None:
-    """Create the folder, or see to it that nobody else can put code into it.
+    """Create the folder, or check that no other user can write into it.
 
     Raises:
         SolverSetupError: it belongs to another user, is a link, or cannot be created.

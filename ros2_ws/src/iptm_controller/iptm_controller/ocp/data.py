@@ -11,7 +11,7 @@ from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import SampleIndex, StepIndex
-from iptm_controller.ocp.stage import LONGEST_UNWATCHED_S
+from iptm_controller.ocp.stage import LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.parameters.model import ModelParameters
@@ -71,7 +71,7 @@ class ProblemDataBuilder:
         self._watched = [
             (step, float(length), np.arange(1, round(float(length) / tick_s)) * tick_s)
             for step, length in enumerate(lengths)
-            if 1.5 * tick_s < length <= LONGEST_UNWATCHED_S
+            if 1.5 * tick_s < length <= LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
         ]
         self._node_times_s = grid.horizon.node_times_s
         self._acceleration_intervals_s = _change_intervals_s(lengths, LONGEST_ACCELERATION_CHANGE_S)

@@ -19,7 +19,7 @@ _TOKEN = re.compile(
     r"|(?<![\w.])(?P<number>\d+\.\d*(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])"
 )
 _LITERAL = frozenset({0.0, 0.5, 1.0, 2.0})
-"""Compilers know shorter ways for operations with these."""
+"""Numbers for which compilers simplify operations."""
 _MARK_NUMBERS = (3.1662e-287, -7.29318e193, 4.4251e118, -9.87203e-61)
 _MARK = struct.pack("<4d", *_MARK_NUMBERS)
 """Begins the table."""

@@ -3,7 +3,7 @@
 Inside a step the acceleration and the compressor power are constant, so position and speed are exact.
 Powers, heat and ageing are integrated by Gauss-Legendre quadrature over the moving speed and slope:
 one sample (the midpoint) for steps up to 1 s, more for long ones. That keeps a 5 s step as accurate as
-five 1 s steps at less than half of their cost. In steps beyond ``LONGEST_UNWATCHED_S`` the gap is looked at
+five 1 s steps at less than half of their cost. In steps beyond ``LONGEST_STEP_WITHOUT_SAMPLED_GAP_S`` the gap is looked at
 in the samples, too: a leader can stop and be off again inside of them.
 """
 
@@ -40,13 +40,13 @@ DEFAULT_SMOOTHING = Smoothing(
     torque_nm=5.0,
     blend_m_s=0.5,
 )
-LONGEST_UNWATCHED_S = 2.5
+LONGEST_STEP_WITHOUT_SAMPLED_GAP_S = 2.5
 GAP_SMOOTHING_M = 0.3
 COLD_PRICE_1_K_S = 1.0
 COLD_PRICE_SHARE_1_S = 0.5
 """Cost per second of a kelvin below the lowest temperature: a base, and a share of what a kelvin is worth."""
 COLD_SMOOTHING_K = 0.02
-NOT_ASKED_FOR_M = 1.0
+INACTIVE_ROW_M = 1.0
 """Value of the row of the braking reserve where it is not asked for: satisfied, and of order one."""
 
 
@@ -268,7 +268,7 @@ def _integrate(
         cost += share_s * cost_rate(rates, speed_error, sample_1, sample_n, g)
         end_1 += share_s * rates.cell_1_temperature_rate_k_s
         end_n += share_s * rates.cell_n_temperature_rate_k_s
-        if step_s > LONGEST_UNWATCHED_S:
+        if step_s > LONGEST_STEP_WITHOUT_SAMPLED_GAP_S:
             leader_speed = sample[SampleIndex.LEADER_SPEED]
             shortest = minimum_gap_m(sample_speed, leader_speed, parameters.gap, parameters.limits)
             gaps_m.append((sample[SampleIndex.LEADER_POSITION] - sample_position, shortest))
@@ -325,7 +325,7 @@ def _limits(
         # The printed s_min turns negative while the leader pulls away; the gap must not.
         floor + inputs[InputIndex.GAP_SHORT],
         # Asked for where the preview ends. At other nodes the row is a number that solvers need not heed.
-        at_end * reserve + (1.0 - at_end) * NOT_ASKED_FOR_M + inputs[InputIndex.GAP_SHORT],
+        at_end * reserve + (1.0 - at_end) * INACTIVE_ROW_M + inputs[InputIndex.GAP_SHORT],
         maximum_gap_m(speed, gap_policy, smoothing_m=GAP_SMOOTHING_M)
         - gap
         + inputs[InputIndex.GAP_LONG],

@@ -1,6 +1,6 @@
-"""One thermal step: cell temperatures and compressor power at foreseen traction powers.
+"""One thermal step: cell temperatures and compressor power at predicted traction powers.
 
-Beyond some tens of seconds nobody needs the motion of the car, but what it does to the pack: the traction
+Beyond some tens of seconds only the load on the pack matters, not the motion of the car: the traction
 power is a parameter of the step, given as a few levels that each hold for an equal share of it. Powers
 and aging rates are averaged over the levels and not computed from a mean, because both are convex in the
 current. Position and speed go on at constant speed, so that all stages of a horizon are alike; nothing
@@ -22,7 +22,7 @@ from iptm_controller.ocp.layout import (
 from iptm_controller.ocp.stage import (
     DEFAULT_PENALTIES,
     DEFAULT_SMOOTHING,
-    NOT_ASKED_FOR_M,
+    INACTIVE_ROW_M,
     PenaltyWeights,
     StageExpressions,
     cold_cost,
@@ -81,7 +81,7 @@ def build_thermal_stage(
     share_s = step_s / levels
     end_1 = start_1 + share_s * sum(one.cell_1_temperature_rate_k_s for one in each)
     end_n = start_n + share_s * sum(one.cell_n_temperature_rate_k_s for one in each)
-    no_error = ca.SX(0.0)  # of the speed: there is no motion to judge
+    no_error = ca.SX(0.0)  # of the speed: the motion is not optimised
     cost = share_s * sum(cost_rate(one, no_error, middle_1, middle_n, g) for one in each)
     # The motion has no meaning here: its input is held at zero.
     cost += 0.5 * step_s * u[InputIndex.ACCELERATION] ** 2
@@ -102,7 +102,7 @@ def build_thermal_stage(
     bounds = parameters.limits
     change = power - state[StateIndex.LAST_COMPRESSOR_POWER]
     short, far, fast = (
-        NOT_ASKED_FOR_M + inputs[index]
+        INACTIVE_ROW_M + inputs[index]
         for index in (InputIndex.GAP_SHORT, InputIndex.GAP_LONG, InputIndex.SPEED_EXCESS)
     )
     rows = [

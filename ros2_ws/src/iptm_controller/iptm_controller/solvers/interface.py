@@ -26,7 +26,7 @@ class SolverOptions:
         compile_code: generate and compile C where a compiler is found.
         max_iterations: bound on the iterations of one solve.
         deadline_s: bound on its wall time, 0 for none. With a bound the iterations depend on the
-            machine's pace, so runs are no longer exactly repeatable.
+            machine's pace, so runs are not exactly repeatable.
         tolerance: optimality tolerance on the scaled problem.
         initial_barrier: first barrier parameter; small, because the guess is a shifted solution.
         warm_start_iterations: iterations after which the Riccati method gives the warm start up and

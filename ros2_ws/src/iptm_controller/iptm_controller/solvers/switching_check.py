@@ -1,13 +1,13 @@
-"""A second start where the compressor had better run, or stand, in some steps of a plan.
+"""A second start of the solver where switching the compressor on or off would improve a plan.
 
 A compressor that is off cools nothing, and the gated chiller map is flat there: "off" and "on" are both
-local minima, in every step of the horizon. Pontryagin's minimum principle tells them apart: with the
+local minima, in every step of the horizon. Pontryagin's minimum principle separates them: with the
 costates lam of the solution, the power of each step has to minimise the Hamiltonian
 
     H_k(P_cp) = stage cost + lam_k+1' F(x_k, u_k)
 
-not only near the power found. Where standing still, or running at the most efficient power, promises a much
-smaller one, the problem is solved once more from there, and the better plan wins. What the Hamiltonian cannot
+not only near the power found. If standstill or the most efficient power gives a much smaller value, the
+problem is solved again from there, and the better plan is used. What the Hamiltonian cannot
 see (how cooling down to the lower limit is best spread over the steps, driving that changes with the
 cooling) is tried every few solves: one further solve at most each time.
 """
@@ -32,14 +32,14 @@ from iptm_core.state import FloatArray
 
 USUAL_TEMPERATURE_K = 303.15
 PROMISING_SHARE = 0.03
-"""Expected gain, relative to what the plan costs without its slacks, that a second solve is worth at once."""
+"""Expected gain, relative to the cost without slacks, at which a second solve is started at once."""
 SECOND_ITERATIONS = 40
-"""Iterations that a second solve beside a usable plan may take: it bounds the time of a tick."""
+"""Largest number of iterations of a second solve; bounds the time of a tick."""
 TRY_EVERY = 10
-"""A second solve that promises less is tried after so many solves without one."""
+"""Interval, in solves, at which a second solve with a smaller expected gain is tried."""
 LEAST_GAIN = 1e-4
-ANOTHER_VALLEY = 0.35
-"""Difference of the power, kW, from which on a candidate is not in the valley of the plan already."""
+DISTINCT_POWER_KW = 0.35
+"""Difference in power (kW) from which a candidate is not in the basin of the plan's local minimum."""
 AT_LIMIT_K = 0.1
 _TEMPERATURE_OFFSET_K = float(layout.STATE_OFFSET[StateIndex.CELL_1_TEMPERATURE])
 _POWER_SCALE_W = float(layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER])
@@ -137,7 +137,7 @@ class SwitchingCheck:
         )
 
     def _better_powers(self, result: SolveResult, data: ProblemData) -> FloatArray | None:
-        """Return the powers to start once more from, None if that is not worth a solve."""
+        """Return the powers for a second start, None if the expected gain is too small."""
         variables = result.variables
         table = variables[: -layout.STATES].reshape(-1, layout.BLOCK)
         own = table[:, layout.STATES + InputIndex.COMPRESSOR_POWER]
@@ -158,9 +158,9 @@ class SwitchingCheck:
             float(variables[StateIndex.CELL_1_TEMPERATURE - layout.STATES]),
         )
         if coldest_k < data.parameters[GlobalIndex.LOWEST_TEMPERATURE] + AT_LIMIT_K:
-            # What it costs to go below the limit is part of the costates: they say nothing of less cooling.
+            # The costates include the penalty below the limit and are not valid for less cooling.
             return self._concentrated(own, self._values) if due else None
-        alike = np.abs(self._options[1:] - own) < ANOTHER_VALLEY
+        alike = np.abs(self._options[1:] - own) < DISTINCT_POWER_KW
         gains = np.where(alike, -np.inf, self._values[0] - self._values[1:])
         best = gains.max(axis=0)
         expected = float(best[best > 0.0].sum())

@@ -127,7 +127,7 @@ class Streak:
         return time_s - self._since_s
 
 
-class FutileCooling:
+class IneffectiveCooling:
     """For how long the compressor has been at its limit without a fall of the warmest cell."""
 
     def __init__(self) -> None:
@@ -169,7 +169,7 @@ def longest_times_s(run: Trajectory, parameters: ModelParameters) -> Mapping[Con
         unknown += [Concern.HOT_CELL, Concern.COOLING]
     elif np.all(np.isnan(run.compressor_power_w)):
         unknown.append(Concern.COOLING)
-    futile = FutileCooling()
+    futile = IneffectiveCooling()
     rows = zip(
         times, at.warmest_cell_k.tolist(), cooling_at_limit(at, parameters).tolist(), strict=True
     )

@@ -20,7 +20,7 @@ _X_ONLY, _EVEN_Y, _ODD_Y, _BOTH = 0x80, 0x82, 0x83, 0x84
 
 
 class UnreadableError(Exception):
-    """The octets are no signed data or certificate of the kinds that are read."""
+    """The octets are not signed data or a certificate of a supported kind."""
 
 
 class Curve(Enum):
@@ -93,7 +93,7 @@ class Octets:
         self.octets, self.at = octets, at
 
     def take(self, count: int) -> bytes:
-        """Return so many of the next octets."""
+        """Return the next `count` octets."""
         end = self.at + count
         if end > len(self.octets):
             raise UnreadableError

@@ -56,7 +56,7 @@ class SenderPosition:
 
 @dataclass(frozen=True)
 class Packet:
-    """A message and what its packet says about its time.
+    """A message with the time of its packet.
 
     Attributes:
         payload: the message.
@@ -120,7 +120,7 @@ def _payload_start(packet: bytes) -> int | None:
 
 
 def declared_bytes(packet: bytes) -> int:
-    """Return how long a packet says that it is; as long as it is where it does not say."""
+    """Return the stated length of a packet, else its actual length."""
     start = _payload_start(packet)
     if start is None:
         return len(packet)

@@ -214,12 +214,12 @@ def encode_ivim(message: SpeedSigns) -> bytes:
         "iviIdentificationNumber": number,
         "iviStatus": _CANCELLED[0] if message.is_cancelled else 0,
     }
-    told = {
+    times = {
         "timeStamp": message.issued_ms,
         "validFrom": message.valid_from_ms,
         "validTo": message.valid_to_ms,
     }
-    management |= {name: value for name, value in told.items() if value is not None}
+    management |= {name: value for name, value in times.items() if value is not None}
     reference = {
         "latitude": latitude,
         "longitude": longitude,

@@ -1,4 +1,4 @@
-"""The security envelope of TS 103 097 around a packet: what is signed, and by whom.
+"""The security envelope of TS 103 097 around a packet: signed content and signer.
 
 Cars on the road sign every message. An envelope is Ieee1609Dot2Data in canonical octet encoding rules
 (IEEE 1609.2): version, the choice of signed data, hash algorithm, the payload with data and no external hash,

@@ -136,7 +136,7 @@ def read_anchors(folder: str) -> tuple[Certificate, ...]:
 
 
 class Verifier:
-    """Tells messages of stations that anchors vouch for from others, and counts both.
+    """Separates messages with a certificate chain to a trust anchor from others, and counts both.
 
     Every anchor is trusted itself, whether it is that of a root or of an authority below. Without anchors
     nothing is verified.

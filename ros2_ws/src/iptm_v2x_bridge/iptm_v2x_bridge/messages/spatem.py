@@ -189,11 +189,11 @@ def encode_spatem(message: SignalPhases) -> bytes:
 
 
 def _event(phase: Phase) -> dict[str, Any]:
-    told = {
+    times = {
         "startTime": phase.starts_s,
         "maxEndTime": phase.max_end_s,
         "likelyTime": phase.likely_end_s,
     }
-    timing = {name: _mark(second) for name, second in told.items() if second is not None}
+    timing = {name: _mark(second) for name, second in times.items() if second is not None}
     earliest = _UNKNOWN if phase.min_end_s is None else _mark(phase.min_end_s)
     return {"eventState": phase.state.value, "timing": {"minEndTime": earliest, **timing}}

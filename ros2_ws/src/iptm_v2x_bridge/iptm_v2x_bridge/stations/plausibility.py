@@ -1,6 +1,6 @@
 """Whether a message can be true: by itself, by the clock, and after the one before of the same station.
 
-Signatures are not verified here, so a forger who moves like a car is believed; these checks stop what no car
+Signatures are not verified here, so a forger that moves like a car is accepted; these checks stop what no car
 can do, and what an old message cannot hide.
 """
 

@@ -1,4 +1,4 @@
-"""The stations heard lately. Whatever arrives is believed, or counted with the reason why not."""
+"""Table of recently received stations; rejected messages are counted by reason."""
 
 from __future__ import annotations
 

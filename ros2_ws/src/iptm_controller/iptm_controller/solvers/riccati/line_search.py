@@ -1,7 +1,7 @@
 """Which trial points a line search accepts: the filter of Waechter and Biegler (2006), section 2.3.
 
 A point has a barrier objective phi and a constraint violation theta. It is not acceptable to the filter if an
-earlier entry is no worse in both. Entries keep cost and logarithms apart, because the barrier parameter
+earlier entry is as good in both. Entries keep cost and logarithms apart, because the barrier parameter
 changes in every iteration. Constants have the values of that paper, its symbols stand beside them.
 """
 

@@ -120,7 +120,7 @@ class StageSystem:
         Returns:
             Function of ``x, u, x_next, p, g``, lam (of x), lam_next (of x_next), s and z. The condensed
             gradient is ``gradient_affine + mu gradient_centring``; residuals are ``F - x_next`` and
-            ``c - s``; norms are infinity norms where they are not said to be sums.
+            ``c - s``; norms are infinity norms unless stated as sums.
         """
         stage = self._stage
         x_next = ca.SX.sym("x_next", layout.STATES)

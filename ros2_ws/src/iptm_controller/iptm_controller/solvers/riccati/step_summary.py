@@ -1,4 +1,4 @@
-"""Optimality of an iterate, and what the predictor says about the Newton step from it."""
+"""Optimality of an iterate, and the predictor's estimate for the Newton step from it."""
 
 from __future__ import annotations
 
