@@ -41,7 +41,7 @@ def valued(
     aging = ParkedAging(LAWS[law], use, AMBIENT_K)
     valuation = CellLawValuation(aging, strategy, price_1_j, PARAMETERS, 28.0, trip_s)
     value = valuation.value(state, STEADY)
-    cost = value.cell_1_price_1_k + value.cell_n_price_1_k
+    cost = value.cell_1_marginal_cost_1_k + value.cell_n_marginal_cost_1_k
     return value, cost / (CELLS * strategy.aging_weight)
 
 

@@ -83,8 +83,10 @@ def test_no_kelvin_is_cooled_away_before_fast_charging() -> None:
 def test_both_cells_share_the_price() -> None:
     value = valuation(car(5.0))
     state = make_state(time_s=TRIP_S, cell_1_temperature_k=280.0, cell_n_temperature_k=282.0)
-    added = value.added_to(replace(NO_VALUE, cell_1_price_1_k=1.0, cell_n_price_1_k=2.0), state)
-    total = added.cell_1_price_1_k + added.cell_n_price_1_k - 3.0
+    added = value.added_to(
+        replace(NO_VALUE, cell_1_marginal_cost_1_k=1.0, cell_n_marginal_cost_1_k=2.0), state
+    )
+    total = added.cell_1_marginal_cost_1_k + added.cell_n_marginal_cost_1_k - 3.0
     assert total == pytest.approx(value.price_1_k(TRIP_S, 281.0))
     assert added.thermal_energy_price_1_j == 0.6
 

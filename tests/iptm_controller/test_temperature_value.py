@@ -70,12 +70,14 @@ def test_the_sensitivity_is_the_slope_of_the_aging_law() -> None:
 
 def test_price_is_rate_times_sensitivity_times_duration() -> None:
     value = value_after(3e-10)
-    price = WEIGHT * value.aging_rate_1_s * value.aging_sensitivity_1_k * value.kelvin_lasts_s
-    assert value.cell_1_price_1_k + value.cell_n_price_1_k == pytest.approx(price)
+    price = (
+        WEIGHT * value.aging_rate_1_s * value.aging_sensitivity_1_k * value.temperature_decay_time_s
+    )
+    assert value.cell_1_marginal_cost_1_k + value.cell_n_marginal_cost_1_k == pytest.approx(price)
     assert value.aging_rate_1_s == pytest.approx(6e-10, rel=1e-2)
     # About 2.4 % per kelvin, and a payback within the range that simulations gave.
     assert 0.022 < value.aging_sensitivity_1_k < 0.027
-    assert 300.0 < value.kelvin_lasts_s < 900.0
+    assert 300.0 < value.temperature_decay_time_s < 900.0
 
 
 def test_cooling_pays_back_after_the_time_that_a_kelvin_lasts() -> None:
@@ -97,15 +99,15 @@ def test_cooling_pays_back_after_the_time_that_a_kelvin_lasts() -> None:
         - cell_aging_rate_1_s(current_a, middle, loss)
     ) / more_a
     aged_by_cooling = slope * energy_j / (pack.open_circuit_voltage_v * pack.parallel)
-    aged_by_kelvin = rate * value.aging_sensitivity_1_k * value.kelvin_lasts_s
+    aged_by_kelvin = rate * value.aging_sensitivity_1_k * value.temperature_decay_time_s
     assert aged_by_kelvin == pytest.approx(aged_by_cooling, rel=0.02)
 
 
 def test_nothing_lasts_beyond_the_end_of_the_trip() -> None:
     value = value_after(3e-10, trip_s=1e5 + 100.0)
-    assert value.kelvin_lasts_s == pytest.approx(72.0)
+    assert value.temperature_decay_time_s == pytest.approx(72.0)
     after = value_after(3e-10, trip_s=1e5)
-    assert after.cell_1_price_1_k == after.cell_n_price_1_k == 0.0
+    assert after.cell_1_marginal_cost_1_k == after.cell_n_marginal_cost_1_k == 0.0
 
 
 def test_the_first_tick_knows_only_the_forecast() -> None:

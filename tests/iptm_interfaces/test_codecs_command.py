@@ -14,6 +14,7 @@ from iptm_interfaces.codecs import (
     encode_command,
     encode_decision_record,
 )
+from iptm_interfaces.topics import FIELD_ALIASES
 
 RECORD = DecisionRecord(
     status=SolveStatus.ITERATION_LIMIT,
@@ -77,7 +78,16 @@ def test_record_of_a_decision_round_trip() -> None:
     assert decode_decision_record(encode_decision_record(5, RECORD)) == RECORD
 
 
-def test_failed_solve_can_be_told() -> None:
+def test_former_names_of_older_bags_are_read() -> None:
+    record = replace(RECORD, cell_1_marginal_cost_1_k=1.5, temperature_decay_time_s=400.0)
+    message = encode_decision_record(5, record)
+    former = {present: name for name, present in FIELD_ALIASES.items()}
+    message.name = [former.get(name, name) for name in message.name]
+    assert "kelvin_lasts_s" in message.name
+    assert decode_decision_record(message) == record
+
+
+def test_failed_solve_is_a_value() -> None:
     record = replace(
         RECORD, status=SolveStatus.NUMERICAL_ERROR, objective=math.nan, preview_age_s=math.inf
     )

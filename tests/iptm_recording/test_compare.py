@@ -120,6 +120,8 @@ def test_order_of_named_values_is_no_difference() -> None:
         ("b", 2.0, "(absent)"),
         ("c", "(absent)", 2.0),
     ]
+    former, present = named(kelvin_lasts_s=3.0), named(temperature_decay_time_s=3.0)
+    assert differences(former, present, NumberTolerance()) == []
 
 
 def test_arrays_of_different_length_and_texts() -> None:

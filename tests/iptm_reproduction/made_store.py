@@ -61,8 +61,8 @@ def made_run(inputs: RunInputs) -> Run:
         "time_s": times,
         "solve_time_s": 1e-3 * (1.0 + rng.random(times.size)),
         "iterations": np.full(times.size, 5),
-        "cell_1_price_1_k": np.full(times.size, 1.5),
-        "cell_n_price_1_k": np.full(times.size, 4.5),
+        "cell_1_marginal_cost_1_k": np.full(times.size, 1.5),
+        "cell_n_marginal_cost_1_k": np.full(times.size, 4.5),
     }
     costates = TemperatureCostates((100.0, 200.0), (2.0, 0.0), (6.0, 0.0))
     solves = (

@@ -137,7 +137,7 @@ class CellLawValuation:
             self._share_n * cost,
             aging_rate_1_s=CELLS * rate,
             aging_sensitivity_1_k=slope / rate if rate > 0.0 else 0.0,
-            kelvin_lasts_s=price / slope if slope > 0.0 else 0.0,
+            temperature_decay_time_s=price / slope if slope > 0.0 else 0.0,
             temperature_weight_1_k2_s=0.5 * self._weight * curvature,
             reference_temperature_k=kelvin - slope / curvature if curvature > 0.0 else kelvin,
             thermal_energy_price_1_j=CELLS * self._weight * self._energy_price_1_j,

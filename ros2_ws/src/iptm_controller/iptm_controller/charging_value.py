@@ -94,8 +94,8 @@ class ChargingValuation:
         price = self.price_1_k(state.time_s, mean_k)
         return replace(
             value,
-            cell_1_price_1_k=value.cell_1_price_1_k + self._shares[0] * price,
-            cell_n_price_1_k=value.cell_n_price_1_k + self._shares[1] * price,
+            cell_1_marginal_cost_1_k=value.cell_1_marginal_cost_1_k + self._shares[0] * price,
+            cell_n_marginal_cost_1_k=value.cell_n_marginal_cost_1_k + self._shares[1] * price,
             thermal_energy_price_1_j=self._thermal_energy_price_1_j,
         )
 

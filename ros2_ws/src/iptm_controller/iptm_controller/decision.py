@@ -84,9 +84,9 @@ class Decision:
             trusted_preview_s=0.0 if forecast is None else forecast.known_s,
             command_delay_s=self.command_delay_s,
             brake_share=self.brake_share,
-            cell_1_price_1_k=self.value.cell_1_price_1_k,
-            cell_n_price_1_k=self.value.cell_n_price_1_k,
+            cell_1_marginal_cost_1_k=self.value.cell_1_marginal_cost_1_k,
+            cell_n_marginal_cost_1_k=self.value.cell_n_marginal_cost_1_k,
             aging_rate_1_s=self.value.aging_rate_1_s,
             aging_sensitivity_1_k=self.value.aging_sensitivity_1_k,
-            kelvin_lasts_s=self.value.kelvin_lasts_s,
+            temperature_decay_time_s=self.value.temperature_decay_time_s,
         )

@@ -1,5 +1,4 @@
 """Terminal cost of the cell temperatures: marginal cost of a kelvin at the end of the horizon.
-x =>
 
 A warmer cell ages faster until the kelvin is gone. With the aging rate q of both cells, its sensitivity to
 temperature alpha = d ln q / dT (paper eq. 12, at their mean) and the decay time tau of a kelvin, it costs
@@ -54,21 +53,21 @@ class TemperatureValue:
     """Price of a kelvin of both cells at the end of the horizon, and what it was made of.
 
     Attributes:
-        cell_1_price_1_k: cost of a kelvin more in cell 1 (w_1), in the unit of the cost.
-        cell_n_price_1_k: the same for cell N (w_N).
+        cell_1_marginal_cost_1_k: cost of a kelvin more in cell 1 (w_1), in the unit of the cost.
+        cell_n_marginal_cost_1_k: the same for cell N (w_N).
         aging_rate_1_s: mean rate of the capacity loss, sum of both cells (q).
         aging_sensitivity_1_k: relative change of the rate with temperature (alpha).
-        kelvin_lasts_s: how long a kelvin lasts (tau).
+        temperature_decay_time_s: decay time of a temperature difference (tau).
         temperature_weight_1_k2_s: weight of J2 by the calendar loss, on top of that of the strategy.
         reference_temperature_k: reference of that.
         thermal_energy_price_1_j: cost of the energy of compressor and heater, on top of J3.
     """
 
-    cell_1_price_1_k: float
-    cell_n_price_1_k: float
+    cell_1_marginal_cost_1_k: float
+    cell_n_marginal_cost_1_k: float
     aging_rate_1_s: float
     aging_sensitivity_1_k: float
-    kelvin_lasts_s: float
+    temperature_decay_time_s: float
     temperature_weight_1_k2_s: float = 0.0
     reference_temperature_k: float = 0.0
     thermal_energy_price_1_j: float = 0.0

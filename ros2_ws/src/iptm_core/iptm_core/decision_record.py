@@ -67,11 +67,11 @@ class DecisionRecord:
         rung: where the command comes from.
         limiter_active: whether the last limiter changed the command.
         preview_age_s: time since the preview in use was generated, NaN or infinite without one.
-        cell_1_price_1_k: cost of a kelvin more in cell 1 at the end of the horizon, 0 without a cost to go.
-        cell_n_price_1_k: the same for cell N.
-        aging_rate_1_s: mean rate of the capacity loss behind these prices, sum of both cells.
+        cell_1_marginal_cost_1_k: terminal cost per kelvin of cell 1 at the end of the horizon, 0 without one.
+        cell_n_marginal_cost_1_k: the same for cell N.
+        aging_rate_1_s: mean rate of the capacity loss behind these costs, sum of both cells.
         aging_sensitivity_1_k: relative change of that rate with temperature.
-        kelvin_lasts_s: how long a kelvin was taken to last.
+        temperature_decay_time_s: decay time of a temperature difference in these marginal costs (tau).
         trusted_preview_s: how far ahead the preview was trusted, 0 without one.
         command_delay_s: time by which commands acted late, as observed.
         brake_share: share of a commanded deceleration that the brakes delivered, as observed.
@@ -87,11 +87,11 @@ class DecisionRecord:
     rung: Rung
     limiter_active: bool
     preview_age_s: float
-    cell_1_price_1_k: float = 0.0
-    cell_n_price_1_k: float = 0.0
+    cell_1_marginal_cost_1_k: float = 0.0
+    cell_n_marginal_cost_1_k: float = 0.0
     aging_rate_1_s: float = 0.0
     aging_sensitivity_1_k: float = 0.0
-    kelvin_lasts_s: float = 0.0
+    temperature_decay_time_s: float = 0.0
     trusted_preview_s: float = 0.0
     command_delay_s: float = 0.0
     brake_share: float = 1.0
@@ -118,11 +118,11 @@ class DecisionSeries:
     rung: NDArray[np.int64]
     limiter_active: NDArray[np.bool_]
     preview_age_s: FloatArray
-    cell_1_price_1_k: FloatArray
-    cell_n_price_1_k: FloatArray
+    cell_1_marginal_cost_1_k: FloatArray
+    cell_n_marginal_cost_1_k: FloatArray
     aging_rate_1_s: FloatArray
     aging_sensitivity_1_k: FloatArray
-    kelvin_lasts_s: FloatArray
+    temperature_decay_time_s: FloatArray
     trusted_preview_s: FloatArray
     command_delay_s: FloatArray
     brake_share: FloatArray

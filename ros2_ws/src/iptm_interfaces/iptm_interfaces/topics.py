@@ -267,15 +267,15 @@ _SPECS = (
     TopicSpec(
         Topic.SOLVE, JointState, CONTROLLER, HOST_FRAME, "see fields",
         "how the decision came about: solver status, time, iterations, slacks (0 when the limits "
-        "hold), fallback rung (0 = solver), limiter (0 or 1), age of the preview; price of a kelvin of "
-        "both cells at the end of the horizon and what it is made of; how far ahead the preview is trusted, "
-        "and what is observed of the actuators",
+        "hold), fallback rung (0 = solver), limiter (0 or 1), age of the preview; marginal cost of a "
+        "kelvin of both cells at the end of the horizon and its factors; how far ahead the preview is "
+        "trusted, and what is observed of the actuators",
         {
             "status_code": "1", "solve_time_s": "s", "iterations": "1",
             "gap_slack_m": "m", "speed_slack_m_s": "m/s", "temperature_slack_k": "K",
             "objective": "1", "fallback_rung": "1", "limiter_active": "1", "preview_age_s": "s",
-            "cell_1_price_1_k": "1/K", "cell_n_price_1_k": "1/K", "aging_rate_1_s": "1/s",
-            "aging_sensitivity_1_k": "1/K", "kelvin_lasts_s": "s",
+            "cell_1_marginal_cost_1_k": "1/K", "cell_n_marginal_cost_1_k": "1/K", "aging_rate_1_s": "1/s",
+            "aging_sensitivity_1_k": "1/K", "temperature_decay_time_s": "s",
             "trusted_preview_s": "s", "command_delay_s": "s", "brake_share": "1",
         },
     ),
@@ -286,6 +286,15 @@ _SPECS = (
     ),
 )
 # fmt: on
+
+FIELD_ALIASES: Mapping[str, str] = MappingProxyType(
+    {
+        "cell_1_price_1_k": "cell_1_marginal_cost_1_k",
+        "cell_n_price_1_k": "cell_n_marginal_cost_1_k",
+        "kelvin_lasts_s": "temperature_decay_time_s",
+    }
+)
+"""Former names of named values, as in older bags, with their present names."""
 
 TOPICS: Mapping[Topic, TopicSpec] = MappingProxyType({spec.topic: spec for spec in _SPECS})
 """The table: specification of every topic of a run by its key."""

@@ -205,7 +205,7 @@ class ProblemDataBuilder:
             weight += further
             reference_k = both_k / weight
         compressor_price, lowest_k = self._lower_temperature_limit(state)
-        if value.cell_1_price_1_k + value.cell_n_price_1_k < 0.0:
+        if value.cell_1_marginal_cost_1_k + value.cell_n_marginal_cost_1_k < 0.0:
             lowest_k = 0.0  # warmth is welcome: nothing is planned to be cooled
         return [
             state.cell_1_capacity_loss,
@@ -215,8 +215,8 @@ class ProblemDataBuilder:
             scale * strategy.energy_weight_1_j,
             scale * strategy.aging_weight,
             reference_k,
-            scale * value.cell_1_price_1_k,
-            scale * value.cell_n_price_1_k,
+            scale * value.cell_1_marginal_cost_1_k,
+            scale * value.cell_n_marginal_cost_1_k,
             compressor_price,
             lowest_k,
             scale * value.thermal_energy_price_1_j,

@@ -3,8 +3,9 @@
 Inside a step the acceleration and the compressor power are constant, so position and speed are exact.
 Powers, heat and ageing are integrated by Gauss-Legendre quadrature over the moving speed and slope:
 one sample (the midpoint) for steps up to 1 s, more for long ones. That keeps a 5 s step as accurate as
-five 1 s steps at less than half of their cost. In steps beyond ``LONGEST_STEP_WITHOUT_SAMPLED_GAP_S`` the gap is looked at
-in the samples, too: a leader can stop and be off again inside of them.
+five 1 s steps at less than half of their cost. In steps beyond
+``LONGEST_STEP_WITHOUT_SAMPLED_GAP_S`` the gap is also constrained at the samples: a leader can stop and drive
+off again within them.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ LONGEST_STEP_WITHOUT_SAMPLED_GAP_S = 2.5
 GAP_SMOOTHING_M = 0.3
 COLD_PRICE_1_K_S = 1.0
 COLD_PRICE_SHARE_1_S = 0.5
-"""Cost per second of a kelvin below the lowest temperature: a base, and a share of what a kelvin is worth."""
+"""Cost per second of a kelvin below the lowest temperature: a base, and a share of the marginal cost."""
 COLD_SMOOTHING_K = 0.02
 INACTIVE_ROW_M = 1.0
 """Value of the row of the braking reserve where it is not asked for: satisfied, and of order one."""

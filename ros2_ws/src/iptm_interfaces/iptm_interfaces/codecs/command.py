@@ -19,11 +19,11 @@ from iptm_interfaces.topics import Topic
 E = TypeVar("E", bound=IntEnum)
 
 _ADDED = (
-    "cell_1_price_1_k",
-    "cell_n_price_1_k",
+    "cell_1_marginal_cost_1_k",
+    "cell_n_marginal_cost_1_k",
     "aging_rate_1_s",
     "aging_sensitivity_1_k",
-    "kelvin_lasts_s",
+    "temperature_decay_time_s",
     "trusted_preview_s",
     "command_delay_s",
     "brake_share",

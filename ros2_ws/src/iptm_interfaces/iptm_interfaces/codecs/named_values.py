@@ -16,7 +16,7 @@ from iptm_interfaces.message_types import (
     Header,
     JointState,
 )
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_interfaces.topics import FIELD_ALIASES, TOPICS, Topic
 
 P = ParamSpec("P")
 
@@ -48,7 +48,7 @@ def decode_named_values(
 ) -> tuple[float, ...]:
     """Return the numbers of a named-values message in the order of the topic table.
 
-    The sender may use another order and send more names; unknown names are ignored.
+    The sender may use another order, former names and more names; unknown names are ignored.
 
     Args:
         topic: a topic of type `sensor_msgs/JointState`.
@@ -68,7 +68,8 @@ def decode_named_values(
     if names == expected:
         values = tuple(positions)
     else:
-        by_name = dict(zip(names, positions, strict=True))
+        present = (FIELD_ALIASES.get(name, name) for name in names)
+        by_name = dict(zip(present, positions, strict=True))
         missing = [name for name in expected if name not in by_name and name not in optional]
         if missing:
             reject(topic, f"missing {', '.join(missing)}; got {', '.join(names) or 'no names'}")

@@ -35,7 +35,7 @@ def temperature_price(results: Results) -> Figure:
     figure, panels = new_figure(5.2, 3, 1, sharex=True)
     decisions = results[cost_to_go_run(DEFAULT_CONTROLLER)].decisions
     if decisions is not None:
-        prices = (decisions.cell_1_price_1_k, decisions.cell_n_price_1_k)
+        prices = (decisions.cell_1_marginal_cost_1_k, decisions.cell_n_marginal_cost_1_k)
         for panel, values in zip(panels, (prices[0] + prices[1], *prices), strict=True):
             panel.plot(
                 decisions.time_s,
