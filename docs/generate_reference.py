@@ -32,7 +32,7 @@ from iptm_view.visualizer_parameters import VisualizerParameters
 
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"
-COST_TO_GO = "../explanation/optimal-control.md#the-cost-to-go-what-a-kelvin-is-worth"
+COST_TO_GO = "../explanation/optimal-control.md#the-cost-to-go-of-the-temperatures"
 PRODUCTION = """\
 adaptive cruise control and a thermostat with hysteresis. The acceleration is k1 (gap - standstill gap - T
 v) + k2 (lead vehicle's speed - v), the lower one of the gains for following and those for closing a large

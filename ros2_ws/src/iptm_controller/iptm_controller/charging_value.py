@@ -1,7 +1,7 @@
-"""What a kelvin is worth on the way to a fast charger: the cost to go of the temperature until arrival.
+"""Cost to go of the temperature until arrival at a fast charger.
 
-The cost of the rest of the trip is what thermal energy is still drawn, and what the minutes at the
-charger are worth as a function of the temperature on arrival,
+The cost of the rest of the trip is the thermal energy still to be drawn, and the cost of the minutes at the
+charger as a function of the temperature on arrival,
 
     J(T, t_end) = E_min minutes(T),
     J(T, t) = min over P of abs(P) / eta_b dt + J(T + dT/dt(P) dt, t + dt),

@@ -6,7 +6,7 @@ temperature alpha = d ln q / dT (paper eq. 12, at their mean) and the decay time
     w = lambda_Q alpha q tau,    alpha = (E_a - B c) / (z R T^2)
 
 per kelvin of both. The rate is the mean of the trip so far, before there is any the forecast of the leader's
-motion. A kelvin lasts until the end of the trip or until it pays to cool it away, whichever is
+motion. A kelvin persists until the end of the trip or until it pays to cool it away, whichever is
 sooner: running the chiller ages the cells by the power that it draws, which pays after the
 payback time
 

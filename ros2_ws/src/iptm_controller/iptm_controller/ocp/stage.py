@@ -189,7 +189,7 @@ def price_cost(
 def cold_cost(step_s: float, end_1_k: ca.SX, g: ca.SX) -> ca.SX:
     """Return what it costs to plan cell 1, which cooling reaches first, below its lowest temperature.
 
-    Just enough that no cooling pays there: over a few seconds more than a kelvin is worth at the end of the
+    Just enough that no cooling pays there: over a few seconds more than the marginal cost at the end of the
     horizon. To heat the cells for it never pays.
     """
     worth_1_k = g[GlobalIndex.CELL_1_PRICE] + g[GlobalIndex.CELL_N_PRICE]
