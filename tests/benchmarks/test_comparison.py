@@ -1,4 +1,4 @@
-"""Tiny comparisons: that they count and judge rightly. How fast anything is, is no matter for a test."""
+"""Tiny comparisons: that they count and judge rightly. Speed is not tested."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The judge of solutions must tell good from bad whatever solver they come from."""
+"""The judge of solutions separates good from bad ones of any solver."""
 
 from __future__ import annotations
 

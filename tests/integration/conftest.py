@@ -88,7 +88,7 @@ class ManagedProcess:
         return code
 
     def assert_refused(self, message: str, timeout_s: float = STOP_TIMEOUT_S) -> None:
-        """Check that the process ends for a mistake of the user, which it tells in one line."""
+        """Check that the process ends with a usage error, reported in one line."""
         assert self.wait(timeout_s) == 2, self.stderr
         (line,) = self.stderr.strip().splitlines()
         assert message in line

@@ -1,4 +1,4 @@
-"""What plant and bridge say at a tick, for tests of the controller node."""
+"""Messages of plant and bridge at a tick, for tests of the controller node."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SMALL: dict[str, object] = {"horizon": "2x1+2x5", "input_timeout_s": 60.0}
 def tick_messages(
     time_s: float, leader_acceleration_m_s2: float = -0.3, **changes: float
 ) -> dict[Topic, Any]:
-    """Everything that plant and bridge say at one tick."""
+    """All messages of plant and bridge at one tick."""
     state = replace(
         VehicleState(time_s, 200.0 + 15.0 * time_s, 15.0, 0.1, 300.0, 307.0, 308.5, 1e-3, 1e-3),
         **changes,

@@ -88,7 +88,7 @@ RULES = (
         r".*(leader_source:?=cam|ROS_DOMAIN_ID=42 scripts/v2x_send|expected_peers=4).*",
         "a sender or a receiver beside it",
     ),
-    Rule(Way.NOT, r"scripts/benchmark .*", "minutes to hours; benchmarks are no part of a run"),
+    Rule(Way.NOT, r"scripts/benchmark .*", "minutes to hours; benchmarks are not part of a run"),
     Rule(
         Way.NOT,
         r"scripts/(safety|faults|campaign|identify|life|real_cars|acc_benchmark|reproduce)"

@@ -24,10 +24,10 @@ S = 1_000_000_000
 
 
 class NodeBench:
-    """One node, and everything it has said."""
+    """One node, and all messages received from it."""
 
     def __init__(self, factory: Callable[[], SuiteNode]) -> None:
-        self.said: dict[Topic, list[Any]] = {}
+        self.received: dict[Topic, list[Any]] = {}
         advertise = SuiteNode.advertise
 
         def advertise_and_keep(node: SuiteNode, topic: Topic) -> Any:
@@ -47,7 +47,7 @@ class NodeBench:
         self._executor.add_node(self.node)
 
     def _keeper(self, topic: Topic) -> Callable[[Any], None]:
-        heard = self.said.setdefault(topic, [])
+        heard = self.received.setdefault(topic, [])
 
         def keep(message: Any) -> None:
             kind = TOPICS[topic].message_type
@@ -69,19 +69,19 @@ class NodeBench:
                 taker.callback(deserialize_message(data, TOPICS[topic].message_type))
 
     def stamps(self, topic: Topic) -> list[int]:
-        """Stamps of what was said on a topic, in s."""
-        return [ns_from_time(message.header.stamp) // S for message in self.said[topic]]
+        """Stamps of the messages of a topic, in s."""
+        return [ns_from_time(message.header.stamp) // S for message in self.received[topic]]
 
     @property
     def situation(self) -> tuple[Level, str]:
         """Newest level and reason."""
-        status = self.said[Topic.DIAGNOSTICS][-1].status[0]
+        status = self.received[Topic.DIAGNOSTICS][-1].status[0]
         return Level(status.level), status.message
 
     @property
     def values(self) -> dict[str, str]:
         """Newest key values."""
-        return status_values(self.said[Topic.DIAGNOSTICS][-1].status[0])
+        return status_values(self.received[Topic.DIAGNOSTICS][-1].status[0])
 
     def spin_until(self, condition: Callable[[], object], timeout_s: float = 60.0) -> None:
         """Let timers run until a condition is true; fail if that takes too long."""

@@ -31,7 +31,7 @@ def lively(tick: int) -> Command:
 
 
 class Driver:
-    """A scripted controller that answers every clock, and notes everything the plant says."""
+    """A scripted controller that answers every clock, and records all messages of the plant."""
 
     def __init__(self, peer: Any, script: Script) -> None:
         self.peer = peer

@@ -49,9 +49,11 @@ def drive(launcher: Any, tmp_path: Path) -> Drive:
         sender = None
         if recorded is None:
             parameters = {"to_port": port, "cycle": DRIVE, **FAULTS}
-            told = [part for item in parameters.items() for part in ("-p", "{}:={}".format(*item))]
+            arguments = [
+                part for item in parameters.items() for part in ("-p", "{}:={}".format(*item))
+            ]
             sender = launcher.start_module(
-                SENDER, "--ros-args", *told, name="sender", ROS_DOMAIN_ID=domain
+                SENDER, "--ros-args", *arguments, name="sender", ROS_DOMAIN_ID=domain
             )
 
         def finish() -> Path:

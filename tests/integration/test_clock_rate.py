@@ -1,4 +1,4 @@
-"""The clock between two ticks: for nodes with timers on trip time, and for nobody else."""
+"""The clock between two ticks: for nodes with timers on trip time only."""
 
 from __future__ import annotations
 

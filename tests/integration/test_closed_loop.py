@@ -217,7 +217,7 @@ def test_a_run_keeps_its_domain_and_can_be_interrupted(
     ("arguments", "message"),
     [
         (["no_such_scenario"], "scenario 'no_such_scenario' is unknown"),
-        # Known only to the node, which is started to say so.
+        # Only the node itself can report it.
         (["--set", "controller.tolerence=1e-4"], "did you mean 'tolerance'?"),
     ],
 )

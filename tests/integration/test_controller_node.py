@@ -47,7 +47,7 @@ ANSWERS = (
 
 
 class World:
-    """Plant and bridge as a script, and all that the controller says."""
+    """Scripted plant and bridge, and all messages of the controller."""
 
     def __init__(self, peer: Any) -> None:
         self.peer = peer
@@ -216,7 +216,7 @@ def test_what_does_not_arrive_is_named_and_done_without(launcher: Any, world: Wo
     tick(1.0, *STATE_TOPICS[:3], Topic.LEADER, state=None, preview=nothing, fault=no_state)
     world.wait_for_details(reason=no_state)
 
-    # A missing preview is no reason to stop optimising, nor is a malformed one.
+    # Neither a missing nor a malformed preview stops the optimisation.
     tick(2.0, *STATE_TOPICS, Topic.LEADER, preview=nothing)
     world.wait_for_details(rung="optimal", preview="missing", preview_age_s="nan")
     messages = tick_messages(3.0)
@@ -225,7 +225,7 @@ def test_what_does_not_arrive_is_named_and_done_without(launcher: Any, world: Wo
     world.wait_for_answer(3.0)
     world.wait_for_details(rung="optimal", preview="missing")
 
-    # There is no tick to answer without a state; what the bridge says before it is not thrown away.
+    # There is no tick to answer without a state; earlier messages of the bridge are kept.
     world.publish(tick_messages(4.0), *LINK)
     world.wait_for_reports(2)
     assert len(world.heard[Topic.COMMAND]) == 4
@@ -301,7 +301,7 @@ def test_a_limit_broken_for_long_is_a_warning_once(launcher: Any, world: World) 
     broken = (Level.WARN, "plans break limits of temperature")
     hot = (Level.WARN, f"{broken[1]}, cell above its highest temperature for long")
 
-    def said() -> list[tuple[Level, str]]:
+    def status_reports() -> list[tuple[Level, str]]:
         """Every situation reported since the first answer, repetitions left out."""
         states = [(Level(status.level), status.message) for status in world.statuses]
         return [state for state, _ in groupby(states[states.index(broken) :])]
@@ -311,4 +311,4 @@ def test_a_limit_broken_for_long_is_a_warning_once(launcher: Any, world: World) 
     for time_s in range(5, 8):
         tick(float(time_s), 308.5)
     world.wait_for_details(cell_above_limit_s="0", ticks_optimal="8")
-    assert said() == [broken, hot, well]
+    assert status_reports() == [broken, hot, well]

@@ -1,4 +1,4 @@
-"""The controller and the trips of the plant: another one is told, and no burst hides the present state."""
+"""The controller and the trips of the plant: a new one is reported, and no burst hides the present state."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def controller() -> Iterator[NodeBench]:
 
 
 def situation_at(controller: NodeBench, tick: int) -> tuple[Level, str]:
-    """Return what is said when a tick has been answered."""
+    """Return the report after the answer to a tick."""
     controller.hear(tick_messages(float(tick)))
     # After a slow decision the controller looks for newer ticks before it answers.
     controller.spin_until(lambda: controller.stamps(Topic.COMMAND)[-1:] == [tick])
@@ -36,12 +36,12 @@ def test_another_trip_is_told_for_three_ticks(controller: NodeBench) -> None:
     """A plant that was restarted or reset in the middle of a trip begins at 0 again."""
     well = (Level.OK, "optimal plans")
     assert [situation_at(controller, tick) for tick in (500, 501)] == [well, well]
-    told = [situation_at(controller, tick) for tick in range(5)]
-    assert told == [(Level.WARN, "another trip has begun")] * 3 + [well, well]
+    situations = [situation_at(controller, tick) for tick in range(5)]
+    assert situations == [(Level.WARN, "another trip has begun")] * 3 + [well, well]
 
 
 def test_the_burst_of_a_stranger_fits_into_the_queues(controller: NodeBench) -> None:
-    """Twenty odometries of a stranger overran the ten messages that a subscription kept."""
+    """Twenty foreign odometries overran the ten messages that a subscription kept."""
     depths = {
         subscription.topic_name: subscription.qos_profile.depth
         for subscription in controller.node.subscriptions

@@ -1,4 +1,4 @@
-"""Faults over ROS 2: the injector does what the pure part says, and what is hit comes back."""
+"""Faults over ROS 2: the injector matches the pure part, and operation recovers."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ print(json.dumps({"counts": counts, "seen": seen}), flush=True)
 def test_a_stranger_hears_every_topic(
     launcher: Any, wait_until: Callable[..., None], tmp_path: Path
 ) -> None:
-    """It joins late, as someone who looks at a run does; what never changes is still told."""
+    """It joins late; constant data are still received."""
     output = tmp_path / "run"
     arguments = ("comprehensive", "--output", output)
     runner = launcher.start_module("iptm_bringup.run_closed_loop", *arguments)

@@ -1,4 +1,4 @@
-"""The view beside a graph: a bag that somebody publishes gives the page what the bag itself gives it."""
+"""The view beside a graph: a played bag gives the page the same content as the bag itself."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ REPEAT_S = 1.0
 TIMEOUT_S = 120.0
 
 
-def told(feed: PageFeed) -> dict[str, Any]:
+def documents_of(feed: PageFeed) -> dict[str, Any]:
     _, events = feed.changes(Cursor(), timeout_s=0.0)
     return {event.kind: json.loads(event.text) for event in events}
 
@@ -67,7 +67,7 @@ def test_every_vehicle_has_a_page_with_the_values_of_its_bag(peer: Any, reader: 
     feed = PageFeed()
     with BagSource(BAG) as bag_source:
         bag_source.load(feed, bag_source.facts)
-    expected = told(feed)
+    expected = documents_of(feed)
 
     ahead = {"/car_1": 0, "/car_2": 10}
     feeds = {namespace: PageFeed() for namespace in ahead}
@@ -93,10 +93,10 @@ def test_every_vehicle_has_a_page_with_the_values_of_its_bag(peer: Any, reader: 
                 source.look()
             time.sleep(0.01)
     for namespace, first in ahead.items():
-        found = told(feeds[namespace])
+        found = documents_of(feeds[namespace])
         assert found["rows"] == expected["rows"][first : first + TICKS]
         assert found["facts"]["limits"] == expected["facts"]["limits"]
         assert [plan["time_s"][0] for plan in found["plans"]] == [row[0] for row in found["rows"]]
-    assert told(feeds["/car_1"])["road"] == expected["road"]
+    assert documents_of(feeds["/car_1"])["road"] == expected["road"]
     for node in nodes:
         node.destroy_node()

@@ -114,7 +114,7 @@ def assert_same_trip(here: Trajectory, there: Trajectory) -> None:
 
 
 def assert_same_decisions(here: DecisionSeries, there: DecisionSeries) -> None:
-    """The controller also answers the last state, to which nobody listens any more."""
+    """The controller also answers the last state, which has no subscriber any more."""
     for name in ("status", "rung", "iterations"):
         np.testing.assert_array_equal(
             getattr(there, name)[:TICKS], getattr(here, name), err_msg=name

@@ -57,7 +57,7 @@ def test_a_namespace_moves_a_suite_with_its_clock(launcher: Any, peer: Any) -> N
         lambda: not any(plant.is_running for plant in plants), 120.0, "the end of both trips"
     )
     assert [plant.popen.returncode for plant in plants] == [0, 0], plants[0].stderr
-    # Each answers its own ticks and no other; a state may be repeated for whoever comes late.
+    # Each answers its own ticks and no other; a state may be repeated for late subscribers.
     for car, duration_s in DURATIONS_S.items():
         ticks = {tick * NS_PER_S for tick in range(duration_s + 1)}
         assert set(clocks[car]) == ticks

@@ -1,4 +1,4 @@
-"""Faults that reach a node by message: it goes on, it hears the present tick, and it says what is wrong."""
+"""Faults that reach a node by message: it continues, receives the present tick, and reports the fault."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def test_a_tick_with_an_impossible_stamp_is_counted_and_forgotten(
 def test_the_last_state_sent_again_gets_the_same_answer(controller: NodeBench) -> None:
     controller.hear(tick_messages(502.0))
     assert controller.stamps(Topic.COMMAND) == [500, 501, 502, 502]
-    first, again = controller.said[Topic.COMMAND][-2:]
+    first, again = controller.received[Topic.COMMAND][-2:]
     assert first == again
     assert_hears(controller, 503)
 
@@ -221,8 +221,8 @@ def test_stray_clocks_are_not_answered_and_change_no_preview(stray_s: float) -> 
             for tick in range(506, 512):
                 bridge.hear(clock(tick * S))
             assert bridge.values["caught_errors"] == "0"
-            said = bridge.said[Topic.LEADER_PREVIEW]
-            return [message for message in said if message.header.stamp.sec >= 500]
+            sent_previews = bridge.received[Topic.LEADER_PREVIEW]
+            return [message for message in sent_previews if message.header.stamp.sec >= 500]
 
     assert previews(strays=20) == previews(strays=0)
 
@@ -233,7 +233,7 @@ def test_the_bridge_answers_a_clock_again_and_follows_a_new_trip() -> None:
         for tick in (7, 8, 8, 0, 1):
             bridge.hear(clock(tick * S))
         assert bridge.stamps(Topic.LEADER) == [7, 8, 8, 0, 1]
-        assert bridge.said[Topic.LEADER_PREVIEW][1] == bridge.said[Topic.LEADER_PREVIEW][2]
+        assert bridge.received[Topic.LEADER_PREVIEW][1] == bridge.received[Topic.LEADER_PREVIEW][2]
 
 
 def test_the_bridge_outlives_stamps_that_no_message_can_carry() -> None:
@@ -254,7 +254,7 @@ def running_plant(**parameters: object) -> Iterator[NodeBench]:
         peers.advertise(Topic.COMMAND)
         for topic in (*STATE_TOPICS, Topic.CLOCK):
             peers.listen(topic, lambda _: None)
-        bench.spin_until(lambda: bench.said[Topic.CLOCK])
+        bench.spin_until(lambda: bench.received[Topic.CLOCK])
         yield bench
         peers.destroy_node()
 
@@ -285,13 +285,13 @@ def test_a_second_controller_is_told_when_both_speak(plant: NodeBench) -> None:
     second.advertise(Topic.COMMAND)
     plant.spin_until(lambda: plant.node.count_publishers(Topic.COMMAND.value) == 2)
 
-    def told() -> bool:
+    def is_reported() -> bool:
         tick = plant.stamps(Topic.PLANT_ODOMETRY)[-1]
         for _ in range(2):
             answer(plant, tick)
         return plant.situation == (Level.ERROR, "more than one controller on this graph")
 
-    plant.spin_until(told)
+    plant.spin_until(is_reported)
     second.destroy_node()
     plant.spin_until(lambda: plant.situation[0] is not Level.ERROR)
 
@@ -299,9 +299,9 @@ def test_a_second_controller_is_told_when_both_speak(plant: NodeBench) -> None:
 def test_the_plant_repeats_its_state_until_it_is_answered(plant: NodeBench) -> None:
     for tick in (0, 1):
         plant.spin_until(lambda tick=tick: plant.stamps(Topic.PLANT_ODOMETRY).count(tick) >= 3)
-        repeated = [m for m in plant.said[Topic.PLANT_ODOMETRY] if m.header.stamp.sec == tick]
+        repeated = [m for m in plant.received[Topic.PLANT_ODOMETRY] if m.header.stamp.sec == tick]
         assert repeated == repeated[:1] * len(repeated)
-        assert len(plant.said[Topic.CLOCK]) == len(plant.said[Topic.PLANT_POWERS])
+        assert len(plant.received[Topic.CLOCK]) == len(plant.received[Topic.PLANT_POWERS])
         answer(plant, tick)
     assert plant.stamps(Topic.PLANT_ODOMETRY)[-1] == 2
 
@@ -320,7 +320,7 @@ def test_a_controller_that_is_back_before_standstill_drives_on() -> None:
 
 
 def test_a_frozen_plant_reads_what_waits_before_it_judges() -> None:
-    """A process that did not run has heard nobody; that is no silence of the others."""
+    """A stopped process receives nothing; that does not count as silence of the others."""
     with running_plant(command_timeout_wall_s=2.0) as plant:
         answer(plant, 0)
         time.sleep(5.0)

@@ -1,4 +1,4 @@
-"""A vehicle tells its plan by radio to the bridge of the one behind it, each on a clock of its own."""
+"""A vehicle sends its plan by radio to the bridge of the one behind it, each on a clock of its own."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def record(rung: Rung) -> DecisionRecord:
 
 
 class VehicleAhead:
-    """Says what plant and controller of `car_1` would: it gains speed, and plans to go on doing so."""
+    """Publishes as plant and controller of `car_1`: it gains speed, and plans to continue."""
 
-    SAID = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.SOLVE, Topic.PLAN)
+    PUBLISHED = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.SOLVE, Topic.PLAN)
 
     def __init__(self, peer: Any) -> None:
         self._peer = peer
@@ -57,7 +57,7 @@ class VehicleAhead:
             topic: peer.node.create_publisher(
                 TOPICS[topic].message_type, f"/car_1/{TOPICS[topic].name}", TOPICS[topic].qos
             )
-            for topic in self.SAID
+            for topic in self.PUBLISHED
         }
 
     def wait_for_listener(self) -> None:
@@ -113,7 +113,7 @@ def test_the_vehicle_behind_knows_the_plan_of_the_one_ahead(launcher: Any, host:
     for second in range(TICKS):
         preview = host.tick(float(second), 0.2 * second)
         times = preview.times_s
-        # Where no plan was followed, the last one told still holds as long as the leader keeps to it.
+        # Without a followed plan, the last one sent holds as long as the leader keeps to it.
         told_s = second if second != NO_PLAN_AT else second - 1
         assert times[-1] == pytest.approx(told_s + 28.0, abs=1.0)
         behind_m = GAP_M + 0.5 * GAIN_M_S2 * times**2 - preview.positions_m

@@ -210,7 +210,7 @@ def test_real_time_stops_without_answers_and_recovers(launcher: Any, peer: Any) 
     driver.wait(lambda: moves(1.0, 0.5), "the vehicle speeding up again")
     assert stopped == "no commands arrive: controlled stop"
     assert process.stop(signal.SIGINT) == 0
-    # Time went on all the while, and whoever drove, the actuators kept their limits.
+    # Time advanced throughout, and the actuators kept their limits under every controller.
     assert driver.ticks == [tick * S for tick in range(len(driver.ticks))]
     states = [driver.state(stamp) for stamp in driver.ticks if driver.has_all(stamp)]
     for before, after in pairwise(states):

@@ -1,4 +1,4 @@
-"""The player while somebody controls it; loops, other names and other quality of service."""
+"""Control of the player; loops, other names and other quality of service."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_a_part_in_a_loop_under_another_name_with_other_quality_of_service(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--remap", "/nobody:=/x"), "has no topic '/nobody'"),
+        (("--remap", "/missing:=/x"), "has no topic '/missing'"),
         (("--remap", "/number:=/1x"), "1x"),
         (("--qos-profile-overrides-path", "none.yaml"), "no such file"),
         (("--ros-args", "-p", "seek_s:=99.0"), "out of range"),

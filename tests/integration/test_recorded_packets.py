@@ -40,7 +40,7 @@ def bits(preview: LeaderPreview) -> bytes:
 
 
 def numbers(values: dict[str, str]) -> dict[str, str]:
-    """What the bridge says of the radio traffic, without what tells of the machine."""
+    """Reports of the bridge on the radio traffic, without machine-dependent values."""
     return {name: text for name, text in values.items() if name.startswith(OWN_NUMBERS)}
 
 
@@ -108,10 +108,10 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
         assert sender.stop(signal.SIGINT) == 0
         host.settled_values()
         drive(host, range(tick + 1, tick + 1 + QUIET_TICKS))
-    said = numbers(host.settled_values())
+    reported = numbers(host.settled_values())
     leaders, previews = dict(host.leaders), {at: bits(p) for at, p in host.previews.items()}
-    assert int(said["datagrams"]) > 20
-    assert said["leader_station"] == "4711"
+    assert int(reported["datagrams"]) > 20
+    assert reported["leader_station"] == "4711"
     for process in (recorder, live, *([sender] if lock_step else [])):
         assert process.stop(signal.SIGINT) == 0
 
@@ -127,7 +127,7 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
         assert answer.leader == leaders.get(at_ns)
     own = {name: str(value) for name, value in pure.bridge.report().items()}
     assert {name: own[name] for name in own if name.startswith("rejected_")} == {
-        name: said[name] for name in said if name.startswith("rejected_")
+        name: reported[name] for name in reported if name.startswith("rejected_")
     }
 
     # A fresh process, without a sender.
@@ -137,7 +137,7 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
     drive(host, range(len(previews)))
     assert {at: bits(p) for at, p in host.previews.items()} == previews
     assert host.leaders == leaders
-    assert numbers(host.settled_values()) == said
+    assert numbers(host.settled_values()) == reported
     assert again.stop(signal.SIGINT) == 0
 
 

@@ -1,4 +1,4 @@
-"""The recorder while somebody controls it: it starts paused, resumes, pauses and splits its bag."""
+"""Control of the recorder: it starts paused, resumes, pauses and splits its bag."""
 
 from __future__ import annotations
 

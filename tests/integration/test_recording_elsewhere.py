@@ -144,7 +144,7 @@ def test_a_run_started_by_hand_tells_its_parameters(
 
 
 def test_what_a_frozen_recorder_missed_is_counted(peer: Any, recorder: Any, tmp_path: Path) -> None:
-    """Nobody waits for a recorder; a publisher keeps ten messages for it."""
+    """The nodes do not wait for a recorder; a publisher keeps ten messages for it."""
     state = peer.node.create_publisher(Temperature, STATE, 10)
     clock = peer.node.create_publisher(Clock, CLOCK, 10)
     peer.wait_until(state.get_subscription_count, 60.0, "subscription to the state")
@@ -158,13 +158,13 @@ def test_what_a_frozen_recorder_missed_is_counted(peer: Any, recorder: Any, tmp_
         state.publish(Temperature())
     recorder.send(signal.SIGCONT)
 
-    for _ in range(5):  # the messages that follow tell that some before are missing
+    for _ in range(5):  # the following messages reveal the missing ones
         size = file.stat().st_size
         state.publish(Temperature())
         peer.wait_until(lambda size=size: file.stat().st_size > size, what="growth of the bag")
     assert recorder.stop() == 0
-    told = sum(int(number) for number in re.findall(r"(\d+) of /", recorder.stderr))
+    reported = sum(int(number) for number in re.findall(r"(\d+) of /", recorder.stderr))
     with BagReader(tmp_path / "bag") as reader:
-        assert reader.topics[STATE].message_count + told == sent + 6
-        assert told > 0
+        assert reader.topics[STATE].message_count + reported == sent + 6
+        assert reported > 0
         assert "lost_messages" in reader.run_information().extra

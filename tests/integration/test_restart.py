@@ -63,7 +63,7 @@ def test_a_killed_node_that_is_started_again_is_part_of_the_trip(
         120.0,
         f"the trip going on with the new {killed}",
     )
-    # Nothing was left out, nobody went back.
+    # No tick was skipped or repeated.
     ticks = sorted(set(commands))
     assert [b - a for a, b in pairwise(ticks)] == [S] * (len(ticks) - 1)
     assert again.is_running

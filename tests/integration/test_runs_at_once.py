@@ -18,7 +18,7 @@ RUN_TIMEOUT_S = 120.0
 
 
 def assert_results_or_refusal(runners: list[Any], root: Path, folders: str, refused: int) -> None:
-    """Check that all but some runs have good results in folders of their own; the others say why not."""
+    """Check that all but some runs have good results in folders of their own; the others report why."""
     codes = [runner.wait(RUN_TIMEOUT_S) for runner in runners]
     texts = [runner.stdout + runner.stderr for runner in runners]
     assert sorted(codes) == [0] * (len(runners) - refused) + [2] * refused, texts

@@ -1,4 +1,4 @@
-"""Settings of the controller that are changed while it drives: checked, taken over, told, recorded."""
+"""Settings of the controller that are changed while it drives: checked, applied, reported, recorded."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def set_all(bench: NodeBench, **values: Any) -> Any:
     return bench.node.set_parameters_atomically(parameters)
 
 
-def tell(bench: NodeBench, tick: int) -> None:
-    """Tell the controller a tick and wait for its answer, which a starved machine delays."""
+def send_tick(bench: NodeBench, tick: int) -> None:
+    """Send the controller a tick and wait for its answer, which a starved machine delays."""
     bench.hear(tick_messages(float(tick)))
     bench.spin_until(lambda: bench.stamps(Topic.COMMAND)[-1:] == [tick])
 
 
 def plan_steps(bench: NodeBench) -> int:
-    return len(bench.said[Topic.PLAN][-1].points) - 1
+    return len(bench.received[Topic.PLAN][-1].points) - 1
 
 
 def test_weights_hold_from_the_next_tick_on(controller: NodeBench) -> None:
@@ -63,15 +63,17 @@ def test_weights_hold_from_the_next_tick_on(controller: NodeBench) -> None:
             assert set_all(controller, strategy="aging", aging_weight=7.0).successful
             weights = ControllerNodeParameters(**{**OPTIONS, "strategy": "aging"}, aging_weight=7.0)
             alone.use_strategy(weights.controller_options().strategy)
-        tell(controller, tick)
-        assert decode_command(controller.said[Topic.COMMAND][-1]) == (
+        send_tick(controller, tick)
+        assert decode_command(controller.received[Topic.COMMAND][-1]) == (
             tick * S,
             alone.decide(as_measured(tick_messages(float(tick)))).command,
         )
-    told = [
-        status.message for array in controller.said[Topic.DIAGNOSTICS] for status in array.status
+    reported = [
+        status.message
+        for array in controller.received[Topic.DIAGNOSTICS]
+        for status in array.status
     ]
-    assert told.count("settings have been changed") == 1
+    assert reported.count("settings have been changed") == 1
     assert controller.values["strategy"] == "aging"
     assert controller.values[SETTINGS_SINCE] == "3"
     assert "strategy=aging (was reference)" in controller.values[CHANGED_SETTINGS]
@@ -95,7 +97,7 @@ def test_a_mistake_is_refused_in_a_sentence_and_changes_nothing(
     assert not result.successful
     assert words in result.reason
     assert len(result.reason.splitlines()) == 1
-    tell(controller, 0)
+    send_tick(controller, 0)
     assert controller.values[CHANGED_SETTINGS] == "none"
     for name in values:
         assert controller.node.get_parameter(name).value == getattr(
@@ -104,7 +106,7 @@ def test_a_mistake_is_refused_in_a_sentence_and_changes_nothing(
 
 
 def test_a_horizon_is_built_while_the_node_decides_on(controller: NodeBench) -> None:
-    tell(controller, 0)
+    send_tick(controller, 0)
     assert plan_steps(controller) == 4
     assert set_all(controller, horizon="3x1+3x5").successful
     refused = set_all(controller, speed_weight=2.0)
@@ -115,7 +117,7 @@ def test_a_horizon_is_built_while_the_node_decides_on(controller: NodeBench) -> 
     def decides_with_the_new_one() -> bool:
         nonlocal tick
         tick += 1
-        tell(controller, tick)
+        send_tick(controller, tick)
         return plan_steps(controller) == 6
 
     controller.spin_until(decides_with_the_new_one)
@@ -126,7 +128,7 @@ def test_a_horizon_is_built_while_the_node_decides_on(controller: NodeBench) -> 
 
 def test_a_horizon_in_preparation_does_not_delay_a_weight(controller: NodeBench) -> None:
     """Both are set between two decisions, as of a paused trip."""
-    tell(controller, 0)
+    send_tick(controller, 0)
     building = Event()
     build = ControllerNodeParameters.build_controller
 
@@ -137,14 +139,14 @@ def test_a_horizon_in_preparation_does_not_delay_a_weight(controller: NodeBench)
     with mock.patch.object(ControllerNodeParameters, "build_controller", build_later):
         assert set_all(controller, speed_weight=2.0).successful
         assert set_all(controller, horizon="3x1+3x5").successful
-        tell(controller, 1)
+        send_tick(controller, 1)
         assert controller.values[SETTINGS_SINCE] == "1"
         assert controller.values[CHANGED_SETTINGS] == "speed_weight=2.0 (was -1.0)"
         building.set()
         ticks = iter(range(2, 10_000))
 
         def has_the_horizon() -> bool:
-            tell(controller, next(ticks))
+            send_tick(controller, next(ticks))
             return plan_steps(controller) == 6
 
         controller.spin_until(has_the_horizon)
@@ -155,14 +157,14 @@ def test_a_horizon_in_preparation_does_not_delay_a_weight(controller: NodeBench)
 def test_a_problem_that_cannot_be_built_leaves_the_settings_as_they_are(
     controller: NodeBench,
 ) -> None:
-    tell(controller, 0)
+    send_tick(controller, 0)
     failure = SolverSetupError("the compiler fails")
     with mock.patch.object(ControllerNodeParameters, "build_controller", side_effect=failure):
         assert set_all(controller, horizon="3x1+3x5").successful
         ticks = iter(range(1, 10_000))
 
         def is_given_up() -> bool:
-            tell(controller, next(ticks))
+            send_tick(controller, next(ticks))
             return bool(controller.node.get_parameter("horizon").value == SMALL["horizon"])
 
         controller.spin_until(is_given_up)
@@ -172,7 +174,7 @@ def test_a_problem_that_cannot_be_built_leaves_the_settings_as_they_are(
 
 
 def test_a_bag_tells_of_changes_inside_it(tmp_path: Path) -> None:
-    told = [
+    reported = [
         (5, "4", "before"),
         (6, "4", "before"),
         (9, "9", "horizon=2x1 (was 1x1)"),
@@ -180,7 +182,7 @@ def test_a_bag_tells_of_changes_inside_it(tmp_path: Path) -> None:
     ]
     with BagWriter(tmp_path / "bag") as writer:
         key = writer.add_topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
-        for second, since, what in told:
+        for second, since, what in reported:
             values = {CHANGED_SETTINGS: what, SETTINGS_SINCE: since}
             for name in ("/car_1/controller", "/car_2/controller"):
                 if name == "/car_1/controller" or second < 9:
@@ -201,21 +203,21 @@ def test_figures_of_the_last_trip_come_with_its_own_changes(
     tick_messages: Any, trajectory: Trajectory, tmp_path: Path
 ) -> None:
     """What was changed in an earlier trip holds for all of the last one."""
-    said = {
+    changes_by_trip = {
         0: {3: ("3", "horizon=2x1 (was 1x1)"), 7: ("7", "speed_weight=2.0 (was 1.0)")},
         1: {5: ("5", "deadline_ms=9.0 (was 0.0)")},
     }
     with BagWriter(tmp_path / "bag") as writer:
         ids: dict[Topic, int] = {}
         since = ("start", "none")
-        for trip, changes in said.items():
+        for trip, changes in changes_by_trip.items():
             for row in range(len(trajectory)):
                 since = changes.get(row, since)
                 values = dict(zip((SETTINGS_SINCE, CHANGED_SETTINGS), since, strict=True))
                 status = build_status("/controller: optimal control", Level.OK, "", values)
-                told = tick_messages(trajectory, row)
-                told[Topic.DIAGNOSTICS] = DiagnosticArray(status=[status])
-                for topic, message in told.items():
+                reported = tick_messages(trajectory, row)
+                reported[Topic.DIAGNOSTICS] = DiagnosticArray(status=[status])
+                for topic, message in reported.items():
                     if topic not in ids:
                         spec = TOPICS[topic]
                         ids[topic] = writer.add_topic(f"/{spec.name.strip('/')}", spec.type_name)

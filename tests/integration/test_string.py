@@ -134,16 +134,16 @@ def test_a_vehicle_that_dies_is_told_and_the_one_behind_goes_on_without_it(
     assert trajectory.gap_m.min() > 0.0
     assert trajectory.leader_speed_m_s[-1] == pytest.approx(0.0, abs=1e-9)
     with BagReader(output / "car_2") as reader:
-        told = [
+        reported = [
             status.message
             for entry in reader.messages(["/diagnostics"])
             for status in entry.message.status
         ]
-    assert "the leader is not heard any more and taken to brake to a halt" in told
+    assert "the leader is not heard any more and taken to brake to a halt" in reported
 
 
 @pytest.mark.parametrize(
-    ("module", "parameters", "said"),
+    ("module", "parameters", "complaint"),
     [
         ("iptm_v2x_bridge.node", {"leader_source": "vehicle"}, "vehicle_ahead is ''"),
         (
@@ -154,13 +154,13 @@ def test_a_vehicle_that_dies_is_told_and_the_one_behind_goes_on_without_it(
     ],
 )
 def test_parameters_that_make_no_string_are_refused(
-    launcher: Any, module: str, parameters: dict[str, object], said: str
+    launcher: Any, module: str, parameters: dict[str, object], complaint: str
 ) -> None:
-    launcher.start_node(module, parameters=parameters).assert_refused(said, 120.0)
+    launcher.start_node(module, parameters=parameters).assert_refused(complaint, 120.0)
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "complaint"),
     [
         (("--vehicles", "1"), "--vehicles is 1; allowed: 2 to 20"),
         (("--vehicles", "abc"), "--vehicles is abc; allowed: 2 to 20"),
@@ -170,10 +170,10 @@ def test_parameters_that_make_no_string_are_refused(
     ],
 )
 def test_options_that_make_no_string_are_refused(
-    options: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    options: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     output = tmp_path / "run"
     assert main([*options, "--output", str(output)]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert said in line
+    assert complaint in line
     assert not output.exists()

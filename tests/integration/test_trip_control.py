@@ -70,7 +70,9 @@ def test_a_reset_repeats_the_trip_and_keeps_the_pause(launcher: Any, peer: Any) 
     driver.ticks.clear()
     assert call(peer, Service.RESET).success
     driver.wait(lambda: driver.has_all(30 * S), "the end of the second trip")
-    driver.wait(lambda: driver.phases()[-1:] == ["finished"], "the second trip told as finished")
+    driver.wait(
+        lambda: driver.phases()[-1:] == ["finished"], "the second trip reported as finished"
+    )
     assert driver.ticks == [tick * S for tick in range(31)]
     assert {stamp: driver.state(stamp) for stamp in driver.ticks} == first
     assert process.stop() == 0
@@ -101,7 +103,7 @@ def test_real_time_pauses_between_ticks_without_overruns(launcher: Any, peer: An
     assert clocks[-1] == at_ns + S
     assert call(peer, Service.RESUME).success
     driver.wait(lambda: clocks[-1] >= at_ns + 3 * S, "the trip going on")
-    # Time never ran back, and nobody was taken for lost.
+    # Time never ran back, and no node was reported as lost.
     assert all(later >= earlier for earlier, later in pairwise(clocks))
     assert driver.values()["controller_losses"] == "0"
     assert process.stop() == 0
@@ -130,7 +132,9 @@ def test_the_ring_sits_out_a_pause_and_repeats_a_trip_after_a_reset(
     heard = len(clocks)
     peer.wait_until(lambda: len(clocks) >= heard + 10, 60.0, "ten signs of life")
     assert len(set(clocks[heard:])) == 1
-    reasons = {name: {status.message for status in told[-5:]} for name, told in statuses.items()}
+    reasons = {
+        name: {status.message for status in reported[-5:]} for name, reported in statuses.items()
+    }
     assert reasons["plant"] == {PAUSED}
     for name in ("controller", "v2x_bridge"):
         assert not any("stopped" in reason for reason in reasons[name]), reasons

@@ -27,7 +27,7 @@ MODULE = "iptm_v2x_bridge.node"
 
 
 class BridgeListener:
-    """Everything the bridge says, and a mouth for the clock."""
+    """All messages of the bridge, and a publisher of the clock."""
 
     def __init__(self, peer: Any) -> None:
         self.peer = peer

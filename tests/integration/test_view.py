@@ -26,7 +26,7 @@ BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 
 
 class Browser:
-    """Follows the events of a page in a thread and keeps what they tell."""
+    """Follows the events of a page in a thread and keeps their content."""
 
     def __init__(self, url: str, path: str = "events") -> None:
         self.documents: dict[str, Any] = {}
@@ -195,9 +195,9 @@ def test_every_vehicle_of_a_string_can_be_watched(
         source = f"ROS graph, domain {domain.group(1)}, namespace /{name}, {name}"
         assert browser.documents["facts"]["source"] == source
         assert browser.documents["facts"]["limits"]["max_gap_m"] == 120.0
-        told = {status["name"] for status in browser.documents["statuses"]["statuses"]}
-        assert f"/{name}/plant: vehicle" in told
-        assert all(status.startswith(f"/{name}/") for status in told)
+        names_shown = {status["name"] for status in browser.documents["statuses"]["statuses"]}
+        assert f"/{name}/plant: vehicle" in names_shown
+        assert all(status.startswith(f"/{name}/") for status in names_shown)
     wait_until(lambda: "until Ctrl-C" in runner.text, 60.0, "the end of the report")
     runner.popen.send_signal(signal.SIGINT)
     assert runner.popen.wait(60.0) == 0

@@ -50,7 +50,7 @@ def make_controller(*, solving: bool = True) -> Controller:
 def drive(policy: Policy, *, gap_m: float, speed_m_s: float, braking_m_s2: float) -> list[float]:
     """Return the gaps of 60 s, four a second, behind a leader that from 3 s on brakes without a warning.
 
-    Its preview says throughout that it goes on as fast as it is.
+    Its preview has constant speed throughout.
     """
     scene = make_scene(gap_m=gap_m, speed_m_s=speed_m_s, leader_speed_m_s=speed_m_s)
     host, leader = scene.state, scene.leader

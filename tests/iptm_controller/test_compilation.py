@@ -235,7 +235,7 @@ def test_place_of_the_cache(
 def test_code_of_others_is_never_loaded(
     cache: Path, compiler: str, runs: list[list[str]], tmp_path: Path
 ) -> None:
-    """Whoever can write into the folder could have code run by its owner."""
+    """Write access to the folder would allow running code as its owner."""
     cache.mkdir(parents=True, mode=0o777)
     cache.chmod(0o777)
     library = compile_functions([square()], compiler)
@@ -270,4 +270,4 @@ def test_what_killed_compilations_left_is_removed(cache: Path, compiler: str) ->
     os.utime(old, (0, 0))
     compile_functions([square()], compiler)
     assert not old.exists()
-    assert new.exists(), "somebody may still be compiling there"
+    assert new.exists(), "another process may still be compiling there"

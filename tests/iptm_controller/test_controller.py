@@ -26,7 +26,7 @@ from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleStat
 
 
 class FailingBackend:
-    """Works as told: solves with an inner solver, or answers with a failure."""
+    """Solves with an inner solver, or answers with a given failure."""
 
     compiled = False
 
@@ -191,7 +191,7 @@ def test_without_a_state_it_brakes_step_by_step(controller: Controller, last: fl
     first = controller.decide(seen).command
     lost = replace(seen, state=None, fault="no state")
     commands = [controller.decide(lost).command for _ in range(12)]
-    # Nobody knows what was actuated at the last tick: the first step counts from what was seen.
+    # The last actuated input is unknown: the first step starts from the measured one.
     before = seen.state
     assert before is not None
     previous = before.acceleration_m_s2

@@ -260,7 +260,7 @@ def test_acceleration_by_hand(measured: list[LeaderState], acceleration: float) 
 
 
 def test_fast_ticks_average_the_noise_of_the_speed() -> None:
-    """Ten speeds per second, each off by up to 0.2 m/s: two neighbours would tell up to 4 m/s^2."""
+    """Ten speeds per second, each off by up to 0.2 m/s: two neighbours would give up to 4 m/s^2."""
     random = np.random.default_rng(3)
     worst = 0.0
     for _ in range(200):

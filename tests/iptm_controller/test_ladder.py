@@ -18,7 +18,7 @@ OPTIONS = LadderOptions(shifted_plan_ticks=3, safe_law_ticks=5)
 
 
 def plan_from(start_s: float, horizon: str = "3x1+2x5") -> Plan:
-    """A plan whose inputs tell the step they come from."""
+    """A plan whose inputs identify their step."""
     grid = Horizon.parse(horizon)
     inputs = np.zeros((grid.steps, layout.INPUTS))
     inputs[:, 0] = 0.1 * (1 + np.arange(grid.steps))

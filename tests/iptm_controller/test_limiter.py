@@ -57,7 +57,7 @@ def test_any_command_leaves_within_bounds_and_rates(
     next_speed = speed + tick_s * out.acceleration_m_s2
     if next_speed > limits.max_speed_m_s + SLACK:
         assert out.acceleration_m_s2 == pytest.approx(last_acceleration - jerk_step)
-    # What was changed is said, and what is said was changed.
+    # Exactly the changed inputs are reported.
     changed = not (
         abs(out.acceleration_m_s2 - acceleration) <= 1e-6
         and abs(out.compressor_power_w - power) <= 1e-3

@@ -1,4 +1,4 @@
-"""What the node says about a decision."""
+"""Reports of the node on a decision."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_the_road_is_called_flat_only_where_it_is_taken_as_flat(good: Decision) 
 
 
 def test_reasons_carry_no_numbers(good: Decision) -> None:
-    """They are compared to tell a change of the situation; numbers would change every tick."""
+    """They are compared to detect a change of the situation; numbers would change every tick."""
     for rung in Rung:
         _, reason = situation(replace(good, rung=rung), Road(known=True))
         assert not any(character.isdigit() for character in reason)

@@ -35,8 +35,8 @@ def good() -> Decision:
     return controller.decide(make_scene())
 
 
-def told(decision: Decision, seconds: int, **scene: float) -> Iterator[tuple[Level, str]]:
-    """What is said tick by tick of a scene that lasts."""
+def reports_of(decision: Decision, seconds: int, **scene: float) -> Iterator[tuple[Level, str]]:
+    """Yield the report of every tick of a constant scene."""
     watch = OperatorWatch(PARAMETERS, SETTINGS)
     for second in range(seconds):
         watch.update(make_scene(time_s=NOW_S + second, **scene), decision)
@@ -44,7 +44,7 @@ def told(decision: Decision, seconds: int, **scene: float) -> Iterator[tuple[Lev
 
 
 def test_all_is_well(good: Decision) -> None:
-    assert set(told(good, 100)) == {(Level.OK, "optimal plans")}
+    assert set(reports_of(good, 100)) == {(Level.OK, "optimal plans")}
 
 
 @pytest.mark.parametrize(
@@ -63,17 +63,17 @@ def test_all_is_well(good: Decision) -> None:
 def test_a_measured_limit_broken_for_long_is_a_warning(
     good: Decision, scene: dict[str, float], after_s: int, reason: str
 ) -> None:
-    said = list(told(good, 20, **scene))
-    assert said[: after_s + 1] == [(Level.OK, "optimal plans")] * (after_s + 1)
-    assert said[after_s + 1 :] == [(Level.WARN, reason)] * (19 - after_s)
+    reports = list(reports_of(good, 20, **scene))
+    assert reports[: after_s + 1] == [(Level.OK, "optimal plans")] * (after_s + 1)
+    assert reports[after_s + 1 :] == [(Level.WARN, reason)] * (19 - after_s)
 
 
 def test_a_compressor_at_its_limit_without_effect_is_a_warning(good: Decision) -> None:
     scene = {"cell_n_temperature_k": HOT_K, "compressor_power_w": FULL_W}
-    said = list(told(good, 20, **scene))
-    assert said[6] == (Level.OK, "optimal plans")
-    assert said[7] == (Level.WARN, "compressor at its limit without effect")
-    assert said[9][1] == (
+    reports = list(reports_of(good, 20, **scene))
+    assert reports[6] == (Level.OK, "optimal plans")
+    assert reports[7] == (Level.WARN, "compressor at its limit without effect")
+    assert reports[9][1] == (
         "cell above its highest temperature for long, compressor at its limit without effect"
     )
 
@@ -88,29 +88,29 @@ def test_plans_that_never_get_back_within_limits_are_a_warning(
     states = good.plan.states.copy()
     states[:-1, state] = value
     recovering = replace(good, plan=replace(good.plan, states=states))
-    assert set(told(recovering, 20)) == {(Level.OK, "optimal plans")}
+    assert set(reports_of(recovering, 20)) == {(Level.OK, "optimal plans")}
     states = good.plan.states.copy()
     states[-1, state] = value
     hopeless = replace(good, plan=replace(good.plan, states=np.array(states)))
-    said = list(told(hopeless, 20))
-    assert said[7] == (Level.OK, "optimal plans")
-    assert said[8] == (Level.WARN, "plans never get back within limits")
+    reports = list(reports_of(hopeless, 20))
+    assert reports[7] == (Level.OK, "optimal plans")
+    assert reports[8] == (Level.WARN, "plans never get back within limits")
 
 
 def test_a_leader_without_distance_is_an_error_at_once(good: Decision) -> None:
-    assert list(told(good, 1, gap_m=-3.0)) == [
+    assert list(reports_of(good, 1, gap_m=-3.0)) == [
         (Level.ERROR, "the leader is measured at no distance")
     ]
-    assert next(told(good, 1, gap_m=0.1))[0] is Level.OK
+    assert next(reports_of(good, 1, gap_m=0.1))[0] is Level.OK
 
 
 def test_a_cold_pack_is_worth_a_word_and_no_warning(good: Decision) -> None:
-    said = set(told(good, 100, cell_1_temperature_k=280.0, cell_n_temperature_k=280.0))
-    assert said == {(Level.OK, f"optimal plans, {COLD}")}
+    reports = set(reports_of(good, 100, cell_1_temperature_k=280.0, cell_n_temperature_k=280.0))
+    assert reports == {(Level.OK, f"optimal plans, {COLD}")}
 
 
 def test_a_fallback_keeps_its_severity_and_tells_both(good: Decision) -> None:
-    *_, (level, reason) = told(replace(good, rung=Rung.SAFE_LAW), 20, gap_m=3.0)
+    *_, (level, reason) = reports_of(replace(good, rung=Rung.SAFE_LAW), 20, gap_m=3.0)
     assert level is Level.ERROR
     assert reason.startswith("no usable solution")
     assert reason.endswith("gap below s_min for long")

@@ -60,7 +60,7 @@ def test_the_search_does_not_go_round_in_circles() -> None:
 
 
 def test_near_feasibility_the_cost_has_to_descend() -> None:
-    """With a small violation and a steep slope a smaller violation is no excuse for more cost."""
+    """With a small violation and a steep slope a smaller violation does not justify more cost."""
     current = point(10.0, 1e-6)
     search = LineSearchFilter(current)
     assert not accepts(search, point(10.1, 1e-9), current, slope=-1.0)

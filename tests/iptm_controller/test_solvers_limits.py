@@ -1,4 +1,4 @@
-"""Limits bite where they should, and a start outside them is no reason to give up."""
+"""Limits bite where they should, and a start outside them is solved."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ def changes(steps: int) -> Iterator[FloatArray]:
 @pytest.mark.parametrize("strategy", ["aging", "reference_energy_aging"])
 @pytest.mark.parametrize("name", ORDINARY)
 def test_the_reference_solver_finds_nothing_better(name: str, strategy: str) -> None:
-    """The reference may end in another valley, never in a deeper one, and it stays in ours."""
+    """The reference may end in another local minimum, never in a lower one, and it stays in ours."""
     data, guess = problem_of(SCENES[name], "3x1+5x5", strategy)
     default = checking_solver("3x1+5x5").solve(data, guess)
     elsewhere = checking_solver("3x1+5x5", "ipopt").solve(data, guess)
@@ -148,7 +148,7 @@ def test_no_feasible_plan_nearby_is_better(name: str, strategy: str) -> None:
     rollout = Rollout(transcription_of("3x1+5x5"), data)
     best = inputs_of(result.variables)
     tolerance = 1e-3 + 1e-4 * abs(result.objective)
-    # The roll-out agrees with what the solver says, so the two costs may be compared.
+    # The roll-out agrees with the solver, so the two costs may be compared.
     assert rollout.cost(best) == pytest.approx(result.objective, abs=tolerance)
     for change in changes(best.shape[0]):
         # Not a number where the pack cannot deliver what the change asks for.

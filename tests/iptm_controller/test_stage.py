@@ -53,7 +53,7 @@ def exact_rates(state: VehicleState, acceleration: float, power: float) -> Power
 
 
 def test_cost_terms_far_from_the_kinks() -> None:
-    """Each term alone, on a steady stretch where one sample says it all."""
+    """Each term alone, on a steady stretch where one sample is exact."""
     state = make_state(speed_m_s=25.0, cell_1_temperature_k=305.0, cell_n_temperature_k=309.0)
     rates = exact_rates(state, 0.0, 800.0)
 

@@ -19,9 +19,9 @@ def test_without_sumo_one_line_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "sumo", None)
     assert cli.main(["--duration-s", "5"]) == EXIT_USER_ERROR
-    said = capsys.readouterr().err
-    assert "requirements/traffic.txt" in said
-    assert said.count("\n") == 1
+    output = capsys.readouterr().err
+    assert "requirements/traffic.txt" in output
+    assert output.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -37,10 +37,10 @@ def test_wrong_options_are_refused_in_one_line(
     option: str, value: str, word: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.main([option, value]) == EXIT_USER_ERROR
-    said = capsys.readouterr().err
-    assert word in said
-    assert value in said or "1e+09" in said
-    assert "allowed" in said
+    output = capsys.readouterr().err
+    assert word in output
+    assert value in output or "1e+09" in output
+    assert "allowed" in output
 
 
 def test_lines_are_counted_with_the_instant_they_were_passed_at() -> None:

@@ -92,7 +92,7 @@ def test_the_scenarios_differ_in_the_leader_and_what_is_ahead_of_it(tmp_path: Pa
     assert edges_of(turning[LEADER])[-1] == "south_out_2"
     queue = vehicles(tmp_path, TrafficScenario.RED_LIGHT_QUEUE)
     assert sum("queued" in name for name in queue) == 5
-    # Nobody comes from behind over the host that stands there.
+    # No vehicle drives through the standing host from behind.
     behind = [
         float(entry.get("depart", "0")) - BEFORE_TRIP_S
         for name, entry in queue.items()
@@ -103,7 +103,7 @@ def test_the_scenarios_differ_in_the_leader_and_what_is_ahead_of_it(tmp_path: Pa
 
 
 def test_points_are_seen_from_the_road_as_by_hand() -> None:
-    # 100 m east, then 50 m north, told to be 110 m and 55 m long.
+    # 100 m east, then 50 m north, with stated lengths of 110 m and 55 m.
     road = HostRoad(
         np.array([0.0, 100.0, 100.0]),
         np.array([0.0, 0.0, 50.0]),

@@ -60,7 +60,7 @@ def started(network: Network, folder: Path, step_s: float = 0.5) -> TrafficSimul
 
 
 def driven_at_random(network: Network, folder: Path, seconds: int, step_s: float) -> str:
-    """Drive with random accelerations and many halts inside a tick; return a digest of what SUMO says."""
+    """Drive with random accelerations and many halts inside a tick; return a digest of SUMO's output."""
     draws = np.random.default_rng(5)
     plant = Plant(PARAMETERS, network.road.slope().slope_at)
     state = plant.initial_state()
@@ -148,8 +148,8 @@ def test_a_drive_is_lawful_and_repeats_to_the_last_bit(
 
 def test_a_host_that_learns_signals_by_radio_keeps_them() -> None:
     pytest.importorskip("pycrate_asn1dir", reason="requirements/roadside.txt is not installed")
-    told = TrafficDrive(TrafficScenario.RED_LIGHT_QUEUE, TrafficKnowledge.SIGNALS, 230.0)
-    result = drive_in_traffic(replace(told, signals_by_radio=True), PARAMETERS)
+    given = TrafficDrive(TrafficScenario.RED_LIGHT_QUEUE, TrafficKnowledge.SIGNALS, 230.0)
+    result = drive_in_traffic(replace(given, signals_by_radio=True), PARAMETERS)
     assert cli.verdict(result) == []
     assert result.lines_passed > 0
     assert result.lines_passed_closed == 0

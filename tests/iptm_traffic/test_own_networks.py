@@ -227,6 +227,6 @@ def test_a_mistake_is_one_line(
     options: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.main([*options, "--duration-s", "5", "--against", "none"]) == EXIT_USER_ERROR
-    said = capsys.readouterr().err
-    assert words in said
-    assert said.count("\n") == 1
+    output = capsys.readouterr().err
+    assert words in output
+    assert output.count("\n") == 1
