@@ -273,3 +273,19 @@ def test_a_time_that_is_missing_at_some_points_is_refused(write: Callable[..., P
     text = re.sub("<time>2026-05-04T07:00:07.000Z</time>", "", gpx(PLACES))
     with pytest.raises(RouteError, match="track point 8: time is missing"):
         read_user_trip(write(text))
+
+
+@pytest.mark.parametrize("times", [True, False])
+def test_the_road_has_the_heights_of_the_track(write: Callable[..., Path], times: bool) -> None:
+    """With the noise of a receiver, read at the places of the road, where the car stands, too."""
+    heights = 500.0 + 0.03 * PLACES + np.random.default_rng(2).normal(0.0, 1.0, PLACES.size)
+    text = gpx(PLACES, heights)
+    route_file = write(text if times else re.sub("<time>.*?</time>", "", text))
+    cycle = write("time_s,speed_m_s\n0,0\n10,10\n50,10\n60,0\n", "short.csv")
+    line = build_route(cycle, str(route_file), initial_gap_m=15.0).road_line
+    for place_m in (100.0, 400.0, 900.0):
+        assert line.height_at_m(place_m) == pytest.approx(500.0 + 0.03 * place_m, abs=1.0)
+    longer = line.extended_backwards(50.0)
+    assert longer.height_at_m(450.0) == pytest.approx(line.height_at_m(400.0))
+    assert longer.height_at_m(0.0) == pytest.approx(line.height_at_m(0.0))
+    assert RoadLine.test_road().height_at_m(100.0) is None

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ import pytest
 from iptm_core.declaration import parameter_specs
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
+from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import LeaderSource, PreviewSettings
 from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
@@ -84,3 +85,13 @@ def test_every_number_has_a_range_and_every_name_its_unit() -> None:
         ending = next((ending for ending in units if spec.name.endswith(ending)), None)
         if ending is not None:
             assert spec.unit == units[ending], spec.name
+
+
+def test_heights_of_the_road_are_those_of_messages_or_none() -> None:
+    road = replace(RoadLine.test_road(), heights_m=None)
+    heights = np.full(road.latitudes_deg.size, 55.0)
+    high = replace(road, heights_m=heights)
+    assert BridgeNodeParameters().road_of_messages(high).heights_m is None
+    compared = BridgeNodeParameters(compare_altitudes=True, height_datum_m=43.0)
+    assert compared.road_of_messages(high).height_at_m(500.0) == 98.0
+    assert compared.road_of_messages(road).height_at_m(500.0) is None

@@ -106,6 +106,7 @@ def test_a_message_of_a_real_station_is_the_same_by_topic(name: str) -> None:
     [
         {},
         {"lane": None, "width_m": None, "length_m": None, "altitude_m": None},
+        {"altitude_bound_m": 0.5},
         {"reversing": True, "trailer_of_unknown_length": True, "acceleration_m_s2": None},
         {"speed_m_s": 0.0, "heading_deg": None, "position_bound_m": None, "station_type": 8},
     ],

@@ -1,10 +1,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 from tests.iptm_v2x_bridge.radio import ROAD, station
 
+from iptm_core.routes.road_line import RoadLine, step_deg
+from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.stations.leader import LeaderSelector
 from iptm_v2x_bridge.stations.station import Station
 
@@ -202,3 +207,77 @@ def test_a_leader_is_kept_through_a_short_error_of_its_position() -> None:
     for left_m in (0.0,) * 5 + (2.8,) * 4 + (0.0,):
         leader = traffic.hear({1: (80.0, left_m)})
     assert (leader, traffic.selector.changes) == (1, 1)
+
+
+def spiral(turns: int = 3, radius_m: float = 13.0, floor_m: float = 2.7) -> RoadLine:
+    """Return a ramp of a car park, whose turns lie above each other; it is 81.7 m long per turn."""
+    angles = np.linspace(0.0, 2.0 * np.pi * turns, 72 * turns + 1)
+    latitudes, longitudes = step_deg(
+        48.0, 10.0, radius_m * np.sin(angles), radius_m * np.cos(angles)
+    )
+    return RoadLine(latitudes, longitudes, 450.0 + floor_m * angles / (2.0 * np.pi))
+
+
+def car_at(road: RoadLine, along_m: float, time_ms: int, **more: Any) -> CamMessage:
+    latitude, longitude, heading = (float(value) for value in road.locate(along_m))
+    place = {"latitude_deg": latitude, "longitude_deg": longitude, "heading_deg": heading}
+    return replace(station(7, time_ms, 0.0, 3.0), **place, **more)
+
+
+@pytest.mark.parametrize(
+    ("above_m", "bound_m", "leads"),
+    [
+        (0.0, 0.5, True),
+        (2.0, 0.5, True),
+        (2.7, 0.5, False),
+        (-5.4, 1.0, False),
+        (5.4, 5.0, True),
+        (5.4, None, True),
+        (None, 0.5, True),
+    ],
+)
+def test_a_car_on_another_level_does_not_lead(
+    above_m: float | None, bound_m: float | None, leads: bool
+) -> None:
+    """On the ramp one turn above or below the host, or on a bridge: by its place alone it would lead."""
+    road = spiral()
+    selector = LeaderSelector()
+    found: Station | None = None
+    for number in range(6):
+        along_m = 100.0 + 0.3 * number
+        height_m = road.height_at_m(along_m)
+        assert height_m is not None
+        altitude_m = None if above_m is None else height_m + above_m
+        message = car_at(
+            road, along_m, 100 * number, altitude_m=altitude_m, altitude_bound_m=bound_m
+        )
+        if found is None:
+            found = Station(message, 0, road, 0, 90.0)
+        else:
+            found.update(message, 100 * number)
+    assert found is not None
+    leader = selector.select([found], 85.0, 0.5)
+    assert (leader is found) == leads
+
+
+def test_a_road_without_heights_excludes_nobody() -> None:
+    road = replace(spiral(), heights_m=None)
+    message = car_at(road, 100.0, 0, altitude_m=9000.0, altitude_bound_m=0.01)
+    assert not Station(message, 0, road, 0, 90.0).is_on_another_level
+
+
+def test_a_leader_is_kept_on_all_turns_of_a_ramp() -> None:
+    """A constant error of the receiver of 1 m, and altitudes without a stated error."""
+    road, found = spiral(), None
+    selector = LeaderSelector()
+    for number in range(600):
+        along_m = 20.0 + 0.3 * number
+        message = car_at(road, along_m, 100 * number)
+        message = replace(message, longitude_deg=message.longitude_deg + 1.3e-5)
+        if found is None:
+            found = Station(message, 0, road, 0, along_m - 15.0)
+        else:
+            found.update(message, 100 * number)
+        assert found.fix.position_m == pytest.approx(along_m, abs=2.5)
+        if number > 5:
+            assert selector.select([found], along_m - 15.0, 0.1 * number) is found

@@ -100,7 +100,7 @@ class CamAnswers:
         options, route = self._options, self._source.route
         heard = options.build_heard_rules(self._given, route.road_line)
         bridge = self._bridge = CamBridge(
-            route.road_line,
+            options.road_of_messages(route.road_line),
             options,
             predictors=options.build_predictors(route, heard.leader if heard else self._given),
             datagram_offset_bytes=options.datagram_offset_bytes,

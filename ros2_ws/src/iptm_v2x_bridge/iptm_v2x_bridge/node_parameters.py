@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import ParameterError
+from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import (
     VEHICLE_LENGTH_M,
     VEHICLE_LENGTHS_M,
@@ -63,6 +64,19 @@ class CamSettings(Settings):
         "cam: hear messages of cars on this topic instead of the socket (etsi_its_cam_msgs/msg/CAM, where "
         "that package is installed); with cam_lock_step false",
     )
+    compare_altitudes: bool = parameter(
+        default=False,
+        description="cam: a car whose altitude contradicts the height of the road (of the track in cycle or "
+        "slope) by more than its error does not lead",
+    )
+    height_datum_m: float = parameter(
+        0.0,
+        "cam: height of the zero of the track's heights above the WGS84 ellipsoid, which altitudes in "
+        "messages refer to; about 47 in Germany for heights above sea level",
+        "m",
+        -1000.0,
+        1000.0,
+    )
     trust_anchors: str = parameter(
         "",
         "cam: folder with certificates of trusted authorities (.oer, .cert): signatures are verified, and "
@@ -83,6 +97,13 @@ class CamSettings(Settings):
         description="cam: publish every datagram on v2x/datagrams, so that a bag holds the radio traffic; "
         "with expected_peers the first answer waits for a listener",
     )
+
+    def road_of_messages(self, road: RoadLine) -> RoadLine:
+        """Return a road with its heights above the ellipsoid, or without if they are not to be compared."""
+        heights_m = road.heights_m
+        if not self.compare_altitudes or heights_m is None:
+            return replace(road, heights_m=None)
+        return replace(road, heights_m=heights_m + self.height_datum_m)
 
     def build_verifier(self) -> Verifier:
         """Return what verifies signatures.

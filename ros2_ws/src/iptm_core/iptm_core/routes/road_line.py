@@ -125,6 +125,7 @@ class RoadLine:
     Attributes:
         latitudes_deg: latitudes of the vertices, shape (n,), n >= 2.
         longitudes_deg: longitudes, shape (n,).
+        heights_m: heights of the vertices above one datum, shape (n,); None where they are unknown.
         positions_m: positions of the vertices along the road, shape (n,); follows from the others.
 
     Raises:
@@ -133,6 +134,7 @@ class RoadLine:
 
     latitudes_deg: FloatArray
     longitudes_deg: FloatArray
+    heights_m: FloatArray | None = None
     positions_m: FloatArray = field(init=False)
     _headings_deg: FloatArray = field(init=False, repr=False)
     _vertices_deg: tuple[tuple[float, float], ...] = field(init=False, repr=False)
@@ -145,6 +147,10 @@ class RoadLine:
             raise RouteError(
                 f"road line: shapes {latitudes.shape} and {longitudes.shape}; "
                 "allowed: equally many latitudes and longitudes, at least two"
+            )
+        if self.heights_m is not None and self.heights_m.shape != latitudes.shape:
+            raise RouteError(
+                f"road line: heights of shape {self.heights_m.shape}; allowed: {latitudes.shape}"
             )
         limits = ((latitudes, MAX_LATITUDE_DEG, "latitude"), (longitudes, 180.0, "longitude"))
         for values, limit, name in limits:
@@ -195,7 +201,16 @@ class RoadLine:
         return RoadLine(
             np.concatenate([[float(latitude)], self.latitudes_deg]),
             np.concatenate([[float(longitude)], self.longitudes_deg]),
+            None
+            if self.heights_m is None
+            else np.concatenate([self.heights_m[:1], self.heights_m]),
         )
+
+    def height_at_m(self, position_m: float) -> float | None:
+        """Return the height at a position along the road, level before and past its ends; None if unknown."""
+        if self.heights_m is None:
+            return None
+        return float(np.interp(position_m, self.positions_m, self.heights_m))
 
     @property
     def length_m(self) -> float:

@@ -131,6 +131,10 @@ class Track:
         return _steps_m(self.latitudes_deg, self.longitudes_deg)
 
 
+_Heights = tuple[FloatArray, FloatArray]
+"""Positions along the road, and the smoothed heights there."""
+
+
 def _steps_m(latitudes_deg: FloatArray, longitudes_deg: FloatArray) -> FloatArray:
     before = (latitudes_deg[:-1], longitudes_deg[:-1])
     steps: FloatArray = np.hypot(*east_north_m(latitudes_deg[1:], longitudes_deg[1:], before))
@@ -189,9 +193,9 @@ def read_out(track: Track) -> RecordedDrive:
         raise RouteError(
             f"{track.source}: it covers {distances[-1]:.1f} m; allowed: {LINE_SPACING_M:g} m or more"
         )
-    line = _line(distances, latitudes, (longitudes + 180.0) % 360.0 - 180.0)
     positions = np.interp(track.times_s, seconds, distances)
-    slope, bounded_m = _slope(track.heights_m, positions)
+    slope, bounded_m, heights = _slope(track.heights_m, positions)
+    line = _line(distances, latitudes, (longitudes + 180.0) % 360.0 - 180.0, heights)
     return RecordedDrive(track, seconds, speeds, positions, line, slope, bounded_m)
 
 
@@ -215,10 +219,13 @@ def road_through(
         raise RouteError(
             f"{source}: it covers {distances[-1]:.1f} m; allowed: {LINE_SPACING_M:g} m or more"
         )
-    return _line(distances, latitudes_deg, longitudes_deg), _slope(heights_m, distances)[0]
+    slope, _, heights = _slope(heights_m, distances)
+    return _line(distances, latitudes_deg, longitudes_deg, heights), slope
 
 
-def _line(distances: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -> RoadLine:
+def _line(
+    distances: FloatArray, latitudes: FloatArray, longitudes: FloatArray, heights: _Heights | None
+) -> RoadLine:
     """Return a polyline with a vertex every ten metres or, where the car was faster, every second."""
     kept = [0]
     for index in range(1, distances.size):
@@ -226,22 +233,23 @@ def _line(distances: FloatArray, latitudes: FloatArray, longitudes: FloatArray) 
             kept.append(index)
     if len(kept) < 2:
         kept = [0, int(distances.size - 1)]
-    return RoadLine(latitudes[kept], longitudes[kept])
+    heights_m = None if heights is None else np.interp(distances[kept], *heights)
+    return RoadLine(latitudes[kept], longitudes[kept], heights_m)
 
 
 def _slope(
     heights_m: FloatArray | None, positions: FloatArray
-) -> tuple[SlopeProfile | None, float]:
+) -> tuple[SlopeProfile | None, float, _Heights | None]:
     if heights_m is None:
-        return None, 0.0
+        return None, 0.0, None
     # Points recorded at a standstill are one point of the road.
     places, index = np.unique(np.round(positions), return_inverse=True)
     heights = np.bincount(index, weights=heights_m) / np.bincount(index)
     count = max(2, round(float(places[-1] - places[0]) / ELEVATION_SPACING_M) + 1)
     grid: FloatArray = np.linspace(float(places[0]), float(places[-1]), count, dtype=np.float64)
     if places.size < 2:
-        return SlopeProfile.flat(), 0.0
-    _, grades = local_line(places, heights, grid, HEIGHT_WINDOW_M)
+        return SlopeProfile.flat(), 0.0, None
+    smooth, grades = local_line(places, heights, grid, HEIGHT_WINDOW_M)
     bounded = np.clip(grades, -MAX_RECORDED_GRADE, MAX_RECORDED_GRADE)
     length = float(np.count_nonzero(bounded != grades)) * float(grid[1] - grid[0])
-    return SlopeProfile(grid, np.arctan(bounded)), length
+    return SlopeProfile(grid, np.arctan(bounded)), length, (grid, smooth)

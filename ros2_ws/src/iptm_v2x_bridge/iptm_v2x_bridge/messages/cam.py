@@ -75,6 +75,7 @@ class CamMessage:
         trailer_of_unknown_length: whether a trailer comes on top of the length.
         width_m: width of the vehicle.
         altitude_m: height above the WGS84 ellipsoid.
+        altitude_bound_m: 95 % bound of its error.
         position_bound_m: semi-major axis of the 95 % ellipse of the position.
         lane: lane, 1 for the outermost one that is driven on.
         station_type: type of the station, 5 for a passenger car.
@@ -93,6 +94,7 @@ class CamMessage:
     trailer_of_unknown_length: bool = False
     width_m: float | None = None
     altitude_m: float | None = None
+    altitude_bound_m: float | None = None
     position_bound_m: float | None = None
     lane: int | None = None
     station_type: int = PASSENGER_CAR

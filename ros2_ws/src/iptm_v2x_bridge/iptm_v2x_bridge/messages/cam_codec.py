@@ -5,6 +5,7 @@ What cannot be read is a `Rejection`, never an exception. The bits are asn1tools
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from importlib import resources
 from typing import Any, cast
@@ -27,6 +28,11 @@ _ALTITUDE, _HEADING, _SPEED, _ACCELERATION = 800_001, 3601, 16_383, 161
 _LENGTH, _LENGTH_OVER, _WIDTH_OVER, _WIDTH = 1023, 1022, 61, 62
 _DELTA, _INTERVAL, _PATH_CONFIDENCE = 131_072, 127, 101
 """What stands for "unavailable" in a field, and the values beyond its range."""
+_ALTITUDE_BOUNDS_M = dict(
+    enumerate((0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0))
+)
+"""Errors of the altitude by their code; others stand for "out of range" and "unavailable"."""
+_NO_ALTITUDE_BOUND = 15
 _FORWARD, _BACKWARD, _DIRECTION = 0, 1, 2
 _NO_TRAILER, _TRAILER_UNKNOWN_LENGTH = 0, 2
 _INTERVAL_UNITS_S = {"tenths": 0.1, "tens": 10.0, "seconds": 1.0}
@@ -111,6 +117,7 @@ def decode_cam(payload: bytes) -> CamMessage | Rejection:
         trailer_of_unknown_length=length["trailer"] == _TRAILER_UNKNOWN_LENGTH,
         width_m=None if vehicle["width"] >= _WIDTH_OVER else vehicle["width"] / 10.0,
         altitude_m=None if altitude == _ALTITUDE else altitude / 100.0,
+        altitude_bound_m=_ALTITUDE_BOUNDS_M.get(position["altitude"]["confidence"]),
         position_bound_m=_ellipse_m(position["ellipse"]["major"]),
         lane=lane if lane >= 0 else None,
         station_type=basic["stationType"],
@@ -173,7 +180,17 @@ def encode_cam(message: CamMessage) -> bytes:
         "lat": round(message.latitude_deg * _SCALE_DEG),
         "lon": round(message.longitude_deg * _SCALE_DEG),
         "ellipse": _ellipse(message.position_bound_m),
-        "altitude": {"value": _integer(message.altitude_m, 100.0, _ALTITUDE), "confidence": 15},
+        "altitude": {
+            "value": _integer(message.altitude_m, 100.0, _ALTITUDE),
+            "confidence": next(
+                (
+                    code
+                    for code, bound_m in _ALTITUDE_BOUNDS_M.items()
+                    if (message.altitude_bound_m or math.inf) <= bound_m
+                ),
+                _NO_ALTITUDE_BOUND,
+            ),
+        },
     }
     trailer = _TRAILER_UNKNOWN_LENGTH if message.trailer_of_unknown_length else _NO_TRAILER
     unknown = {"value": _ACCELERATION, "confidence": 102}

@@ -34,6 +34,9 @@ CUT_IN_S = 1.5
 """A station with an edge over the line is in the lane if its middle will be there so soon."""
 LATERAL_SPEED_OVER_S = (0.25, 1.2)
 """Lateral speeds are differences over times in this range, the longest there is."""
+ALTITUDE_BOUNDS, LEVEL_TOLERANCE_M = 2.0, 1.5
+"""A car is on another level beyond twice the stated 95 % bound of its altitude, because such errors last for
+minutes, and an error of the heights of the road."""
 LANE_VOTES = 2
 """Messages in a row that it takes to enter the lane."""
 LEAVING_VOTES = 5
@@ -217,6 +220,7 @@ class Station:
         aside_m = abs(self.fix.lateral_m) - min(ACCURACY_SHARE * accuracy_m, LARGEST_ALLOWANCE_M)
         says_inside = aside_m < (LEFT_LANE_M if self.in_lane else LANE_HALF_WIDTH_M)
         says_inside |= not self.in_lane and self._cuts_in()
+        says_inside &= not self.is_on_another_level
         self._asides.append((self.last.time_s, abs(self.fix.lateral_m)))
         if says_inside == self.in_lane:
             self._votes = 0
@@ -224,6 +228,16 @@ class Station:
         self._votes += 1
         if self._votes >= (LEAVING_VOTES if self.in_lane else LANE_VOTES):
             self.in_lane, self._votes = says_inside, 0
+
+    @property
+    def is_on_another_level(self) -> bool:
+        """Whether its altitude contradicts the road's, as on a bridge; never where either is unknown."""
+        message, road_m = self.message, self._road.height_at_m(self.fix.position_m)
+        if road_m is None or message.altitude_m is None or message.altitude_bound_m is None:
+            return False
+        return abs(message.altitude_m - road_m) > (
+            ALTITUDE_BOUNDS * message.altitude_bound_m + LEVEL_TOLERANCE_M
+        )
 
     def _cuts_in(self) -> bool:
         """Return whether an edge is over the line of the lane, and the middle soon will be inside."""
