@@ -31,6 +31,7 @@ def key_of(spec: RunSpec) -> str:
         {"parameter_set": "textbook_cell"},
         {"overrides": (("body.mass_kg", 1432.0000000000002),)},
         {"strategy": replace(STRATEGIES["aging"], aging_weight=1.0000000000000002e9)},
+        {"aging_law": "nca"},
         {"horizon": "16x1"},
         {"solver": SolverSpec(tolerance=2e-5)},
         {"preview": PreviewSpec(seed=1, noise_std_m_s=1.0)},

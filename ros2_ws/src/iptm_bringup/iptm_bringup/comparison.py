@@ -11,6 +11,7 @@ from iptm_controller.controller import Controller
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import strategy_by_name
+from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.declaration import given_settings
 from iptm_core.metrics import RunMetrics, compute_metrics, figure_values
 from iptm_core.settings import (
@@ -132,6 +133,7 @@ def controller_for(
         horizon=horizon,
         tick_s=given_settings(SamplingSettings, of_plant).period_s,
         trip_duration_s=prepared.route.duration_s,
+        aging=given_settings(AgingSettings, vars(prepared.scenario)),
     )
     return Controller(prepared.model.values, options)
 
