@@ -129,6 +129,14 @@ def test_a_kelvin_costs_what_it_ages_where_no_cooling_pays() -> None:
     assert price == pytest.approx(float(aging.kelvin_price_1_k(np.array([308.15]))[0]), rel=1e-4)
 
 
+def test_cells_that_age_less_when_warm_are_not_heated_by_driving() -> None:
+    """Of NMC622 in the frost a kelvin more saves capacity: it is worth nothing to the controller."""
+    frost = replace(HOT, parking_air_k=265.0, year_air_k=279.0)
+    aging = ParkedAging(LAWS["nmc622"], frost, AMBIENT_K)
+    assert float(aging.kelvin_price_1_k(np.array([275.0]))[0]) < 0.0
+    assert valued("nmc622", warm(275.0), frost)[1] == 0.0
+
+
 def test_a_kelvin_costs_no_more_than_its_removal_during_the_trip() -> None:
     """Much time and a hot pack: the marginal power that suffices until the lower limit, by hand."""
     state = warm(308.15)

@@ -145,7 +145,8 @@ class CellLawValuation:
 
     def _price_1_k(self, state: VehicleState, kelvin: float) -> float:
         """Return the price of a kelvin at which what is removed and what a kelvin costs agree."""
-        uncooled = float(np.interp(kelvin, _TABLE_K, self._prices_1_k))
+        # Below 0 warm cells age less; the energy of driving has no price, so that it must not heat for it.
+        uncooled = max(float(np.interp(kelvin, _TABLE_K, self._prices_1_k)), 0.0)
         lowest_k = kelvin - max(
             state.cell_1_temperature_k - self._model.limits.min_temperature_k, 0.0
         )
