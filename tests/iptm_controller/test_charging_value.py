@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import make_scene, make_state
 
-from iptm_controller.charging_value import MOST_WELCOME, ChargingValuation
+from iptm_controller.charging_value import LARGEST_PRICE_RATIO, ChargingValuation
 from iptm_controller.controller import Controller
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolverOptions
@@ -49,7 +49,7 @@ def test_at_the_charger_a_kelvin_is_worth_the_minutes_that_it_saves() -> None:
     around = fast_charge(np.array([291.15, 292.15]), STOP, model).minutes
     saved_j_k = float(around[0] - around[1]) * STOP.charging_minute_kwh * 3.6e6
     price = valuation(model).price_1_k(TRIP_S, 291.65)
-    assert 0.0 < saved_j_k < MOST_WELCOME * HEAT_J_K / EFFICIENCY  # the cap plays no part
+    assert 0.0 < saved_j_k < LARGEST_PRICE_RATIO * HEAT_J_K / EFFICIENCY  # the cap plays no part
     assert price == pytest.approx(-saved_j_k, rel=0.05)
 
 
@@ -69,7 +69,7 @@ def test_what_goes_to_the_air_until_arrival_is_worth_nothing() -> None:
 
 def test_the_price_is_capped_where_the_heater_runs_anyway() -> None:
     price = valuation(car(-10.0)).price_1_k(TRIP_S - 60.0, 263.15)
-    assert price == pytest.approx(-MOST_WELCOME * HEAT_J_K / EFFICIENCY)
+    assert price == pytest.approx(-LARGEST_PRICE_RATIO * HEAT_J_K / EFFICIENCY)
 
 
 def test_no_kelvin_is_cooled_away_before_fast_charging() -> None:

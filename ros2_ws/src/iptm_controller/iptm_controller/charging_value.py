@@ -39,9 +39,9 @@ LOAD_1_H = 0.2
 what the load really does is measured at every tick."""
 COOLING_SHARES = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)
 HEATING_SHARES = (0.25, 0.5, 0.75, 1.0)
-MOST_WELCOME = 1.5
-"""A kelvin is priced at so many times what a heater takes for it at most: the heater runs at full power from
-1 on, and above that it would pay to waste energy in the pack."""
+LARGEST_PRICE_RATIO = 1.5
+"""Largest price of a kelvin, relative to its heating energy: the heater runs at full power from 1 on, and
+a higher price would make wasting energy in the pack pay."""
 _J_PER_KWH = 3.6e6
 
 
@@ -60,7 +60,7 @@ class ChargingValuation:
         """Work out the cost to go.
 
         Args:
-            stop: charger, and what a minute is worth.
+            stop: charger, and the value of a minute.
             model: parameters of the vehicle.
             energy_weight_1_j: cost of a joule from the pack in J3.
             thermal_energy_price_1_j: cost of a joule of thermal energy on top; not both are 0.
@@ -74,7 +74,7 @@ class ChargingValuation:
         self._shares = mixing_weights(model)[:2]
         capacity_j_k = pack.cells_in_series * pack.parallel * model.cell.heat_capacity_j_k
         per_heat = 1.0 / (pack.battery_efficiency * model.cooling.heater_performance)
-        self._least_j_k = -MOST_WELCOME * capacity_j_k * per_heat
+        self._least_j_k = -LARGEST_PRICE_RATIO * capacity_j_k * per_heat
         lowest_k = min(environment.ambient_temperature_k, environment.initial_cell_temperature_k)
         highest_k = model.limits.max_temperature_k + BEYOND_K
         count = math.ceil((highest_k - lowest_k + BEYOND_K) / GRID_K)

@@ -19,19 +19,19 @@ from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, LeaderState, VehicleState
 
 MARGIN_M = 1.0
-"""Gap that counts as a collision ahead: what errors of range and prediction within a tick may cost."""
+"""Smallest permitted gap: margin for errors of range and prediction within a tick."""
 CONFIRMED_SPEED_ERROR_M_S = 1.0
-"""A leader slower than foretold by more does not do what its preview says."""
+"""Largest speed deficit of the leader, against its preview, at which the preview is used."""
 CHECKS_PER_TICK = 4
 EMERGENCY = "a collision threatens, hardest braking"
 
 
 class CollisionGuard:
-    """Remembers how the leader moves and compares commands with what the brakes allow.
+    """Tracks the motion of the leader and compares commands with what the brakes allow.
 
-    Behind a preview that its own measurements bear out the leader is taken to move as foretold, and on from
-    its end to brake; otherwise it is taken to brake on as hard as was last measured. One that is not
-    measured for long is taken to have braked as hard as the host can at least.
+    With a preview confirmed by measurements the leader is assumed to move as predicted and to brake after its
+    end; otherwise to keep the last measured deceleration. A leader that has not been measured for long is
+    assumed to have braked at least as hard as the host can.
 
     Attributes:
         memory: what is carried from tick to tick.

@@ -68,7 +68,7 @@ class Measurements:
 
     @property
     def is_free(self) -> bool:
-        """Whether no vehicle is ahead, and rules tell how to drive on."""
+        """Whether no vehicle is ahead, and the rules of the road apply."""
         return self.leader is None and self.rules is not None and not self.rules.has_leader
 
 

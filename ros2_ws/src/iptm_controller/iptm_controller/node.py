@@ -45,7 +45,7 @@ from iptm_interfaces.watchdog import Watchdog
 
 CHECKS_PER_TIMEOUT = 5.0
 PLANT_TIMEOUT_S = 5.0
-"""Wall time without any part of a state after which the plant is told to have stopped."""
+"""Wall time without any part of a state after which the plant is reported as stopped."""
 UNMATCHED_AFTER_TIMEOUTS = 2.0
 """Times `input_timeout_s` for which states may arrive without one that can be answered."""
 LEAST_WAIT_S = 0.02
@@ -159,7 +159,7 @@ class ControllerNode(SuiteNode):
             return
         if self._waiting_since_s is None:
             self._waiting_since_s = now_s
-        # Where trip time runs fast, a plant has lost its controller long before the wall clock says so.
+        # Where trip time runs fast, a plant has lost its controller long before a wall-clock timeout.
         elif (
             self._matcher.backlog_ns > NS_PER_S * self._options.input_timeout_s
             and now_s - self._waiting_since_s >= LEAST_WAIT_S
@@ -185,7 +185,7 @@ class ControllerNode(SuiteNode):
             self._answer(matched)
 
     def _follow(self, matched: MatchedSet[Topic]) -> None:
-        """Begin anew with a trip, or go on with the one before a stray beginning."""
+        """Restart for a new trip, or resume the one before a stray start."""
         start = self._start_memories.get(matched.stamp_ns)
         if self._before is None:
             if start is None and self._options.start_state:
@@ -262,7 +262,7 @@ class ControllerNode(SuiteNode):
         self._took_s = self._answered_s - started_s
 
     def _take_changes_over(self, stamp_ns: int) -> None:
-        """Go on with changed settings that are ready, and say from which tick on."""
+        """Apply changed settings that are ready, and report from which tick on."""
         before = self._changes.options
         self._controller = self._changes.take_over(self._controller, stamp_ns)
         self._options = self._changes.options
@@ -279,7 +279,7 @@ class ControllerNode(SuiteNode):
         return f"saved {self._before[0] / NS_PER_S:g} s in {path}"
 
     def _publish(self, stamp_ns: int, decision: Decision) -> None:
-        """Publish the command last: whoever has it has everything of this tick."""
+        """Publish the command last, so that it completes the tick."""
         command = decision.command
         prefix = self.frame_prefix
         self._solve_publisher.publish(

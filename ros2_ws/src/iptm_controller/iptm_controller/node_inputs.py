@@ -23,7 +23,7 @@ TICK_INPUTS = (*STATE_TOPICS, Topic.LEADER_PREVIEW, Topic.ROAD_AHEAD, Topic.LEAD
 
 
 class CompleteTick:
-    """Tells whether what has arrived of a tick is all that there is.
+    """Determines whether all messages of a tick have arrived.
 
     The road ahead states whether there is a leader to wait for. Bridges of earlier versions, and their bags,
     have no such topic; then there always is.
@@ -49,7 +49,7 @@ class CompleteTick:
 
 
 def read_measurements(values: Mapping[Topic, Any], slope: SlopePreview | None) -> Measurements:
-    """Decode what arrived, and say why something was not.
+    """Decode the arrived messages, with the reason for each missing one.
 
     Args:
         values: messages of a tick by topic, preview and road decoded already.

@@ -57,7 +57,7 @@ def is_about_limits(reason: str) -> bool:
 def plan_trajectory(plan: Plan | None) -> PlanTrajectory:
     """Return the plan as published: inputs hold from their node on, the last node repeats the last ones.
 
-    It ends with the motion: of thermal steps there is no position to publish. None becomes a plan without
+    It ends with the motion, as thermal steps have no position. None becomes a plan without
     nodes, as subscribers may wait for the plan of a tick.
     """
     if plan is None:

@@ -103,7 +103,7 @@ class RoadAhead:
 
     Attributes:
         has_leader: whether a lead vehicle is observed, whose motion is reported apart from this.
-        limits: speed limits, None where no rule of the road is known; there are no stops then.
+        limits: speed limits, None without known rules of the road; then it has no stops either.
         stops: in driving order.
     """
 

@@ -19,9 +19,9 @@ from iptm_core.trip_time import NS_PER_S
 
 MAX_SEED = 2**63 - 1
 VEHICLE_LENGTH_M = 4.5
-"""Front to rear bumper where nothing else is said: a car of the compact class."""
+"""Default length from front to rear bumper: a compact car."""
 VEHICLE_LENGTHS_M = (0.1, 102.0)
-"""Shortest and longest vehicle, as far as messages between vehicles can tell."""
+"""Shortest and longest vehicle, in the range of messages between vehicles."""
 
 
 class LoopMode(TextEnum):
@@ -34,7 +34,7 @@ class LoopMode(TextEnum):
 
 
 class PreviewMode(TextEnum):
-    """How much the host is told about the future of the leader."""
+    """Preview of the leader's motion that the host receives."""
 
     FULL = "full"
     NONE = "none"
@@ -50,7 +50,7 @@ class LeaderSource(TextEnum):
     VEHICLE = "vehicle"
     """The odometry and the plans of another vehicle of the graph."""
     NONE = "none"
-    """There is no lead vehicle: the host drives the road of the cycle at its limits."""
+    """No lead vehicle: the host drives the road of the cycle at its limits."""
 
 
 class ThermalModel(TextEnum):
@@ -59,7 +59,7 @@ class ThermalModel(TextEnum):
     TWO_CELL = "two_cell"
     """The first and the last one; the others lie evenly between them."""
     FULL_CHANNEL = "full_channel"
-    """All of them. Others are told the first and the last one."""
+    """All of them. Other nodes receive the first and the last one."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class RoadAheadSettings(Settings):
     )
     set_speed_km_h: float = parameter(
         0.0,
-        "largest speed that the driver wants where rules are kept, 0 for none",
+        "set speed of the driver where rules are kept, 0 for none",
         "km/h",
         0.0,
         250.0,
@@ -150,9 +150,9 @@ class RoadAheadSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.keeps_rules and not (self.speed_limits_km_h.strip() or self.set_speed_km_h):
-            told = "leader_source none" if not self.host_keeps_rules else "host_keeps_rules"
+            why = "leader_source none" if not self.host_keeps_rules else "host_keeps_rules"
             raise ParameterError(
-                f"speed_limits_km_h is empty and set_speed_km_h is 0 with {told}; allowed: one of them stated"
+                f"speed_limits_km_h is empty and set_speed_km_h is 0 with {why}; allowed: one of them stated"
             )
 
     @property
@@ -183,7 +183,7 @@ class ModelSettings(Settings):
 
 @dataclass(frozen=True)
 class PreviewSettings(Settings):
-    """What the host is told about the leader's future, and how well that arrives.
+    """Preview of the leader's motion that the host receives, and its imperfections.
 
     Raises:
         ParameterError: a value is out of range, or the step longer than the preview.

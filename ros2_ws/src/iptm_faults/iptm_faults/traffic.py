@@ -27,7 +27,7 @@ class Traffic:
 
     @property
     def is_quiet(self) -> bool:
-        """Whether there are no events."""
+        """Whether the traffic has no event."""
         return not self._events
 
     def leader(self, own: LeaderState, host_position_m: float) -> LeaderState:

@@ -58,7 +58,7 @@ def split_trips(stamped: Iterable[tuple[int, M]]) -> list[dict[int, M]]:
         stamped: stamp and message, in the order of arrival.
 
     Returns:
-        At least one trip, empty if there are no messages.
+        At least one trip, empty without messages.
     """
     found: list[dict[int, M]] = [{}]
     newest_ns = [-1]  # of each trip

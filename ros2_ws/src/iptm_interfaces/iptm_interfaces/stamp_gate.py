@@ -88,7 +88,7 @@ class StampGate:
 
     @property
     def quiet_s(self) -> float:
-        """Steady time for which the trip must be silent before another time is believed."""
+        """Steady time for which the trip must be silent before another time is accepted."""
         return max(LEAST_QUIET_S, QUIET_INTERVALS * min(self._intervals_s, default=0.0))
 
     def follows(self, stamp_ns: int) -> bool:

@@ -94,7 +94,7 @@ def gather(store: ResultStore, campaign: Campaign) -> Gathered:
         Its runs; a missing one with its reason.
 
     Raises:
-        ScenarioError: there are no runs; names the number of missing ones and the command that computes them.
+        ScenarioError: the store has no runs; names their number and the command.
         StoreError: a run has disappeared from the store since the survey.
     """
     finished: list[_Finished] = []

@@ -109,7 +109,7 @@ class HostRoad:
 
         Args:
             east_m: of the points in SUMO's plane.
-            north_m: likewise.
+            north_m: of the same points.
             near_m: only the road around this position is looked at; None for all of it.
         """
         first, last = 0, self.positions_m.size - 1

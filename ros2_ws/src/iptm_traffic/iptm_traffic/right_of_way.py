@@ -270,7 +270,7 @@ def _duration_s(way_m: float, speed: float, acceleration: float, limit: float) -
 
 
 def _lowered(limits: SpeedLimits, from_m: float, to_m: float, limit_m_s: float) -> SpeedLimits:
-    """Return limits that are no higher than one on a stretch."""
+    """Return limits capped by one on a stretch."""
     starts = np.unique([*limits.starts_m, from_m, to_m])
     index = np.maximum(np.searchsorted(limits.starts_m, starts, side="right") - 1, 0)
     values = limits.limits_m_s[index]

@@ -15,15 +15,15 @@ from iptm_v2x_bridge.source import PreviewSource, preview_times_s
 
 @dataclass(frozen=True)
 class BridgeAnswer:
-    """What the bridge says at one tick.
+    """Answer of the bridge at one tick.
 
     Attributes:
         time_ns: the tick, integer nanoseconds of trip time.
-        leader: state of the leader at the tick; None where no one is known to lead.
+        leader: state of the leader at the tick; None without a leader.
         preview: latest prediction received, with its own time of generation.
         lost: whether the prediction generated at this tick is lost on the way.
-        predictor: who foretold the leader from its messages; empty where no one had to.
-        leader_bound_m: by how much the leader's position was taken nearer, to be on the safe side.
+        predictor: predictor in use on the leader's messages; empty without one.
+        leader_bound_m: conservative reduction of the leader's distance.
         contested: whether messages with the identity of the leader contradict each other.
         road: rules of the road, None where none are known.
     """

@@ -41,11 +41,11 @@ from iptm_v2x_bridge.stations.station import Station
 from iptm_v2x_bridge.stations.table import StationTable
 
 SILENT_MS = 1500
-"""A leader from which nothing has arrived for longer is reckoned to brake."""
+"""Silence after which a leader is assumed to brake."""
 HOLD_MS = 60_000
-"""For so long a leader that is not heard any more still leads; the host has halted behind it by then ..."""
+"""Time for which a silent leader is kept; the host has halted behind it by then."""
 HOLD_BEFORE_OTHER_MS = 10_000
-"""... and only for so long where another one is heard farther ahead."""
+"""The same time if another station is received farther ahead."""
 SAME_CAR_MS = 1000
 """A station first heard no earlier than this before the leader fell silent may be its new identity."""
 
@@ -250,7 +250,7 @@ class CamBridge:
         if round(1000.0 * now) - station.heard_ms > SILENT_MS:
             return AssumedBraking().predict(known, times)
         if contested:
-            known = replace(known, path=None)  # nobody knows which of the senders it comes from
+            known = replace(known, path=None)  # its sender is ambiguous
         for predictor in self._predictors:
             prediction = predictor.predict(known, times)
             if prediction is None or not prediction.times_s.size:

@@ -36,8 +36,8 @@ class BridgeNode(SuiteNode):
     """Publishes `v2x/slope` once, then the road ahead, leader, samples and preview for every `/clock`.
 
     The clock sets the pace in lock-step and in real time alike, so the node has no timer of its own
-    but for its diagnostics and the wait for its peers. A stray clock is not answered: whoever followed the
-    answer would lose the trip. The same clock again gets the same answer.
+    but for its diagnostics and the wait for its peers. A stray clock is not answered, as the
+    controller would lose the trip. The same clock again gets the same answer.
     """
 
     def __init__(self) -> None:

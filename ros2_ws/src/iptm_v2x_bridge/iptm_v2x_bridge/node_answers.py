@@ -29,19 +29,19 @@ class NodeAnswers(Protocol):
         ...
 
     def begin_trip(self) -> None:
-        """Begin anew, keeping the trip so far for the case that the clock of the new one was stray."""
+        """Start a new trip, keeping the previous one in case its clock was stray."""
         ...
 
     def resume_trip(self) -> None:
-        """Go on with the trip before the last beginning."""
+        """Resume the trip before the last start."""
         ...
 
     def missing(self) -> str:
-        """Return what is waited for, empty if nothing is."""
+        """Return the awaited input, empty for none."""
         ...
 
     def is_heard(self) -> bool:
-        """Return whether somebody listens to whatever is published beside the answers."""
+        """Return whether the other outputs have a subscriber."""
         ...
 
     def report(self) -> dict[str, object]:

@@ -25,10 +25,10 @@ READ_PERIOD_S = 0.005
 
 
 class CamAnswers:
-    """The leader is who its messages say it is.
+    """Answers from received messages of the leader.
 
-    A tick is answered when the host's position of the same stamp is known and, in lock-step, when the sender
-    has said that it has sent everything up to the tick.
+    A tick is answered when the host's position of the same stamp is known and, in lock-step, after the
+    sender's end of the tick.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class CamAnswers:
         node.every(READ_PERIOD_S, self._on_read_timer)
 
     def begin_trip(self) -> None:
-        """Begin anew; see `NodeAnswers`."""
+        """Start a new trip; see `NodeAnswers`."""
         self._before = (self._bridge, self._rules, self._start_ms, self._last_ns, self._read_ns)
         self._bridge = self._rules = None
 
@@ -94,7 +94,7 @@ class CamAnswers:
         return (self._rules or bridge).answer(time_ns, *host)
 
     def _start(self, time_ns: int) -> CamBridge:
-        """Begin with the first tick: it tells what time of the messages is trip time 0."""
+        """Start with the first tick, which maps trip time 0 to the time of the messages."""
         self._start_ms, self._last_ns = self._datagrams.begin_trip(time_ns), time_ns
         self._received, self._read_ns = 0, None
         options, route = self._options, self._source.route
@@ -149,7 +149,7 @@ class CamAnswers:
         return self._missing
 
     def is_heard(self) -> bool:
-        """Return whether somebody listens to the datagrams, if they are published."""
+        """Return whether the datagrams, if published, have a subscriber."""
         return self._publisher is None or self._publisher.get_subscription_count() > 0
 
     def report(self) -> dict[str, object]:

@@ -109,7 +109,7 @@ class CamSettings(Settings):
         """Return what verifies signatures.
 
         Raises:
-            ParameterError: there are no usable trust anchors where they are asked for.
+            ParameterError: required trust anchors are missing or unusable.
         """
         if self.refuse_unverified and not self.trust_anchors:
             raise ParameterError(
@@ -170,7 +170,7 @@ class BridgeNodeParameters(
 
 
 class SentDrive(TextEnum):
-    """Whose drive the sender tells."""
+    """Drive that the sender sends."""
 
     CYCLE = "cycle"
     """That of the leader in the cycle."""

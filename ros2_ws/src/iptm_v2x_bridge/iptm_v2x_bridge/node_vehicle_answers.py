@@ -51,7 +51,7 @@ class VehicleAnswers:
             retry: called whenever something missing may have arrived.
 
         Raises:
-            ParameterError: it is not said who drives ahead.
+            ParameterError: the vehicle ahead is not named.
         """
         self._name = options.vehicle_ahead
         if not self._name.strip("/"):
@@ -75,7 +75,7 @@ class VehicleAnswers:
         position_m = float(message.pose.pose.position.x)
         speed_m_s = float(message.twist.twist.linear.x)
         if not (math.isfinite(position_m) and math.isfinite(speed_m_s)):
-            return  # the tick stays unanswered; the report says what it waits for
+            return  # the tick stays unanswered; the report states what it waits for
         self._vehicle.note_state(ns_from_time(message.header.stamp), position_m, speed_m_s)
         self._retry()
 
@@ -85,7 +85,7 @@ class VehicleAnswers:
         self._retry()
 
     def begin_trip(self) -> None:
-        """Begin anew; what the vehicle ahead says of the new trip may have arrived already."""
+        """Start a new trip; messages of the vehicle ahead on it may have arrived already."""
         self._before = self._bridge, self._ruled
         self._bridge, self._ruled = self._fresh()
 
@@ -124,7 +124,7 @@ class VehicleAnswers:
         return single_sample(answer.leader)
 
     def is_heard(self) -> bool:
-        """Return whether somebody listens to what is published beside the answers: there is nothing."""
+        """Return True, as this source has no other outputs."""
         return True
 
     def missing(self) -> str:

@@ -158,7 +158,7 @@ def with_rules(
     Raises:
         ParameterError: a text is not usable.
     """
-    given = given_rules(settings, route)  # refused also where nobody keeps them
+    given = given_rules(settings, route)  # also validated if they are not kept
     if not settings.keeps_rules:
         return inner
     is_empty = settings.leader_source is LeaderSource.NONE
@@ -204,7 +204,7 @@ def read_limits(text: str) -> SpeedLimits:
     """Return the speed limits that a text such as `0:50, 1200:70` states.
 
     Raises:
-        ParameterError: it is no such text.
+        ParameterError: the text is malformed.
     """
     try:
         pairs = np.array([[float(part) for part in entry.split(":")] for entry in text.split(",")])
@@ -220,7 +220,7 @@ def read_signals(text: str) -> SignalPlan:
     """Return the signals that a text such as `1100:80:12.5:42` states, none for an empty one.
 
     Raises:
-        ParameterError: it is no such text.
+        ParameterError: the text is malformed.
     """
     entries = [entry.split(":") for entry in text.split(",") if entry.strip()]
     try:

@@ -13,7 +13,7 @@ from iptm_core.trip_time import NS_PER_S
 
 
 class PreviewSource(Protocol):
-    """Knows the leader: where it is, and what it will do as far as anyone can tell."""
+    """Source of the leader: its state, and a prediction of its motion."""
 
     def leader_at(self, time_ns: int) -> LeaderState | None:
         """Return the leader's state at an instant (integer nanoseconds of trip time), None without one."""
@@ -26,7 +26,7 @@ class PreviewSource(Protocol):
     def sampled(self, times_s: FloatArray) -> LeaderPreview:
         """Return what a range sensor measures of the leader at the given instants of an interval.
 
-        The source must know the true motion at the first instant; later ones it does not know are left out.
+        The first instant must be available; later ones may be missing and are left out.
         """
         ...
 

@@ -78,7 +78,7 @@ def fit_all(data: MeasuredData, folder: Path, report: Callable[[str], None]) -> 
     """Fit what there are data for and write it to a folder; the files of other models stay as they are.
 
     Raises:
-        MeasurementError: there are no data for any model.
+        MeasurementError: the data cover no model.
     """
     written = False
 

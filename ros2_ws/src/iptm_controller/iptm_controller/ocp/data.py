@@ -20,15 +20,15 @@ from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
 LONGEST_ACCELERATION_CHANGE_S = 1.0
-"""On the way into a longer step the acceleration changes as if that step were so long: braking that builds up
-inside of it comes too late, and at 30 m/s each metre per second of speed is worth over 10 m of s_min."""
+"""Cap on the step length used to ramp the acceleration into a longer step: braking that builds up within it
+would come too late (at 30 m/s, 1 m/s of speed changes s_min by over 10 m)."""
 LONGEST_COMPRESSOR_CHANGE_S = 2.5
-"""Likewise of the compressor, which may be later: what it does shows in the temperatures over minutes."""
+"""The same cap for the compressor, larger because its effect on the temperatures takes minutes."""
 SLOPE_DIFFERENCE_M = 25.0
 COLD_COMPRESSOR_PRICE_1_KW = 100.0
 """Cost per kilowatt and second of a compressor that runs although the cells are at their lower limit."""
 COLD_MARGIN_K = 0.05
-"""The price is full at the lower limit and zero by so much above it; plans keep cell 1 twice as far."""
+"""Margin above the lower limit in which the price falls to zero; plans keep cell 1 twice as far."""
 
 
 @dataclass(frozen=True)

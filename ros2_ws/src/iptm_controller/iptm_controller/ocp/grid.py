@@ -4,7 +4,7 @@ Variables are ordered ``x_0, u_0, x_1, u_1, ..., x_N``, constraint rows ``dynami
 ...``, the order that structure-exploiting solvers read. Parameters are the globals, then those of every
 step: its own and one group per quadrature sample. Everything that packs or cuts one of these vectors asks
 the grid. The stages of a phase are alike; offsets are summed over the phases, so that a phase with stages
-of another size only has to say so in its ``StageKind``.
+of another size only has to state it in its ``StageKind``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from iptm_core.state import FloatArray
 MIDPOINT_UP_TO_S = 1.0
 SECONDS_PER_SAMPLE = 2.5
 POWER_LEVELS = 3
-"""Samples of a thermal step: its traction powers, sorted, in so many groups of equal duration."""
+"""Samples of a thermal step: its traction powers, sorted, in groups of equal duration."""
 
 
 def sample_count(step_s: float) -> int:
@@ -50,7 +50,7 @@ class StageKind:
         variables: place of the blocks ``x_k, u_k``.
         rows: place of the blocks ``dynamics_k, limits_k``.
         parameters: place of the parameters of the steps.
-        thermal: the motion of the steps is foreseen, not optimised.
+        thermal: the motion of the steps is predicted, not optimised.
     """
 
     step_s: float
@@ -79,7 +79,7 @@ class ProblemGrid:
         horizon: the steps.
         stages: one kind per phase.
         sample_times_s: times of all quadrature samples from the first node on, in order; the samples of
-            a thermal step are no instants, they all stand at its middle.
+            a thermal step are not instants and are placed at its middle.
         motion_samples: number of samples in which the motion is optimised; they come first.
     """
 

@@ -75,7 +75,7 @@ class StepIndex(IntEnum):
 
     The intervals are the times in which the inputs change from those of the step before. ``END_OF_PREVIEW``
     is 1 for the step with which the knowledge of the leader ends, where the braking reserve is asked for, and
-    0 for the others: all steps have the same rows, as structure-exploiting solvers want. The largest speed
+    0 for the others: all steps have the same rows, as structure-exploiting solvers require. The largest speed
     holds at the end of the step.
     """
 
@@ -127,5 +127,5 @@ INPUT_SCALE = np.array([1.0, 1000.0, 1.0, 1.0, 1.0, 1.0])
 
 
 def step_parameter_count(samples: int) -> int:
-    """Return the number of parameters of a step with so many samples."""
+    """Return the number of parameters of a step with `samples` samples."""
     return STEP_PARAMETERS + samples * SAMPLE_PARAMETERS

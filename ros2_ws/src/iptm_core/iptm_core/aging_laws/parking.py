@@ -35,7 +35,7 @@ PAPER_LAW = "paper"
 FROM_SET = 0.0
 DAYS_PER_YEAR = 365.25
 END_OF_LIFE_LOSS = 0.2
-"""A pack is replaced at 80 % of its capacity: its price buys so much loss."""
+"""A pack is replaced at 80 % of its capacity: its price is spread over this loss."""
 _HOURS_PER_DAY = 24.0
 _ANGLES = 2.0 * np.pi * np.arange(24) / 24.0
 _SMALLEST_STEP_K = 0.05

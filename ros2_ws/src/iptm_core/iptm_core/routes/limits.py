@@ -19,7 +19,7 @@ CURVE_CHORD_M = 25.0
 """Distance of the three points through which the circle of a curve is laid."""
 CURVE_SPACING_M = 10.0
 STRAIGHT_M_S = 60.0
-"""Curves that allow more than this, beyond the speed of any car of the project, are no limits."""
+"""Curves that allow more than this, beyond the speed of any car of the project, are not limits."""
 
 
 def limits_of_drive(motion: LeaderMotion) -> SpeedLimits:

@@ -26,7 +26,7 @@ MAX_RECORDED_GRADE = 0.15
 STANDSTILL_M_S = 0.7
 LINE_SPACING_M = 10.0
 MAX_GAP_S = 60.0
-"""A longer time without a point is a pause if the car has hardly moved; so much of it is kept."""
+"""A longer time without a point is a pause if the car has hardly moved, and is shortened to it."""
 MAX_SPEED_M_S = 100.0
 
 

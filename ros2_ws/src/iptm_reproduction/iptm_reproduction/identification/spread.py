@@ -37,7 +37,7 @@ from iptm_studies.run_spec import REPRODUCED_CYCLE, REPRODUCED_SET
 GOOD_EXCESS = 0.5
 """Misfit above the best one up to which a candidate is a good fit: a deviation of 0.7 more in every row."""
 RIDGE = 0.3
-"""Strength of the ridge: the influence of a number is believed from a few evaluations apart on."""
+"""Strength of the ridge, which suppresses influences seen in a few evaluations only."""
 PINNED_SHARE, PARTLY_SHARE = 1.0 / 3.0, 2.0 / 3.0
 
 

@@ -21,7 +21,7 @@ from iptm_studies.life.year import (
 
 NOTICE = "<!-- Made by scripts/life from stored runs; do not edit. -->"
 _ABOUT = f"""\
-What temperature control is worth over years: capacity lost after {SERVICE_YEARS:g} years of the same use,
+Value of temperature control over years: capacity lost after {SERVICE_YEARS:g} years of the same use,
 in **percentage points of nominal capacity**, by cause, beside the energy that the cooling needs. A year is
 composed of closed-loop trips of the paper's car (a 72 kWh pack), parking and charging; trips are driven from
 four temperatures of the pack under every control and interpolated between them. Bands are the

@@ -31,7 +31,7 @@ FREE_COOLING_W_K = 100.0
 """Of radiator and pump of a parked pack: chosen, a small radiator at its fan's power below."""
 FREE_COOLING_FAN_W = 80.0
 FREE_COOLING_ABOVE_AIR_K = 3.0
-"""Where the heat carried off in an hour is worth the fan's power: chosen."""
+"""Heat carried off in an hour that justifies the power of the fan: chosen."""
 FREE_COOLING_FROM_K = 20.0 + CELSIUS_ZERO_K
 COOLING_COP = 2.4
 """While charging and at the upper limit: of the chiller of the paper's car at 450 to 600 W."""

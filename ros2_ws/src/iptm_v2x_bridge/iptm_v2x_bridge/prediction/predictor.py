@@ -1,4 +1,4 @@
-"""What all predictors share: what they know, what they say, and how well they know it."""
+"""Common interface of the predictors: input, prediction, and its bounds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RoadPath:
 
     Attributes:
         times_s: times, shape (n,), n >= 2, increasing, in the time of the observations; the first one is when
-            the path was told.
+            the path was sent.
         positions_m: rear end along the road, shape (n,).
     """
 
@@ -42,13 +42,13 @@ class RoadPath:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known of the leader.
+    """Input of a predictor: messages of the leader.
 
     Attributes:
-        observations: what it told, oldest first, at least one.
-        path: what it said that it will do, None if it said nothing.
+        observations: oldest first, at least one.
+        path: announced path, None without one.
         length_m: from its rear end to its front.
-        stood_s: for how long it has stood, as far as it was heard.
+        stood_s: for how long it has stood, as far as received.
     """
 
     observations: Sequence[Observation]
@@ -67,13 +67,13 @@ class Prediction:
     """Motion of the leader as far as the predictor reaches.
 
     Attributes:
-        predictor: who says so.
+        predictor: the predictor.
         times_s: times asked for and answered, shape (n,), increasing.
         positions_m: rear end along the road, shape (n,), never decreasing.
         speeds_m_s: speeds, shape (n,), never negative.
         bounds_m: 99 % bound of how far the leader is behind these positions, shape (n,).
         speed_bounds_m_s: 99 % bound of how much slower it is where the positions are known better than the
-            speeds, shape (n,); empty where the growth of the other bound tells.
+            speeds, shape (n,); empty if implied by the growth of the other bound.
     """
 
     predictor: PredictorName
@@ -96,7 +96,7 @@ class Prediction:
 class ErrorGrowth:
     """How the 99 % bound of a position grows with the time since the observation.
 
-    The bounds of the predictors were read off udds, hwfet, us06 and sc03; others tell whether they hold.
+    The bounds of the predictors were determined on udds, hwfet, us06 and sc03 and are tested on other cycles.
 
     Attributes:
         leads_s: times since the observation, increasing from 0.
@@ -115,10 +115,10 @@ class ErrorGrowth:
 
 
 class Predictor(Protocol):
-    """Foretells the leader from what is known of it."""
+    """Predicts the motion of the leader from its messages."""
 
     def predict(self, known: Knowledge, times_s: FloatArray) -> Prediction | None:
-        """Return the motion at increasing times from the last observation on, None if it cannot be told.
+        """Return the motion at increasing times from the last observation on, None without a prediction.
 
         The prediction may end before the last of the times.
         """
@@ -128,10 +128,10 @@ class Predictor(Protocol):
 def joined_motion(
     predictions: Sequence[Prediction],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the expected motion, and how far the leader may be behind whichever prediction is about it.
+    """Return the expected motion, and how far the leader may be behind it under all predictions.
 
-    What is unknown of the position from the beginning on stays: it moves the whole motion nearer, and is no
-    part of the bounds. Of several predictions the nearest position and the lowest speed count. Speeds are
+    The initial uncertainty of the position is constant: it moves the whole motion nearer and is not part of
+    the bounds. Of several predictions the nearest position and the lowest speed count. Speeds are
     lowered by their own bounds: the smallest gap depends on them more than on anything else, the cost on
     positions only.
 

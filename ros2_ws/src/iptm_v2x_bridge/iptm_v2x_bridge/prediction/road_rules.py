@@ -13,7 +13,7 @@ from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS, BoundedBySpeedLim
 
 
 class RoadRules(Protocol):
-    """What is known of the rules; asked anew at every tick, as messages may have changed it."""
+    """Known rules of the road; read at every tick, as messages may change them."""
 
     @property
     def limits(self) -> SpeedLimits | None:

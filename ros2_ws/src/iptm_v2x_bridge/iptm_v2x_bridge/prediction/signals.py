@@ -1,6 +1,6 @@
 """Signals of the road ahead, and a prediction of a leader that obeys them and the speed limits.
 
-What is known of a signal is a plan that repeats itself, or what its messages say. Yellow counts as closed.
+Signals have a periodic plan, or the phases of their messages. Yellow counts as closed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ HARDEST_M_S2 = 2.5
 START_M_S2 = 1.2
 """Acceleration with which drivers start when the line opens."""
 SLACK_S = 1.0
-"""A line may open earlier than its plan says by this; a standing leader is known no longer."""
+"""Time before its planned opening at which a line may open; bounds the prediction of a standing leader."""
 _STEP_S = 0.25
 
 
@@ -167,8 +167,8 @@ class BoundedBySignals:
     def predict(self, known: Knowledge, times_s: FloatArray) -> Prediction | None:
         """Return the bounded motion.
 
-        A leader that stands at or in the queue of a closed line stays until it opens: so long its position
-        is known as well as it is now, and from then on the bound grows anew.
+        A leader that stands at or in the queue of a closed line stays until it opens: until then its bound
+        is constant, afterwards it grows.
         """
         last = known.last
         count = math.ceil(max(float(times_s[-1]) - last.time_s, 0.0) / _STEP_S) + 1

@@ -31,9 +31,9 @@ class CurrentRules:
 
 
 class HeardRules:
-    """Puts together what is given and what is heard.
+    """Combines given rules with received ones.
 
-    Where both say something of a stop line or a stretch, messages count, also once they have fallen silent.
+    For a stop line or a stretch with both, messages take precedence, also after they have ceased.
 
     Attributes:
         table: what is heard.
@@ -102,15 +102,15 @@ class HeardRules:
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics: what is known from where, and what was left out."""
         table, following = self.table, self.host.plan.next_after(self.table.host_position_m)
-        said = "none"
+        state = "none"
         if following is not None:
-            said = "open" if following.is_open(self._now_s) else "closed"
+            state = "open" if following.is_open(self._now_s) else "closed"
             if following.stop_line_m not in self._known:
-                said += " (given)"
+                state += " (given)"
             elif self._known[following.stop_line_m] is None:
-                said = "unknown, counts as closed"
+                state = "unknown, counts as closed"
             else:
-                said += " (heard)"
+                state += " (heard)"
         values: dict[str, object] = {
             f"{kind.name.lower()}_accepted": table.accepted[kind] for kind in ROADSIDE_KINDS
         }
@@ -119,7 +119,7 @@ class HeardRules:
             "lines_heard": len(self._known),
             "lines_of_unknown_phase": sum(phases is None for phases in self._known.values()),
             "speed_stretches_heard": len(table.stretches(round(1000.0 * self._now_s))),
-            "next_line": said,
+            "next_line": state,
             "next_line_m": "none" if following is None else following.stop_line_m,
         }
         return values | {f"left_out_{part}": count for part, count in table.left_out.items()}

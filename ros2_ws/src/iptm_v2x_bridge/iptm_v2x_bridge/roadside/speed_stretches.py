@@ -62,7 +62,7 @@ def _stretch(road: RoadLine, zone: SpeedZone) -> Stretch | None:
 
 
 def limits_with(given: SpeedLimits | None, heard: Sequence[Stretch]) -> SpeedLimits | None:
-    """Return the limits of a road: on the stretches heard of the lowest one told, elsewhere the given ones.
+    """Return the limits of a road: the lowest received one on stretches with signs, elsewhere the given ones.
 
     Args:
         given: limits known beforehand; None where nothing is known.
@@ -77,7 +77,9 @@ def limits_with(given: SpeedLimits | None, heard: Sequence[Stretch]) -> SpeedLim
     starts = sorted(places)
     limits = []
     for start in starts:
-        told = [stretch.limit_m_s for stretch in heard if stretch.from_m <= start < stretch.to_m]
+        received = [
+            stretch.limit_m_s for stretch in heard if stretch.from_m <= start < stretch.to_m
+        ]
         index = max(int(np.searchsorted(known.starts_m, start, side="right")) - 1, 0)
-        limits.append(min(told, default=float(known.limits_m_s[index])))
+        limits.append(min(received, default=float(known.limits_m_s[index])))
     return SpeedLimits(np.array(starts), np.array(limits))
