@@ -82,8 +82,8 @@ def moved_leader(
     leader: LeaderState, acceleration_m_s2: float, step_s: float = 0.25
 ) -> LeaderState:
     after = max(leader.speed_m_s + acceleration_m_s2 * step_s, 0.0)
-    way_m = 0.5 * (leader.speed_m_s + after) * step_s
-    return LeaderState(leader.time_s + step_s, leader.position_m + way_m, after)
+    distance_m = 0.5 * (leader.speed_m_s + after) * step_s
+    return LeaderState(leader.time_s + step_s, leader.position_m + distance_m, after)
 
 
 def driven_by(controller: Controller) -> Policy:

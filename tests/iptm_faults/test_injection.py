@@ -209,17 +209,17 @@ def test_an_empty_preview_stays_empty_whatever_else_happens_to_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("size", "speed_m_s", "way_m"), [(0.0, 10.0, 300.0), (1.0, 40.0, 750.0), (-1.0, 0.0, 50.0)]
+    ("size", "speed_m_s", "distance_m"), [(0.0, 10.0, 300.0), (1.0, 40.0, 750.0), (-1.0, 0.0, 50.0)]
 )
 def test_an_extrapolated_preview_keeps_its_acceleration_from_the_measured_leader(
-    size: float, speed_m_s: float, way_m: float
+    size: float, speed_m_s: float, distance_m: float
 ) -> None:
     (measured,) = received(FaultKind.PREVIEW_EXTRAPOLATED, 4, size=size)
     preview, leader = measured.preview, measured.leader
     assert leader is not None
     assert (preview.positions_m[0], preview.speeds_m_s[0]) == (leader.position_m, leader.speed_m_s)
     assert preview.speeds_m_s[-1] == pytest.approx(speed_m_s)
-    assert preview.positions_m[-1] - preview.positions_m[0] == pytest.approx(way_m)
+    assert preview.positions_m[-1] - preview.positions_m[0] == pytest.approx(distance_m)
 
 
 NOISES = {

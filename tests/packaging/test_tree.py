@@ -1,4 +1,4 @@
-"""The tree holds no trace of the machine it was made on, no large file, and its licence."""
+"""The tree holds no trace of the machine it was made on, no large file, its licence, and plain English."""
 
 import re
 from pathlib import Path
@@ -37,3 +37,24 @@ def test_license_is_complete(root: Path) -> None:
     assert text.lstrip().startswith("Apache License")
     assert "END OF TERMS AND CONDITIONS" in text
     assert "WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND" in text
+
+
+DIALECT = re.compile(
+    r"\b(?:told|tells|says|said|whom|nobody|whoever|so many|so long|is no)\b", re.IGNORECASE
+)
+MOST_DIALECT = 60
+
+
+def test_plain_english(tracked_files: list[Path], root: Path) -> None:
+    """Words that CONTRIBUTING.md lists stay rare: quotations and tables of renamed fields only."""
+    found = [
+        f"{name}: {match.group(0)}"
+        for path in tracked_files
+        for name in [path.relative_to(root).as_posix()]
+        if (name.startswith("ros2_ws/") and name.endswith(".py"))
+        or (name.startswith("docs/") and name.endswith(".md"))
+        or name.startswith("scripts/")
+        or name in {"README.md", "CHANGELOG.md"}
+        for match in DIALECT.finditer(path.read_text(encoding="utf-8"))
+    ]
+    assert len(found) < MOST_DIALECT, found

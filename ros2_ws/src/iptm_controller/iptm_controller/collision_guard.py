@@ -87,17 +87,17 @@ class CollisionGuard:
         leader = self.memory.leader
         if leader is None:
             return False
-        times_s, way_m = self._braking_way(acceleration_m_s2, state, brake_share)
+        times_s, distance_m = self._braking_distance(acceleration_m_s2, state, brake_share)
         gap_m = leader.position_m - state.position_m
         # A leader never moves backwards: most commands are safe before anything is predicted.
-        if gap_m - float(way_m[-1]) >= MARGIN_M:
+        if gap_m - float(distance_m[-1]) >= MARGIN_M:
             return False
         gaps_m = self._leader_position_m(state.time_s + times_s, leader, forecast)
-        gaps_m = gaps_m - state.position_m - way_m
+        gaps_m = gaps_m - state.position_m - distance_m
         # Below the margin already, the gap must not become smaller still.
         return bool(np.any(gaps_m < min(MARGIN_M, float(gaps_m[0]) - 1e-6)))
 
-    def _braking_way(
+    def _braking_distance(
         self, acceleration_m_s2: float, state: VehicleState, brake_share: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return times from now and the way by then, the first tick as commanded, then braking to a halt.

@@ -159,8 +159,8 @@ def lawful_drive(
         if stop is not None:
             stop_m = max(stop.position_m, position)
             # What is to be braked for at once may take more than comfort.
-            way_m = max(stop_m - begin_m, 0.1)
-            braking = max(BRAKING_M_S2, 0.5 * begin_m_s**2 / way_m)
+            distance_m = max(stop_m - begin_m, 0.1)
+            braking = max(BRAKING_M_S2, 0.5 * begin_m_s**2 / distance_m)
             rest_m = max(stop_m - position - 0.5 * speed * step_s, 0.0)
             aimed = min(aimed, math.sqrt(2.0 * braking * rest_m))
         if room_m is not None and room_m[number] < math.inf:

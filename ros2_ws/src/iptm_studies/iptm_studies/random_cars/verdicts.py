@@ -261,9 +261,9 @@ def _parting(here: Trajectory, there: Trajectory) -> str:
     """Return when two drives part, where one ends against the other, and how warm the cells were first."""
     parted = np.flatnonzero(np.abs(here.speed_m_s - there.speed_m_s) > PARTED_M_S)
     since = f"speeds part at {here.time_s[parted[0]]:g} s" if parted.size else "speeds never part"
-    way_m = float(here.position_m[-1] - there.position_m[-1])
+    distance_m = float(here.position_m[-1] - there.position_m[-1])
     cells_c = float(here.cell_n_temperature_k[0]) - CELSIUS_ZERO_K
-    return f"{since}, {way_m:+.1f} m of way, cells first at {cells_c:.1f} °C"
+    return f"{since}, {distance_m:+.1f} m of way, cells first at {cells_c:.1f} °C"
 
 
 def _longest_s(run: Trajectory, flags: BoolArray) -> float:

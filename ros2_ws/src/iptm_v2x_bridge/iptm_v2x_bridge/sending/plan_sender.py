@@ -134,9 +134,9 @@ class PlanSender:
         times = np.concatenate([past_s, tick.plan_times_s[ahead]])
         speeds = np.concatenate([past_m_s, np.maximum(tick.plan_speeds_m_s[ahead], 0.0)])
         halt_s = times[-1] + max(speeds[-1] / FINAL_BRAKING_M_S2, 1e-3)
-        way_m = float(cumulative_integral(past_s, past_m_s)[-1])
+        distance_m = float(cumulative_integral(past_s, past_m_s)[-1])
         return LeaderMotion(
             np.append(times, halt_s),
             np.append(speeds, 0.0),
-            self._ahead_m + tick.position_m - way_m,
+            self._ahead_m + tick.position_m - distance_m,
         )

@@ -158,7 +158,9 @@ def deviation(before: CamMessage, after: CamMessage, elapsed_ms: int) -> float:
     east, north = step_m(
         after.latitude_deg, after.longitude_deg, (before.latitude_deg, before.longitude_deg)
     )
-    way_m = 0.5 * (before.speed_m_s + after.speed_m_s) * elapsed_ms / 1000.0
+    distance_m = 0.5 * (before.speed_m_s + after.speed_m_s) * elapsed_ms / 1000.0
     heading = math.radians(before.heading_deg or 0.0)  # without one it hardly moves
-    aside_m = math.hypot(east - way_m * math.sin(heading), north - way_m * math.cos(heading))
+    aside_m = math.hypot(
+        east - distance_m * math.sin(heading), north - distance_m * math.cos(heading)
+    )
     return aside_m + abs(after.speed_m_s - before.speed_m_s)
