@@ -74,14 +74,16 @@ class AttackedRadio(SimulatedRadio):
         self.leaders: list[int | None] = []
         self.contested: list[bool] = []
 
-    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+    def answer(
+        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+    ) -> BridgeAnswer:
         """Return the answer to one tick."""
         second = time_ns // NS_PER_S
-        answer = super().answer(time_ns, host_position_m)
+        answer = super().answer(time_ns, host_position_m, host_speed_m_s)
         if self._attack is not None and BEGIN_S <= second < END_S:
             for datagram in self._attack(second, host_position_m):
                 self.bridge.receive(datagram, time_ns)
-            answer = self.bridge.answer(time_ns, host_position_m)
+            answer = self.bridge.answer(time_ns, host_position_m, host_speed_m_s)
         self.leaders.append(self.bridge.leader_id)
         self.contested.append(answer.contested)
         return answer
@@ -95,10 +97,14 @@ class SilencedRadio(SimulatedRadio):
         self.leaders: list[int | None] = []
         self.contested: list[bool] = []
 
-    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+    def answer(
+        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+    ) -> BridgeAnswer:
         """Return the answer to one tick."""
         silent = time_ns >= BEGIN_S * NS_PER_S
-        answer = (self.bridge if silent else super()).answer(time_ns, host_position_m)
+        answer = (self.bridge if silent else super()).answer(
+            time_ns, host_position_m, host_speed_m_s
+        )
         self.leaders.append(self.bridge.leader_id)
         self.contested.append(answer.contested)
         return answer

@@ -93,9 +93,11 @@ class Watched:
         self.leaderless = 0
         self.predictors: Counter[str] = Counter()
 
-    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+    def answer(
+        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+    ) -> BridgeAnswer:
         """Return the answer of the inner bridge."""
-        answer = self._inner.answer(time_ns, host_position_m)
+        answer = self._inner.answer(time_ns, host_position_m, host_speed_m_s)
         self.leaderless += answer.leader is None
         self.predictors[answer.predictor or "none"] += 1
         return answer

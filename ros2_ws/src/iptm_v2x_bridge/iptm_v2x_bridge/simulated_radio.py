@@ -17,7 +17,9 @@ class SimulatedRadio:
         self._sender, self.bridge = sender, bridge
         self._heard_until_ns: int | None = None
 
-    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+    def answer(
+        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+    ) -> BridgeAnswer:
         """Return the answer to one tick; see `CamBridge.answer`."""
         after_ns = self._heard_until_ns
         if after_ns is None or after_ns > time_ns:
@@ -25,4 +27,4 @@ class SimulatedRadio:
         for _, datagram in self._sender.arrivals(after_ns, time_ns):
             self.bridge.receive(datagram, time_ns)
         self._heard_until_ns = time_ns
-        return self.bridge.answer(time_ns, host_position_m)
+        return self.bridge.answer(time_ns, host_position_m, host_speed_m_s)
