@@ -1,4 +1,4 @@
-"""Changes of the controller's settings while it drives: checked, prepared beside the node, then taken over.
+"""Changes of the controller's settings while it drives: checked, prepared in another thread, then applied.
 
 Weights and strategy are numbers of a problem and hold from the next decision on. Another horizon or deadline
 is another problem, which a thread builds and compiles while the node goes on with the present one.

@@ -39,7 +39,7 @@ class ParameterSpec:
         minimum: smallest permitted number.
         maximum: largest permitted number.
         choices: permitted texts, empty for any.
-        suffixes: of files that are permitted beside the choices.
+        suffixes: of files that are permitted in addition to the choices.
         optional: None is permitted as well.
     """
 

@@ -106,7 +106,7 @@ class TripSettings(RoadSettings):
 
 @dataclass(frozen=True)
 class RoadAheadSettings(Settings):
-    """Lead vehicle, and what the road allows the host beside it.
+    """Source of the lead vehicle, and the rules of the road for the host.
 
     Raises:
         ParameterError: a value is out of range, or rules are to be kept and no speed is limited.

@@ -193,7 +193,7 @@ def drive_from(arguments: argparse.Namespace) -> TrafficDrive:
 
 
 def results_table(result: TrafficResult, other: TrafficResult | None) -> Table:
-    """Return the figures of a drive, beside those of another one in the same traffic."""
+    """Return the figures of a drive, compared with another one in the same traffic."""
     title = f"{result.drive.title}, {result.drive.knowledge} known"
     table = Table(title=title, title_justify="left")
     for head in ("figure", result.drive.strategy):

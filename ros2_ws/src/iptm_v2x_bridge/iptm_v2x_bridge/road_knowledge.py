@@ -1,4 +1,4 @@
-"""Parameters of what is known of the road beside the messages of cars, and what is built from them."""
+"""Parameters of the given knowledge of the road, and the objects built from them."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def given_rules(settings: RoadAheadSettings, route: Route) -> GivenRules:
 
 
 def own_limits(settings: RoadAheadSettings, route: Route) -> SpeedLimits:
-    """Return the limits beside those of signs: set speed of the driver, and curves."""
+    """Return the limits other than signs: set speed of the driver, and curves."""
     limits = NO_LIMITS
     if settings.set_speed_km_h:
         limits = SpeedLimits(np.zeros(1), np.full(1, settings.set_speed_km_h / KM_H_PER_M_S))

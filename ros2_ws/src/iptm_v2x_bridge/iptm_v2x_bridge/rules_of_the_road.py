@@ -1,4 +1,4 @@
-"""What the road allows the host, beside the vehicle ahead: speed limits, and stop lines that are closed.
+"""Rules of the road for the host, in addition to the vehicle ahead: speed limits and closed stop lines.
 
 A line is asked for the time at which the host arrives at it. One that is closed then is a stop until it
 opens; so the host holds back as soon as it is known, and never has to brake for a line that has just closed.

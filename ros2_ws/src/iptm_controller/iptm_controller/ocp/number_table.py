@@ -50,7 +50,7 @@ def split_numbers(source: str) -> tuple[str, tuple[float, ...]]:
 
 
 def table_source(numbers: Sequence[float]) -> str:
-    """Return the C source of the table; it is compiled apart, so that no number is known beside it."""
+    """Return the C source of the table; compiled separately, as the only place of the numbers."""
     values = ", ".join(number.hex() for number in (*_MARK_NUMBERS, *numbers))
     return f"const double {_NAME}[] {_HIDDEN} = {{{values}}};\n"
 

@@ -169,7 +169,7 @@ def price_cost(
     """Return the share of a step in the cost to go, and the prices of thermal energy and of cold cooling.
 
     The price of a temperature at the end of the horizon is, up to a constant, the sum of the prices of its
-    changes: so all stages are alike. Beside a heater the compressor is priced by the square of its power,
+    changes: so all stages are alike. With a heater the compressor is priced by the square of its power,
     which leaves heating alone without a kink where the actuator is off.
     """
     kilowatts = power_w / layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER]

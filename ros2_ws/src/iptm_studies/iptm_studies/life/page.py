@@ -22,7 +22,7 @@ from iptm_studies.life.year import (
 NOTICE = "<!-- Made by scripts/life from stored runs; do not edit. -->"
 _ABOUT = f"""\
 Value of temperature control over years: capacity lost after {SERVICE_YEARS:g} years of the same use,
-in **percentage points of nominal capacity**, by cause, beside the energy that the cooling needs. A year is
+in **percentage points of nominal capacity**, by cause, with the energy that the cooling needs. A year is
 composed of closed-loop trips of the paper's car (a 72 kWh pack), parking and charging; trips are driven from
 four temperatures of the pack under every control and interpolated between them. Bands are the
 {BAND[0]:g} to {BAND[1]:g} % range of {DRAWS} seeded draws: rates vary by {100 * SPREAD.rate:.0f} %,
@@ -184,7 +184,7 @@ def _energy_table(spent: Sequence[Spent]) -> str:
     ]
     about = (
         "Range by cooling is what the compressor takes; consumption includes the way of driving, which the "
-        "strategies change, too. Both are beside no cooling below 40 °C."
+        "strategies change, too. Both are compared with no cooling below 40 °C."
     )
     return f"{about}\n\n{markdown_table(heads, rows)}"
 

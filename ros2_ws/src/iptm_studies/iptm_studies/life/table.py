@@ -29,7 +29,7 @@ CONTROLS = (*DRIVEN_CONTROLS, MANAGED)
 
 @dataclass(frozen=True)
 class Spent:
-    """What a control needs in a year, beside that without cooling below 40 degC.
+    """What a control needs in a year, compared with no cooling below 40 degC.
 
     Attributes:
         usage: pattern of use.

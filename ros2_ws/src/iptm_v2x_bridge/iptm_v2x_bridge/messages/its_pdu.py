@@ -17,7 +17,7 @@ MAX_DATAGRAM_BYTES = 1400
 PROTOCOL_VERSION = 2
 HEADER_BYTES = 6
 ROADSIDE_UNIT = 15
-"""Type of the stations beside the road."""
+"""Station type of roadside units."""
 
 
 class MessageKind(Enum):

@@ -2,7 +2,7 @@
 
 A point has a barrier objective phi and a constraint violation theta. It is not acceptable to the filter if an
 earlier entry is as good in both. Entries keep cost and logarithms apart, because the barrier parameter
-changes in every iteration. Constants have the values of that paper, its symbols stand beside them.
+changes in every iteration. Constants have the values of that paper, with its symbols.
 """
 
 from __future__ import annotations
