@@ -28,7 +28,7 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import DecisionSeries, SolveStatus
-from iptm_core.errors import IptmError
+from iptm_core.errors import IptmError, StoreError
 from iptm_core.markdown import markdown_table
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.routes import build_route
@@ -126,6 +126,19 @@ def formatted_table(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str
     """
     cells = columns.values()
     return markdown_table(columns, ([cell.format_map(row) for cell in cells] for row in rows))
+
+
+def put(page: str, name: str, text: str) -> str:
+    """Return a page with a text between its two marks.
+
+    Raises:
+        StoreError: the page lacks the marks.
+    """
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    if begin not in page or end not in page:
+        raise StoreError(f"the page has no marks {begin.strip()} and {end}; allowed: both of them")
+    head, rest = page.split(begin, 1)
+    return f"{head}{begin}\n{text.strip()}\n\n{end}{rest.split(end, 1)[1]}"
 
 
 def run_benchmark(

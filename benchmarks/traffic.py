@@ -11,8 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import formatted_table, run_benchmark
-from benchmarks.v2x_page import put
+from benchmarks.harness import formatted_table, put, run_benchmark
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_traffic.closed_loop import drive_in_traffic

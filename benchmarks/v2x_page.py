@@ -7,11 +7,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks import v2x_attacks, v2x_impostors, v2x_prediction, v2x_price
-from benchmarks.harness import run_benchmark
-from iptm_core.errors import StoreError
-
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "v2x.md"
+from benchmarks import v2x_attacks, v2x_impostors, v2x_prediction
+from benchmarks.harness import put, run_benchmark
+from benchmarks.v2x_price import PAGE
 
 
 def fuzz_text(numbers: dict[str, Any]) -> str:
@@ -50,7 +48,6 @@ def flood_text(numbers: dict[str, Any]) -> str:
 
 TEXTS = {
     "prediction": v2x_prediction.as_table,
-    "price": v2x_price.as_table,
     "fuzz": fuzz_text,
     "attacks": v2x_attacks.as_table,
     "impostors": v2x_impostors.as_table,
@@ -59,22 +56,8 @@ TEXTS = {
 }
 
 
-def put(page: str, name: str, text: str) -> str:
-    """Return a page with a text between its two marks.
-
-    Raises:
-        StoreError: the page lacks the marks.
-    """
-    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-    if begin not in page or end not in page:
-        raise StoreError(f"the page has no marks {begin.strip()} and {end}; allowed: both of them")
-    head, rest = page.split(begin, 1)
-    return f"{head}{begin}\n{text.strip()}\n\n{end}{rest.split(end, 1)[1]}"
-
-
 def measure(
     prediction: str = "",
-    price: str = "",
     fuzz: str = "",
     attacks: str = "",
     impostors: str = "",
@@ -85,7 +68,6 @@ def measure(
 
     Args:
         prediction: numbers of v2x_prediction.
-        price: numbers of v2x_price.
         fuzz: numbers of v2x_fuzz.
         attacks: numbers of v2x_attacks.
         impostors: numbers of v2x_impostors.
@@ -95,7 +77,6 @@ def measure(
     page = PAGE.read_text(encoding="utf-8")
     files = {
         "prediction": prediction,
-        "price": price,
         "fuzz": fuzz,
         "attacks": attacks,
         "impostors": impostors,

@@ -3,20 +3,25 @@
 Each row drives the whole trip without ROS; the messages are real bits that are sent, lost, delayed and read.
 The price is the difference in degradation between a leader whose acceleration is expected to decay and one
 that is known from the file. What another predictor recovers of it is counted against the row with the same
-accuracy and link.
+accuracy and link. With --rows, finished rows are kept in a file and not driven again; --page writes the
+table into docs/v2x.md.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import sys
+import tempfile
 from collections import Counter
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import formatted_table, run_benchmark
+from benchmarks.harness import formatted_table, put, run_benchmark
 from benchmarks.v2x_prediction import EARLIER_DRIVES, other_drive
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
@@ -29,11 +34,12 @@ from iptm_core.decision_record import Rung
 from iptm_core.metrics import compute_metrics
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
 from iptm_core.parameters import load_parameters
-from iptm_core.routes import Route, build_route
+from iptm_core.routes import ROUTE_CYCLES, Route, build_route
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import PreviewSettings
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
+from iptm_studies.safety.lead_vehicles import lead_cycles
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.history import History
@@ -51,14 +57,23 @@ DECAY = "decaying acceleration"
 PATH = "path prediction"
 EARLIER = "earlier drives"
 REGRESSION = "regression"
-RARE = "decaying acceleration, 1 Hz"
-LEADERS = (DECAY, PATH, EARLIER, REGRESSION, RARE)
-CYCLES = ("wltc_class3b", "us06", "nycc")
-ACCURACIES_M = (0.02, 1.0, 2.8, 8.5)
+LEADERS = (DECAY, PATH, EARLIER, REGRESSION)
+MEASURED = ("A11", "A23", "B24", "no_ACC__handling_part22_2")
+"""Lead vehicles of the excerpts of `iptm_validation` that no predictor was fitted to: three trips of an i3 on
+public roads and one driver on a proving ground, of 600 s at most."""
+TRIPS = ("wltc_class3b", "us06", "nycc", *MEASURED)
 USUAL_ACCURACY_M = 2.8
-"""Of real cars; the others are looked at on a perfect link."""
-LINKS = ((0.2, 0.3), (0.5, 1.0))
-"""Loss and delay in s."""
+"""Of real cars."""
+CELLS = (
+    (0.02, 0.0, 0.0),
+    (USUAL_ACCURACY_M, 0.0, 0.0),
+    (USUAL_ACCURACY_M, 0.2, 0.3),
+    (USUAL_ACCURACY_M, 0.5, 1.0),
+    (1.0, 0.0, 0.0),
+    (8.5, 0.0, 0.0),
+)
+"""Accuracy in m, loss, and delay in s."""
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "v2x.md"
 
 
 @dataclass(frozen=True)
@@ -85,6 +100,14 @@ def predictors_of(leader: str, route: Route) -> tuple[Predictor, ...]:
     return (History(),)
 
 
+@lru_cache(maxsize=1)
+def measured_cycles() -> dict[str, str]:
+    """Return the measured lead vehicles of the project as drive files, by name."""
+    folder = Path(tempfile.mkdtemp(prefix="lead_vehicles_"))
+    found = lead_cycles(None, folder, lambda text: print(text, file=sys.stderr), count=1000)
+    return {Path(path).stem: path for path in found}
+
+
 class Watched:
     """A bridge that counts its answers."""
 
@@ -106,9 +129,10 @@ class Watched:
 def drive(case: Case, duration_s: float | None, seed: int) -> dict[str, Any]:
     """Drive one trip and return its figures."""
     parameters = load_parameters().values
-    route = build_route(
-        case.cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s
+    name = (
+        case.cycle if case.cycle in ROUTE_CYCLES else measured_cycles().get(case.cycle, case.cycle)
     )
+    route = build_route(name, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
     chosen = ControllerSettings()
     options = ControllerOptions(
         strategy=strategy_by_name(chosen.strategy),
@@ -121,7 +145,6 @@ def drive(case: Case, duration_s: float | None, seed: int) -> dict[str, Any]:
         bridge = V2xBridge(CycleSource(route), faults)
     else:
         settings = SenderSettings(
-            rate_hz=1.0 if case.leader == RARE else 10.0,
             foresight=Foresight.PATH if case.leader == PATH else Foresight.NONE,
             position_accuracy_m=case.accuracy_m,
             link_delay_s=case.delay_s,
@@ -161,35 +184,61 @@ def drive(case: Case, duration_s: float | None, seed: int) -> dict[str, Any]:
 
 
 def measure(
-    cycle: tuple[str, ...] = CYCLES,
+    cycle: tuple[str, ...] = TRIPS,
+    leader: tuple[str, ...] = LEADERS,
     duration_s: float = 0.0,
     seed: int = 1,
-    quick: int = 0,
-    leader: tuple[str, ...] = LEADERS,
+    cells: int = len(CELLS),
+    rows: str = "",
+    page: int = 0,
 ) -> dict[str, Any]:
     """Measure all cases.
 
     Args:
-        cycle: driving cycle of the leader, may be repeated.
+        cycle: trip of the leader, a driving cycle or a measured lead vehicle; may be repeated.
+        leader: how it is predicted, beside the file; may be repeated.
         duration_s: length of the trips, s; 0 for all of them.
         seed: of loss.
-        quick: 1 leaves out losses, and all accuracies but that of real cars.
-        leader: how it is predicted, beside the file; may be repeated.
+        cells: how many of the pairs of accuracy and link, the most usual ones first.
+        rows: file of finished rows, which are not driven again.
+        page: 1 writes the table into docs/v2x.md.
     """
-    rows: list[dict[str, Any]] = []
-    for trip in cycle:
-        cases = [Case(trip, FILE)]
-        for name in leader:
-            accuracies = (USUAL_ACCURACY_M,) if quick or name == RARE else ACCURACIES_M
-            cases += [Case(trip, name, accuracy_m) for accuracy_m in accuracies]
-            cases += [Case(trip, name, USUAL_ACCURACY_M, *link) for link in LINKS if not quick]
-        of_trip: dict[Case, dict[str, Any]] = {}
-        for case in cases:
-            row = of_trip[case] = drive(case, duration_s or None, seed)
-            _compare(row, of_trip[cases[0]], of_trip.get(replace(case, leader=DECAY)))
-            print(row, file=sys.stderr, flush=True)
-        rows += of_trip.values()
-    return {"duration_s": duration_s, "rows": rows}
+    cases = [Case(trip, FILE) for trip in cycle]
+    cases += [Case(trip, who, *cell) for cell in CELLS[:cells] for who in leader for trip in cycle]
+    store = Path(rows) if rows else None
+    found: dict[Case, dict[str, Any]] = {}
+    if store is not None and store.exists():
+        lines = map(json.loads, store.read_text(encoding="utf-8").splitlines())
+        found = {
+            _case_of(row): row for row in lines if (row["for_s"], row["seed"]) == (duration_s, seed)
+        }
+    for case in (case for case in cases if case not in found):
+        row = {**drive(case, duration_s or None, seed), "for_s": duration_s, "seed": seed}
+        found[case] = row
+        line = json.dumps(row)
+        print(line, file=sys.stderr, flush=True)
+        if store is not None:
+            with store.open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+    ordered = sorted(cases, key=lambda case: _place(case, cycle, leader))
+    for case in ordered:
+        plain = None if case.leader in {FILE, DECAY} else found.get(replace(case, leader=DECAY))
+        _compare(found[case], found[Case(case.cycle, FILE)], plain)
+    numbers = {"duration_s": duration_s, "rows": [found[case] for case in ordered]}
+    if page:
+        text = put(PAGE.read_text(encoding="utf-8"), "price", as_table(numbers))
+        PAGE.write_text(text, encoding="utf-8")
+    return numbers
+
+
+def _case_of(row: dict[str, Any]) -> Case:
+    return Case(**{name: row[name] for name in Case.__dataclass_fields__})
+
+
+def _place(case: Case, cycle: tuple[str, ...], leader: tuple[str, ...]) -> tuple[float, ...]:
+    """Return the order of rows in the table."""
+    who = (FILE, *leader).index(case.leader)
+    return cycle.index(case.cycle), who, case.loss, case.accuracy_m
 
 
 def _compare(row: dict[str, Any], file: dict[str, Any], plain: dict[str, Any] | None) -> None:
@@ -200,7 +249,7 @@ def _compare(row: dict[str, Any], file: dict[str, Any], plain: dict[str, Any] | 
     ):
         row[name] = 100.0 * (row[key] / file[key] - 1.0)
     row["recovered_percent"] = math.nan
-    if plain is not None and plain is not row and row is not file:
+    if plain is not None:
         price = plain["degradation_1e7"] - file["degradation_1e7"]
         gain = plain["degradation_1e7"] - row["degradation_1e7"]
         row["recovered_percent"] = 100.0 * gain / price
@@ -224,13 +273,10 @@ COLUMNS = {
     "degradation:": "{degradation_1e7:.3f}·10⁻⁷",
     "against the file:": "{degradation_change:+.2f} %",
     "of the price recovered:": "{recovered}",
-    "battery energy:": "{battery_energy_kj:.0f} kJ",
-    "against the file :": "{energy_change:+.2f} %",
+    "battery energy against the file:": "{energy_change:+.2f} %",
     "smallest gap:": "{smallest_gap_m:.2f} m",
     "smallest margin to s_min:": "{smallest_margin_m:.2f} m",
-    "mean gap:": "{mean_gap_m:.1f} m",
     "below s_min:": "{broken_s} s",
-    "no leader:": "{leaderless_ticks} ticks",
     "fallback:": "{fallback_ticks} ticks",
 }
 

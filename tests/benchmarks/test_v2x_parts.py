@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 from benchmarks import v2x_price
+from benchmarks.harness import put
 from benchmarks.v2x_fuzz import fuzz
-from benchmarks.v2x_page import put
 
 from iptm_core.errors import StoreError
 from iptm_v2x_bridge.rejections import Rejection
@@ -34,8 +35,10 @@ def test_a_table_is_put_between_its_marks_and_nowhere_else() -> None:
         put("nothing", "price", "| new |")
 
 
-def test_the_price_of_a_short_trip() -> None:
-    numbers = v2x_price.measure(("nycc",), 60.0, quick=1, leader=(v2x_price.DECAY, v2x_price.PATH))
+def test_the_price_of_a_short_trip(tmp_path: Path) -> None:
+    rows = tmp_path / "rows.jsonl"
+    leaders = (v2x_price.DECAY, v2x_price.PATH)
+    numbers = v2x_price.measure(("nycc",), leaders, 60.0, cells=1, rows=str(rows))
     file, decay, path = numbers["rows"]
     assert [row["leader"] for row in (file, decay, path)] == [
         "file",
@@ -46,6 +49,11 @@ def test_the_price_of_a_short_trip() -> None:
     assert path["recovered_percent"] > 80.0
     assert math.isnan(decay["recovered_percent"])
     assert v2x_price.as_table(numbers).count("\n") == 4
+    # What was driven is not driven again.
+    kept = rows.read_text("utf-8")
+    again = v2x_price.measure(("nycc",), leaders, 60.0, cells=1, rows=str(rows))
+    assert v2x_price.as_table(again) == v2x_price.as_table(numbers)
+    assert rows.read_text("utf-8") == kept
 
 
 def test_a_received_path_keeps_the_smallest_gap_as_the_file_does() -> None:
