@@ -190,6 +190,7 @@ def measure(
     seed: int = 1,
     cells: int = len(CELLS),
     rows: str = "",
+    finished: int = 0,
     page: int = 0,
 ) -> dict[str, Any]:
     """Measure all cases.
@@ -201,6 +202,7 @@ def measure(
         seed: of loss.
         cells: how many of the pairs of accuracy and link, the most usual ones first.
         rows: file of finished rows, which are not driven again.
+        finished: 1 drives nothing and takes the finished rows only.
         page: 1 writes the table into docs/v2x.md.
     """
     cases = [Case(trip, FILE) for trip in cycle]
@@ -212,6 +214,8 @@ def measure(
         found = {
             _case_of(row): row for row in lines if (row["for_s"], row["seed"]) == (duration_s, seed)
         }
+    if finished:
+        cases = [case for case in cases if case in found]
     for case in (case for case in cases if case not in found):
         row = {**drive(case, duration_s or None, seed), "for_s": duration_s, "seed": seed}
         found[case] = row

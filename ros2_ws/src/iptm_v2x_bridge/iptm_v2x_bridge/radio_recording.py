@@ -79,7 +79,9 @@ class RecordedRadio:
         self._recording = recording
         self._until_ns: int | None = None
 
-    def answer(self, time_ns: int, host_position_m: float) -> BridgeAnswer:
+    def answer(
+        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+    ) -> BridgeAnswer:
         """Return the answer to one tick; see `CamBridge.answer`."""
         after_ns = self._until_ns
         if after_ns is not None and after_ns > time_ns:
@@ -88,7 +90,7 @@ class RecordedRadio:
             self.bridge.receive(reception.datagram, reception.received_ns)
         self.bridge.count_overflow(self._recording.dropped_between(after_ns, time_ns))
         self._until_ns = time_ns
-        return self.bridge.answer(time_ns, host_position_m)
+        return self.bridge.answer(time_ns, host_position_m, host_speed_m_s)
 
 
 def recording_with_marks(
