@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,12 @@ from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
 from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
+from iptm_traffic.own_network import OwnNetwork
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "traffic.md"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGE = DOCS / "traffic.md"
+_TOWN = DOCS / "examples" / "town"
+TOWN = OwnNetwork(_TOWN / "town.netccfg", (_TOWN / "town.rou.xml",), "round_trip")
 COLUMNS = {
     "scenario": "`{scenario}`",
     "known": "`{knowledge}`",
@@ -31,6 +36,7 @@ COLUMNS = {
     "lines passed:": "{lines_passed}",
     "while closed:": "{lines_passed_closed}",
     "above the limit:": "{excess_km_h:.1f} km/h",
+    "collisions:": "{collisions}",
     "cars ahead:": "{leaders}",
     "messages:": "{messages}",
     "without solution:": "{fallback_ticks} s",
@@ -44,7 +50,7 @@ def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
     """Return the figures of one drive beside the reference strategy's in the same traffic."""
     run, other = result.metrics, reference.metrics
     return {
-        "scenario": str(result.drive.scenario),
+        "scenario": result.drive.title,
         "knowledge": str(result.drive.knowledge),
         "distance_km": 1e-3 * run.distance_m,
         "battery_energy_kj": 1e-3 * run.energy.battery_j,
@@ -55,6 +61,7 @@ def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
         "lines_passed": result.lines_passed,
         "lines_passed_closed": result.lines_passed_closed,
         "excess_km_h": KM_H_PER_M_S * result.largest_excess_m_s,
+        "collisions": result.collision_count,
         "leaders": len(result.leaders),
         "messages": result.messages,
         "fallback_ticks": result.fallback_ticks,
@@ -71,6 +78,7 @@ def measure(
     scenario: tuple[str, ...] = tuple(str(entry) for entry in TrafficScenario),
     know: tuple[str, ...] = tuple(str(entry) for entry in TrafficKnowledge),
     rows_of: tuple[str, ...] = (),
+    town: int = 1,
     page: int = 0,
 ) -> dict[str, Any]:
     """Measure all drives.
@@ -81,6 +89,7 @@ def measure(
         scenario: only these; may be repeated.
         know: only with this knowledge; may be repeated.
         rows_of: no drives, but the rows of these --json files; may be repeated.
+        town: 1 drives in the example of an own network, too.
         page: 1 writes the table into docs/traffic.md.
     """
     parameters = load_parameters().values
@@ -90,24 +99,22 @@ def measure(
         measured = json.loads(Path(file).read_text("utf-8"))
         rows += measured["rows"]
         load = max(load, measured["load"])
-    for name in () if rows_of else scenario:
-        reference = drive_in_traffic(
-            TrafficDrive(
-                TrafficScenario(name),
-                duration_s=duration_s,
-                strategy="reference",
-                demand=DemandSettings(traffic_seed=seed),
-            ),
-            parameters,
+    drives = [
+        TrafficDrive(
+            TrafficScenario(name),
+            duration_s=duration_s,
+            demand=DemandSettings(traffic_seed=seed),
         )
-        for knowledge in know:
-            drive = TrafficDrive(
-                TrafficScenario(name),
-                TrafficKnowledge(knowledge),
-                duration_s,
-                demand=DemandSettings(traffic_seed=seed),
-            )
-            result = drive_in_traffic(drive, parameters)
+        for name in scenario
+    ]
+    if town:
+        drives.append(TrafficDrive(duration_s=duration_s, own=replace(TOWN, seed=seed)))
+    for drive in () if rows_of else drives:
+        reference = drive_in_traffic(replace(drive, strategy="reference"), parameters)
+        for knowledge in map(TrafficKnowledge, know):
+            if drive.own is not None and knowledge is TrafficKnowledge.PATH:
+                continue
+            result = drive_in_traffic(replace(drive, knowledge=knowledge), parameters)
             rows.append(row_of(result, reference))
             print(rows[-1], file=sys.stderr, flush=True)
     numbers = {

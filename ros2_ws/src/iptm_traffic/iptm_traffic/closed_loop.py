@@ -22,12 +22,9 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import FloatArray
-from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
-from iptm_traffic.network import Network
 from iptm_traffic.preparation import prepare_traffic
 from iptm_traffic.radio import Rehearsed, TrafficRadio
 from iptm_traffic.right_of_way import RightOfWay
@@ -97,14 +94,6 @@ def drive_in_traffic(
             TrafficSimulation(made.network, made.demand, drive.step_s, fcd=fcd)
         ) as simulation:
             return _closed_loop(drive, parameters, simulation, made.rehearsal)
-
-
-def _limits_m_s(network: Network, trajectory: Trajectory) -> FloatArray:
-    """Return the speed limit at every instant, shape (n,)."""
-    limits = network.limits
-    index = np.searchsorted(limits.starts_m, trajectory.position_m, side="right") - 1
-    here: FloatArray = limits.limits_m_s[np.maximum(index, 0)]
-    return here
 
 
 def _predictors(knowledge: TrafficKnowledge, rules: RoadRules) -> tuple[Predictor, ...]:
@@ -190,7 +179,10 @@ def _closed_loop(
         decisions=records,
         metrics=metrics,
         largest_excess_m_s=float(
-            np.max(run.trajectory.speed_m_s - _limits_m_s(network, run.trajectory), initial=0.0)
+            np.max(
+                run.trajectory.speed_m_s - network.limits.at_m_s(run.trajectory.position_m),
+                initial=0.0,
+            )
         ),
         predictors=dict(sorted(watched.predictors.items())),
         fallback_ticks=int(np.count_nonzero(np.asarray(records.rung) != Rung.OPTIMAL)),

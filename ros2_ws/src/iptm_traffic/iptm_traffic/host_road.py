@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.road_ahead import SpeedLimits
+from iptm_core.routes.limits import limits_of_curves
 from iptm_core.routes.road_line import RoadLine, step_deg
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import FloatArray
@@ -22,8 +23,8 @@ AROUND_M = (-150.0, 450.0)
 SIDEWAYS_M_S2 = 2.0
 """Lateral acceleration that the host keeps to in bends: comfortable for passengers."""
 _SMALLEST_STEP_M = 0.05
-_BEND_BASE_M, _BEND_STEP_M = 12.0, 4.0
-"""Length over which the change of direction gives the curvature, and distance between its samples."""
+_CHORD_M, _SPACING_M = 12.0, 4.0
+"""Length over which curvature is measured, and distance between its samples: small enough for roundabouts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,38 +160,14 @@ class HostRoad:
         return SlopeProfile.from_elevations(self.positions_m, self.heights_m)
 
     def limits(self, net: SumoNet) -> SpeedLimits:
-        """Return the speed limits of its lanes, lowered where it bends.
-
-        The speed in a bend is that of `SIDEWAYS_M_S2` at the curvature v^2 = a / kappa.
-        """
-        middles: FloatArray = np.arange(0.5 * _BEND_STEP_M, self.length_m, _BEND_STEP_M).astype(
-            np.float64
-        )
-        lanes = sorted(
-            (start_m, net.lanes[name].limit_m_s)
+        """Return the speed limits of its lanes, lowered where it bends."""
+        lanes = {
+            start_m: net.lanes[name].limit_m_s
             for name, starts_m in self.lane_starts_m.items()
             for start_m in starts_m
+        }
+        starts = np.array(sorted(lanes))
+        signs = SpeedLimits(starts, np.array([lanes[start_m] for start_m in starts]))
+        return signs.and_not_above(
+            limits_of_curves(self.road_line(), SIDEWAYS_M_S2, _CHORD_M, _SPACING_M)
         )
-        begins = np.array([start_m for start_m, _ in lanes])
-        allowed = np.array([limit for _, limit in lanes])
-        # A cell that two lanes share has the lower limit of both.
-        ends = np.searchsorted(begins, middles + 0.5 * _BEND_STEP_M, side="right") - 1
-        firsts = np.maximum(np.searchsorted(begins, middles - 0.5 * _BEND_STEP_M, "right") - 1, 0)
-        limits = np.array(
-            [allowed[a : b + 1].min() for a, b in zip(firsts, ends, strict=True)], dtype=np.float64
-        )
-        limits = np.minimum(limits, np.sqrt(SIDEWAYS_M_S2 / self.curvature_1_m(middles)))
-        changes = np.flatnonzero(np.diff(limits)) + 1
-        kept = np.concatenate([[0], changes])
-        return SpeedLimits(middles[kept] - 0.5 * _BEND_STEP_M, limits[kept])
-
-    def curvature_1_m(self, positions_m: FloatArray) -> FloatArray:
-        """Return the curvature at positions, without sign and above 0, shape of them."""
-        ends = np.stack([positions_m - _BEND_BASE_M, positions_m, positions_m + _BEND_BASE_M])
-        east, north = (
-            np.interp(ends, self.positions_m, values) for values in (self.east_m, self.north_m)
-        )
-        before, after = np.arctan2(np.diff(east, axis=0), np.diff(north, axis=0))
-        turned = np.abs((after - before + np.pi) % (2.0 * np.pi) - np.pi)
-        curvature: FloatArray = np.maximum(turned / _BEND_BASE_M, 1e-6)
-        return curvature

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from iptm_core.road_ahead import HARDEST_M_S2, START_M_S2, SpeedLimits
+from iptm_core.routes.limits import STRAIGHT_M_S
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.sumo_net import Junction, Link
@@ -108,7 +109,10 @@ class RightOfWay:
             yellow_s = min((lasts for letter, lasts in letters if letter in _YELLOW), default=3.0)
             speed = 2.0 * HARDEST_M_S2 * max(yellow_s - 1.0, 1.0)  # a second until the host acts
             from_m = line.position_m - speed**2 / (2.0 * HARDEST_M_S2)
-            limits = _lowered(limits, from_m, line.position_m, speed)
+            stretch = np.array([from_m - 1.0, from_m, line.position_m])
+            limits = limits.and_not_above(
+                SpeedLimits(stretch, np.array([STRAIGHT_M_S, speed, STRAIGHT_M_S]))
+            )
         return limits
 
     def refresh(self) -> None:
@@ -267,12 +271,3 @@ def _duration_s(way_m: float, speed: float, acceleration: float, limit: float) -
         return (math.sqrt(speed**2 + 2.0 * acceleration * way_m) - speed) / acceleration
     top = max(limit, speed)
     return (top - speed) / acceleration + (way_m - gaining_m) / top
-
-
-def _lowered(limits: SpeedLimits, from_m: float, to_m: float, limit_m_s: float) -> SpeedLimits:
-    """Return limits capped by one on a stretch."""
-    starts = np.unique([*limits.starts_m, from_m, to_m])
-    index = np.maximum(np.searchsorted(limits.starts_m, starts, side="right") - 1, 0)
-    values = limits.limits_m_s[index]
-    inside = (starts >= from_m) & (starts < to_m)
-    return SpeedLimits(starts, np.where(inside, np.minimum(values, limit_m_s), values))

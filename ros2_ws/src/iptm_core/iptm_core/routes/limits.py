@@ -38,7 +38,12 @@ def limits_of_drive(motion: LeaderMotion) -> SpeedLimits:
     return SpeedLimits(motion.positions_m[begins], legal[above])
 
 
-def limits_of_curves(line: RoadLine, lateral_m_s2: float) -> SpeedLimits:
+def limits_of_curves(
+    line: RoadLine,
+    lateral_m_s2: float,
+    chord_m: float = CURVE_CHORD_M,
+    spacing_m: float = CURVE_SPACING_M,
+) -> SpeedLimits:
     """Return the speeds with which the curves of a road take a lateral acceleration.
 
     The radius is that of the circle through three points of the line (Menger's curvature), so a bend counts
@@ -47,17 +52,17 @@ def limits_of_curves(line: RoadLine, lateral_m_s2: float) -> SpeedLimits:
     Args:
         line: where the road lies.
         lateral_m_s2: largest lateral acceleration, above 0.
+        chord_m: distance of the three points.
+        spacing_m: distance between two places that are looked at.
     """
     _, _, headings = line.locate(line.positions_m)
     if np.all(headings == headings[0]):
         return SpeedLimits(np.zeros(1), np.full(1, STRAIGHT_M_S))
-    places: FloatArray = np.arange(0.0, line.length_m + CURVE_SPACING_M, CURVE_SPACING_M).astype(
-        np.float64
-    )
+    places: FloatArray = np.arange(0.0, line.length_m + spacing_m, spacing_m).astype(np.float64)
     latitudes, longitudes, _ = line.locate(places)
     origin = (latitudes, longitudes)
-    before_e, before_n = east_north_m(*line.locate(places - CURVE_CHORD_M)[:2], origin)
-    after_e, after_n = east_north_m(*line.locate(places + CURVE_CHORD_M)[:2], origin)
+    before_e, before_n = east_north_m(*line.locate(places - chord_m)[:2], origin)
+    after_e, after_n = east_north_m(*line.locate(places + chord_m)[:2], origin)
     doubled_area = np.abs(before_e * after_n - before_n * after_e)
     sides = np.hypot(before_e, before_n) * np.hypot(after_e, after_n)
     sides *= np.hypot(after_e - before_e, after_n - before_n)
