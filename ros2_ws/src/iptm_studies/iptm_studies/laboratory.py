@@ -58,9 +58,9 @@ class Session:
             compute(campaign, self.store, self.cluster, self.console)
         return True
 
-    def write(self, text: str) -> None:
-        """Write the page and print its path."""
-        page = self.output / self._page
+    def write(self, text: str, page_name: str = "") -> None:
+        """Write the page, or one of another name, and print its path."""
+        page = self.output / (page_name or self._page)
         page.parent.mkdir(parents=True, exist_ok=True)
         page.write_text(text, encoding="utf-8")
         print(page)

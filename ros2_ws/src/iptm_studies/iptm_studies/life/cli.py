@@ -5,8 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from iptm_core.errors import ScenarioError
 from iptm_studies.campaign import Campaign
 from iptm_studies.laboratory import Laboratory, Session
+from iptm_studies.life import charging_stop
+from iptm_studies.life.charging_page import CHARGING_PAGE, charging_page
 from iptm_studies.life.page import Findings, life_page
 from iptm_studies.life.table import life_table
 from iptm_studies.life.trips import Extent, trip_maps, trip_study
@@ -17,10 +20,18 @@ _SHORT = Extent((22.0, 36.0), compile_code=False, duration_s=60.0)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     short = "one minute of every trip; the page means nothing"
-    return Laboratory("life", "life.md", __doc__, short).run(_work, arguments)
+    laboratory = Laboratory("life", "life.md", __doc__, short)
+    laboratory.parser.add_argument(
+        "--charging-stop",
+        action="store_true",
+        help=f"instead, trips to a fast charger; writes {CHARGING_PAGE}, stores nothing",
+    )
+    return laboratory.run(_work, arguments)
 
 
 def _work(session: Session) -> bool:
+    if session.options.charging_stop:
+        return _charging_stop(session)
     campaign = Campaign([trip_study(_SHORT if session.options.short else Extent())])
     if not session.compute(campaign):
         return True
@@ -32,6 +43,23 @@ def _work(session: Session) -> bool:
     session.console.print("years are composed ...")
     rows, spent = life_table(trip_maps(campaign.cases, session.store))
     session.write(life_page(Findings(session.command, rows, spent)))
+    return True
+
+
+def _charging_stop(session: Session) -> bool:
+    if session.options.stored or session.options.dry_run:
+        raise ScenarioError(
+            "--charging-stop with --stored or --dry-run; allowed: without, its trips are not stored"
+        )
+    extent = charging_stop.SHORT if session.options.short else charging_stop.Extent()
+    session.console.print("drives to the charger ...")
+    text = charging_page(
+        session.command,
+        list(charging_stop.arrivals(extent)),
+        list(charging_stop.worths(extent)),
+        list(charging_stop.evenings(extent)),
+    )
+    session.write(text, CHARGING_PAGE)
     return True
 
 
