@@ -14,7 +14,7 @@ from iptm_controller.controller import Controller
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import STRATEGIES
-from iptm_controller.temperature_value import NO_VALUE
+from iptm_controller.temperature_value import NO_VALUE, mixing_weights
 from iptm_core.charging_stop import ChargingStopSettings, fast_charge
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
@@ -87,7 +87,9 @@ def test_both_cells_share_the_price() -> None:
         replace(NO_VALUE, cell_1_marginal_cost_1_k=1.0, cell_n_marginal_cost_1_k=2.0), state
     )
     total = added.cell_1_marginal_cost_1_k + added.cell_n_marginal_cost_1_k - 3.0
-    assert total == pytest.approx(value.price_1_k(TRIP_S, 281.0))
+    share_1, share_n, _ = mixing_weights(car(5.0))
+    mean_k = 280.0 * share_1 + 282.0 * share_n
+    assert total == pytest.approx(value.price_1_k(TRIP_S, mean_k))
     assert added.thermal_energy_price_1_j == 0.6
 
 

@@ -90,12 +90,14 @@ class ChargingValuation:
             value: what it costs without.
             state: measured state.
         """
-        mean_k = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
+        # The mean that stays while the coolant mixes them: what is heated is not even yet.
+        share_1, share_n = self._shares
+        mean_k = share_1 * state.cell_1_temperature_k + share_n * state.cell_n_temperature_k
         price = self.price_1_k(state.time_s, mean_k)
         return replace(
             value,
-            cell_1_marginal_cost_1_k=value.cell_1_marginal_cost_1_k + self._shares[0] * price,
-            cell_n_marginal_cost_1_k=value.cell_n_marginal_cost_1_k + self._shares[1] * price,
+            cell_1_marginal_cost_1_k=value.cell_1_marginal_cost_1_k + share_1 * price,
+            cell_n_marginal_cost_1_k=value.cell_n_marginal_cost_1_k + share_n * price,
             thermal_energy_price_1_j=self._thermal_energy_price_1_j,
         )
 

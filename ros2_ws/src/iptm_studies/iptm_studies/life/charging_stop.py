@@ -13,6 +13,7 @@ from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
+from iptm_controller.temperature_value import mixing_weights
 from iptm_core.aging_laws.cells import AgingCell
 from iptm_core.aging_laws.law import Load, Mechanism
 from iptm_core.charging_stop import LIMIT_C, ChargingStopSettings, FastCharge, fast_charge
@@ -24,7 +25,7 @@ from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunSpec, SolverSpec
 
 AIR_C = (-10.0, 0.0, 5.0, 35.0)
-MINUTE_KWH = 0.25
+MINUTE_KWH = 0.15
 WORTHS_KWH = (0.05, 0.1, 0.25, 0.5, 1.0)
 WORTHS_AIR_C = 5.0
 HEATER_W = 5000.0
@@ -275,4 +276,7 @@ def _drive(spec: RunSpec, *, heats_at_last: bool = False) -> Run:
 
 
 def _arrival_k(run: Run) -> float:
-    return run.metrics.end.temperature_k
+    """Return the mean temperature to which the coolant mixes the cells on arrival."""
+    end = run.trajectory.cell_1_temperature_k[-1], run.trajectory.cell_n_temperature_k[-1]
+    share_1, share_n, _ = mixing_weights(run.parameters)
+    return float(share_1 * end[0] + share_n * end[1])
