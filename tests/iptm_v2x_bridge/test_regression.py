@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iptm_core.errors import RouteError
+from iptm_core.routes import build_route
 from iptm_core.routes.cycles import load_cycle
 from iptm_core.routes.leader import LeaderMotion
 from iptm_v2x_bridge.prediction.predictor import Knowledge
@@ -72,6 +73,18 @@ def test_features_by_hand() -> None:
 def test_a_leader_never_falls_behind_where_it_stands() -> None:
     predicted = Regression(SHIPPED).predict(heard([0.0] * 20), 100.0 + np.arange(61.0))
     assert (predicted.positions_m - predicted.bounds_m >= 1000.0 - 1e-9).all()
+
+
+def test_near_bounds_cover_drivers_who_brake_harder_than_those_of_the_training() -> None:
+    """Seconds of US06, not trained on: the bounds of the training drives covered 89 % of them."""
+    motion = build_route("us06", initial_gap_m=15.0).leader
+    kept = []
+    for now_s in np.arange(12.0, 590.0):
+        speeds = motion.speeds_at(now_s - 12.0 + np.arange(13.0))
+        predicted = Regression(SHIPPED).predict(heard(speeds.tolist()), np.array([100.0, 101.0]))
+        driven_m = float(np.diff(motion.positions_at(np.array([now_s, now_s + 1.0])))[0])
+        kept.append(predicted.positions_m[1] - predicted.bounds_m[1] <= 1000.0 + driven_m)
+    assert np.mean(kept) > 0.95
 
 
 def test_the_rate_of_the_messages_does_not_matter() -> None:
