@@ -17,7 +17,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
+from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficResult
 from iptm_traffic.own_network import OwnNetwork
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -76,7 +76,7 @@ def measure(
     duration_s: float = 600.0,
     seed: int = 1,
     scenario: tuple[str, ...] = tuple(str(entry) for entry in TrafficScenario),
-    know: tuple[str, ...] = tuple(str(entry) for entry in TrafficKnowledge),
+    know: tuple[str, ...] = tuple(str(entry) for entry in PredictionInput),
     rows_of: tuple[str, ...] = (),
     town: int = 1,
     page: int = 0,
@@ -111,8 +111,8 @@ def measure(
         drives.append(TrafficDrive(duration_s=duration_s, own=replace(TOWN, seed=seed)))
     for drive in () if rows_of else drives:
         reference = drive_in_traffic(replace(drive, strategy="reference"), parameters)
-        for knowledge in map(TrafficKnowledge, know):
-            if drive.own is not None and knowledge is TrafficKnowledge.PATH:
+        for knowledge in map(PredictionInput, know):
+            if drive.own is not None and knowledge is PredictionInput.PATH:
                 continue
             result = drive_in_traffic(replace(drive, knowledge=knowledge), parameters)
             rows.append(row_of(result, reference))

@@ -17,7 +17,7 @@ from iptm_core.routes import build_route
 from iptm_core.routes.leader import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.state import FloatArray
-from iptm_traffic.drive import TrafficDrive, TrafficKnowledge
+from iptm_traffic.drive import PredictionInput, TrafficDrive
 from iptm_traffic.preparation import prepare_traffic
 from iptm_v2x_bridge.messages.cam_codec import decode_datagram
 from iptm_v2x_bridge.prediction.history import History
@@ -131,7 +131,7 @@ def in_traffic(duration_s: float) -> tuple[list[Case], RoadLine]:
     Raises:
         IptmError: SUMO is not installed or fails.
     """
-    drive = TrafficDrive(knowledge=TrafficKnowledge.PATH, duration_s=duration_s)
+    drive = TrafficDrive(knowledge=PredictionInput.PATH, duration_s=duration_s)
     with tempfile.TemporaryDirectory() as folder:
         made = prepare_traffic(drive, load_parameters().values, Path(folder))
     network, road = made.network, made.network.road.road_line()

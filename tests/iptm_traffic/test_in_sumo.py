@@ -30,7 +30,7 @@ from iptm_traffic.demand import (
     signal_offsets_s,
     write_demand,
 )
-from iptm_traffic.drive import TrafficDrive, TrafficKnowledge
+from iptm_traffic.drive import PredictionInput, TrafficDrive
 from iptm_traffic.network import CYCLE_S, Network, build_network
 from iptm_traffic.simulation import HostInstant, TrafficSimulation
 from iptm_traffic.sumo_process import SumoProcess
@@ -130,25 +130,25 @@ def test_vehicles_lie_where_sumo_has_them(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("scenario", "knowledge"),
     [
-        (TrafficScenario.RED_LIGHT_QUEUE, TrafficKnowledge.SIGNALS),
-        (TrafficScenario.CUT_IN, TrafficKnowledge.PATH),
+        (TrafficScenario.RED_LIGHT_QUEUE, PredictionInput.SIGNALS),
+        (TrafficScenario.CUT_IN, PredictionInput.PATH),
     ],
 )
 def test_a_drive_is_lawful_and_repeats_to_the_last_bit(
-    scenario: TrafficScenario, knowledge: TrafficKnowledge
+    scenario: TrafficScenario, knowledge: PredictionInput
 ) -> None:
     drive = TrafficDrive(scenario, knowledge, 130.0)
     first = drive_in_traffic(drive, PARAMETERS)
     assert cli.verdict(first) == []
     assert first.trajectory.position_m[-1] > 800.0
-    told_by = "signals" if knowledge is TrafficKnowledge.SIGNALS else "received_path"
+    told_by = "signals" if knowledge is PredictionInput.SIGNALS else "received_path"
     assert first.predictors[told_by] > 5
     assert drive_in_traffic(drive, PARAMETERS).digest == first.digest
 
 
 def test_a_host_that_learns_signals_by_radio_keeps_them() -> None:
     pytest.importorskip("pycrate_asn1dir", reason="requirements/roadside.txt is not installed")
-    given = TrafficDrive(TrafficScenario.RED_LIGHT_QUEUE, TrafficKnowledge.SIGNALS, 230.0)
+    given = TrafficDrive(TrafficScenario.RED_LIGHT_QUEUE, PredictionInput.SIGNALS, 230.0)
     result = drive_in_traffic(replace(given, signals_by_radio=True), PARAMETERS)
     assert cli.verdict(result) == []
     assert result.lines_passed > 0
@@ -158,7 +158,7 @@ def test_a_host_that_learns_signals_by_radio_keeps_them() -> None:
 
 
 def test_who_leads_changes_when_the_leader_turns_off() -> None:
-    drive = TrafficDrive(TrafficScenario.TURN_OFF, TrafficKnowledge.HISTORY, 260.0)
+    drive = TrafficDrive(TrafficScenario.TURN_OFF, PredictionInput.HISTORY, 260.0)
     result = drive_in_traffic(replace(drive, step_s=1.0), PARAMETERS)
     assert cli.verdict(result) == []
     assert result.leaders[0] == "leader"
@@ -168,7 +168,7 @@ def test_who_leads_changes_when_the_leader_turns_off() -> None:
 def test_what_a_vehicle_did_becomes_a_drive(tmp_path: Path) -> None:
     """SUMO's own word on the host is that of the plant; writing it changes nothing."""
     file = tmp_path / "traffic.fcd.xml"
-    drive = TrafficDrive(TrafficScenario.FOLLOWING, TrafficKnowledge.HISTORY, 40.0)
+    drive = TrafficDrive(TrafficScenario.FOLLOWING, PredictionInput.HISTORY, 40.0)
     result = drive_in_traffic(drive, PARAMETERS, file)
     assert drive_in_traffic(drive, PARAMETERS).digest == result.digest
     driven = result.trajectory
@@ -183,7 +183,7 @@ def test_what_a_vehicle_did_becomes_a_drive(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_an_hour_without_drift() -> None:
-    drive = TrafficDrive(TrafficScenario.FOLLOWING, TrafficKnowledge.SIGNALS, 3600.0)
+    drive = TrafficDrive(TrafficScenario.FOLLOWING, PredictionInput.SIGNALS, 3600.0)
     result = drive_in_traffic(drive, PARAMETERS)
     assert cli.verdict(result) == []
     assert result.largest_deviation_m < 1e-6

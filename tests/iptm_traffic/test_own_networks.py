@@ -215,8 +215,8 @@ def test_the_host_halts_at_the_end_of_its_way() -> None:
         (["--net", str(NET), "--host-route", "east_out,main_1"], "no way for cars"),
         (["--net", str(NET), "--host-route", "main_1"], "at least two edges"),
         (
-            ["--net", str(NET), "--host-route", "main_1,ring_1", "--know", "path"],
-            "allowed: to know",
+            ["--net", str(NET), "--host-route", "main_1,ring_1", "--prediction", "path"],
+            "allowed: prediction history or signals",
         ),
         (
             ["--net", str(NET), "--host-route", "main_1,ring_1", "--scenario", "cut_in"],

@@ -23,7 +23,7 @@ from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number
 from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import TrafficDrive, TrafficFacts, TrafficKnowledge, TrafficResult
+from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficFacts, TrafficResult
 from iptm_traffic.own_network import DEPART_S, OwnNetwork
 
 PROGRAM = "traffic"
@@ -67,9 +67,9 @@ def build_parser() -> argparse.ArgumentParser:
         help="what happens around the host (default: %(default)s)",
     )
     parser.add_argument(
-        "--know",
-        choices=[str(entry) for entry in TrafficKnowledge],
-        default=str(TrafficKnowledge.SIGNALS),
+        "--prediction",
+        choices=[str(entry) for entry in PredictionInput],
+        default=str(PredictionInput.SIGNALS),
         help="input of the leader's prediction: its announced path, its past motion, or its past motion "
         "within signal phases and speed limits (default: %(default)s)",
     )
@@ -182,7 +182,7 @@ def drive_from(arguments: argparse.Namespace) -> TrafficDrive:
     given = {spec.name: getattr(arguments, spec.name) for spec in parameter_specs(DemandSettings)}
     return TrafficDrive(
         TrafficScenario(arguments.scenario),
-        TrafficKnowledge(arguments.know),
+        PredictionInput(arguments.prediction),
         arguments.duration_s,
         arguments.strategy,
         DemandSettings(**given),

@@ -24,7 +24,7 @@ from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
-from iptm_traffic.drive import TrafficDrive, TrafficKnowledge, TrafficResult
+from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficResult
 from iptm_traffic.preparation import prepare_traffic
 from iptm_traffic.radio import Rehearsed, TrafficRadio
 from iptm_traffic.right_of_way import RightOfWay
@@ -96,10 +96,10 @@ def drive_in_traffic(
             return _closed_loop(drive, parameters, simulation, made.rehearsal)
 
 
-def _predictors(knowledge: TrafficKnowledge, rules: RoadRules) -> tuple[Predictor, ...]:
-    if knowledge is TrafficKnowledge.PATH:
+def _predictors(knowledge: PredictionInput, rules: RoadRules) -> tuple[Predictor, ...]:
+    if knowledge is PredictionInput.PATH:
         return ReceivedPath(), History()
-    if knowledge is TrafficKnowledge.SIGNALS:
+    if knowledge is PredictionInput.SIGNALS:
         return BoundedByRules(History(), rules), History()
     return (History(),)
 
@@ -137,7 +137,7 @@ def _closed_loop(
         predictors=_predictors(drive.knowledge, for_leader),
         roadside=heard,
     )
-    knows_plan = drive.knowledge is TrafficKnowledge.SIGNALS
+    knows_plan = drive.knowledge is PredictionInput.SIGNALS
     rules = RulesOfTheRoad(
         _HeardTraffic(radio, bridge),
         for_host,

@@ -20,7 +20,7 @@ LONGEST_S = 4 * 3600.0
 MOST_STEPS = 10
 
 
-class TrafficKnowledge(TextEnum):
+class PredictionInput(TextEnum):
     """Input of the prediction of the leader's motion."""
 
     PATH = "path"
@@ -51,7 +51,7 @@ class TrafficDrive:
     """
 
     scenario: TrafficScenario = TrafficScenario.FOLLOWING
-    knowledge: TrafficKnowledge = TrafficKnowledge.HISTORY
+    knowledge: PredictionInput = PredictionInput.HISTORY
     duration_s: float = 600.0
     strategy: str = ControllerSettings.strategy
     demand: DemandSettings = field(default_factory=DemandSettings)
@@ -71,9 +71,9 @@ class TrafficDrive:
             )
         if self.own is None:
             return
-        if self.knowledge is TrafficKnowledge.PATH or self.signals_by_radio:
+        if self.knowledge is PredictionInput.PATH or self.signals_by_radio:
             raise ScenarioError(
-                "an own network has neither paths nor roadside stations; allowed: to know history or signals"
+                "an own network has neither paths nor roadside stations; allowed: prediction history or signals"
             )
         if self.scenario is not TrafficScenario.FOLLOWING or self.demand != DemandSettings():
             raise ScenarioError(

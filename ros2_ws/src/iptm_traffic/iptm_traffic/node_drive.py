@@ -31,7 +31,7 @@ from iptm_interfaces.discovery import middleware_settings, reserve_domain
 from iptm_interfaces.process import StopRequest
 from iptm_traffic import cli
 from iptm_traffic.closed_loop import DRIVER_FORESIGHT_S
-from iptm_traffic.drive import TrafficDrive, TrafficFacts, TrafficKnowledge
+from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficFacts
 from iptm_traffic.network import Network
 from iptm_traffic.node_traffic import LISTENERS, TrafficNode
 from iptm_traffic.preparation import prepare_traffic, write_road
@@ -55,7 +55,7 @@ def road_file(bag: Path) -> Path:
 
 def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[str, object]:
     """Return the parameters of the bridge: its port, and the rules of the road."""
-    knows_plan = drive.knowledge is TrafficKnowledge.SIGNALS
+    knows_plan = drive.knowledge is PredictionInput.SIGNALS
     return _rules(drive, network) | {
         "leader_source": "cam",
         "cam_port": port,
@@ -94,7 +94,7 @@ def write_scenario(
         bridge: parameters of the bridge.
         folder: for the file.
     """
-    values = {"know": drive.knowledge, "step_s": drive.step_s, **asdict(drive.demand)}
+    values = {"prediction": drive.knowledge, "step_s": drive.step_s, **asdict(drive.demand)}
     content = {
         "description": f"SUMO: {', '.join(f'{name} {value}' for name, value in values.items())}",
         "cycle": str(road),

@@ -13,7 +13,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.piecewise import cumulative_integral
 from iptm_traffic.corridor import Corridor
 from iptm_traffic.demand import BEFORE_TRIP_S, signal_offsets_s, write_demand
-from iptm_traffic.drive import TrafficDrive, TrafficKnowledge
+from iptm_traffic.drive import PredictionInput, TrafficDrive
 from iptm_traffic.host_road import HostRoad
 from iptm_traffic.network import CYCLE_S, Network, build_network
 from iptm_traffic.own_network import build_own_network
@@ -52,7 +52,7 @@ def prepare_traffic(
     offsets = signal_offsets_s(corridor, drive.scenario, drive.demand, CYCLE_S)
     network = build_network(corridor, folder, offsets, BEFORE_TRIP_S)
     rehearsal = None
-    if drive.knowledge is TrafficKnowledge.PATH:
+    if drive.knowledge is PredictionInput.PATH:
         demand = _demand(drive, corridor, parameters, folder, with_stand_in=True)
         rehearsal = _rehearse(drive, network, demand)
     demand = _demand(drive, corridor, parameters, folder, with_stand_in=False)
