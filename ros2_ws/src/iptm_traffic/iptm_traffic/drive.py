@@ -73,7 +73,7 @@ class TrafficDrive:
             return
         if self.knowledge is PredictionInput.PATH or self.signals_by_radio:
             raise ScenarioError(
-                "an own network has neither paths nor roadside stations; allowed: prediction history or signals"
+                "an own network lacks paths and roadside stations; allowed: prediction history or signals"
             )
         if self.scenario is not TrafficScenario.FOLLOWING or self.demand != DemandSettings():
             raise ScenarioError(
