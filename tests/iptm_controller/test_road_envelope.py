@@ -11,7 +11,7 @@ from tests.iptm_controller.scenes import PARAMETERS, make_state
 
 from iptm_controller.forecast import LeaderForecast, PreviewQuality
 from iptm_controller.leader_motion import PredictedLeaderMotion
-from iptm_controller.road_envelope import PACE_MARGIN_M, RoadEnvelope
+from iptm_controller.road_envelope import LAG_M, LAG_S, RoadEnvelope
 from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
 
 GAP = PARAMETERS.gap
@@ -38,28 +38,30 @@ def test_without_rules_the_lead_vehicle_is_taken_as_it_is() -> None:
     assert envelope().lead(host(10.0), None, forecast) == (forecast.motion, forecast.limiting)
 
 
-def test_on_a_free_road_the_pace_drives_at_the_limit_and_waits_at_the_largest_gap() -> None:
+AHEAD_M = GAP.max_gap_m - LAG_M - LAG_S * 14.0
+"""From the pace at 14 m/s to the lead motion."""
+
+
+def test_on_a_free_road_the_host_is_not_left_behind_and_makes_up_for_what_it_lost() -> None:
     road = envelope()
     motion, limiting = road.lead(host(14.0), FREE, None)
     assert limiting is motion
-    first_m = GAP.max_gap_m - PACE_MARGIN_M
-    assert motion.positions_m[0] == pytest.approx(first_m)
+    assert motion.positions_m[0] == pytest.approx(AHEAD_M)
     assert np.diff(motion.positions_m) == pytest.approx(7.0)
-    # A host that falls back does not move it back; one that halts does not lose it.
-    later, _ = road.lead(host(12.0, 12.0, 1.0), FREE, None)
-    assert later.positions_m[0] == pytest.approx(12.0 + first_m)
-    caught_up, _ = road.lead(host(14.0, 40.0, 2.0), FREE, None)
-    assert caught_up.positions_m[0] == pytest.approx(12.0 + first_m + 14.0)
+    # The pace goes on at 14 m/s while the host does 12, and never gets ahead of a host that halts.
+    later, _ = road.lead(host(12.0, 26.0, 2.0), FREE, None)
+    assert later.positions_m[0] == pytest.approx(26.0 + AHEAD_M)
+    faster, _ = road.lead(host(14.0, 60.0, 4.0), FREE, None)
+    assert faster.positions_m[0] == pytest.approx(26.0 + 28.0 + AHEAD_M)
 
 
-def test_the_pace_asks_for_no_more_than_a_lawful_drive() -> None:
-    """A limit rises behind the pace, not yet behind the host."""
-    rising = SpeedLimits(np.array([0.0, 60.0]), np.array([8.0, 30.0]))
-    motion, _ = envelope().lead(host(8.0), replace(FREE, limits=rising), None)
-    reached_s = 60.0 / 8.0
-    at_node = motion.times_s <= reached_s
-    lawful_m = 8.0 * motion.times_s + GAP.max_gap_m - PACE_MARGIN_M
-    assert np.all(motion.positions_m[at_node] <= lawful_m[at_node] + 1.0)
+def test_the_lead_motion_keeps_the_limits_of_where_the_host_is() -> None:
+    """A limit falls at 200 m: the pace passes there with it, wherever the lead motion is by then."""
+    falling = SpeedLimits(np.array([0.0, 200.0]), np.array([14.0, 8.0]))
+    motion, _ = envelope().lead(host(14.0), replace(FREE, limits=falling), None)
+    at_limit = motion.times_s[np.argmax(motion.speeds_m_s < 8.01)]
+    assert 200.0 / 14.0 < at_limit < 200.0 / 14.0 + 3.0
+    assert np.all(np.diff(motion.positions_m) >= 0.0)
 
 
 def test_a_stop_leads_until_it_opens() -> None:

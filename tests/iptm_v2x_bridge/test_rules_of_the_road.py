@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -70,13 +68,6 @@ def test_limits_are_those_of_the_road_and_the_lower_ones_of_the_host() -> None:
     found = road(bridge, 10.0).limits
     assert found is not None
     assert found.at_m_s(np.array([0.0, 99.0, 100.0])).tolist() == [14.0, 14.0, 9.0]
-
-
-def test_the_end_of_the_route_is_a_stop_for_good_once_it_is_in_reach() -> None:
-    bridge = RulesOfTheRoad(Heard(None), GivenRules(LIMITS), PARAMETERS, end_m=1000.0)
-    assert road(bridge, 14.0).stops == ()
-    (stop,) = road(bridge, 14.0, 1, 300.0).stops
-    assert (stop.position_m, stop.until_s) == (1000.0, math.inf)
 
 
 def test_the_same_tick_again_has_the_same_answer() -> None:

@@ -24,7 +24,7 @@ SPECS = {f"/{spec.name.lstrip('/')}": spec for spec in TOPICS.values()}
 NAMED_VALUES = {
     (name, field)
     for name, spec in SPECS.items()
-    if spec.message_type is JointState
+    if spec.message_type is JointState and spec.unit == "see fields"
     for field in spec.fields
 }
 """Values of the topics that publish several numbers under names, by topic and name."""
@@ -80,6 +80,7 @@ def test_foxglove() -> None:
         "/v2x/slope",
         "/v2x/datagrams",
         "/v2x/leader_samples",
+        "/v2x/road_ahead",
     }
 
 

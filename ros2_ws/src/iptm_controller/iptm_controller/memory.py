@@ -45,10 +45,7 @@ class TractionMemory:
 
 @dataclass(frozen=True)
 class PaceMemory:
-    """Of the road ahead: the lead motion of its limits at the last tick.
-
-    ``is_held``: a stop or a lead vehicle was nearer.
-    """
+    """Of the road ahead: a driver at its limits at the last tick; ``is_held``: a lead vehicle was nearer."""
 
     time_s: float
     position_m: float

@@ -2,9 +2,10 @@
 
 The cost has no term for progress, and with ageing alone it would rather stand: what makes the ego vehicle
 drive is the largest gap. So the rules of the road enter as a lead motion that exists in the controller only.
-It drives at the limits, stands behind closed lines, and the ego vehicle has the same room behind it as behind
-a vehicle, within which the cost decides. Its own speed is limited at every node as well. Of a lead vehicle
-and the rules the nearer one counts at every instant.
+It is that of a pace ahead by the largest gap: a driver at the limits, who halts at closed lines and whom the
+ego vehicle does not fall behind. In front of a closed line it stands behind the line. The ego vehicle has the
+same room behind it as behind a vehicle, within which the cost decides. Its own speed is limited at every
+node as well. Of a lead vehicle and the rules the nearer one counts at every instant.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from iptm_core.physics.gap_policy import maximum_gap_m
 from iptm_core.road_ahead import BRAKING_M_S2, RoadAhead, SpeedLimits, lawful_drive
 from iptm_core.state import FloatArray, LeaderState, VehicleState
 
-ROOM_S = 1.0
-"""Headway of the lead motion beyond that of the spacing policy."""
-PACE_MARGIN_M = 5.0
-"""The pace stays nearer than the largest gap by this: lawful drives change their acceleration at once."""
+LAG_M, LAG_S = 3.0, 2.5
+"""The ego vehicle may be behind the pace by this distance and time, to smooth what the limits make of it."""
+ROOM_S = 0.5
+"""The lead motion is ahead of the pace by this headway at least, beyond that of the spacing policy."""
 LOOK_AHEAD_S = 60.0
 _STEP_S = 0.5
 
@@ -34,7 +35,7 @@ class RoadEnvelope:
     """Turns the road ahead into what the problem takes.
 
     Attributes:
-        pace: where the lead motion was at the last tick; what is lost behind it is made up for.
+        pace: where the pace was at the last tick; what is lost behind it is made up for.
     """
 
     def __init__(self, parameters: ModelParameters, tick_s: float) -> None:
@@ -96,47 +97,40 @@ class RoadEnvelope:
             raise AssertionError("rules without limits bind to nothing")
         steps = round(LOOK_AHEAD_S / _STEP_S)
         gap = self._gap
-        spacing_m = gap.standstill_gap_m + state.speed_m_s * (gap.time_headway_s + ROOM_S)
-        largest_m = max(float(maximum_gap_m(state.speed_m_s, gap)) - PACE_MARGIN_M, spacing_m)
-        pace = lawful_drive(
-            road.limits, (), self._paced(state, road.limits, largest_m), steps, _STEP_S
-        )
-        own = (state.time_s, state.position_m, state.speed_m_s)
-        drive = lawful_drive(road.limits, road.stops, own, steps, _STEP_S)
-        # More than to drive lawfully from here is not asked for.
-        capped = drive.positions_m + largest_m < pace.positions_m
-        positions = np.where(capped, drive.positions_m + largest_m, pace.positions_m)
-        speeds = np.where(capped, drive.speeds_m_s, pace.speeds_m_s)
+        largest_m = float(maximum_gap_m(state.speed_m_s, gap))
+        start = self._paced(state, road, road.limits, largest_m)
+        pace = lawful_drive(road.limits, road.stops, start, steps, _STEP_S)
+        speeds = pace.speeds_m_s
+        spacing_m = gap.standstill_gap_m + (gap.time_headway_s + ROOM_S) * speeds
+        positions = pace.positions_m + np.maximum(largest_m - LAG_M - LAG_S * speeds, spacing_m)
         for stop in road.stops:
             behind_m = stop.position_m + gap.standstill_gap_m
             stands = (pace.times_s < stop.until_s) & (positions > behind_m)
-            if stands.any():
-                self._hold()
             positions, speeds = np.where(stands, behind_m, positions), np.where(stands, 0.0, speeds)
-        positions = np.maximum.accumulate(positions)
-        return PredictedLeaderMotion(pace.times_s, positions, speeds)
+        return PredictedLeaderMotion(pace.times_s, np.maximum.accumulate(positions), speeds)
 
     def _paced(
-        self, state: VehicleState, limits: SpeedLimits, largest_m: float
+        self, state: VehicleState, road: RoadAhead, limits: SpeedLimits, largest_m: float
     ) -> tuple[float, float, float]:
         """Return time, position and speed from which the pace goes on, and keep them.
 
         Args:
-            state: of the ego vehicle.
-            limits: that the pace drives at.
-            largest_m: largest distance at which it is ahead.
+            state: of the ego vehicle, which is never behind the pace.
+            road: rules that the pace keeps.
+            limits: their speed limits.
+            largest_m: largest gap.
         """
-        pace, farthest_m = self.pace, state.position_m + largest_m
+        pace = self.pace
         if pace is None or pace.is_held or pace.time_s > state.time_s:
             # It has waited for an ego vehicle that something else held, and starts again with it.
-            position_m, pace_m_s = farthest_m, state.speed_m_s
+            position_m, pace_m_s = state.position_m, state.speed_m_s
         else:
             steps = max(math.ceil((state.time_s - pace.time_s) / _STEP_S), 1)
             step_s = (state.time_s - pace.time_s) / steps
             start = (pace.time_s, pace.position_m, pace.speed_m_s)
-            moved = lawful_drive(limits, (), start, steps, step_s)
+            moved = lawful_drive(limits, road.stops, start, steps, step_s)
             position_m, pace_m_s = float(moved.positions_m[-1]), float(moved.speeds_m_s[-1])
-            position_m = min(max(position_m, state.position_m), farthest_m)
+            position_m = min(max(position_m, state.position_m - largest_m), state.position_m)
         self.pace = PaceMemory(state.time_s, position_m, pace_m_s, is_held=False)
         return state.time_s, position_m, pace_m_s
 

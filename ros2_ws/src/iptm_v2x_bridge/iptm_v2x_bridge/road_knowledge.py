@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +33,8 @@ from iptm_v2x_bridge.source import CycleSource, EmptyRoad, PreviewSource
 
 OF_THE_CYCLE = "cycle"
 """Value of `speed_limits_km_h` for the limits that the cycle itself keeps."""
+AT_THE_END_M_S = 1e-3
+"""Speed limit behind the end of the route: a halt."""
 
 
 class Expectation(TextEnum):
@@ -127,12 +128,19 @@ def given_rules(settings: RoadAheadSettings, route: Route) -> GivenRules:
 
 
 def own_limits(settings: RoadAheadSettings, route: Route) -> SpeedLimits:
-    """Return the limits other than signs: set speed of the driver, and curves."""
-    limits = NO_LIMITS
+    """Return the limits other than signs: set speed, curves and, without a leader, the end of the route."""
+    limits = limits_of_curves(route.road_line, settings.max_lateral_acceleration_m_s2)
     if settings.set_speed_km_h:
-        limits = SpeedLimits(np.zeros(1), np.full(1, settings.set_speed_km_h / KM_H_PER_M_S))
-    curves = limits_of_curves(route.road_line, settings.max_lateral_acceleration_m_s2)
-    return limits.and_not_above(curves)
+        wanted = np.full(1, settings.set_speed_km_h / KM_H_PER_M_S)
+        limits = limits.and_not_above(SpeedLimits(np.zeros(1), wanted))
+    if settings.leader_source is LeaderSource.NONE:
+        motion = route.leader
+        end_m = float(motion.positions_m[-1] - motion.start_position_m)
+        end = SpeedLimits(
+            np.array([0.0, end_m]), np.array([NO_LIMITS.limits_m_s[0], AT_THE_END_M_S])
+        )
+        limits = limits.and_not_above(end)
+    return limits
 
 
 def with_rules(
@@ -161,8 +169,6 @@ def with_rules(
     given = given_rules(settings, route)  # also validated if they are not kept
     if not settings.keeps_rules:
         return inner
-    is_empty = settings.leader_source is LeaderSource.NONE
-    motion = route.leader
     return RulesOfTheRoad(
         inner,
         rules or given,
@@ -171,7 +177,6 @@ def with_rules(
         foresight_s=settings.line_foresight_s,
         start_timestamp_ms=start_timestamp_ms,
         own_limits=own_limits(settings, route),
-        end_m=float(motion.positions_m[-1] - motion.start_position_m) if is_empty else math.inf,
     )
 
 

@@ -30,8 +30,6 @@ STOP_BEFORE_M = 2.0
 LIMITS_AHEAD_M = 3000.0
 """Limits up to here are passed on: more than any car drives in the minute that is looked ahead."""
 LIMITS_BEHIND_M = 200.0
-REACHED_M = 1.0
-"""A stop that the host comes this near to within the look ahead holds it."""
 _STEP_S = 0.5
 
 
@@ -48,7 +46,6 @@ class RulesOfTheRoad:
         foresight_s: float = math.inf,
         start_timestamp_ms: int = 0,
         own_limits: SpeedLimits = NO_LIMITS,
-        end_m: float = math.inf,
     ) -> None:
         """Set up the rules.
 
@@ -59,11 +56,10 @@ class RulesOfTheRoad:
             settings: length of the look ahead.
             foresight_s: lines that the host would reach later are not looked at.
             start_timestamp_ms: TimestampIts at trip time 0.
-            own_limits: set speed and curves.
-            end_m: where the route ends.
+            own_limits: set speed, curves and the end of the route.
         """
         self._inner, self._rules, self._gap = inner, rules, parameters.gap
-        self._own_limits, self._end = own_limits, Stop(end_m, math.inf)
+        self._own_limits = own_limits
         self._foresight_s = foresight_s
         self._start_s = start_timestamp_ms / 1000.0
         self._steps = round((settings or PreviewSettings()).preview_length_s / _STEP_S)
@@ -114,13 +110,11 @@ class RulesOfTheRoad:
         host: tuple[float, float, float],
         room_m: FloatArray | None,
     ) -> tuple[Stop, ...]:
-        """Return the lines that are closed when the host arrives there, and the end of the route."""
+        """Return the lines that are closed when the host arrives there, in driving order."""
         position = host[1]
         holds: list[tuple[Signal, Stop]] = []
         while True:
-            stops = sorted(
-                [*(stop for _, stop in holds), self._end], key=lambda stop: stop.position_m
-            )
+            stops = sorted((stop for _, stop in holds), key=lambda stop: stop.position_m)
             headway_s = self._gap.time_headway_s
             drive = lawful_drive(limits, stops, host, self._steps, _STEP_S, room_m, headway_s)
             closed = self._first_closed(drive, holds)
@@ -130,12 +124,7 @@ class RulesOfTheRoad:
             halt_m = max(signal.stop_line_m - STOP_BEFORE_M, position)
             holds.append((signal, Stop(halt_m, until_s)))
         self._holding_m = holds[0][0].stop_line_m if holds else None
-        reached_m = float(drive.positions_m[-1]) + REACHED_M
-        return tuple(
-            Stop(max(stop.position_m, position), stop.until_s)
-            for stop in stops
-            if stop.position_m <= reached_m
-        )
+        return tuple(stops)
 
     def _first_closed(
         self, drive: Drive, holds: list[tuple[Signal, Stop]]
