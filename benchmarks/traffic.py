@@ -75,10 +75,9 @@ def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
 def measure(
     duration_s: float = 600.0,
     seed: int = 1,
-    scenario: tuple[str, ...] = tuple(str(entry) for entry in TrafficScenario),
+    scenario: tuple[str, ...] = (*(str(entry) for entry in TrafficScenario), TOWN.net.name),
     know: tuple[str, ...] = tuple(str(entry) for entry in PredictionInput),
     rows_of: tuple[str, ...] = (),
-    town: int = 1,
     page: int = 0,
 ) -> dict[str, Any]:
     """Measure all drives.
@@ -86,11 +85,10 @@ def measure(
     Args:
         duration_s: length of each, s.
         seed: of the traffic.
-        scenario: only these; may be repeated.
+        scenario: only these, or the example of an own network; may be repeated.
         know: only with this knowledge; may be repeated.
         rows_of: no drives, but the rows of these --json files; may be repeated.
-        town: 1 drives in the example of an own network, too.
-        page: 1 writes the table into docs/traffic.md.
+        page: 1 writes the tables of what was driven into docs/traffic.md.
     """
     parameters = load_parameters().values
     rows: list[dict[str, Any]] = []
@@ -100,15 +98,15 @@ def measure(
         rows += measured["rows"]
         load = max(load, measured["load"])
     drives = [
-        TrafficDrive(
+        TrafficDrive(duration_s=duration_s, own=replace(TOWN, seed=seed))
+        if name == TOWN.net.name
+        else TrafficDrive(
             TrafficScenario(name),
             duration_s=duration_s,
             demand=DemandSettings(traffic_seed=seed),
         )
         for name in scenario
     ]
-    if town:
-        drives.append(TrafficDrive(duration_s=duration_s, own=replace(TOWN, seed=seed)))
     for drive in () if rows_of else drives:
         reference = drive_in_traffic(replace(drive, strategy="reference"), parameters)
         for knowledge in map(PredictionInput, know):
@@ -124,7 +122,11 @@ def measure(
         "rows": rows,
     }
     if page:
-        PAGE.write_text(put(PAGE.read_text("utf-8"), "drives", as_table(numbers)), "utf-8")
+        text = PAGE.read_text("utf-8")
+        own = [row for row in rows if row["scenario"] == TOWN.net.name]
+        for part, some in (("town", own), ("drives", [row for row in rows if row not in own])):
+            text = put(text, part, as_table(numbers | {"rows": some})) if some else text
+        PAGE.write_text(text, "utf-8")
     return numbers
 
 
