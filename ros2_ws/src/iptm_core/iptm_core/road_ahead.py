@@ -1,7 +1,7 @@
 """What the road ahead allows: speed limits over position, places not to be passed before an instant.
 
-A rule of the road is an upper bound and no vehicle. Limits of signs, curves and the set speed of the driver
-are speeds over position; a closed stop line and the end of the route are positions over time.
+A rule of the road is an upper bound and no vehicle. Limits of signs, curves, the set speed of the driver and
+the end of the route are speeds over position; a closed stop line is a position over time.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Stop:
 
     Attributes:
         position_m: where it halts at the latest.
-        until_s: trip time at which the way is free; infinite at the end of the route.
+        until_s: trip time at which the way is free; infinite if it never is.
     """
 
     position_m: float

@@ -222,7 +222,7 @@ _SPECS = (
         Topic.ROAD_AHEAD, JointState, BRIDGE, ROAD_FRAME, "m, m/s, s",
         "what the road allows the host, vehicles apart: a bound per name[], at position[] m with velocity[] "
         "m/s until trip time effort[] s: speed_limit from there on (the first one before it, too); stop (a "
-        "closed line, the end of the route), not passed by the front before; lead_vehicle: v2x/leader has a "
+        "closed line), not passed by the front before; lead_vehicle: v2x/leader has a "
         "message of this stamp. No names: nothing is known",
         {"lead_vehicle": "-", "speed_limit": "m/s", "stop": "s"},
     ),
