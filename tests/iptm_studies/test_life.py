@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from iptm_core.aging_laws.cells import AGING_CELLS, LFP, NCA
 from iptm_core.aging_laws.law import Load
 from iptm_core.parameters import load_parameters
+from iptm_studies.life.decisions import MEASURED, Decision, decision_study
 from iptm_studies.life.losses import (
     Cause,
     Spread,
@@ -20,8 +22,9 @@ from iptm_studies.life.losses import (
     losses_by_cause,
     years_to_end,
 )
+from iptm_studies.life.own_law import PARKED_H, OwnLaw, PricedTrips, kelvin_price_1_k, priced_study
 from iptm_studies.life.page import Findings, life_page
-from iptm_studies.life.table import CONTROLS, MANAGED, life_table
+from iptm_studies.life.table import CONTROLS, MANAGED, OWN_LAW, PAPER, life_table
 from iptm_studies.life.trips import (
     CITY,
     DEFAULT,
@@ -29,6 +32,7 @@ from iptm_studies.life.trips import (
     MOTORWAY,
     NO_COOLING,
     THERMOSTAT,
+    Extent,
     TripMap,
 )
 from iptm_studies.life.usage import CLIMATES, USAGES, Charging, Climate, Usage
@@ -182,18 +186,24 @@ def findings() -> Findings:
         control: cooled if control not in (NO_COOLING, THERMOSTAT) else warm
         for control in DRIVEN_CONTROLS
     }
+    by_control |= {
+        f"parked_{hours:g}": trip(3.0, coolest_k=304.15 - step, compressor_j=1e6 * step)
+        for step, hours in enumerate(PARKED_H)
+    }
     trips = {
         (cycle, control): one for cycle in (CITY, MOTORWAY) for control, one in by_control.items()
     }
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("iptm_studies.life.table.USAGES", USAGES[:1])
         patch.setattr("iptm_studies.life.table.CLIMATES", CLIMATES[:1])
-        return Findings("scripts/life", *life_table(trips))
+        decided = Decision("wltc_class3b", "NCA", 28.0, 0.2, 28.3, 0.005)
+        return Findings("scripts/life", life_table(trips), [decided])
 
 
 def test_the_table_has_all_cells_and_controls(findings: Findings) -> None:
     shown = {(row.cell, row.control) for row in findings.rows}
-    expected = {(cell, control) for cell in ("paper", *AGING_CELLS) for control in CONTROLS}
+    expected = {(cell, control) for cell in AGING_CELLS for control in CONTROLS}
+    expected |= {(PAPER, control) for control in DRIVEN_CONTROLS}
     assert shown == expected
     by = {(row.cell, row.control): row for row in findings.rows}
     for cell in AGING_CELLS:
@@ -205,7 +215,9 @@ def test_the_table_has_all_cells_and_controls(findings: Findings) -> None:
         assert stored_lower == (cell != "NMC622")  # its calendar ageing is largest in the middle
         assert (by[cell, MANAGED].saved > saved.saved) == stored_lower
         assert saved.years >= by[cell, NO_COOLING].years
-    assert by["paper", DEFAULT].causes[Cause.CALENDAR_PARKED] == 0.0
+        assert by[cell, OWN_LAW].saved > 0.0
+        assert by[cell, OWN_LAW].range_change < 0.0
+    assert by[PAPER, DEFAULT].causes[Cause.CALENDAR_PARKED] == 0.0
 
 
 def test_the_page_states_points_energy_and_limits(
@@ -216,6 +228,53 @@ def test_the_page_states_points_energy_and_limits(
     page = life_page(findings)
     for text in ("percentage points", "kWh a year", "Years to 80 %", "rest temperature", "doi:"):
         assert text in page
+
+
+def test_trips_are_interpolated_over_the_price_of_a_kelvin() -> None:
+    """At the price of a trip that trip, between two of them a mixture, beyond the last one that one."""
+    priced = PricedTrips(
+        tuple(
+            trip(3.0, coolest_k=310.0 - step, compressor_j=step) for step, _ in enumerate(PARKED_H)
+        )
+    )
+    own = OwnLaw("LFP", COMMUTER, CLIMATES[0], COMMUTER.charging, commuting())
+    july = own.use(6)
+    price = kelvin_price_1_k(july, 310.0)
+    assert price > kelvin_price_1_k(own.use(0), 310.0) > 0.0
+    found = priced.at(price, 310.0).compressor_j[1]
+    assert 1.0 < found < len(PARKED_H) - 1.0
+    assert priced.at(1.5 * price, 310.0).compressor_j[1] > found
+    assert priced.at(1.0, 310.0).compressor_j[1] == len(PARKED_H) - 1.0
+    assert priced.at(0.0, 310.0).compressor_j[1] == 0.0
+
+
+def test_a_pack_that_air_cools_is_worth_less_on_arrival() -> None:
+    """What a kelvin is worth lasts as long as the kelvin: 10 h, or less than one with radiator and fan."""
+    usual, free = (
+        OwnLaw("LFP", COMMUTER, CLIMATES[0], charging, commuting()).use(6)
+        for charging in (COMMUTER.charging, replace(COMMUTER.charging, free_cooling=True))
+    )
+    assert usual.parked_time_constant_h == pytest.approx(10.0)
+    assert free.parked_time_constant_h == pytest.approx(0.44, abs=0.02)
+    assert kelvin_price_1_k(free, 310.0) < 0.2 * kelvin_price_1_k(usual, 310.0)
+
+
+def test_decisions_are_driven_under_every_law(tmp_path: Path) -> None:
+    study, routes = decision_study(Extent(), tmp_path, lambda _: None)
+    assert len(routes[MEASURED]) == 10
+    assert len(study.cases) == 12 * (1 + len(AGING_CELLS))
+    assert len(priced_study(Extent()).cases) == 2 * len(PARKED_H) * len(Extent().start_c)
+
+
+def test_interpolated_trips_end_like_those_with_the_law_itself() -> None:
+    """On the page, within 1.5 K of WLTC driven under the law of each cell."""
+    page = Path(__file__).parents[2].joinpath("docs", "life.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:-1] for line in page.splitlines() if line.startswith(f"| {CITY} |")]
+    ends = {row[1].strip(): (float(row[2]), row[3].strip()) for row in rows}
+    assert set(ends) == {PAPER, *AGING_CELLS}
+    for cell in AGING_CELLS:
+        driven, interpolated = ends[cell]
+        assert float(interpolated) == pytest.approx(driven, abs=1.5)
 
 
 def losses_at_rest(cell: str, charge: float) -> float:

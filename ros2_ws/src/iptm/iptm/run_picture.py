@@ -180,7 +180,7 @@ def _aging(axes: Axes, shown: _Shown) -> None:
         run.time_s, PPM * (spread - spread[0]), color=PURPLE, ls="--", label="cell N − cell 1"
     )
     axes.set_ylim(bottom=0.0)
-    titled(axes, "Capacity lost since the start", "ppm of nominal")
+    titled(axes, "Capacity lost by cycling since the start", "ppm of nominal")
 
 
 def _reference(

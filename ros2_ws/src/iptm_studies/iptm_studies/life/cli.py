@@ -10,11 +10,13 @@ from iptm_studies.campaign import Campaign
 from iptm_studies.laboratory import Laboratory, Session
 from iptm_studies.life import charging_stop
 from iptm_studies.life.charging_page import CHARGING_PAGE, charging_page
+from iptm_studies.life.decisions import decision_study, decisions
+from iptm_studies.life.own_law import priced_study
 from iptm_studies.life.page import Findings, life_page
 from iptm_studies.life.table import life_table
 from iptm_studies.life.trips import Extent, trip_maps, trip_study
 
-_SHORT = Extent((22.0, 36.0), compile_code=False, duration_s=60.0)
+_SHORT = Extent((22.0, 36.0), compile_code=False, duration_s=60.0, measured_trips=1)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -32,7 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _work(session: Session) -> bool:
     if session.options.charging_stop:
         return _charging_stop(session)
-    campaign = Campaign([trip_study(_SHORT if session.options.short else Extent())])
+    extent = _SHORT if session.options.short else Extent()
+    single, routes = decision_study(extent, session.store.folder / "drives", session.console.print)
+    campaign = Campaign([trip_study(extent), priced_study(extent), single])
     if not session.compute(campaign):
         return True
     missing = [state for state in campaign.cases if state.metrics is None]
@@ -41,8 +45,16 @@ def _work(session: Session) -> bool:
     if missing:
         return False
     session.console.print("years are composed ...")
-    rows, spent = life_table(trip_maps(campaign.cases, session.store))
-    session.write(life_page(Findings(session.command, rows, spent)))
+    of_years = [state for state in campaign.cases if state.study is not single]
+    trips = trip_maps(of_years, session.store)
+    rows = life_table(trips)
+    chosen = decisions(
+        (state for state in campaign.cases if state.study is single),
+        routes,
+        session.store,
+        trips,
+    )
+    session.write(life_page(Findings(session.command, rows, chosen)))
     return True
 
 

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from iptm_core.aging_laws.cells import AGING_CELLS, Experiments
 from iptm_core.markdown import markdown_table
 from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_studies.life.decisions import START_C as DECIDED_FROM_C
+from iptm_studies.life.decisions import Decision
 from iptm_studies.life.losses import BAND, DRAWS, LONGEST_YEARS, SERVICE_YEARS, SPREAD, Cause
-from iptm_studies.life.table import CONTROLS, MANAGED, RESISTANCE_YEARS, Row, Spent
+from iptm_studies.life.own_law import PARKED_H
+from iptm_studies.life.table import CONTROLS, MANAGED, OWN_LAW, PAPER, RESISTANCE_YEARS, Row
 from iptm_studies.life.trips import DEFAULT, NO_COOLING
 from iptm_studies.life.usage import CLIMATES, USAGES
 from iptm_studies.life.year import (
@@ -24,7 +27,8 @@ _ABOUT = f"""\
 Value of temperature control over years: capacity lost after {SERVICE_YEARS:g} years of the same use,
 in **percentage points of nominal capacity**, by cause, with the energy that the cooling needs. A year is
 composed of closed-loop trips of the paper's car (a 72 kWh pack), parking and charging; trips are driven from
-four temperatures of the pack under every control and interpolated between them. Bands are the
+four temperatures of the pack under every control, with the law of a cell at {len(PARKED_H)} prices of a
+kelvin, and interpolated between them. Bands are the
 {BAND[0]:g} to {BAND[1]:g} % range of {DRAWS} seeded draws: rates vary by {100 * SPREAD.rate:.0f} %,
 activation energies by {100 * SPREAD.energy:.0f} % and exponents of time by {100 * SPREAD.exponent:.0f} %
 (standard deviations), all controls with the same draws."""
@@ -34,17 +38,21 @@ _CONTROLS = f"""\
 - **reference**: the paper's reference strategy on 15 steps of 1 s.
 - **{DEFAULT}**: the shipped strategy, whose cost uses the paper's law and whose value of a cool pack ends
   with the trip.
+- **{OWN_LAW}**: the same strategy with the law of the cell (`aging_law`): the hours after the trip count, at
+  the price of the month, and energy has its price.
 - **{MANAGED}**: the same, with another target of charging, reached just in time, and a radiator that cools
   the parked pack where it is {FREE_COOLING_ABOVE_AIR_K:g} K warmer than the air and above
   {FREE_COOLING_FROM_K - CELSIUS_ZERO_K:g} °C ({FREE_COOLING_W_K:g} W/K with a fan of
-  {FREE_COOLING_FAN_W:g} W: chosen)."""
+  {FREE_COOLING_FAN_W:g} W: chosen). The controller is set to both."""
 _LIFE = f"""\
 Losses and savings in percentage points after {SERVICE_YEARS:g} years; calendar loss while charging counts as
-parked; years until 80 % of the capacity is left (at most {LONGEST_YEARS:g}). The last column names what lies
+parked; energy of cooling in a year and what it does to the range; years until 80 % of the capacity is left
+(at most {LONGEST_YEARS:g}). The last column names what lies
 outside the experiments behind the law."""
 _LIMITS = """\
-- The default strategy is driven with the paper's law. What it would do with the law of the cell, or with a
-  value of a cool pack that includes the hours after the trip, is not part of these numbers.
+- With the law of a cell, trips are those of one law at the same price of a kelvin. The first route of the
+  decisions is driven with each law itself.
+- In a row of trips, every trip is driven as if the pack rested after it.
 - A parked pack approaches the air with a time constant of 10 h, without sun; heating is left out.
 - The chiller is that of 35 °C of air in all climates. A cool climate makes it cheaper, which the fitted map
   does not show: its coefficient of the air has the opposite sign and hardly counts. Cooling while
@@ -62,12 +70,12 @@ class Findings:
     Attributes:
         command: what makes it.
         rows: the life table.
-        spent: energies.
+        decisions: what the strategy does on single trips.
     """
 
     command: str
     rows: Sequence[Row]
-    spent: Sequence[Spent]
+    decisions: Sequence[Decision]
 
 
 def life_page(found: Findings) -> str:
@@ -82,7 +90,9 @@ def life_page(found: Findings) -> str:
         "## Controls",
         _CONTROLS,
         "## Energy and range",
-        _energy_table(found.spent),
+        _energy_table(found.rows),
+        "## Decisions under each law",
+        _decision_table(found.decisions),
         "## Cells and laws",
         _cell_table(),
         "## Life tables",
@@ -113,29 +123,48 @@ def _saved(row: Row) -> str:
 
 def _summary(found: Findings) -> str:
     usage = USAGES[0].name
-    rows = []
-    for control in CONTROLS[1:]:
-        for climate in CLIMATES:
-            cells = [
-                row
-                for row in found.rows
-                if (row.usage, row.climate, row.control) == (usage, climate.name, control)
-            ]
-            energy = next(
-                spent
-                for spent in found.spent
-                if (spent.usage, spent.climate, spent.control) == (usage, climate.name, control)
-            )
-            rows.append(
-                (control, climate.name, f"{energy.more_kwh:.0f}", *(_saved(row) for row in cells))
-            )
-    names = list(dict.fromkeys(row.cell for row in found.rows))
-    heads = ["Control", "Climate", "kWh a year:", *(f"{name}:" for name in names)]
+    by = {(row.climate, row.control, row.cell): row for row in found.rows if row.usage == usage}
+    lines = [
+        (
+            control,
+            climate.name,
+            *(
+                f"{_saved(row)}; {row.more_kwh:.0f}" if row else "–"
+                for row in (by.get((climate.name, control, cell)) for cell in (PAPER, *AGING_CELLS))
+            ),
+        )
+        for control in CONTROLS[1:]
+        for climate in CLIMATES
+    ]
+    heads = ["Control", "Climate", f"{PAPER}:", *(f"{name}:" for name in AGING_CELLS)]
     return (
         f"A {usage}, percentage points of capacity saved after {SERVICE_YEARS:g} years against no cooling "
-        "below 40 °C, with bands; and the energy of the compressor beyond that:\n\n"
-        + markdown_table(heads, rows)
+        "below 40 °C, with bands; and what cooling needs beyond that, in kWh a year:\n\n"
+        + markdown_table(heads, lines)
     )
+
+
+def _decision_table(found: Sequence[Decision]) -> str:
+    about = (
+        f"The default strategy from {DECIDED_FROM_C:g} °C, set to a commuter in {CLIMATES[0].name} in July: "
+        "temperature at the end, as the years above interpolate it, energy of the compressor, and the "
+        f"percentage points of capacity that such trips save in {SERVICE_YEARS:g} years, two on each working "
+        "day, against the same strategy with the paper's law, by the law of the cell. Of ten measured "
+        "trips, the first five minutes and means."
+    )
+    lines = [
+        (
+            one.route,
+            one.cell,
+            f"{one.end_c:.1f}",
+            "–" if one.interpolated_end_c is None else f"{one.interpolated_end_c:.1f}",
+            f"{one.cooling_kwh:.3f}",
+            "–" if one.saved is None else _points(one.saved, 2),
+        )
+        for one in found
+    ]
+    heads = ["Route", "Law", "end, °C:", "interpolated:", "compressor, kWh:", "saved:"]
+    return f"{about}\n\n{markdown_table(heads, lines)}"
 
 
 def _resistance(rows: Sequence[Row]) -> str:
@@ -160,33 +189,26 @@ def _resistance(rows: Sequence[Row]) -> str:
     return f"{about}\n\n{markdown_table(heads, lines)}"
 
 
-def _energy_table(spent: Sequence[Spent]) -> str:
-    heads = [
-        "Usage",
-        "Climate",
-        "Control",
-        "km a year:",
-        "compressor kWh a year:",
-        "range by cooling:",
-        "consumption from the pack:",
-    ]
-    rows = [
+def _energy_table(rows: Sequence[Row]) -> str:
+    heads = ["Usage", "Climate", "Control", "cooling, kWh a year:", "range by cooling:"]
+    lines = [
         (
-            one.usage,
-            one.climate,
-            one.control,
-            f"{one.distance_km:.0f}",
-            f"{one.compressor_kwh:.0f}",
-            f"{100.0 * one.range_change:+.1f} %",
-            f"{100.0 * one.consumption_change:+.1f} %",
+            row.usage,
+            row.climate,
+            row.control,
+            f"{row.cooling_kwh:.0f}",
+            f"{100.0 * row.range_change:+.1f} %",
+            f"{100.0 * row.consumption_change:+.1f} %",
         )
-        for one in spent
+        for row in rows
+        if row.cell == PAPER
     ]
     about = (
         "Range by cooling is what the compressor takes; consumption includes the way of driving, which the "
-        "strategies change, too. Both are compared with no cooling below 40 °C."
+        "strategies change, too. Both are compared with no cooling below 40 °C. With the law of a cell they depend "
+        "on the cell: the life tables have them."
     )
-    return f"{about}\n\n{markdown_table(heads, rows)}"
+    return f"{about}\n\n{markdown_table([*heads, 'consumption from the pack:'], lines)}"
 
 
 def _cell_table() -> str:
@@ -228,12 +250,16 @@ def _life_tables(rows: Sequence[Row]) -> list[str]:
                     _points(row.loss, 2) + _band(row.loss_band),
                     *(_points(row.causes[cause], 2) for cause in Cause),
                     _saved(row),
+                    f"{row.cooling_kwh:.0f}",
+                    f"{100.0 * row.range_change:+.1f} %",
                     f"> {LONGEST_YEARS:g}" if row.years >= LONGEST_YEARS else f"{row.years:.1f}",
                     ", ".join(row.flags) or "–",
                 )
                 for row in shown
             ]
             title = f"### {usage.name.capitalize()}, {climate.name}"
-            table = markdown_table([*heads, "Years to 80 %:", "Outside"], lines)
+            table = markdown_table(
+                [*heads, "kWh a year:", "range:", "Years to 80 %:", "Outside"], lines
+            )
             parts.append(f"{title}\n\n{table}")
     return parts

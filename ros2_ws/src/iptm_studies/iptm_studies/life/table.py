@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from iptm_core.aging_laws.cells import AGING_CELLS
 from iptm_core.aging_laws.paper import paper_law
@@ -18,40 +19,16 @@ from iptm_studies.life.losses import (
     losses_by_cause,
     years_to_end,
 )
+from iptm_studies.life.own_law import OwnLaw, priced_trips
 from iptm_studies.life.trips import DEFAULT, DRIVEN_CONTROLS, NO_COOLING, TripMap
-from iptm_studies.life.usage import CLIMATES, USAGES, Charging, Climate, Usage
+from iptm_studies.life.usage import CLIMATES, USAGES, Climate, Usage
 from iptm_studies.life.year import Year, year_of
 
-MANAGED = "default, charging managed"
+PAPER = "paper"
+OWN_LAW = "own law"
+MANAGED = "own law, managed"
+CONTROLS = (*DRIVEN_CONTROLS, OWN_LAW, MANAGED)
 RESISTANCE_YEARS = 1.0
-CONTROLS = (*DRIVEN_CONTROLS, MANAGED)
-
-
-@dataclass(frozen=True)
-class Spent:
-    """What a control needs in a year, compared with no cooling below 40 degC.
-
-    Attributes:
-        usage: pattern of use.
-        climate: place.
-        control: control.
-        compressor_kwh: energy of the compressor in a year, while driving and while charging.
-        more_kwh: the same, beyond that without cooling.
-        range_change: change of the range by the part of that which comes from the pack, as a share.
-        consumption_change: change of the energy for driving by that and by the way of driving, as a share.
-        driving_kwh: energy from the pack in a year.
-        distance_km: distance in a year.
-    """
-
-    usage: str
-    climate: str
-    control: str
-    compressor_kwh: float
-    more_kwh: float
-    range_change: float
-    consumption_change: float
-    driving_kwh: float
-    distance_km: float
 
 
 @dataclass(frozen=True)
@@ -61,7 +38,7 @@ class Row:
     Attributes:
         usage: pattern of use.
         climate: place.
-        cell: name of the law, `paper` for the paper's.
+        cell: name of the law, `PAPER` for the paper's.
         control: control.
         causes: loss by cause.
         loss_band: of the loss; None for the paper's law, whose spread is not published.
@@ -70,6 +47,10 @@ class Row:
         years: until 80 % of the capacity is left.
         resistance: growth of resistance after `RESISTANCE_YEARS`, None where the cell has no law of it.
         flags: quantities outside the experiments behind the law.
+        cooling_kwh: energy of compressor and fan in a year, from pack and grid.
+        more_kwh: the same, beyond that without cooling below 40 degC.
+        range_change: change of the range by the part of that which comes from the pack, as a share.
+        consumption_change: change of the energy from the pack, by cooling and way of driving, as a share.
     """
 
     usage: str
@@ -83,6 +64,10 @@ class Row:
     years: float
     resistance: float | None
     flags: tuple[str, ...]
+    cooling_kwh: float
+    more_kwh: float
+    range_change: float
+    consumption_change: float
 
     @property
     def loss(self) -> float:
@@ -90,84 +75,59 @@ class Row:
         return sum(self.causes.values())
 
 
-def _charging(usage: Usage, control: str) -> Charging:
-    return usage.managed if control == MANAGED else usage.charging
-
-
 def _in_all_months(trip: TripMap) -> Callable[[int], TripMap]:
     return lambda _: trip
 
 
-def years_of_use(
-    trips: Mapping[tuple[str, str], TripMap],
-) -> Iterator[tuple[Usage, Climate, Mapping[str, Year]]]:
-    """Yield the years of every usage and climate by control."""
+def life_table(trips: Mapping[tuple[str, str], TripMap]) -> Sequence[Row]:
+    """Return all rows, from the trips by cycle and control."""
+    rows: list[Row] = []
     parameters = load_parameters().values
     for usage in USAGES:
         for climate in CLIMATES:
-            years = {}
-            for control in CONTROLS:
-                driven = DEFAULT if control == MANAGED else control
-                trip = trips[usage.cycle, driven]
-                charging = _charging(usage, control)
-                years[control] = year_of(
-                    usage, climate, driven, charging, _in_all_months(trip), parameters
+            shared = {}
+            for control in DRIVEN_CONTROLS:
+                trip_of = _in_all_months(trips[usage.cycle, control])
+                shared[control] = year_of(
+                    usage, climate, control, usage.charging, trip_of, parameters
                 )
-            yield usage, climate, years
+            rows += _rows(usage, climate, PAPER, shared)
+            for cell in AGING_CELLS:
+                own = {}
+                for control, charging in ((OWN_LAW, usage.charging), (MANAGED, usage.managed)):
+                    law = OwnLaw(cell, usage, climate, charging, shared[DEFAULT])
+                    trip_of = partial(law.trip, priced_trips(trips, usage.cycle))
+                    own[control] = year_of(usage, climate, DEFAULT, charging, trip_of, parameters)
+                rows += _rows(usage, climate, cell, shared | own)
+    return rows
 
 
-def life_table(
-    trips: Mapping[tuple[str, str], TripMap],
-) -> tuple[Sequence[Row], Sequence[Spent]]:
-    """Return all rows and what each control spends."""
-    rows: list[Row] = []
-    spent: list[Spent] = []
-    for usage, climate, years in years_of_use(trips):
-        spent += _spent(usage, climate, years)
-        rows += _rows(usage, climate, years)
-    return rows, spent
-
-
-def _spent(usage: Usage, climate: Climate, years: Mapping[str, Year]) -> Iterator[Spent]:
+def _rows(usage: Usage, climate: Climate, name: str, years: Mapping[str, Year]) -> Iterator[Row]:
+    cell = AGING_CELLS.get(name)
+    law = cell.law if cell else paper_law(load_parameters().values)
     least = years[NO_COOLING]
+    without = sum(losses_by_cause(law, least, SERVICE_YEARS).values())
+    drawn: dict[str, FloatArray] = {}
     for control, year in years.items():
+        causes = losses_by_cause(law, year, SERVICE_YEARS)
+        if cell is not None:
+            drawn[control] = drawn_losses(cell, year)
+        grown = cell and cell.resistance
         more_kwh = year.compressor_kwh - least.compressor_kwh
-        grid_kwh = year.grid_compressor_kwh - least.grid_compressor_kwh
-        yield Spent(
+        yield Row(
             usage.name,
             climate.name,
+            name,
             control,
+            causes,
+            band(drawn[control]) if cell else None,
+            without - sum(causes.values()),
+            band(drawn[NO_COOLING] - drawn[control]) if cell else None,
+            years_to_end(law, year),
+            sum(losses_by_cause(grown, year, RESISTANCE_YEARS).values()) if grown else None,
+            flags(cell, year) if cell else (),
             year.compressor_kwh + year.grid_compressor_kwh,
-            more_kwh + grid_kwh,
+            more_kwh + year.grid_compressor_kwh - least.grid_compressor_kwh,
             least.driving_kwh / (least.driving_kwh + more_kwh) - 1.0,
             (year.driving_kwh / year.distance_km) / (least.driving_kwh / least.distance_km) - 1.0,
-            year.driving_kwh,
-            year.distance_km,
         )
-
-
-def _rows(usage: Usage, climate: Climate, years: Mapping[str, Year]) -> Iterator[Row]:
-    laws = {"paper": paper_law(load_parameters().values)}
-    laws |= {name: cell.law for name, cell in AGING_CELLS.items()}
-    for name, law in laws.items():
-        cell = AGING_CELLS.get(name)
-        drawn: dict[str, FloatArray] = {}
-        without = sum(losses_by_cause(law, years[NO_COOLING], SERVICE_YEARS).values())
-        for control, year in years.items():
-            causes = losses_by_cause(law, year, SERVICE_YEARS)
-            if cell is not None:
-                drawn[control] = drawn_losses(cell, year)
-            grown = cell and cell.resistance
-            yield Row(
-                usage.name,
-                climate.name,
-                name,
-                control,
-                causes,
-                band(drawn[control]) if cell else None,
-                without - sum(causes.values()),
-                band(drawn[NO_COOLING] - drawn[control]) if cell else None,
-                years_to_end(law, year),
-                sum(losses_by_cause(grown, year, RESISTANCE_YEARS).values()) if grown else None,
-                flags(cell, year) if cell else (),
-            )

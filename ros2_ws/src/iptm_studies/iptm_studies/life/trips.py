@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from iptm_controller.horizon import SINGLE_HORIZON
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
+from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_studies.campaign import CaseState
+from iptm_studies.real_cars.trips import TRIPS
 from iptm_studies.run_spec import RunSpec, SolverSpec
 from iptm_studies.store import ResultStore
 from iptm_studies.study import Case, Label, Study
@@ -43,30 +46,48 @@ class Extent:
         start_c: temperatures at which the pack begins a trip.
         compile_code: whether controllers are compiled.
         duration_s: where trips are cut, None for their ends.
+        measured_trips: measured trips under each law.
     """
 
     start_c: tuple[float, ...] = START_C
     compile_code: bool = True
     duration_s: float | None = None
+    measured_trips: int = TRIPS
+
+
+def trip_case(
+    extent: Extent,
+    cycle: str,
+    control: str,
+    start_c: float,
+    aging: AgingSettings | None = None,
+    name: str = "",
+) -> Case:
+    """Return a trip under a control, of the default with another ageing law under a name of its own."""
+    strategy, horizon, overrides = _DRIVEN[control]
+    start = {"environment.initial_cell_temperature_k": start_c + CELSIUS_ZERO_K}
+    spec = RunSpec(
+        cycle=cycle,
+        duration_s=extent.duration_s,
+        overrides=tuple({**overrides, **start}.items()),
+        strategy=strategy_by_name(strategy),
+        horizon=horizon,
+        solver=SolverSpec(compile_code=extent.compile_code),
+        **asdict(aging or AgingSettings()),
+    )
+    control = name or control
+    labels: dict[str, Label] = {"cycle": cycle, "control": control, "start_c": start_c}
+    return Case(f"{Path(cycle).stem}_{control}_{start_c:g}", labels, spec)
 
 
 def trip_study(extent: Extent) -> Study:
     """Return the trips of all cycles, controls and temperatures."""
-    cases = []
-    for cycle in (CITY, MOTORWAY):
-        for control, (strategy, horizon, overrides) in _DRIVEN.items():
-            for start_c in extent.start_c:
-                start = {"environment.initial_cell_temperature_k": start_c + CELSIUS_ZERO_K}
-                spec = RunSpec(
-                    cycle=cycle,
-                    duration_s=extent.duration_s,
-                    overrides=tuple({**overrides, **start}.items()),
-                    strategy=strategy_by_name(strategy),
-                    horizon=horizon,
-                    solver=SolverSpec(compile_code=extent.compile_code),
-                )
-                labels: dict[str, Label] = {"cycle": cycle, "control": control, "start_c": start_c}
-                cases.append(Case(f"{cycle}_{control}_{start_c:g}", labels, spec))
+    cases = [
+        trip_case(extent, cycle, control, start_c)
+        for cycle in (CITY, MOTORWAY)
+        for control in _DRIVEN
+        for start_c in extent.start_c
+    ]
     about = "Trips from several temperatures of the pack, of which years of use are composed."
     return Study("life", "Years of use", about, tuple(cases))
 
@@ -123,6 +144,23 @@ class TripMap:
             self.distance_m,
         )
 
+    def towards(self, other: TripMap, share: float) -> TripMap:
+        """Return the trip a share of the way to another one of the same cycle, from the same starts."""
+
+        def between(mine: FloatArray, others: FloatArray) -> FloatArray:
+            mixed: FloatArray = (1.0 - share) * mine + share * others
+            return mixed
+
+        return replace(
+            self,
+            temperature_k=between(self.temperature_k, other.temperature_k),
+            c_rate_1_h=between(self.c_rate_1_h, other.c_rate_1_h),
+            drawn=between(self.drawn, other.drawn),
+            end_k=between(self.end_k, other.end_k),
+            compressor_j=between(self.compressor_j, other.compressor_j),
+            distance_m=(1.0 - share) * self.distance_m + share * other.distance_m,
+        )
+
     @cached_property
     def durations_s(self) -> FloatArray:
         """Lengths of the samples, shape (n,)."""
@@ -137,7 +175,14 @@ def nominal_energy_j(parameters: ModelParameters) -> float:
     return pack.open_circuit_voltage_v * cell.nominal_capacity_ah * pack.parallel * 3600.0
 
 
-def trip_maps(states: Sequence[CaseState], store: ResultStore) -> Mapping[tuple[str, str], TripMap]:
+def heat_capacity_j_k(parameters: ModelParameters) -> float:
+    """Return the heat capacity of all cells of the pack."""
+    pack = parameters.pack
+    cells = pack.modules * pack.series_per_module * pack.parallel
+    return cells * parameters.cell.heat_capacity_j_k
+
+
+def trip_maps(states: Iterable[CaseState], store: ResultStore) -> Mapping[tuple[str, str], TripMap]:
     """Return the trips by cycle and control, from finished runs."""
     runs: dict[tuple[str, str], list[Trajectory]] = {}
     for state in states:

@@ -14,7 +14,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.physics.resistance import cell_resistance_ohm
 from iptm_core.state import FloatArray
-from iptm_studies.life.trips import NO_COOLING, TripMap, nominal_energy_j
+from iptm_studies.life.trips import NO_COOLING, TripMap, heat_capacity_j_k, nominal_energy_j
 from iptm_studies.life.usage import (
     DAY_S,
     FAST_C_RATE_1_H,
@@ -149,12 +149,7 @@ class _Pack:
 
     @property
     def heat_capacity_j_k(self) -> float:
-        return self._cells * self.parameters.cell.heat_capacity_j_k
-
-    @property
-    def _cells(self) -> float:
-        pack = self.parameters.pack
-        return float(pack.modules * pack.series_per_module * pack.parallel)
+        return heat_capacity_j_k(self.parameters)
 
     @property
     def free_cooling_time_constant_s(self) -> float:
@@ -172,7 +167,9 @@ class _Pack:
     def charging_heat_w(self, c_rate_1_h: float, kelvin: float) -> float:
         current_a = c_rate_1_h * self.parameters.cell.nominal_capacity_ah
         ohm = float(cell_resistance_ohm(kelvin, 0.0, self.parameters.cell))
-        return self._cells * current_a**2 * ohm
+        pack = self.parameters.pack
+        cells = pack.modules * pack.series_per_module * pack.parallel
+        return cells * current_a**2 * ohm
 
 
 def year_of(
