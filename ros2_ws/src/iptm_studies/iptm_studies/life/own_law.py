@@ -31,7 +31,8 @@ from iptm_studies.life.usage import HOUR_S, Charging, Climate, Usage
 from iptm_studies.life.year import FREE_COOLING_W_K, PARKED_TIME_CONSTANT_S, Activity, Year
 from iptm_studies.study import Study
 
-PARKED_H = (0.1, 1.0, 4.0, 12.0, 36.0, 100.0)
+PARKED_H = (0.1, 1.0, 2.0, 4.0)
+"""From a price at which nothing is cooled to one at which as much is cooled as the limits allow."""
 ARRIVAL_ABOVE_PARKED_K = 5.0
 """Prices are compared where a trip may end: a price also depends on the temperature on arrival."""
 _CARRIER = AgingSettings(
@@ -147,6 +148,7 @@ class OwnLaw:
             pack_above_air_k=self._above_air_k,
             parked_time_constant_h=capacity_j_k / conductance_w_k / HOUR_S,
             charging_target=self.charging.target - later,
+            charging_c_rate_1_h=self.usage.charging_c_rate_1_h,
             daily_discharge=discharge,
             service_years=SERVICE_YEARS,
         )
