@@ -205,8 +205,8 @@ def _energy_table(rows: Sequence[Row]) -> str:
     ]
     about = (
         "Range by cooling is what the compressor takes; consumption includes the way of driving, which the "
-        "strategies change, too. Both are compared with no cooling below 40 °C. With the law of a cell they depend "
-        "on the cell: the life tables have them."
+        "strategies change, too. Both are compared with no cooling below 40 °C. With the law of a "
+        "cell they depend on the cell: the life tables have them."
     )
     return f"{about}\n\n{markdown_table([*heads, 'consumption from the pack:'], lines)}"
 
