@@ -25,7 +25,7 @@ from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunSpec, SolverSpec
 
 AIR_C = (-10.0, 0.0, 5.0, 35.0)
-MINUTE_KWH = 0.15
+MINUTE_KWH = 0.1
 WORTHS_KWH = (0.05, 0.1, 0.25, 0.5, 1.0)
 WORTHS_AIR_C = 5.0
 HEATER_W = 5000.0
