@@ -10,6 +10,7 @@ from sensor_msgs.msg import JointState
 from iptm_core.markdown import markdown_table
 from iptm_core.state import Command
 from iptm_interfaces.codecs import encode_command
+from iptm_interfaces.qos import describe_qos
 from iptm_interfaces.services import MEANINGS
 from iptm_interfaces.topics import (
     HOST_FRAME,
@@ -19,7 +20,6 @@ from iptm_interfaces.topics import (
     ROAD_FRAME,
     TOPICS,
     TopicSpec,
-    describe_qos,
 )
 from iptm_interfaces.visual_topics import VISUAL_TOPICS
 

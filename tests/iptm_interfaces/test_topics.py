@@ -6,12 +6,11 @@ import pytest
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from iptm_interfaces.qos import LATCHED_QOS, RAW_QOS, STREAM_QOS
+from iptm_interfaces.qos import LATCHED_QOS, RAW_QOS, STREAM_QOS, describe_qos
 from iptm_interfaces.topics import (
     TOPICS,
     Topic,
     TopicSpec,
-    describe_qos,
     frame_in,
     topic_of,
 )

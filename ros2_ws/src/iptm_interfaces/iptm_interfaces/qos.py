@@ -35,3 +35,11 @@ RAW_QOS = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
 )
 """What comes in bursts and must not be lost: reliable, keep last 5000, volatile."""
+
+
+def describe_qos(profile: QoSProfile) -> str:
+    """Return a profile in words, for tables and error texts, e.g. `reliable, keep last 10`."""
+    reliability = profile.reliability.name.lower().replace("_", " ")
+    durability = profile.durability.name.lower().replace("_", "-")
+    text = f"{reliability}, keep last {profile.depth}"
+    return text if durability == "volatile" else f"{text}, {durability}"

@@ -348,11 +348,3 @@ def frame_in(prefix: str, frame: str) -> str:
     if not prefix or frame in {"", MAP_FRAME} or frame.startswith(f"{prefix}/"):
         return frame
     return f"{prefix}/{frame}"
-
-
-def describe_qos(profile: QoSProfile) -> str:
-    """Return a profile in words, for tables and error texts, e.g. `reliable, keep last 10`."""
-    reliability = profile.reliability.name.lower().replace("_", " ")
-    durability = profile.durability.name.lower().replace("_", "-")
-    text = f"{reliability}, keep last {profile.depth}"
-    return text if durability == "volatile" else f"{text}, {durability}"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import ParameterError
+from iptm_core.road_ahead_settings import RoadAheadSettings
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import (
     VEHICLE_LENGTH_M,
@@ -14,7 +15,6 @@ from iptm_core.settings import (
     ModelSettings,
     PreviewSettings,
     RangeSensorSettings,
-    RoadAheadSettings,
     RoadSettings,
     StringSettings,
     TickSettings,

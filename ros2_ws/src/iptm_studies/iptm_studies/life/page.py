@@ -150,7 +150,9 @@ def _decision_table(found: Sequence[Decision]) -> str:
         "temperature at the end, as the years above interpolate it, energy of the compressor, and the "
         f"percentage points of capacity that such trips save in {SERVICE_YEARS:g} years, two on each working "
         "day, against the same strategy with the paper's law, by the law of the cell. Of ten measured "
-        "trips, the first five minutes and means."
+        "trips, the first five minutes and means. The savings are upper bounds: every day of the years is "
+        "one in July, the next trip is taken not to cool, and they are valued by the model that the "
+        "controller optimises."
     )
     lines = [
         (
