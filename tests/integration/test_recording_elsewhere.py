@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import signal
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -71,13 +72,13 @@ def test_a_kill_loses_at_most_one_tick_wherever_the_clock_is(
     peer.wait_until(clock.get_subscription_count, 60.0, "subscription to the clock")
     file, ticks = tmp_path / "bag" / "bag_0.mcap", 60
     for tick in range(1, ticks):
-        message = Temperature(temperature=float(tick))
+        message = Temperature(temperature=tick + 0.125)
         message.header.stamp = time_from_ns(tick * S)
         state.publish(message)
         clock.publish(Clock(clock=time_from_ns(tick * S)))
-        if tick % 5 == 0:
-            size = file.stat().st_size
-            peer.wait_until(lambda size=size: file.stat().st_size > size, what="growth of the bag")
+        if tick % 5 == 0:  # a tick is written when the next one begins
+            mark = struct.pack("<d", tick - 1 + 0.125)
+            peer.wait_until(lambda mark=mark: mark in file.read_bytes(), what=f"tick {tick - 1}")
     recorder.send(signal.SIGKILL)
     recorder.wait()
     with BagReader(recover(tmp_path / "bag").output) as reader:

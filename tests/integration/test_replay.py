@@ -134,7 +134,7 @@ def test_bags_that_cannot_be_played(
     for bag, message in (
         (tmp_path / "none", "does not exist"),
         (tmp_path / "cut.mcap", "scripts/recover_bag"),
-        (tmp_path / "foreign.mcap", "no MCAP file"),
+        (tmp_path / "foreign.mcap", "not an MCAP file"),
     ):
         play(bag).assert_refused(message)
 

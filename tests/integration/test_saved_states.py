@@ -68,7 +68,7 @@ def test_the_ring_goes_on_to_the_last_bit(launcher: Any, peer: Any, tmp_path: Pa
         stamp_ns, command = decode_command(message)
         commands[stamp_ns] = command
 
-    peer.node.listen(Topic.COMMAND, note)
+    heard_commands = peer.node.listen(Topic.COMMAND, note)
     peer.node.listen(Topic.PLANT_ODOMETRY, lambda _: None)
     peer.node.listen(Topic.CLOCK, lambda message: clocks.append(ns_from_time(message.clock)))
     ring = [
@@ -96,7 +96,12 @@ def test_the_ring_goes_on_to_the_last_bit(launcher: Any, peer: Any, tmp_path: Pa
     at = f"{saved_ns / S:g}"
     plant["start_state"] = tmp_path / "states" / f"plant_{at}s.json"
     controller["start_state"] = tmp_path / "states" / f"controller_{at}s.json"
+    peer.wait_until(
+        lambda: not heard_commands.get_publisher_count(), 60.0, "the end of the first trip"
+    )
     launcher.start_node(CONTROLLER, parameters=controller)
+    # The plant does not wait until this subscriber and the new publisher of commands are matched.
+    peer.wait_until(heard_commands.get_publisher_count, 60.0, "the publisher of commands")
     launcher.start_node(BRIDGE, parameters={**LINK, "start_time_s": float(at)})
     launcher.start_node(PLANT, parameters=plant)
     peer.wait_until(lambda: last_ns in commands, 120.0, "the rest of the trip once more")
@@ -106,7 +111,7 @@ def test_the_ring_goes_on_to_the_last_bit(launcher: Any, peer: Any, tmp_path: Pa
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(None, "cannot be read"), ("{}", "no state file"), ("[1", "cannot be read")],
+    [(None, "cannot be read"), ("{}", "not a state file"), ("[1", "cannot be read")],
 )
 def test_a_file_that_holds_no_state_is_refused_in_one_line(
     launcher: Any, tmp_path: Path, content: str | None, words: str

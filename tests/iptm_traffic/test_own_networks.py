@@ -116,9 +116,9 @@ def test_a_host_that_yields_meets_none_of_a_row_of_cars(
 ) -> None:
     """At the entry of the roundabout; a host that does not yield there collides."""
     cars = "".join(
-        f'<vehicle id="a{n}" type="car" depart="{3 * n}" departSpeed="max">'
+        f'<vehicle id="a{n}" type="car" depart="{2 * n + 1.5}" departSpeed="max">'
         '<route edges="north_in ring_4 ring_1 south_out"/></vehicle>'
-        for n in range(25)
+        for n in range(20)
     )
     routes = tmp_path / "ring.rou.xml"
     routes.write_text(f'<routes><vType id="car" sigma="0"/>{cars}</routes>', encoding="utf-8")
