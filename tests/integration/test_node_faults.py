@@ -334,12 +334,11 @@ def test_a_frozen_plant_reads_what_waits_before_it_judges() -> None:
 def test_a_model_that_fails_ends_the_trip_as_a_defect(
     plant: NodeBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    cell_k = math.nan
     step = plant.node._trip.step  # type: ignore[attr-defined]
     monkeypatch.setattr(
         plant.node._trip,  # type: ignore[attr-defined]
         "step",
-        step.__class__(**{**vars(step), "state": replaced(step.state, cell_k)}),
+        step.__class__(**{**vars(step), "state": replaced(step.state, math.nan)}),
     )
     answer(plant, 0)
     assert plant.situation == (Level.ERROR, "the vehicle model failed")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -11,6 +12,7 @@ import numpy as np
 
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
+from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
@@ -208,3 +210,16 @@ def run_stage(
     following = following.full().ravel() * layout.STATE_SCALE + layout.STATE_OFFSET
     following[0] += state.position_m
     return following, float(cost), limits.full().ravel()
+
+
+NONE_YET = LeaderPreview(-math.inf, np.empty(0), np.empty(0), np.empty(0))
+"""No preview has arrived."""
+
+
+def expect_constant_speed(motion: PredictedLeaderMotion, leader: LeaderState) -> None:
+    times = leader.time_s + np.array([0.0, 1.0, 28.0])
+    positions, speeds = motion.at(times)
+    assert speeds.tolist() == [leader.speed_m_s] * 3
+    np.testing.assert_allclose(
+        positions, leader.position_m + leader.speed_m_s * (times - leader.time_s)
+    )
