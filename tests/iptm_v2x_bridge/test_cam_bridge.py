@@ -218,7 +218,7 @@ def test_jitter_reorders_and_loses_nothing_else(route: Route) -> None:
 
 
 def test_a_late_tick_is_answered_for_its_own_time() -> None:
-    """Two seconds late: what the leader said since then is known, and tells nothing of where it was."""
+    """Two seconds late: the messages of the leader since then are known, but not its positions before."""
     late, punctual = CamBridge(ROAD), CamBridge(ROAD)
     for time_ms in range(0, 5001, 100):
         message = datagram_of(4711, time_ms, 50.0 + 0.012 * time_ms, 12.0)
