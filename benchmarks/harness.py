@@ -1,4 +1,4 @@
-"""What all benchmarks share: clocks, a closed loop, the command line, numbers and tables, the machine."""
+"""What all benchmarks share: the command line, tables, quantiles, and the machine in a line."""
 
 from __future__ import annotations
 
@@ -8,96 +8,18 @@ import json
 import os
 import platform
 import re
-import subprocess
 import sys
-import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, get_args, get_origin
 
 import casadi as ca
 import numpy as np
 
-from iptm_controller.controller import Controller
-from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
-from iptm_controller.ocp.compilation import compiler_flags, find_compiler
-from iptm_controller.options import ControllerOptions
-from iptm_controller.solvers.interface import SolverOptions
-from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
-from iptm_core.decision_record import DecisionSeries, SolveStatus
 from iptm_core.errors import IptmError, StoreError
 from iptm_core.markdown import markdown_table
-from iptm_core.parameters import DEFAULT_SET, load_parameters
-from iptm_core.routes import build_route
-from iptm_core.routes.route import Route
 from iptm_core.state import FloatArray
-from iptm_plant_sim.plant import Plant
-
-T = TypeVar("T")
-
-
-PROPOSED = str(MULTI_HORIZON)
-SINGLE = str(SINGLE_HORIZON)
-WITH_THERMAL_PHASE = f"{PROPOSED}+10x30t"
-
-
-@dataclass(frozen=True)
-class Elapsed:
-    """Time of one call: wall time is what a vehicle feels, processor time can be compared on a busy machine.
-
-    Attributes:
-        wall_s: on the wall, other programs of the machine included.
-        processor_s: on the processor by all threads of this process; equals the wall time of a
-            single-threaded call on a quiet machine.
-    """
-
-    wall_s: float
-    processor_s: float
-
-
-def timed(call: Callable[[], T]) -> tuple[T, Elapsed]:
-    """Call and time it on both clocks."""
-    wall, processor = time.perf_counter(), time.process_time()
-    result = call()
-    return result, Elapsed(time.perf_counter() - wall, time.process_time() - processor)
-
-
-def closed_loop(
-    cycle: str,
-    horizon: str = PROPOSED,
-    strategy: str = DEFAULT_STRATEGY,
-    solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
-    duration_s: float | None = None,
-    parameter_set: str = DEFAULT_SET,
-) -> tuple[Route, Plant, Controller]:
-    """Return what `run_closed_loop` drives.
-
-    Args:
-        cycle: driving cycle of ``build_route``.
-        horizon: grid such as ``3x1+5x5``.
-        strategy: name of the strategy.
-        solver: back end and its options.
-        duration_s: where the trip is cut, s; None for all of it.
-        parameter_set: of vehicle and controller.
-
-    Raises:
-        IptmError: a name is unknown or the set-up fails.
-    """
-    parameters = load_parameters(parameter_set).values
-    route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
-    options = ControllerOptions(
-        strategy=strategy_by_name(strategy), horizon=Horizon.parse(horizon), solver=solver
-    )
-    plant = Plant(parameters, route.slope.slope_at)
-    return route, plant, Controller(parameters, options)
-
-
-def statuses(decisions: DecisionSeries) -> dict[str, int]:
-    """Count the solves of a run by their outcome."""
-    return dict(Counter(SolveStatus(int(code)).name.lower() for code in decisions.status))
 
 
 def quantiles(values: FloatArray) -> dict[str, float]:
@@ -109,12 +31,6 @@ def quantiles(values: FloatArray) -> dict[str, float]:
         "p99": float(np.quantile(values, 0.99)),
         "max": float(values.max()),
     }
-
-
-def write_numbers(path: Path, numbers: Any) -> None:
-    """Write what a benchmark measured."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
 
 
 def formatted_table(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> str:
@@ -185,58 +101,19 @@ def run_benchmark(
         return 2
     print(text_of(numbers))
     if path is not None:
-        write_numbers(path, numbers)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
     return 0
 
 
-def machine_description() -> dict[str, str]:
-    """Return processor, memory, load and versions in readable pairs, without the name of the machine."""
-    load = os.getloadavg()
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return {
-        "date": datetime.now(timezone.utc).strftime("%Y-%m-%d"),
-        "processor": _value_of(Path("/proc/cpuinfo"), "model name")
-        or platform.processor()
-        or "unknown",
-        "cores": str(os.cpu_count()),
-        "memory": f"{memory / 2**30:.0f} GiB",
-        "load average at the time (1, 5, 15 min)": ", ".join(f"{value:.1f}" for value in load),
-        "system": f"{platform.system()} {platform.machine()}",
-        "compiler": f"{_compiler_version()}, {' '.join(compiler_flags())}",
-        "Python": platform.python_version(),
-        "CasADi": ca.CasadiMeta.version(),
-        "NumPy": np.__version__,
-    }
-
-
-def peak_memory_mib(process_id: int) -> float:
-    """Return the largest resident memory that a process has had, MiB; NaN if it is not known."""
-    value = _value_of(Path(f"/proc/{process_id}/status"), "VmHWM")
-    return float(value.split()[0]) / 1024.0 if value else float("nan")
-
-
-def resident_memory_mib(process_id: int) -> float:
-    """Return the resident memory of a process now, MiB; NaN if it is not known."""
-    value = _value_of(Path(f"/proc/{process_id}/status"), "VmRSS")
-    return float(value.split()[0]) / 1024.0 if value else float("nan")
-
-
-def _value_of(path: Path, key: str) -> str:
-    """Return the first value of a key in a file of the kernel, empty if there is none."""
-    try:
-        text = path.read_text(encoding="ascii", errors="replace")
-    except OSError:
-        return ""
-    found = re.search(rf"^{key}\s*:\s*(.*)$", text, re.MULTILINE)
-    return found[1].strip() if found else ""
-
-
-def _compiler_version() -> str:
-    compiler = find_compiler()
-    if compiler is None:
-        return "none"
-    done = subprocess.run(  # noqa: S603 - the compiler found on the user's own path
-        [*compiler, "--version"], capture_output=True, text=True, timeout=30, check=False
+def machine_in_words() -> str:
+    """Return date, processor, load and versions in a sentence, without the name of the machine."""
+    found = re.search(
+        r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text("utf-8"), re.MULTILINE
     )
-    numbers = re.findall(r"\d+(?:\.\d+)+", done.stdout.partition("\n")[0])
-    return " ".join([Path(compiler[0]).name, *numbers[-1:]])
+    processor = found[1] if found else platform.processor()
+    return (
+        f"Measured on {datetime.now(timezone.utc):%Y-%m-%d} on {os.cpu_count()} cores of {processor}, "
+        f"load average {os.getloadavg()[0]:.1f} at the end; {platform.system()} {platform.machine()}, Python "
+        f"{platform.python_version()}, CasADi {ca.CasadiMeta.version()}, NumPy {np.__version__}."
+    )

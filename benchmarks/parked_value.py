@@ -1,19 +1,17 @@
 """What the value of a kelvin on arrival buys: the commuter of Phoenix, and January in Oslo.
 
-    python benchmarks/parked_value.py [--laws nca,lfp] [--speed]
+    python benchmarks/parked_value.py [--laws nca,lfp]
 
 The default strategy drives the trips of a commuter under the law of each cell, month by month, and years are
 composed of them (`iptm_studies.life`). Beside it drive the same controller without cooling, and with a rule:
 in the last 15 minutes the compressor runs at full power until the mean of the cells is 25 degC. Savings count
-against no cooling, a kilowatt-hour is that of the compressor. ``--speed`` solves the problems of a trip
-under the paper's law and under that of a cell by turns.
+against no cooling, a kilowatt-hour is that of the compressor.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import cache
@@ -23,16 +21,13 @@ import numpy as np
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
-from iptm_controller.ocp.data import ProblemData
 from iptm_controller.settings import ControllerSettings
-from iptm_controller.solvers.interface import SolverBackend, SolveResult
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.aging_laws.cells import LAWS
-from iptm_core.aging_laws.parking import PAPER_LAW, AgingSettings, ParkedAging
+from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.physics.chiller import largest_useful_power_w
-from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_studies.life.losses import SERVICE_YEARS, losses_by_cause
 from iptm_studies.life.trips import CITY, DEFAULT, NO_COOLING, TripMap, nominal_energy_j, trip_map
@@ -203,75 +198,13 @@ def oslo(laws: Sequence[str], trips: Trips) -> None:
             )
 
 
-class Recorder:
-    """Back end that keeps the problems it solves."""
-
-    def __init__(self, backend: SolverBackend) -> None:
-        """Take a back end."""
-        self.backend = backend
-        self.problems: list[tuple[ProblemData, FloatArray]] = []
-
-    @property
-    def name(self) -> str:
-        """Name of the back end."""
-        return self.backend.name
-
-    @property
-    def compiled(self) -> bool:
-        """Whether the problem runs as machine code."""
-        return self.backend.compiled
-
-    def solve(
-        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
-    ) -> SolveResult:
-        """Solve and keep a problem."""
-        self.problems.append((data, guess))
-        return self.backend.solve(data, guess, most_iterations=most_iterations)
-
-
-def recorded(law: str, cycle: str) -> Recorder:
-    """Drive a cycle from 35 degC in July, and return the problems with a fresh solver for them."""
-    inputs = trip_inputs(law, cycle, PHOENIX, JULY, 35.0)
-    controller = controller_of(inputs)
-    recorder = Recorder(controller.backend)
-    controller.backend = recorder
-    perform_run(inputs, own_controller=controller)
-    recorder.backend = controller_of(inputs).backend
-    return recorder
-
-
-def speed(laws: Sequence[str]) -> None:
-    """Print processor time of the solves under laws of cells over that under the paper's, by turns."""
-    for cycle in ("us06", CITY):
-        paper = recorded(PAPER_LAW, cycle)
-        for law in laws:
-            own = recorded(law, cycle)
-            spent_s, iterations = np.zeros((len(own.problems), 2)), np.zeros(2)
-            for tick, pair in enumerate(zip(paper.problems, own.problems, strict=True)):
-                for place, (recorder, problem) in enumerate(zip((paper, own), pair, strict=True)):
-                    began_s = time.thread_time()
-                    iterations[place] += recorder.backend.solve(*problem).iterations
-                    spent_s[tick, place] = time.thread_time() - began_s
-            total, median = np.sum(spent_s, axis=0), np.median(spent_s, axis=0)
-            print(
-                f"{cycle:12} {law:14} over paper: sum {total[1] / total[0]:.2f}, median "
-                f"{median[1] / median[0]:.2f}, iterations {iterations[1] / iterations[0]:.2f}",
-                flush=True,
-            )
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--laws", default=",".join(LAWS), help="separated by commas")
-    parser.add_argument("--speed", action="store_true", help="solve times only")
-    options = parser.parse_args(arguments)
-    laws, trips = options.laws.split(","), Trips()
-    if options.speed:
-        speed(laws)
-        return 0
+    laws, trips = parser.parse_args(arguments).laws.split(","), Trips()
     phoenix(laws, trips)
     oslo(laws, trips)
     return 0

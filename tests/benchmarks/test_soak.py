@@ -15,7 +15,7 @@ from iptm_faults.kinds import FaultKind
 
 @pytest.mark.integration
 @pytest.mark.slow
-def test_no_tick_of_a_trip_with_random_faults_is_lost_without_a_word() -> None:
+def test_no_tick_of_a_trip_with_random_faults_is_lost_without_a_report() -> None:
     command = (sys.executable, "-m", "benchmarks.soak", "--ticks", "120", "--every-s", "12")
     done = subprocess.run(command, capture_output=True, text=True, timeout=300.0, check=False)
     assert done.returncode == 0, done.stderr
@@ -23,7 +23,7 @@ def test_no_tick_of_a_trip_with_random_faults_is_lost_without_a_word() -> None:
     assert numbers["ended"] == "finished"
     assert numbers["faults"] == len(random_faults(120.0, 12.0, seed=1)) >= 8
     assert numbers["states_heard"] == 121
-    assert numbers["unanswered_without_a_word"] == 0
+    assert numbers["unanswered_without_report"] == 0
 
 
 def test_a_process_that_grows_with_the_trip_is_seen() -> None:
