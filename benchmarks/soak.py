@@ -30,7 +30,7 @@ from iptm_bringup.runner import Driven, RunOptions, drive_processes
 from iptm_bringup.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
 from iptm_core.errors import ScenarioError
 from iptm_core.routes.cycles import load_cycle
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_faults.fault import Fault, in_order
 from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
 from iptm_interfaces.codecs import stamp_ns_of

@@ -23,8 +23,7 @@ from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.road_line import RoadLine
-from iptm_core.state import FloatArray
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, FloatArray
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_v2x_bridge.bridge import BridgeAnswer

@@ -14,7 +14,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.parameters.units import KM_H_PER_M_S
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes import build_route
-from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.state import FloatArray
 from iptm_traffic.drive import PredictionInput, TrafficDrive

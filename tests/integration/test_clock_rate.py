@@ -7,7 +7,7 @@ from typing import Any
 from rclpy.clock import ROSClock
 from rclpy.parameter import Parameter
 
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.topics import STATE_TOPICS, Topic
 

@@ -17,8 +17,7 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from tests.integration.controller_ticks import ROAD, tick_messages
 
-from iptm_core.state import Command
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, Command
 from iptm_interfaces.codecs import encode_command, encode_slope
 from iptm_interfaces.diagnostics import status_values
 from iptm_interfaces.topics import Topic

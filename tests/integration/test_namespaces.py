@@ -7,7 +7,7 @@ from typing import Any
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.qos import RAW_QOS
 from iptm_interfaces.topics import TOPICS, Topic

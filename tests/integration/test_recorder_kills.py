@@ -22,7 +22,7 @@ from rclpy.experimental import EventsExecutor
 from rosgraph_msgs.msg import Clock
 from tests.integration.conftest import Peer
 
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs import time_from_ns
 from iptm_interfaces.diagnostics import status_values
 from iptm_interfaces.suite_node import SuiteNode

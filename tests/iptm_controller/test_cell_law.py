@@ -22,7 +22,7 @@ from iptm_controller.temperature_value import TemperatureValue
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
-from iptm_core.physics.aging import capacity_loss_rate_1_s
+from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.thermal_loop import cooling_supply, most_efficient_cooling
 from iptm_core.state import VehicleState
 

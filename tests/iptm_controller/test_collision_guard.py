@@ -18,7 +18,7 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolveResult
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import FloatArray, LeaderState, VehicleState
 
 LIMITS = PARAMETERS.limits

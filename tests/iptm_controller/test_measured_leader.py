@@ -16,8 +16,7 @@ from iptm_controller.leader_motion import (
     extrapolated_motion,
     measured_acceleration_m_s2,
 )
-from iptm_core.routes.cycles import CYCLE_NAMES, load_cycle
-from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.cycles import CYCLE_NAMES, LeaderMotion, load_cycle
 from iptm_core.state import FloatArray, LeaderState
 
 HORIZON_S = 28.0

@@ -13,7 +13,7 @@ from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.ocp.stage import GAP_SMOOTHING_M
 from iptm_controller.plan import Plan, plan_from_variables
 from iptm_controller.solvers.interface import SolverBackend
-from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import FloatArray
 
 GRIDS = ["3x1+5x5", "15x1"]

@@ -20,7 +20,7 @@ from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.ocp.thermal_stage import build_thermal_stage
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
-from iptm_core.physics.aging import capacity_loss_rate_1_s
+from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, rates_at_traction_power
 from iptm_core.state import FloatArray

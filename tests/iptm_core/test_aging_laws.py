@@ -19,12 +19,11 @@ from iptm_core.aging_laws.cells import (
     aging_cell,
     outside_experiments,
 )
-from iptm_core.aging_laws.law import AgingLaw, Load, aged, new_cell
+from iptm_core.aging_laws.law import AgingLaw, Load, ThroughputAging, aged, new_cell, paper_law
 from iptm_core.aging_laws.mechanisms import anode_potential_v
-from iptm_core.aging_laws.paper import ThroughputAging, paper_law
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
-from iptm_core.physics.aging import capacity_loss_rate_1_s
+from iptm_core.physics.cell import capacity_loss_rate_1_s
 
 VALUES = load_parameters().values
 LAWS = [cell.law for cell in AGING_CELLS.values()] + [paper_law(VALUES)]

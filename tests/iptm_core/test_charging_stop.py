@@ -14,7 +14,7 @@ from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_core.physics.resistance import cell_resistance_ohm
+from iptm_core.physics.cell import cell_resistance_ohm
 
 PAPER = load_parameters().values
 STOP = ChargingStopSettings()

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.aging import capacity_loss_rate_1_s
+from iptm_core.physics.cell import capacity_loss_rate_1_s
 
 Agree = Callable[..., None]
 VALUES = load_parameters().values

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.battery_power import battery_power_w
+from iptm_core.physics.electrical import battery_power_w
 
 Agree = Callable[..., None]
 VALUES = load_parameters().values

@@ -8,13 +8,13 @@ import pytest
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.braking import (
+from iptm_core.physics.car_following import (
     LEADER_SURPRISE_M_S,
     brake_build_up,
     braking_reserve_m,
+    minimum_gap_m,
     stopping_distance_m,
 )
-from iptm_core.physics.gap_policy import minimum_gap_m
 from iptm_core.routes import CYCLE_NAMES
 from iptm_core.routes.cycles import load_cycle
 from iptm_core.state import FloatArray

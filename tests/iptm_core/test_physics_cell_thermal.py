@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell_thermal import cell_heat_w, cell_temperature_rate_k_s
+from iptm_core.physics.cell import cell_heat_w, cell_temperature_rate_k_s
 from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm
 
 Agree = Callable[..., None]

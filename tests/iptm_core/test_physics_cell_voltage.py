@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from iptm_core.physics.cell_voltage import (
+from iptm_core.physics.charge import (
     ChargeTable,
     ChargeTransfer,
     ResistanceLaw,

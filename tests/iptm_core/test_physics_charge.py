@@ -10,16 +10,15 @@ import pytest
 
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
-from iptm_core.physics.cell_thermal import heat_from_air_w
+from iptm_core.physics.car_following import maximum_gap_m
+from iptm_core.physics.cell import cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.charge import (
     at_charge,
     charge_after,
     nominal_charge_parameters,
     pack_capacity_ah,
 )
-from iptm_core.physics.gap_policy import maximum_gap_m
 from iptm_core.physics.power_thermal import electric_traction_power_w
-from iptm_core.physics.resistance import cell_resistance_ohm
 
 PAPER = load_parameters().values
 I3 = load_parameters("bmw_i3").values

@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 
 from iptm_core.parameters.model import RegenerationParameters
-from iptm_core.physics.electric_drive import drag_loss_w, regenerative_torque_nm
-from iptm_core.physics.road_load import coast_down_force_n, warm_up_force_n
+from iptm_core.physics.traction import (
+    coast_down_force_n,
+    drag_loss_w,
+    regenerative_torque_nm,
+    warm_up_force_n,
+)
 
 LIMITS = RegenerationParameters(84.0, 50e3, 1.0, 2.0, 2.0, 0.5)
 

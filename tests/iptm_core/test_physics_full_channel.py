@@ -11,10 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
-from iptm_core.physics.cell_thermal import cell_heat_w
+from iptm_core.physics.cell import cell_heat_w
 from iptm_core.physics.chiller import ChillerLine, chiller_line
-from iptm_core.physics.coolant import reduce_channel
-from iptm_core.physics.full_channel import FullChannel, mean_cell_heat_w
+from iptm_core.physics.coolant import FullChannel, mean_cell_heat_w, reduce_channel
 from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
 from iptm_core.state import FloatArray
 

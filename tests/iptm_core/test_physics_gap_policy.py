@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.car_following import minimum_gap_m
 
 Agree = Callable[..., None]
 VALUES = load_parameters().values

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.longitudinal import (
+from iptm_core.physics.traction import (
     advance_position_m,
     advance_speed_m_s,
     traction_force_n,

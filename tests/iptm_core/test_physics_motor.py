@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.motor import brake_release, motor_torque_nm
+from iptm_core.physics.traction import brake_release, motor_torque_nm
 
 Agree = Callable[..., None]
 POWERTRAIN = load_parameters().values.powertrain

@@ -14,7 +14,6 @@ from iptm_core.errors import PowerLimitError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.coolant import reduce_channel
-from iptm_core.physics.longitudinal import traction_force_n
 from iptm_core.physics.power_thermal import (
     EXACT,
     CellPair,
@@ -23,6 +22,7 @@ from iptm_core.physics.power_thermal import (
     electric_traction_power_w,
     power_thermal_rates,
 )
+from iptm_core.physics.traction import traction_force_n
 
 Agree = Callable[..., None]
 VALUES = load_parameters().values

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.resistance import cell_resistance_ohm
+from iptm_core.physics.cell import cell_resistance_ohm
 
 Agree = Callable[..., None]
 CELL = load_parameters().values.cell

@@ -18,8 +18,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import chiller_line
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
-from iptm_core.physics.thermal_actuator import thermal_actuation
-from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
+from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop, thermal_actuation
 
 PAPER = load_parameters().values
 FLOW_W_K = 0.144 * 3330.0

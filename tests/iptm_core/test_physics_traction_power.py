@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.motor import motor_torque_nm
-from iptm_core.physics.traction_power import traction_power_w
+from iptm_core.physics.traction import motor_torque_nm, traction_power_w
 
 Agree = Callable[..., None]
 POWERTRAIN = load_parameters().values.powertrain

@@ -15,9 +15,10 @@ from iptm_core.road_ahead import (
     SpeedLimits,
     Stop,
     lawful_drive,
+    limits_of_curves,
+    limits_of_drive,
 )
 from iptm_core.routes import build_route
-from iptm_core.routes.limits import limits_of_curves, limits_of_drive
 from iptm_core.routes.road_line import RoadLine, step_deg
 
 TOWN = SpeedLimits(np.array([0.0, 500.0]), np.array([20.0, 10.0]))

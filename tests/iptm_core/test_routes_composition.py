@@ -10,7 +10,7 @@ import pytest
 
 from iptm_core.errors import RouteError
 from iptm_core.routes import ROUTE_CYCLES, build_route, comprehensive_cycle
-from iptm_core.routes.composition import (
+from iptm_core.routes.comprehensive import (
     RouteComposition,
     composition_names,
     load_composition,

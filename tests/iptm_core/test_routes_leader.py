@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from iptm_core.errors import RouteError
 from iptm_core.routes import DrivingCycle, LeaderMotion, comprehensive_cycle, load_cycle
-from iptm_core.routes.leader import FINAL_BRAKING_M_S2
+from iptm_core.routes.cycles import FINAL_BRAKING_M_S2
 
 
 def _leader(speeds: list[float], gap_m: float = 15.0) -> LeaderMotion:

@@ -191,7 +191,7 @@ def test_the_example_is_the_cycle_that_it_was_made_from() -> None:
 def test_a_track_that_is_too_long_is_refused_while_it_is_read(
     write: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("iptm_core.routes.gpx.MAX_POINTS", 20)
+    monkeypatch.setattr("iptm_core.routes.xml_drives.MAX_POINTS", 20)
     with pytest.raises(RouteError, match=r"drive.gpx: more than 20 track points"):
         read_user_trip(write(gpx(PLACES)))
 

@@ -15,7 +15,7 @@ from iptm_core.routes import (
     comprehensive_cycle,
     load_cycle,
 )
-from iptm_core.routes.composition import composition_names, load_composition
+from iptm_core.routes.comprehensive import composition_names, load_composition
 
 CSV = "time_s,speed_m_s,slope_percent\n" + "\n".join(
     f"{second},{min(second, 20, 120 - second)},1.5" for second in range(121)

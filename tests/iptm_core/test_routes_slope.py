@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from iptm_core.errors import RouteError
 from iptm_core.routes import SlopeProfile, comprehensive_cycle
-from iptm_core.routes.hills import PEAK_GRADES, Hills
+from iptm_core.routes.slope import PEAK_GRADES, Hills
 
 LENGTHS_M = st.floats(50.0, 60000.0)
 VARIANTS = st.integers(0, 50)

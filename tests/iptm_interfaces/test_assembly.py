@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from iptm_core.trip_time import NS_PER_S as S
+from iptm_core.state import NS_PER_S as S
 from iptm_interfaces.assembly import last_trip, split_trips
 from iptm_interfaces.topics import Topic
 

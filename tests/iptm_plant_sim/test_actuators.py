@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iptm_core.controlled_stop import controlled_stop_command
 from iptm_core.parameters import load_parameters
+from iptm_core.physics.car_following import controlled_stop_command
 from iptm_core.state import Command, VehicleState
 from iptm_plant_sim.actuators import Clamp, limit_command
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from iptm_core.controlled_stop import COMFORTABLE_DECELERATION_M_S2, controlled_stop_command
+from iptm_core.physics.car_following import COMFORTABLE_DECELERATION_M_S2, controlled_stop_command
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
 

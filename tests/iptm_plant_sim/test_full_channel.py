@@ -13,15 +13,21 @@ import pytest
 from iptm_core.errors import StateError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.aging import capacity_loss_rate_1_s
-from iptm_core.physics.battery_power import battery_power_w
-from iptm_core.physics.cell_thermal import cell_heat_w, cell_temperature_rate_k_s
+from iptm_core.physics.cell import (
+    capacity_loss_rate_1_s,
+    cell_heat_w,
+    cell_resistance_ohm,
+    cell_temperature_rate_k_s,
+)
 from iptm_core.physics.chiller import chiller_line
-from iptm_core.physics.coolant import exchange_ratio
-from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_resistance_ohm
-from iptm_core.physics.full_channel import FullChannel
+from iptm_core.physics.coolant import FullChannel, exchange_ratio
+from iptm_core.physics.electrical import (
+    battery_power_w,
+    cell_current_a,
+    pack_current_a,
+    pack_resistance_ohm,
+)
 from iptm_core.physics.power_thermal import electric_traction_power_w
-from iptm_core.physics.resistance import cell_resistance_ohm
 from iptm_core.physics.thermal_loop import solve_coolant_loop
 from iptm_core.settings import ThermalModel
 from iptm_core.state import ChannelCells, Command, FloatArray, FullChannelState, VehicleState

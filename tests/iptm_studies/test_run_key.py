@@ -117,8 +117,8 @@ def test_comments_and_docstrings_do_not_count(tmp_path: Path) -> None:
 def test_fingerprint_covers_the_numbers_and_not_the_nodes() -> None:
     names = set(source_files())
     assert {
-        "iptm_core/physics/aging.py",
-        "iptm_core/routes/leader.py",
+        "iptm_core/physics/cell.py",
+        "iptm_core/routes/cycles.py",
         "iptm_plant_sim/plant.py",
         "iptm_v2x_bridge/imperfections.py",
         "iptm_controller/ocp/stage.py",

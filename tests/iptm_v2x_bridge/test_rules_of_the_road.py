@@ -7,8 +7,7 @@ import pytest
 
 from iptm_core.parameters import load_parameters
 from iptm_core.road_ahead import RoadAhead, SpeedLimits
-from iptm_core.state import LeaderPreview, LeaderState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.prediction.road_rules import GivenRules
 from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.iptm_v2x_bridge.radio import ROAD, station
 
-from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.cycles import LeaderMotion
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage

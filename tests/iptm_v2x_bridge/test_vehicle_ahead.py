@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iptm_core.settings import PreviewSettings
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
 

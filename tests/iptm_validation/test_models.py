@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from iptm_core.physics.cell_voltage import ChargeTable, ChargeTransfer, ResistanceLaw
+from iptm_core.physics.charge import ChargeTable, ChargeTransfer, ResistanceLaw
 from iptm_validation.measurements import Drive, Driver, DynamometerTest, Trip
 from iptm_validation.models import epa_drivetrain, lead_vehicle
 from iptm_validation.models.circuit import (

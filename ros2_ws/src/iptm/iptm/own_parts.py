@@ -15,9 +15,8 @@ from iptm_core.decision_record import Rung
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.routes import Route
-from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState
+from iptm_core.state import NS_PER_S, Command, FloatArray, LeaderPreview, LeaderState
 from iptm_core.strict_mapping import shown
-from iptm_core.trip_time import NS_PER_S
 from iptm_v2x_bridge.source import CycleSource
 
 

@@ -14,7 +14,7 @@ from iptm_controller.strategy import strategy_by_name
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.declaration import given_settings
 from iptm_core.metrics import RunMetrics, compute_metrics, figure_values
-from iptm_core.road_ahead_settings import RoadAheadSettings
+from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.settings import (
     IntegrationSettings,
     PreviewSettings,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from iptm_bringup.supervisor import Supervisor
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 

@@ -13,7 +13,7 @@ import yaml
 from iptm_bringup.replay_feed import Step
 from iptm_core.declaration import given_settings
 from iptm_core.errors import BagError
-from iptm_core.road_ahead_settings import RoadAheadSettings
+from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.settings import LeaderSource, LoopMode
 from iptm_interfaces.assembly import split_trips
 from iptm_interfaces.topics import (

@@ -29,7 +29,7 @@ from iptm_core.declaration import (
 )
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import ParameterSet
-from iptm_core.road_ahead_settings import RoadAheadSettings
+from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.routes import Route
 from iptm_core.settings import (
     ClockSettings,

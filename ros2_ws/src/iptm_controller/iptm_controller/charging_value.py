@@ -21,12 +21,10 @@ import numpy as np
 from iptm_controller.temperature_value import TemperatureValue, mixing_weights
 from iptm_core.charging_stop import ChargingStopSettings, fast_charge
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell_thermal import cell_heat_w, heat_from_air_w
+from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.chiller import chiller_line, largest_useful_power_w
 from iptm_core.physics.coolant import reduce_channel
-from iptm_core.physics.resistance import cell_resistance_ohm
-from iptm_core.physics.thermal_actuator import thermal_actuation
-from iptm_core.physics.thermal_loop import solve_coolant_loop
+from iptm_core.physics.thermal_loop import solve_coolant_loop, thermal_actuation
 from iptm_core.state import FloatArray, VehicleState
 
 STEP_S = 60.0

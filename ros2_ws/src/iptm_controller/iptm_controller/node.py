@@ -22,8 +22,7 @@ from iptm_controller.node_watch import OperatorWatch
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import MessageError, ServiceError
 from iptm_core.saved_state import write_state
-from iptm_core.state import SlopePreview
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, SlopePreview
 from iptm_interfaces.codecs import (
     decode_leader_preview_bytes,
     decode_road_ahead,

@@ -20,7 +20,7 @@ from iptm_controller.memory import LadderMemory
 from iptm_controller.node_parameters import CHANGEABLE, WEIGHTS, ControllerNodeParameters
 from iptm_core.declaration import plain
 from iptm_core.errors import IptmError, ParameterError
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE
 from iptm_interfaces.suite_node import SuiteNode
 

@@ -19,7 +19,7 @@ from iptm_controller.forecast import LeaderForecast
 from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.memory import PaceMemory
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.gap_policy import maximum_gap_m
+from iptm_core.physics.car_following import maximum_gap_m
 from iptm_core.road_ahead import BRAKING_M_S2, RoadAhead, SpeedLimits, lawful_drive
 from iptm_core.state import FloatArray, LeaderState, VehicleState
 

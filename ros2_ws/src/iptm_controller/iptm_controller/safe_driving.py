@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from iptm_core.controlled_stop import controlled_stop_command
 from iptm_core.parameters.model import LimitParameters, ModelParameters
-from iptm_core.physics.braking import halting_distance_m, stopping_distance_m
-from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.car_following import (
+    controlled_stop_command,
+    halting_distance_m,
+    minimum_gap_m,
+    stopping_distance_m,
+)
 from iptm_core.state import Command, LeaderState, VehicleState
 
 THERMOSTAT_ON_K = 305.15  # full cooling is asked for 6 K above

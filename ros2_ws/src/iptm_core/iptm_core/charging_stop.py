@@ -18,10 +18,9 @@ from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_core.physics.cell_thermal import cell_heat_w, heat_from_air_w
+from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.charge import at_charge
 from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm
-from iptm_core.physics.resistance import cell_resistance_ohm
 from iptm_core.state import FloatArray
 
 LIMIT_C = (-30.0, -20.0, -10.0, 0.0, 10.0, 15.0, 20.0, 25.0, 30.0)

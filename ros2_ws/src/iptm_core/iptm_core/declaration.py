@@ -20,6 +20,15 @@ from iptm_core.errors import ParameterError
 from iptm_core.strict_mapping import nearest, shown
 from iptm_core.user_input import is_path
 
+
+class TextEnum(str, Enum):
+    """Members are their words, in texts, too."""
+
+    def __str__(self) -> str:
+        """Return the bare word."""
+        return str(self.value)
+
+
 Scalar = bool | int | float | str
 """A value as files and messages hold it."""
 

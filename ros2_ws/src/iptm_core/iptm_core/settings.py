@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from iptm_core.declaration import Settings, parameter
+from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.routes import SLOPE_CHOICES, Route, build_route
 from iptm_core.routes.user_csv import GPX_SUFFIX, USER_FILES
-from iptm_core.text_enum import TextEnum
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 
 MAX_SEED = 2**63 - 1
 VEHICLE_LENGTH_M = 4.5

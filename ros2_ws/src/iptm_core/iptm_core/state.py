@@ -13,6 +13,12 @@ from numpy.typing import NDArray
 
 from iptm_core.errors import StateError
 
+NS_PER_S = 1_000_000_000
+"""Nanoseconds in a second."""
+NS_PER_MS = 1_000_000
+"""Nanoseconds in a millisecond."""
+
+
 FloatArray = NDArray[np.float64]
 
 SPEED_AT_REST_M_S = -0.5

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState, VehicleState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, VehicleState
 
 if TYPE_CHECKING:
     from iptm_faults.fault import Fault

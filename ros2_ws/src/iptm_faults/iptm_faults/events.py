@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from iptm_core.state import LeaderPreview, LeaderState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState
 
 if TYPE_CHECKING:
     from iptm_faults.fault import Fault

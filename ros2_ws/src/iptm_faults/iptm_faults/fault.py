@@ -18,8 +18,8 @@ import numpy as np
 from iptm_core.declaration import ParameterSpec, Scalar, Settings, parameter, plain
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.settings import MAX_SEED
+from iptm_core.state import NS_PER_S
 from iptm_core.strict_mapping import StrictMapping
-from iptm_core.trip_time import NS_PER_S
 from iptm_faults.kinds import KINDS, FaultKind, FaultPlace, KindSpec
 
 TARGETS = ("plant", "v2x_bridge", "controller", "recorder")

@@ -9,8 +9,7 @@ from dataclasses import replace
 from iptm_controller.measurements import Measurements
 from iptm_core.errors import ScenarioError
 from iptm_core.settings import LeaderSource
-from iptm_core.state import LeaderPreview, LeaderState, SlopePreview
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState, SlopePreview
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
 from iptm_faults.signals import (

@@ -9,7 +9,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Any
 
-from iptm_core.text_enum import TextEnum
+from iptm_core.declaration import TextEnum
 from iptm_faults import effects, events
 
 

@@ -15,8 +15,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
 from iptm_core.parameters.units import CELSIUS_ZERO_K
-from iptm_core.state import VehicleState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, VehicleState
 from iptm_faults.fault import Fault
 from iptm_faults.signals import faulty_state
 from iptm_interfaces.codecs import serialized, stamp_ns_of

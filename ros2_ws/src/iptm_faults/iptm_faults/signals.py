@@ -7,8 +7,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState, SlopePreview, VehicleState
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultPlace
 

@@ -12,8 +12,7 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolveResult, broken
 from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import FloatArray
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, FloatArray
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from iptm_core.state import Command, VehicleState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, Command, VehicleState
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 from iptm_plant_sim.plant import Plant

@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 from rclpy.node import Node
 
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 
 
 class Service(Enum):

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from enum import Enum
 
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs.time import is_stamp
 
 LEAST_REACH_NS = 10 * NS_PER_S

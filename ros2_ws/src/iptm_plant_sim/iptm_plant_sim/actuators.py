@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
-from iptm_core.controlled_stop import controlled_stop_command
 from iptm_core.parameters.model import LimitParameters
+from iptm_core.physics.car_following import controlled_stop_command
 from iptm_core.state import Command, VehicleState
 
 ACCELERATION_RESOLUTION_M_S2 = 1e-9

@@ -18,18 +18,24 @@ import casadi as ca
 import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.aging import capacity_loss_rate_1_s
-from iptm_core.physics.battery_power import battery_power_w
-from iptm_core.physics.cell_thermal import cell_temperature_rate_k_s, heat_from_air_w
+from iptm_core.physics.cell import (
+    capacity_loss_rate_1_s,
+    cell_resistance_ohm,
+    cell_temperature_rate_k_s,
+    heat_from_air_w,
+)
 from iptm_core.physics.charge import at_charge
 from iptm_core.physics.chiller import chiller_line
-from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_resistance_ohm
-from iptm_core.physics.full_channel import FullChannel, mean_cell_heat_w
+from iptm_core.physics.coolant import FullChannel, mean_cell_heat_w
+from iptm_core.physics.electrical import (
+    battery_power_w,
+    cell_current_a,
+    pack_current_a,
+    pack_resistance_ohm,
+)
 from iptm_core.physics.ops import Scalar, maximum
 from iptm_core.physics.power_thermal import CellPair, electric_traction_power_w
-from iptm_core.physics.resistance import cell_resistance_ohm
-from iptm_core.physics.thermal_actuator import thermal_actuation
-from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
+from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop, thermal_actuation
 from iptm_core.state import ChannelCells, FloatArray
 from iptm_plant_sim.integrator import IntervalResult, PackedFunction, cell_voltage_v
 from iptm_plant_sim.motion import Motion

@@ -17,12 +17,11 @@ import casadi as ca
 import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell_thermal import cell_heat_w
+from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm
 from iptm_core.physics.charge import at_charge
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.ops import Scalar, maximum
 from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
-from iptm_core.physics.resistance import cell_resistance_ohm
 from iptm_core.state import ChannelCells, FloatArray
 from iptm_plant_sim.motion import Motion
 

@@ -9,7 +9,7 @@ from sensor_msgs.msg import JointState
 
 from iptm_core.errors import ParameterError
 from iptm_core.settings import LoopMode
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time, stamp_ns_of
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic, topic_of

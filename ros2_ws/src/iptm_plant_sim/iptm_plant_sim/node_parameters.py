@@ -19,7 +19,7 @@ from iptm_core.settings import (
     TickSettings,
     TripSettings,
 )
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.trip import Trip

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from sensor_msgs.msg import JointState
 
 from iptm_core.settings import LoopMode
-from iptm_core.state import LeaderPreview, VehicleState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, LeaderPreview, VehicleState
 from iptm_interfaces.codecs import decode_leader_preview_bytes, ns_from_time
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic

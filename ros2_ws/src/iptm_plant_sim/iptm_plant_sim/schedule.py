@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 
 
 class Schedule:

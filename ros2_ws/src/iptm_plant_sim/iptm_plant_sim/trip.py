@@ -6,10 +6,9 @@ from collections import Counter
 from dataclasses import replace
 from enum import Enum
 
-from iptm_core.controlled_stop import controlled_stop_command
 from iptm_core.errors import StateError
-from iptm_core.state import Command, VehicleState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.physics.car_following import controlled_stop_command
+from iptm_core.state import NS_PER_S, Command, VehicleState
 from iptm_plant_sim.actuators import Clamp
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep

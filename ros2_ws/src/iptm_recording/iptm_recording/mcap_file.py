@@ -12,7 +12,7 @@ from mcap.well_known import MessageEncoding, Profile
 from mcap.writer import CompressionType, Writer
 
 from iptm_core.errors import BagError
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_recording.metadata import NO_START_NS, FileRecord
 from iptm_recording.recorded_topics import TopicRecord, dump_profiles

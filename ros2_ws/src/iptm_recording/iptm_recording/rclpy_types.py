@@ -23,7 +23,7 @@ from rosbags.interfaces import (
 )
 
 from iptm_core.errors import BagError
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_recording.message_types import known_hashes
 from iptm_recording.recorded_topics import UNLIMITED, TopicRecord
 

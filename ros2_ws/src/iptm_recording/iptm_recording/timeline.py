@@ -18,7 +18,7 @@ import time
 from collections.abc import Iterable
 from enum import Enum
 
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 
 CLOCK_TOPIC = "/clock"
 """Name of the clock outside of any namespace, before remapping."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.aging import capacity_loss_rate_1_s
+from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_reproduction import figures as fig
 from iptm_reproduction.printed import LARGEST_VICE_RATIO_J, STRATEGY_VALUES
 from iptm_reproduction.runs import REFERENCE, STRATEGIES

@@ -15,9 +15,8 @@ from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState, VehicleState
+from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory
-from iptm_core.trip_time import NS_PER_S
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_v2x_bridge.bridge import TickBridge, V2xBridge

@@ -21,7 +21,7 @@ from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.declaration import Settings, declared, parameter
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET
-from iptm_core.road_ahead_settings import RoadAheadSettings
+from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.settings import (
     IntegrationSettings,
     LeaderSource,

@@ -15,8 +15,7 @@ from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_core.routes.route import Route
 from iptm_core.settings import VEHICLE_LENGTH_M, PreviewSettings
-from iptm_core.state import VehicleState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, VehicleState
 from iptm_core.vehicle_string import vehicles_in_string
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop

@@ -19,7 +19,7 @@ from iptm_core.decision_record import Rung
 from iptm_core.metrics import compute_metrics
 from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
 from iptm_plant_sim.plant import Plant

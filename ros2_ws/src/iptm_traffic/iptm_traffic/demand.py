@@ -12,9 +12,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from iptm_core.declaration import Settings, parameter
+from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.settings import MAX_SEED, VEHICLE_LENGTH_M
-from iptm_core.text_enum import TextEnum
 from iptm_traffic.corridor import HOST_LANE, Corridor
 from iptm_traffic.network import HOST_START_M
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from iptm_controller.settings import ControllerSettings
 from iptm_core.decision_record import DecisionSeries
+from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import RunMetrics
-from iptm_core.text_enum import TextEnum
 from iptm_core.trajectory import Trajectory
 from iptm_traffic.demand import DemandSettings, TrafficScenario
 from iptm_traffic.own_network import OwnNetwork

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.road_ahead import SpeedLimits
-from iptm_core.routes.limits import limits_of_curves
+from iptm_core.road_ahead import SpeedLimits, limits_of_curves
 from iptm_core.routes.road_line import RoadLine, step_deg
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import FloatArray

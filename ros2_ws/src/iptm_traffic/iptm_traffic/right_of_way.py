@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from iptm_core.road_ahead import HARDEST_M_S2, START_M_S2, SpeedLimits
-from iptm_core.routes.limits import STRAIGHT_M_S
+from iptm_core.road_ahead import HARDEST_M_S2, START_M_S2, STRAIGHT_M_S, SpeedLimits
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.sumo_net import Junction, Link

@@ -7,8 +7,7 @@ from typing import Protocol
 
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.settings import PreviewMode, PreviewSettings
-from iptm_core.state import LeaderPreview, LeaderState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState
 from iptm_v2x_bridge.imperfections import distort, is_lost, latency_ns
 from iptm_v2x_bridge.source import PreviewSource, preview_times_s
 

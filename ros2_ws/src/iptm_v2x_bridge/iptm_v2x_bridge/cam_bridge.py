@@ -16,8 +16,7 @@ import numpy as np
 
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import PreviewMode, PreviewSettings
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState
-from iptm_core.trip_time import NS_PER_MS, NS_PER_S
+from iptm_core.state import NS_PER_MS, NS_PER_S, FloatArray, LeaderPreview, LeaderState
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.messages.cam_codec import decode_cam
 from iptm_v2x_bridge.messages.its_pdu import MessageKind, open_datagram

@@ -13,8 +13,7 @@ from itertools import accumulate
 import numpy as np
 
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import LeaderPreview
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, LeaderPreview
 
 TRANSMISSION_PERIOD_NS = NS_PER_S
 """One prediction is sent per sampling time; a slot of this length is lost or not as a whole."""

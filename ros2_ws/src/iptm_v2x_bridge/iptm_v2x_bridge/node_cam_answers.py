@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from iptm_core.state import LeaderPreview, SlopePreview
-from iptm_core.trip_time import NS_PER_MS
+from iptm_core.state import NS_PER_MS, LeaderPreview, SlopePreview
 from iptm_interfaces.codecs import encode_raw_datagram
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from iptm_core.errors import BagError, ParameterError
-from iptm_core.trip_time import NS_PER_MS
+from iptm_core.state import NS_PER_MS
 from iptm_interfaces.codecs import decode_raw_datagram
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic

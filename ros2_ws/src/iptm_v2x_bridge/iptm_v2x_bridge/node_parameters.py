@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from iptm_core.declaration import Settings, declared, parameter
+from iptm_core.declaration import Settings, TextEnum, declared, parameter
 from iptm_core.errors import ParameterError
-from iptm_core.road_ahead_settings import RoadAheadSettings
+from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import (
     VEHICLE_LENGTH_M,
@@ -19,8 +19,7 @@ from iptm_core.settings import (
     StringSettings,
     TickSettings,
 )
-from iptm_core.text_enum import TextEnum
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_v2x_bridge.messages.signatures import Verifier, read_anchors
 from iptm_v2x_bridge.road_knowledge import RoadKnowledgeSettings
 from iptm_v2x_bridge.sending.settings import SenderSettings

@@ -9,7 +9,7 @@ import time
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.errors import ParameterError
-from iptm_core.trip_time import NS_PER_MS
+from iptm_core.state import NS_PER_MS
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level

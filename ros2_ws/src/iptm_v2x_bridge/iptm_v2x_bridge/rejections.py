@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from iptm_core.text_enum import TextEnum
+from iptm_core.declaration import TextEnum
 
 
 class Rejection(TextEnum):

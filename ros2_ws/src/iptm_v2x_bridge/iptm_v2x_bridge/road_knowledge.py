@@ -6,17 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.declaration import Settings, parameter
+from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.errors import ParameterError, RouteError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import KM_H_PER_M_S
-from iptm_core.road_ahead import SpeedLimits
-from iptm_core.road_ahead_settings import RoadAheadSettings
+from iptm_core.road_ahead import RoadAheadSettings, SpeedLimits, limits_of_curves, limits_of_drive
 from iptm_core.routes import Route, build_route
-from iptm_core.routes.limits import limits_of_curves, limits_of_drive
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import LeaderSource, PreviewSettings
-from iptm_core.text_enum import TextEnum
 from iptm_v2x_bridge.bridge import TickBridge, V2xBridge
 from iptm_v2x_bridge.messages.pycrate_codec import specification
 from iptm_v2x_bridge.prediction.history import History

@@ -14,8 +14,7 @@ import numpy as np
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.road_ahead import HARDEST_M_S2, Drive, RoadAhead, SpeedLimits, Stop, lawful_drive
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import FloatArray
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, FloatArray
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.prediction.signals import Signal

@@ -8,8 +8,7 @@ import numpy as np
 
 from iptm_core.routes import Route
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, SlopePreview
 
 
 class PreviewSource(Protocol):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from iptm_core.declaration import TextEnum
 from iptm_core.state import FloatArray
-from iptm_core.text_enum import TextEnum
 
 HOLD_OUT_EVERY = 3
 """Every third trip, run, test or car is held out of a fit."""

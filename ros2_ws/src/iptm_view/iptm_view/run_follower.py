@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
 
 from iptm_core.errors import MessageError
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs import has_leader, s_from_ns
 from iptm_interfaces.diagnostics import TRIP_TIME, Level, status_values
 from iptm_interfaces.topics import Topic

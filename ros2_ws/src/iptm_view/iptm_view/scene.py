@@ -14,11 +14,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from iptm_core.parameters import ModelParameters
 from iptm_core.parameters.units import KM_H_PER_M_S
-from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.routes.road_course import RoadCourse, RoadPoses
 from iptm_core.settings import VEHICLE_LENGTH_M
-from iptm_core.state import FloatArray, LeaderState
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, FloatArray, LeaderState
 from iptm_interfaces.codecs.time import time_from_ns, time_from_s
 from iptm_interfaces.topics import MAP_FRAME
 from iptm_view.vehicle_description import CLEARANCE_M, body_size_m

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.routes import Route, build_route
 from iptm_core.strict_mapping import StrictMapping
-from iptm_core.text_enum import TextEnum
 from iptm_core.trajectory import Trajectory
 from iptm_faults.fault import Fault, faults_from, in_order
 from iptm_faults.kinds import FaultPlace

@@ -10,8 +10,8 @@ from iptm_bringup.fault_table.catalogue import PlannedTrip
 from iptm_controller.node_reports import is_about_limits
 from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import NS_PER_S
 from iptm_core.trajectory import Trajectory
-from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.assembly import split_trips
 from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.stamp_gate import LEAST_REACH_NS

@@ -15,7 +15,7 @@ from iptm_controller.ocp.stage import LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0

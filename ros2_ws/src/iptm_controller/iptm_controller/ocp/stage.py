@@ -18,10 +18,8 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import quadrature
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, StateIndex, StepIndex
 from iptm_core.parameters.model import LimitParameters, ModelParameters
-from iptm_core.physics.braking import braking_reserve_m
+from iptm_core.physics.car_following import braking_reserve_m, maximum_gap_m, minimum_gap_m
 from iptm_core.physics.coolant import reduce_channel
-from iptm_core.physics.gap_policy import maximum_gap_m, minimum_gap_m
-from iptm_core.physics.longitudinal import advance_position_m, advance_speed_m_s
 from iptm_core.physics.ops import absolute, maximum
 from iptm_core.physics.power_thermal import (
     CellPair,
@@ -29,6 +27,7 @@ from iptm_core.physics.power_thermal import (
     Smoothing,
     power_thermal_rates,
 )
+from iptm_core.physics.traction import advance_position_m, advance_speed_m_s
 
 DEFAULT_SMOOTHING = Smoothing(
     force_n=150.0,

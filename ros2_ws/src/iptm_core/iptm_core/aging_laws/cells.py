@@ -9,18 +9,19 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from iptm_core.aging_laws.cracking import CrackedFilmGrowth, FilmGrowth
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.mechanisms import (
     CalendarAging,
+    CrackedFilmGrowth,
     CyclicAging,
     DepthIntensity,
+    FilmGrowth,
     LinearIntensity,
     VoltageIntensity,
     anode_potential_v,
 )
 from iptm_core.errors import ParameterError
-from iptm_core.physics.cell_voltage import ChargeTable
+from iptm_core.physics.charge import ChargeTable
 from iptm_core.physics.ops import Scalar
 
 

@@ -11,8 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+from iptm_core.declaration import TextEnum
+from iptm_core.parameters.model import AgingParameters, CellParameters, ModelParameters
+from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.ops import Scalar, absolute
-from iptm_core.text_enum import TextEnum
 
 SECONDS_PER_DAY = 86400.0
 SECONDS_PER_HOUR = 3600.0
@@ -189,3 +191,51 @@ def aged(
         mean_c_rate_1_h=after.throughput_c_s / after.day_s,
         charging_c_rate_1_h=after.charged_c_s / after.charging_s if after.charging_s else 0.0,
     )
+
+
+@dataclass(frozen=True)
+class ThroughputAging:
+    """Loss over throughput, eq. (11); ``physics.aging.capacity_loss_rate_1_s`` is its equation.
+
+    Attributes:
+        aging: coefficients.
+        cell: nominal capacity.
+    """
+
+    aging: AgingParameters
+    cell: CellParameters
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """Cyclic."""
+        return Mechanism.CYCLIC
+
+    @property
+    def exponent(self) -> float:
+        """Exponent z of the throughput."""
+        return self.aging.throughput_exponent
+
+    def loss_rate_1_s(self, load: Load, capacity_loss: Scalar) -> Scalar:
+        """Return eq. (12) divided by the time step, at a capacity loss."""
+        current_a = load.c_rate_1_h * self.cell.nominal_capacity_ah
+        return capacity_loss_rate_1_s(
+            current_a, load.temperature_k, capacity_loss, self.aging, self.cell
+        )
+
+    def damage_rate_1_s(self, load: Load) -> Scalar:
+        """Return the rate of u = Q^(1/z)."""
+        return self.loss_rate_1_s(load, 1.0) / self.exponent
+
+    def damage_slope_1_s_k(self, load: Load) -> Scalar:
+        """Return the derivative of that rate with respect to temperature."""
+        c_rate_1_h = absolute(load.c_rate_1_h)
+        energy = (
+            self.aging.activation_energy_j_mol - self.aging.compensation_factor_j_mol * c_rate_1_h
+        )
+        gas = self.aging.gas_constant_j_mol_k * self.exponent
+        return self.damage_rate_1_s(load) * energy / (gas * load.temperature_k**2)
+
+
+def paper_law(parameters: ModelParameters) -> AgingLaw:
+    """Return the law of a parameter set, as the plant and the controller have it."""
+    return AgingLaw("paper", (ThroughputAging(parameters.aging, parameters.cell),))

@@ -18,8 +18,8 @@ from iptm_core.metrics.constraints import (
     TEMPERATURE_TOLERANCE_K,
 )
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.car_following import maximum_gap_m, minimum_gap_m
 from iptm_core.physics.chiller import largest_useful_power_w
-from iptm_core.physics.gap_policy import maximum_gap_m, minimum_gap_m
 from iptm_core.physics.ops import Scalar, both, maximum
 from iptm_core.state import LeaderState, VehicleState
 from iptm_core.trajectory import Trajectory

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.gap_policy import maximum_gap_m, minimum_gap_m
+from iptm_core.physics.car_following import maximum_gap_m, minimum_gap_m
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 

@@ -27,12 +27,11 @@ import numpy as np
 
 from iptm_core.metrics.run_metrics import EndState, RunMetrics
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell_thermal import cell_heat_w, heat_from_air_w
+from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.charge import at_charge
 from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
-from iptm_core.physics.resistance import cell_resistance_ohm
 
 POWER_STEP_W = 10.0
 

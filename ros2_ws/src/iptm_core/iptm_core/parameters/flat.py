@@ -14,12 +14,12 @@ from functools import lru_cache
 from numbers import Real
 from typing import Any, get_type_hints
 
+from iptm_core.declaration import TextEnum
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.consistency import check_consistency
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.units import accepted_units, to_model_unit
 from iptm_core.strict_mapping import StrictMapping, shown
-from iptm_core.text_enum import TextEnum
 
 
 @dataclass(frozen=True)

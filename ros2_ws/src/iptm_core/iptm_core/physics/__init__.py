@@ -1,1 +1,1 @@
-"""The physics of the paper, one effect per file, for floats, NumPy arrays and CasADi symbols alike."""
+"""The physics of the paper, each equation written once, for floats, NumPy arrays and CasADi symbols alike."""

@@ -1,12 +1,127 @@
-"""State of charge of the pack, and what depends on it: open-circuit voltage and resistance."""
+"""State of charge and voltage: open-circuit voltage, resistance, charge transfer and relaxation.
+
+The paper has a constant open-circuit voltage and one resistance (eqs. 6, 7 and 13). Here both depend on
+the state of charge, the resistance falls exponentially with temperature to an offset, and RC branches
+follow the current. Current is positive when discharging.
+
+``V = OCV(s) - I R_0(T, s) - eta(I, T, s) - sum_j R_j(T, s) x_j``, ``dx_j/dt = (I - x_j) / tau_j``
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from iptm_core.parameters.model import ChargeParameters, ModelParameters
-from iptm_core.physics.cell_voltage import ChargeTable, charge_rate_1_s
-from iptm_core.physics.ops import Scalar
+from iptm_core.physics.ops import Scalar, asinh, exp, maximum, minimum
+
+GAS_CONSTANT_J_MOL_K = 8.314462618
+FARADAY_C_MOL = 96485.33212
+
+
+@dataclass(frozen=True)
+class ChargeTable:
+    """A quantity over the state of charge, linear between its nodes and constant outside.
+
+    Attributes:
+        charges: states of charge, increasing.
+        values: the quantity there.
+    """
+
+    charges: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def at(self, charge: Scalar) -> Scalar:
+        """Return the quantity at a state of charge."""
+        result = self.values[0]
+        nodes = list(zip(self.charges, self.values, strict=True))
+        for (start, low), (end, high) in pairwise(nodes):
+            within = minimum(maximum(charge - start, 0.0), end - start)
+            result = result + within * ((high - low) / (end - start))
+        return result
+
+
+@dataclass(frozen=True)
+class ResistanceLaw:
+    """Resistance over temperature and state of charge: an offset and an exponential.
+
+    Attributes:
+        offset_ohm: part that does not depend on temperature.
+        exponential_ohm: part that does, at the reference temperature.
+        coefficient_1_k: decrease of the logarithm of that part per kelvin.
+        reference_k: reference temperature.
+    """
+
+    offset_ohm: ChargeTable
+    exponential_ohm: ChargeTable
+    coefficient_1_k: float
+    reference_k: float
+
+    def ohm(self, temperature_k: Scalar, charge: Scalar) -> Scalar:
+        """Return the resistance in ohm."""
+        growth = exponential_growth(temperature_k, self.coefficient_1_k, self.reference_k)
+        return self.offset_ohm.at(charge) + self.exponential_ohm.at(charge) * growth
+
+
+def exponential_growth(temperature_k: Scalar, coefficient_1_k: float, reference_k: float) -> Scalar:
+    """Factor by which a resistance exceeds that at the reference temperature."""
+    return exp(-coefficient_1_k * (temperature_k - reference_k))
+
+
+@dataclass(frozen=True)
+class ChargeTransfer:
+    """Voltage loss of the electrode reaction (Butler-Volmer equation with equal transfer coefficients).
+
+    Attributes:
+        share: factor on the ideal ``2 R T / F``, over the state of charge.
+        exchange_current_a: exchange current at the reference temperature.
+        coefficient_1_k: increase of its logarithm per kelvin.
+        reference_k: reference temperature.
+    """
+
+    share: ChargeTable
+    exchange_current_a: float
+    coefficient_1_k: float
+    reference_k: float
+
+    def voltage_v(self, current_a: Scalar, temperature_k: Scalar, charge: Scalar) -> Scalar:
+        """Return the loss in V with the sign of the current."""
+        growth = exp(self.coefficient_1_k * (temperature_k - self.reference_k))
+        thermal_v = 2.0 * GAS_CONSTANT_J_MOL_K * temperature_k / FARADAY_C_MOL
+        ratio = current_a / (2.0 * self.exchange_current_a * growth)
+        return self.share.at(charge) * thermal_v * asinh(ratio)
+
+
+def relaxation_rate_a_s(
+    branch_current_a: Scalar, current_a: Scalar, time_constant_s: float
+) -> Scalar:
+    """Rate of the current through the resistor of an RC branch, in A/s."""
+    return (current_a - branch_current_a) / time_constant_s
+
+
+def charge_rate_1_s(current_a: Scalar, capacity_ah: float) -> Scalar:
+    """Rate of the state of charge, negative when discharging, in 1/s."""
+    return -current_a / (3600.0 * capacity_ah)
+
+
+def heat_from_surroundings_w(
+    temperature_k: Scalar, ambient_k: Scalar, exchange_w_k: float
+) -> Scalar:
+    """Heat that a cell or pack takes from the air around it, in W."""
+    return exchange_w_k * (ambient_k - temperature_k)
+
+
+def ambient_temperature_rate_k_s(
+    heat_w: Scalar,
+    temperature_k: Scalar,
+    ambient_k: Scalar,
+    heat_capacity_j_k: float,
+    exchange_w_k: float,
+) -> Scalar:
+    """Rate of the temperature of a cell or pack that exchanges heat with the air around it, in K/s."""
+    taken_w = heat_from_surroundings_w(temperature_k, ambient_k, exchange_w_k)
+    return (heat_w + taken_w) / heat_capacity_j_k
+
 
 _NODES = tuple(0.1 * tenth for tenth in range(11))
 _MIDDLE = 0.5

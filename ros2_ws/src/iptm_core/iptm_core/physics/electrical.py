@@ -1,4 +1,4 @@
-"""Equivalent circuit of the pack with the entropic term, paper eqs. (6) and (7).
+"""Terminal power, current and equivalent circuit of the pack, paper eqs. (4), (6) and (7).
 
 P_b = (E_b - T_b dV_b/dT_b) I_b - R_b I_b^2. Current is positive when discharging. The entropic term
 keeps the paper's sign: with a positive ``dV/dT`` it draws on the terminal power and heats the cell on
@@ -8,8 +8,40 @@ discharge, and cools it on charge.
 from __future__ import annotations
 
 from iptm_core.errors import PowerLimitError
-from iptm_core.parameters.model import CellParameters, PackParameters
+from iptm_core.parameters.model import CellParameters, PackParameters, PowertrainParameters
 from iptm_core.physics.ops import Scalar, is_symbolic, maximum, sqrt
+
+
+def battery_power_w(
+    traction: Scalar,
+    compressor: Scalar,
+    auxiliary: Scalar,
+    pack: PackParameters,
+    powertrain: PowertrainParameters,
+    *,
+    power_smoothing_w: float = 0.0,
+) -> Scalar:
+    """Terminal power of the pack (P_b, eq. 4), positive when discharging.
+
+    The two cases of the equation are one convex kink in the traction power,
+    ``max(P_tra / eta_b, eta_b zeta P_tra)``.
+
+    Args:
+        traction: electric traction power P_tra in W.
+        compressor: compressor power P_cp in W.
+        auxiliary: auxiliary power P_aux in W.
+        pack: battery efficiency eta_b.
+        powertrain: regenerative efficiency zeta.
+        power_smoothing_w: width of the smoothed kink in W of traction power; 0 is exact.
+
+    Returns:
+        Power in W.
+    """
+    drive = 1.0 / pack.battery_efficiency
+    regenerate = pack.battery_efficiency * powertrain.regenerative_efficiency
+    width = power_smoothing_w * (drive - regenerate)
+    share = maximum(traction * drive, traction * regenerate, width)
+    return share + drive * (compressor + auxiliary)
 
 
 def pack_resistance_ohm(cell_resistance_ohm: Scalar, pack: PackParameters) -> Scalar:

@@ -8,29 +8,33 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.aging import capacity_loss_rate_1_s
-from iptm_core.physics.battery_power import battery_power_w
-from iptm_core.physics.cell_thermal import (
+from iptm_core.physics.cell import (
+    capacity_loss_rate_1_s,
     cell_heat_w,
+    cell_resistance_ohm,
     cell_temperature_rate_k_s,
     heat_from_air_w,
 )
 from iptm_core.physics.chiller import chiller_line
 from iptm_core.physics.coolant import Channel
-from iptm_core.physics.electric_drive import drag_loss_w, regenerative_torque_nm
 from iptm_core.physics.electrical import (
+    battery_power_w,
     cell_current_a,
     extended_pack_current_a,
     pack_current_a,
     pack_resistance_ohm,
 )
-from iptm_core.physics.longitudinal import traction_force_n
-from iptm_core.physics.motor import brake_release, motor_speed_rad_s, motor_torque_nm
 from iptm_core.physics.ops import Scalar
-from iptm_core.physics.resistance import cell_resistance_ohm
-from iptm_core.physics.thermal_actuator import thermal_actuation
-from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
-from iptm_core.physics.traction_power import traction_power_w
+from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop, thermal_actuation
+from iptm_core.physics.traction import (
+    brake_release,
+    drag_loss_w,
+    motor_speed_rad_s,
+    motor_torque_nm,
+    regenerative_torque_nm,
+    traction_force_n,
+    traction_power_w,
+)
 
 
 @dataclass(frozen=True)

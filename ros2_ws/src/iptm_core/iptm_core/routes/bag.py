@@ -12,8 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.csv_table import CsvTable
-from iptm_core.state import FloatArray
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, FloatArray
 
 OWN_ODOMETRY, OWN_SLOPE = "plant/odometry", "v2x/slope"
 """Topics of a vehicle of this suite, as `iptm_interfaces.topics` describes them."""

@@ -8,14 +8,23 @@ from pathlib import Path
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.composition import RouteComposition, composition_names, load_composition
-from iptm_core.routes.comprehensive import RouteSegment, comprehensive_cycle, hilly_road
-from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle, smooth_cycle
-from iptm_core.routes.gpx import read_gpx_road
-from iptm_core.routes.hills import PEAK_GRADES
-from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.comprehensive import (
+    RouteComposition,
+    RouteSegment,
+    composition_names,
+    comprehensive_cycle,
+    hilly_road,
+    load_composition,
+)
+from iptm_core.routes.cycles import (
+    CYCLE_NAMES,
+    DrivingCycle,
+    LeaderMotion,
+    load_cycle,
+    smooth_cycle,
+)
 from iptm_core.routes.road_line import RoadLine
-from iptm_core.routes.slope import SlopeProfile
+from iptm_core.routes.slope import PEAK_GRADES, SlopeProfile
 from iptm_core.routes.user_csv import (
     GPX_SUFFIX,
     USER_FILES,
@@ -23,6 +32,7 @@ from iptm_core.routes.user_csv import (
     UserTrip,
     read_user_trip,
 )
+from iptm_core.routes.xml_drives import read_gpx_road
 from iptm_core.strict_mapping import nearest
 from iptm_core.user_input import is_path
 

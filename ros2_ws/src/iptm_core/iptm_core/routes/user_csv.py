@@ -8,7 +8,7 @@ A file with ``latitude_deg`` and ``longitude_deg`` is a recorded drive (see `ipt
 speed column may be missing, and its heights are smoothed along the road. So is a GPX file.
 
 Other files hold the drives of several vehicles, one of which is named behind a ``#``: SUMO's floating car
-data (see `iptm_core.routes.fcd`), and bags of ROS (see `iptm_core.routes.bag`).
+data (see `iptm_core.routes.xml_drives`), and bags of ROS (see `iptm_core.routes.bag`).
 """
 
 from __future__ import annotations
@@ -23,12 +23,11 @@ from numpy.typing import ArrayLike
 from iptm_core.errors import RouteError
 from iptm_core.routes.csv_table import CsvTable, read_csv_table
 from iptm_core.routes.cycles import SPEED_COLUMNS_M_S, DrivingCycle
-from iptm_core.routes.fcd import FCD_SUFFIX, read_fcd
-from iptm_core.routes.gpx import read_gpx
 from iptm_core.routes.piecewise import cumulative_integral, integral_at
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import MAX_GRADE, SlopeProfile
 from iptm_core.routes.track import RecordedDrive, Track, read_out
+from iptm_core.routes.xml_drives import FCD_SUFFIX, read_fcd, read_gpx
 from iptm_core.state import FloatArray
 from iptm_core.strict_mapping import check_known, shown
 

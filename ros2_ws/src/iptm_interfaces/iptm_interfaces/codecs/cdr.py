@@ -6,7 +6,7 @@ import struct
 from typing import Any
 
 from iptm_core.errors import MessageError
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs.time import time_from_ns
 
 _STAMP = struct.Struct("<iI")

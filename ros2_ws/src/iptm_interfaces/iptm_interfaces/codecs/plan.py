@@ -9,8 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_core.state import FloatArray
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, FloatArray
 from iptm_interfaces.codecs._checks import all_finite, increasing, reject
 from iptm_interfaces.codecs.cdr import put_stamp, serialized
 from iptm_interfaces.codecs.time import (

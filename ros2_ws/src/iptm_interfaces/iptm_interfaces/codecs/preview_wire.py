@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import MessageError
-from iptm_core.state import LeaderPreview
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, LeaderPreview
 from iptm_interfaces.codecs.cdr import serialized
 from iptm_interfaces.codecs.preview import (
     KNOWN_NAMES,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from iptm_core.errors import MessageError
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_interfaces.message_types import (
     Duration,
     Time,

@@ -15,7 +15,7 @@ from iptm_controller.strategy import strategy_by_name
 from iptm_core.errors import StoreError
 from iptm_core.metrics import figure_values
 from iptm_core.routes import Route, build_route
-from iptm_core.routes.composition import RouteComposition
+from iptm_core.routes.comprehensive import RouteComposition
 from iptm_reproduction.identification.unknowns import Candidate
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run import perform_run

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from iptm_core.parameters.loading import _sets_folder as sets_folder
-from iptm_core.routes.composition import compositions_folder
+from iptm_core.routes.comprehensive import compositions_folder
 from iptm_reproduction.identification.evaluations import EvaluationTable
 from iptm_reproduction.identification.objective import deviations, misfit
 from iptm_reproduction.identification.unknowns import COMPOSITION, PARAMETERS, Candidate, Unknowns

@@ -19,7 +19,7 @@ import numpy as np
 
 from iptm_core.errors import StoreError
 from iptm_core.parameters import load_parameters, to_flat_dict
-from iptm_core.routes.composition import load_composition
+from iptm_core.routes.comprehensive import load_composition
 from iptm_core.state import FloatArray
 from iptm_reproduction.identification.shipping import (
     DEVIATION,

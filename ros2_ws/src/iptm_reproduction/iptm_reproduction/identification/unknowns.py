@@ -22,7 +22,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.parameters.flat import field_specs
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.strict_yaml import read_yaml
-from iptm_core.routes.composition import SLOPE_KINDS, RouteComposition
+from iptm_core.routes.comprehensive import SLOPE_KINDS, RouteComposition
 from iptm_core.state import FloatArray
 from iptm_core.strict_mapping import StrictMapping
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from iptm_core.aging_laws.cells import AGING_CELLS
-from iptm_core.aging_laws.paper import paper_law
+from iptm_core.aging_laws.law import paper_law
 from iptm_core.parameters import load_parameters
 from iptm_core.state import FloatArray
 from iptm_studies.life.losses import (

@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from iptm_core.declaration import TextEnum
 from iptm_core.errors import StoreError
-from iptm_core.text_enum import TextEnum
 from iptm_studies.campaign import NOT_COMPUTED, Campaign, CaseState
 from iptm_studies.laboratory import Session
 from iptm_studies.run_inputs import resolve_inputs

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from iptm_core.declaration import TextEnum
 from iptm_core.state import FloatArray
-from iptm_core.text_enum import TextEnum
 from iptm_v2x_bridge.messages.cam import ASSUMED_LENGTH_M
 from iptm_v2x_bridge.stations.station import Observation
 

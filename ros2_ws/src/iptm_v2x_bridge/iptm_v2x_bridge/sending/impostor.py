@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
-from iptm_core.trip_time import NS_PER_MS, NS_PER_S
+from iptm_core.state import NS_PER_MS, NS_PER_S
 from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import Impostor, SenderSettings

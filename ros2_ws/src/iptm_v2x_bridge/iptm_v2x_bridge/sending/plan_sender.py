@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.routes.leader import FINAL_BRAKING_M_S2, LeaderMotion
+from iptm_core.routes.cycles import FINAL_BRAKING_M_S2, LeaderMotion
 from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.road_line import RoadLine
-from iptm_core.state import FloatArray
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S, FloatArray
 from iptm_v2x_bridge.messages.cam import PredictedPath
 from iptm_v2x_bridge.sending.sender import BEFORE_START_S, CamSender
 from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings

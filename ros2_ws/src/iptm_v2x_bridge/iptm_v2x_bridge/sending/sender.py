@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from iptm_core.routes.leader import LeaderMotion
+from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.road_line import RoadLine, step_m
-from iptm_core.trip_time import NS_PER_MS, NS_PER_S
+from iptm_core.state import NS_PER_MS, NS_PER_S
 from iptm_v2x_bridge.messages.cam import (
     ASSUMED_LENGTH_M,
     PASSENGER_CAR,

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.declaration import Settings, parameter
+from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.settings import MAX_SEED, VEHICLE_LENGTH_M, VEHICLE_LENGTHS_M
 from iptm_core.state import FloatArray
-from iptm_core.text_enum import TextEnum
 
 
 class Framing(TextEnum):

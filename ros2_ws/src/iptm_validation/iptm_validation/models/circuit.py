@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from iptm_core.physics.cell_voltage import ChargeTable, ChargeTransfer, ResistanceLaw
+from iptm_core.physics.charge import ChargeTable, ChargeTransfer, ResistanceLaw
 from iptm_core.state import FloatArray
 
 REFERENCE_K = 298.15

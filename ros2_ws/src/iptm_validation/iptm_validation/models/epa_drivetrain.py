@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from iptm_core.physics.road_load import coast_down_force_n
+from iptm_core.physics.traction import coast_down_force_n
 from iptm_core.routes.cycles import load_cycle
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import DynamometerTest, held_out

@@ -9,8 +9,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import lsq_linear
 
 from iptm_core.parameters.model import PowertrainParameters
-from iptm_core.physics.electric_drive import drag_loss_w
-from iptm_core.physics.traction_power import traction_power_w
+from iptm_core.physics.traction import drag_loss_w, traction_power_w
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import Trip, held_out
 

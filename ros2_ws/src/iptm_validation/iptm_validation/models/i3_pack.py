@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from iptm_core.physics.cell_voltage import ChargeTable, ambient_temperature_rate_k_s
+from iptm_core.physics.charge import ChargeTable, ambient_temperature_rate_k_s
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import Trip, held_out
 from iptm_validation.models.circuit import Circuit, Samples, Structure, fit_circuit, hats

@@ -9,10 +9,12 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from iptm_core.parameters.model import BodyParameters, RegenerationParameters
-from iptm_core.physics.electric_drive import regenerative_torque_nm
-from iptm_core.physics.longitudinal import traction_force_n
-from iptm_core.physics.motor import motor_torque_nm
-from iptm_core.physics.road_load import warm_up_force_n
+from iptm_core.physics.traction import (
+    motor_torque_nm,
+    regenerative_torque_nm,
+    traction_force_n,
+    warm_up_force_n,
+)
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import Trip, held_out
 from iptm_validation.models.i3_drivetrain import (

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
-from iptm_core.physics.cell_voltage import ambient_temperature_rate_k_s
+from iptm_core.physics.charge import ambient_temperature_rate_k_s
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import CellTest
 from iptm_validation.models.circuit import REFERENCE_K, Circuit, Samples, Structure, fit_circuit

@@ -1,16 +1,57 @@
-"""What is left of the gap when leader and host brake: the host's brakes build up within its jerk limit.
+"""Permitted gaps, what is left of them when both vehicles brake, and the controlled stop.
 
-Written on ``ops`` like all physics: the safe driving law evaluates it, the optimal control problem
-differentiates it.
+Gaps and reserve are written on ``ops`` like all physics: the safe driving law evaluates them, the optimal
+control problem differentiates them.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from iptm_core.parameters.model import GapParameters, LimitParameters
-from iptm_core.physics.gap_policy import minimum_gap_m
-from iptm_core.physics.ops import Scalar, maximum
+from iptm_core.physics.ops import Scalar, maximum, minimum
+from iptm_core.state import Command, VehicleState
+
+
+def minimum_gap_m(
+    speed_m_s: Scalar, leader_speed_m_s: Scalar, gap: GapParameters, limits: LimitParameters
+) -> Scalar:
+    """Desired minimum gap s_min as printed in the paper (unnumbered equation below eq. 16).
+
+    ``s_st + v T_h + v (v - v_PV) / (2 sqrt(-a_min a_max))``. The last term is negative while the leader
+    pulls away, so the value may fall below the standstill gap.
+
+    Args:
+        speed_m_s: host speed v.
+        leader_speed_m_s: leader speed v_PV.
+        gap: standstill gap and time headway.
+        limits: acceleration bounds.
+
+    Returns:
+        Gap in m.
+    """
+    braking = 2.0 * math.sqrt(-limits.min_acceleration_m_s2 * limits.max_acceleration_m_s2)
+    approach = speed_m_s * (speed_m_s - leader_speed_m_s) / braking
+    return gap.standstill_gap_m + speed_m_s * gap.time_headway_s + approach
+
+
+def maximum_gap_m(speed_m_s: Scalar, gap: GapParameters, *, smoothing_m: float = 0.0) -> Scalar:
+    """Largest permitted gap s_max; with a largest time headway no more than that, but the initial gap.
+
+    Args:
+        speed_m_s: host speed v.
+        gap: largest gap, largest time headway (0: none), and the gap at standstill at which trips begin.
+        smoothing_m: width of the smoothed bounds; 0 is exact.
+
+    Returns:
+        Gap in m: the paper's constant without a largest time headway.
+    """
+    if gap.max_time_headway_s == 0.0:
+        return gap.max_gap_m
+    by_headway = maximum(gap.max_time_headway_s * speed_m_s, gap.initial_gap_m, smoothing_m)
+    return minimum(by_headway, gap.max_gap_m, smoothing_m)
+
 
 LEADER_SURPRISE_M_S = 2.2
 """Speed that a leader may lose on top of braking as hard as the host can. Drivers brake harder than that,
@@ -126,3 +167,41 @@ def braking_reserve_m(
     host_moved = host_moved - halting_distance_m(rest_speed, limits)
     at_stop = gap_m + leader_stop - host_moved - minimum_gap_m(rest_speed, 0.0, gap, limits)
     return -maximum(-at_build_up, -at_stop, RESERVE_SMOOTHING_M)
+
+
+COMFORTABLE_DECELERATION_M_S2 = 1.0
+
+
+def controlled_stop_command(
+    state: VehicleState,
+    limits: LimitParameters,
+    duration_s: float = 1.0,
+    deceleration_m_s2: float = COMFORTABLE_DECELERATION_M_S2,
+) -> Command:
+    """Next command of a comfortable stop with compressor and heater run down.
+
+    The deceleration builds up within the jerk limit, stays at the comfortable value and fades out so that
+    the vehicle comes to rest without a jolt. The compressor ramps to its lower bound, a heater to it
+    from below. Applied interval after interval this brings the vehicle to standstill from any state.
+
+    Args:
+        state: present state; its inputs are the values last actuated.
+        limits: bounds and rates.
+        duration_s: time for which the command will be held.
+        deceleration_m_s2: comfortable deceleration, positive; cut to what the limits permit.
+
+    Returns:
+        A command inside all bounds and rates.
+    """
+    jerk_step = limits.max_jerk_m_s3 * duration_s
+    # Reduced by one jerk step per interval from here on, the deceleration ends together with the speed.
+    fading = math.sqrt(0.25 * jerk_step**2 + 2.0 * limits.max_jerk_m_s3 * state.speed_m_s)
+    fading -= 0.5 * jerk_step
+    wanted = max(-deceleration_m_s2, -fading, limits.min_acceleration_m_s2)
+    # After service braking the measured deceleration lies outside the comfort limits.
+    last = max(state.acceleration_m_s2, limits.min_acceleration_m_s2)
+    acceleration = min(max(wanted, last - jerk_step), last + jerk_step)
+    power_step = limits.max_compressor_rate_w_s * duration_s
+    last_w = state.compressor_power_w
+    compressor = min(max(limits.min_compressor_power_w, last_w - power_step), last_w + power_step)
+    return Command(float(acceleration), float(compressor))

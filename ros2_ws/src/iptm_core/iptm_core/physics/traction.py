@@ -1,0 +1,190 @@
+"""From motion to electric power: road load, driveline, motor and regeneration, paper eqs. (1) to (3) and (5).
+
+Beyond the paper: losses that grow with speed, limits of regenerative braking and measured road loads, fitted
+to cars in ``iptm_validation``.
+"""
+
+from __future__ import annotations
+
+from iptm_core.parameters.model import BodyParameters, PowertrainParameters, RegenerationParameters
+from iptm_core.physics.ops import Scalar, absolute, both, cos, exp, maximum, minimum, sin, where
+
+
+def traction_force_n(
+    speed_m_s: Scalar, acceleration_m_s2: Scalar, slope_rad: Scalar, body: BodyParameters
+) -> Scalar:
+    """Force at the wheels that grade, rolling, air and inertia ask for (F_v, eq. 2).
+
+    Args:
+        speed_m_s: speed v, not negative.
+        acceleration_m_s2: acceleration a, negative when braking.
+        slope_rad: road slope theta, positive uphill.
+        body: vehicle body.
+
+    Returns:
+        Force in N, positive when the vehicle has to be driven, negative when it has to be braked.
+    """
+    weight_n = body.mass_kg * body.gravity_m_s2
+    grade = weight_n * sin(slope_rad)
+    rolling = weight_n * body.rolling_resistance * cos(slope_rad)
+    drag = (
+        0.5
+        * body.drag_coefficient
+        * body.frontal_area_m2
+        * body.air_density_kg_m3
+        * speed_m_s
+        * speed_m_s
+    )
+    inertia = body.mass_kg * body.rotational_inertia_factor * acceleration_m_s2
+    return grade + rolling + drag + inertia
+
+
+def advance_position_m(
+    position_m: Scalar, speed_m_s: Scalar, acceleration_m_s2: Scalar, duration_s: float
+) -> Scalar:
+    """Position after a time of constant acceleration, exact solution of eq. (1)."""
+    return position_m + duration_s * (speed_m_s + 0.5 * duration_s * acceleration_m_s2)
+
+
+def advance_speed_m_s(speed_m_s: Scalar, acceleration_m_s2: Scalar, duration_s: float) -> Scalar:
+    """Speed after a time of constant acceleration, exact solution of eq. (1)."""
+    return speed_m_s + duration_s * acceleration_m_s2
+
+
+def coast_down_force_n(
+    speed_m_s: Scalar, constant_n: float, linear_n_s_m: float, quadratic_n_s2_m2: float
+) -> Scalar:
+    """Road load ``A + B v + C v^2`` from the three coefficients of a coast-down test, in N."""
+    return constant_n + speed_m_s * (linear_n_s_m + quadratic_n_s2_m2 * speed_m_s)
+
+
+def warm_up_force_n(driven_s: Scalar, cold_force_n: Scalar, time_constant_s: float) -> Scalar:
+    """Additional rolling force of cold tyres, bearings and gear oil.
+
+    Args:
+        driven_s: time since the start of the trip.
+        cold_force_n: additional force at the start.
+        time_constant_s: time constant of the decay.
+
+    Returns:
+        Force in N.
+    """
+    return cold_force_n * exp(-driven_s / time_constant_s)
+
+
+def motor_torque_nm(
+    force_n: Scalar, powertrain: PowertrainParameters, *, force_smoothing_n: float = 0.0
+) -> Scalar:
+    """Motor torque for a wheel force (T_m, eq. 3).
+
+    The driveline loses on both ways: ``F eta^-sign(F)`` equals ``max(F / eta, F eta)``, which is the
+    form used here because it is one convex kink.
+
+    Args:
+        force_n: wheel force F_v.
+        powertrain: ratios, wheel radius and driveline efficiency.
+        force_smoothing_n: width of the smoothed kink in N of wheel force; 0 is exact.
+
+    Returns:
+        Torque in N m with the sign of the force.
+    """
+    efficiency = powertrain.driveline_efficiency
+    # The two branches differ by F (1/eta - eta): the width is scaled so that it reads in newtons of F.
+    width = force_smoothing_n * (1.0 / efficiency - efficiency)
+    driven = maximum(force_n / efficiency, force_n * efficiency, width)
+    ratio = powertrain.transmission_ratio * powertrain.final_drive_ratio
+    return driven * powertrain.wheel_radius_m / ratio
+
+
+def motor_speed_rad_s(speed_m_s: Scalar, powertrain: PowertrainParameters) -> Scalar:
+    """Motor speed at a vehicle speed."""
+    ratio = powertrain.transmission_ratio * powertrain.final_drive_ratio
+    return speed_m_s * (ratio / powertrain.wheel_radius_m)
+
+
+def brake_release(
+    speed_m_s: Scalar, acceleration_m_s2: Scalar, *, speed_smoothing_m_s: float = 0.0
+) -> Scalar:
+    """Share of the motor torque that acts near standstill: 0 while the brakes hold, 1 when rolling.
+
+    At v = 0 without commanded motion the brakes hold the vehicle, whatever the slope. The smoothed
+    form depends on speed only and reaches one half at ``speed_smoothing_m_s``.
+    """
+    if speed_smoothing_m_s > 0.0:
+        squared = speed_m_s * speed_m_s
+        return squared / (squared + speed_smoothing_m_s * speed_smoothing_m_s)
+    return where(both(speed_m_s <= 0.0, acceleration_m_s2 <= 0.0), 0.0, 1.0)
+
+
+def drag_loss_w(
+    motor_speed_rad_s: Scalar, linear_w_s_rad: float, quadratic_w_s2_rad2: float
+) -> Scalar:
+    """Loss of a turning motor without torque: bearings and hysteresis (linear), eddy currents (quadratic).
+
+    Args:
+        motor_speed_rad_s: motor speed, either sign.
+        linear_w_s_rad: coefficient c_1 in W s/rad.
+        quadratic_w_s2_rad2: coefficient c_2 in W s^2/rad^2.
+
+    Returns:
+        Loss in W, not negative.
+    """
+    speed = absolute(motor_speed_rad_s)
+    return speed * (linear_w_s_rad + quadratic_w_s2_rad2 * speed)
+
+
+def regenerative_torque_nm(
+    torque_nm: Scalar,
+    motor_speed_rad_s: Scalar,
+    speed_m_s: Scalar,
+    acceleration_m_s2: Scalar,
+    limits: RegenerationParameters,
+    *,
+    torque_smoothing_nm: float = 0.0,
+    speed_smoothing_m_s: float = 0.0,
+) -> Scalar:
+    """Motor torque for a demanded torque: braking is shared with the friction brakes.
+
+    Args:
+        torque_nm: demanded motor torque, negative when braking.
+        motor_speed_rad_s: motor speed, not negative.
+        speed_m_s: vehicle speed, not negative.
+        acceleration_m_s2: acceleration of the vehicle, negative when braking.
+        limits: limits of regeneration.
+        torque_smoothing_nm: width of the smoothed bound of the torque; 0 is exact.
+        speed_smoothing_m_s: width of the smoothed ends of the blending; 0 is exact.
+
+    Returns:
+        Motor torque in N m; the friction brakes supply the difference.
+    """
+    blend_width = limits.blend_end_m_s - limits.blend_start_m_s
+    blend_smoothing = speed_smoothing_m_s / blend_width
+    blend = (speed_m_s - limits.blend_start_m_s) / blend_width
+    blend = minimum(maximum(blend, 0.0, blend_smoothing), 1.0, blend_smoothing)
+    beyond = maximum(-acceleration_m_s2 - limits.deceleration_m_s2, 0.0)
+    share = maximum(1.0 - limits.decline_s2_m * beyond, 0.0)
+    # Below one rad/s the power limit does not bind at any torque of a road vehicle.
+    power_bound = limits.power_w / maximum(motor_speed_rad_s, 1.0)
+    bound = blend * minimum(limits.torque_nm, power_bound, torque_smoothing_nm)
+    braking = minimum(torque_nm, 0.0)
+    return maximum(torque_nm + (share - 1.0) * braking, -bound, torque_smoothing_nm)
+
+
+def traction_power_w(
+    speed_m_s: Scalar, motor_torque: Scalar, powertrain: PowertrainParameters
+) -> Scalar:
+    """Electric power of the motor (P_tra, eq. 5), negative when it feeds back.
+
+    Args:
+        speed_m_s: vehicle speed v.
+        motor_torque: motor torque T_m in N m.
+        powertrain: gear ratios (epsilon = i_g i_0 / r_w) and the copper-loss coefficient sigma.
+
+    Returns:
+        Power in W: shaft power plus copper loss ``sigma T_m^2``.
+    """
+    ratio_1_m = (
+        powertrain.transmission_ratio * powertrain.final_drive_ratio / powertrain.wheel_radius_m
+    )
+    copper_loss = powertrain.motor_loss_w_per_nm2 * motor_torque * motor_torque
+    return ratio_1_m * speed_m_s * motor_torque + copper_loss
