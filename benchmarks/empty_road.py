@@ -17,7 +17,7 @@ from benchmarks.v2x_page import put
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import Rung
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.settings import LeaderSource
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory

@@ -26,7 +26,7 @@ from iptm_controller.strategy import strategy_by_name
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.trajectory import Trajectory
 from iptm_studies.life.losses import SERVICE_YEARS, losses_by_cause

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.harness import formatted_table, run_benchmark
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes import build_route
 from iptm_core.routes.cycles import LeaderMotion

@@ -11,7 +11,7 @@ import pytest
 
 from iptm_core.decision_record import DecisionSeries, Rung
 from iptm_core.declaration import plain
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.settings import LeaderSource
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_recording.bag_reader import BagReader

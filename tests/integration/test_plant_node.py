@@ -11,7 +11,7 @@ import pytest
 from tests.integration.plant_driver import OTHER_TOPICS, Driver, S, lively, start
 
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.routes import build_route
 from iptm_core.settings import ThermalModel
 from iptm_core.state import Command, FullChannelState, VehicleState

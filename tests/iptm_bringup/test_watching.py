@@ -18,7 +18,7 @@ from iptm_bringup.run_closed_loop import WATCHING_RATE, build_parser, prepared_f
 from iptm_bringup.run_folder import REFERENCE
 from iptm_bringup.scenario import Scenario, prepare
 from iptm_bringup.supervisor import Supervisor
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.settings import LoopMode
 from iptm_interfaces.process import StopRequest
 from iptm_recording.export import ExportTable, write_parquet

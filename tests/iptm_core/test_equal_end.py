@@ -10,7 +10,7 @@ import pytest
 from iptm_core.metrics.equal_end import NO_COOLING, cool_down
 from iptm_core.metrics.run_metrics import EndState
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 
 PARAMETERS = load_parameters().values
 END = EndState(

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from iptm_core.errors import ScenarioError, StoreError
-from iptm_core.strict_mapping import StrictMapping, suggestion
+from iptm_core.user_input import StrictMapping, suggestion
 
 KNOWN = ("title", "speed", "parts", "notes")
 

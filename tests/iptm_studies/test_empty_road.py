@@ -9,7 +9,7 @@ import pytest
 
 from iptm_core.decision_record import Rung
 from iptm_core.errors import IptmError
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.settings import LeaderSource
 from iptm_studies.run import Run, perform_run
 from iptm_studies.run_inputs import resolve_inputs

@@ -21,7 +21,7 @@ from iptm_core.settings import (
     SamplingSettings,
     TripSettings,
 )
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.run_information import RunInformation
 

@@ -13,7 +13,7 @@ from iptm.run import Run, figure_title
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import FIGURES
 from iptm_core.parameters import to_flat_dict
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 
 if TYPE_CHECKING:
     from iptm.picture import Picture

@@ -19,7 +19,7 @@ from iptm_core.errors import ParameterError, RouteError
 from iptm_core.parameters import DEFAULT_SET, ModelParameters, load_parameters, to_flat_dict
 from iptm_core.routes.cycles import DrivingCycle
 from iptm_core.routes.user_csv import UserTrip, trip_from_columns
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 from iptm_faults.fault import Fault, plain_faults
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from iptm.run import Run
-from iptm_core.parameters.units import CELSIUS_ZERO_K, KM_H_PER_M_S
+from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 

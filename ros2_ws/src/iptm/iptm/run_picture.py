@@ -27,7 +27,7 @@ from iptm.picture import (
 )
 from iptm.run import Run
 from iptm_core.metrics import gap_margins_m
-from iptm_core.parameters.units import CELSIUS_ZERO_K, KM_H_PER_M_S
+from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory

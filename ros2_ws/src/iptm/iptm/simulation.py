@@ -21,7 +21,7 @@ from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.settings import LeaderSource, TripSettings
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 from iptm_studies.run import Run as StudyRun
 from iptm_studies.run import perform_run
 

@@ -21,7 +21,7 @@ from rclpy.serialization import deserialize_message
 from iptm_bringup.composition import INJECTOR, RECORDER
 from iptm_core.decision_record import DecisionRecord, Rung
 from iptm_core.errors import MessageError
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_interfaces.assembly import last_trip
 from iptm_interfaces.codecs import (
     decode_decision_record,

@@ -18,7 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from iptm_core.errors import IptmError, RouteError
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.program import refused
 from iptm_core.routes import build_route
 from iptm_core.routes.can_log import CAN_COLUMNS, can_log_csv

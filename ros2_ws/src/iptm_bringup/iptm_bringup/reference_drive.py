@@ -22,8 +22,8 @@ from iptm_bringup.scenario import prepare
 from iptm_bringup.scenario_files import scenario_from
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import BagError, IptmError, ScenarioError
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.parameters.strict_yaml import parse_yaml
-from iptm_core.parameters.units import CELSIUS_ZERO_K
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.trajectory import Trajectory
 from iptm_recording.export import read_exported_trajectory

@@ -26,7 +26,7 @@ from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.settings import LoopMode
-from iptm_core.strict_mapping import nearest
+from iptm_core.user_input import nearest
 
 PROGRAM = "run_closed_loop"
 WATCHING_RATE = 10.0

@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 
 from iptm_core.errors import ScenarioError
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 
 PICTURE = "closed_loop.png"
 REPORT = "report.html"

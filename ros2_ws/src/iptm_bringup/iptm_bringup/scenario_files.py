@@ -24,8 +24,7 @@ from iptm_core.declaration import ParameterSpec, Scalar, checked_value, paramete
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, parse_yaml, read_yaml
 from iptm_core.routes.user_csv import GPX_SUFFIX, USER_SUFFIXES
-from iptm_core.strict_mapping import StrictMapping, shown, suggestion
-from iptm_core.user_input import is_path
+from iptm_core.user_input import StrictMapping, is_path, shown, suggestion
 from iptm_faults.fault import faults_from, plain_faults
 
 DEFAULT_SCENARIO = "wltc"

@@ -12,8 +12,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from iptm.picture import GREY, STYLE
 from iptm_core.metrics import gap_margins_m
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S, ModelParameters
 from iptm_core.trajectory import Trajectory
 
 _SIZE_INCHES = (12.0, 8.0)

@@ -10,8 +10,7 @@ from iptm_bringup.comparison import Comparison
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import EqualEnd, RunMetrics, at_equal_end, figure_values
 from iptm_core.metrics.figures import J_PER_KWH, NO_VALUE, significant
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 
 AGING_SAVED = "driving aging"
 PPM = 1e6

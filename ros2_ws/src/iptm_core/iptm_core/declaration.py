@@ -17,8 +17,7 @@ from enum import Enum
 from typing import Any, TypeVar
 
 from iptm_core.errors import ParameterError
-from iptm_core.strict_mapping import nearest, shown
-from iptm_core.user_input import is_path
+from iptm_core.user_input import is_path, nearest, shown
 
 
 class TextEnum(str, Enum):

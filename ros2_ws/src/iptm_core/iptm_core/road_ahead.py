@@ -15,7 +15,7 @@ import numpy as np
 
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError, RouteError
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.settings import LeaderSource

@@ -19,8 +19,7 @@ import numpy as np
 
 from iptm_core.declaration import Scalar
 from iptm_core.errors import StateError
-from iptm_core.strict_mapping import shown
-from iptm_core.user_input import read_bounded
+from iptm_core.user_input import read_bounded, shown
 
 T = TypeVar("T")
 FORMAT = "iptm saved state 1"

@@ -1,10 +1,207 @@
-"""What users hand over as files and numbers, read so that no mistake hangs or floods the process."""
+"""What users hand over as files, names and numbers, read strictly and refused in one form.
+
+No mistake hangs or floods the process. Files of the suite (parameter sets, scenarios, studies) are read
+through `StrictMapping`, so that all refusals look alike: where, which key, the value, and what is allowed.
+"""
 
 from __future__ import annotations
 
+import difflib
 import os
 import stat
+from collections.abc import Iterable, Iterator, Mapping
+from enum import Enum
 from pathlib import Path
+from typing import Any, NoReturn
+
+from iptm_core.errors import IptmError, ParameterError, ScenarioError
+
+_MANY_NAMES = 30
+_LEAST_BEGINNING = 3
+_FEW_NAMES = 12
+_MAX_SHOWN = 80
+
+
+def shown(value: object) -> str:
+    """Return a value as an error message shows it: its repr in one line, cut to a readable length."""
+    try:
+        text = repr(str(value)) if isinstance(value, Enum) else repr(value)
+    except ValueError:  # an int with more digits than Python prints
+        text = f"<{type(value).__name__} too long to print>"
+    text = " ".join(line.strip() for line in text.splitlines())
+    return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
+
+
+def suggestion(name: object, known: Iterable[str]) -> str:
+    """Return what an unknown name may have meant, and what is allowed.
+
+    Args:
+        name: the name that is not among the known ones.
+        known: permitted names; of many only the nearest or the first ones are named.
+
+    Returns:
+        Text such as ``did you mean 'cycle'? allowed: cycle, slope``.
+    """
+    names = list(known)
+    near = nearest(name, names)
+    hint = [f"did you mean {near!r}?"] if near else []
+    if len(names) <= _FEW_NAMES or not near:
+        more = ", ..." if len(names) > _MANY_NAMES else ""
+        listed = names[:_FEW_NAMES] if more else names
+        hint.append(f"allowed: {', '.join(listed) or 'none'}{more}")
+    return " ".join(hint)
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """Return the name that an unknown one is nearest to, whatever its case; empty if it is near to none."""
+    by_lower = {each.lower(): each for each in known}
+    lower = str(name).lower()
+    begun = [each for each in by_lower if len(lower) >= _LEAST_BEGINNING and each.startswith(lower)]
+    near = begun or difflib.get_close_matches(lower, by_lower, n=1)
+    return by_lower[near[0]] if near else ""
+
+
+def check_known(
+    name: object,
+    known: Iterable[str],
+    where: str,
+    kind: str = "key",
+    error: type[IptmError] = ParameterError,
+) -> None:
+    """Refuse a name that is not among the known ones.
+
+    Args:
+        name: what the user wrote.
+        known: permitted names.
+        where: file and place in it, for the message.
+        kind: what the name stands for.
+        error: class of the error.
+
+    Raises:
+        IptmError: (of class ``error``) if the name is unknown.
+    """
+    names = list(known)
+    if name not in names:
+        raise error(f"{where}: unknown {kind} {shown(name)}; {suggestion(name, names)}")
+
+
+class StrictMapping:
+    """One mapping of a file, with its place in the file for the messages.
+
+    Attributes:
+        content: the mapping itself.
+        where: file and place in it.
+    """
+
+    def __init__(
+        self,
+        content: object,
+        where: str,
+        known: Iterable[str] | None = None,
+        *,
+        kind: str = "key",
+        error: type[IptmError] = ScenarioError,
+    ) -> None:
+        """Check that it is a mapping of known names.
+
+        Args:
+            content: what the file holds.
+            where: file and place in it.
+            known: permitted keys, None for any text.
+            kind: what a key stands for, in messages.
+            error: class of all errors.
+
+        Raises:
+            IptmError: (of class ``error``) not a mapping, or a key that is not text or unknown.
+        """
+        self.where = where
+        self._error = error
+        if not isinstance(content, Mapping):
+            held = "nothing" if content is None else shown(content)
+            raise error(f"{where} holds {held}; allowed: a mapping of names to values")
+        names = None if known is None else list(known)
+        for key in content:
+            if not isinstance(key, str):
+                raise error(f"{where}: {kind} {shown(key)}; allowed: a text (quote it)")
+            if names is not None:
+                check_known(key, names, where, kind, error)
+        self.content: Mapping[str, Any] = content
+
+    def __contains__(self, key: str) -> bool:
+        """Return whether a key is stated."""
+        return key in self.content
+
+    def __iter__(self) -> Iterator[str]:
+        """Return the keys as written."""
+        return iter(self.content)
+
+    def refuse(self, key: str, allowed: str) -> NoReturn:
+        """Raise the error for a value that is not as it should be."""
+        raise self._error(
+            f"{self.where}: {key} is {shown(self.content.get(key))}; allowed: {allowed}"
+        )
+
+    def require(self, *keys: str, allowed: str = "") -> None:
+        """Refuse the mapping if a key is missing, with the allowed values."""
+        for key in keys:
+            if key not in self.content:
+                hint = f"; allowed: {allowed}" if allowed else ""
+                raise self._error(f"{self.where}: {key!r} is missing{hint}")
+
+    def value(self, key: str) -> Any:
+        """Return the value of a key that must be stated."""
+        self.require(key)
+        return self.content[key]
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """Return a text; without a default the key must be stated."""
+        if key not in self.content and default is not None:
+            return default
+        value = self.value(key)
+        if not isinstance(value, str):
+            self.refuse(key, "a text (quote it)")
+        return value
+
+    def number(self, key: str) -> float:
+        """Return a number as a float; NaN and infinity are left to the check of the range."""
+        value = self.value(key)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.refuse(key, "a number")
+        try:
+            return float(value)
+        except OverflowError:
+            self.refuse(key, "a number that a float can hold")
+
+    def scalar(self, key: str) -> bool | int | float | str:
+        """Return a number, a text or a truth value."""
+        value = self.value(key)
+        if not isinstance(value, bool | int | float | str):
+            self.refuse(key, "a number, a text, true or false")
+        return value
+
+    def choice(self, key: str, choices: Iterable[str]) -> str:
+        """Return one of several texts."""
+        names = list(choices)
+        self.require(key, allowed=", ".join(names))
+        value = self.content[key]
+        if value not in names:
+            self.refuse(key, ", ".join(names))
+        return str(value)
+
+    def section(
+        self, key: str, known: Iterable[str] | None = None, *, kind: str = "key"
+    ) -> StrictMapping:
+        """Return the mapping of a key, an empty one where the key is not stated."""
+        return StrictMapping(
+            self.content.get(key, {}), f"{self.where}: {key}", known, kind=kind, error=self._error
+        )
+
+    def entries(self, key: str, *, may_be_empty: bool = False) -> list[Any]:
+        """Return a list; without a value for the key an empty one, if that is permitted."""
+        value = self.content.get(key, [])
+        if not isinstance(value, list) or not (value or may_be_empty):
+            self.refuse(key, "a list with at least one entry")
+        return value
 
 
 def read_bounded(path: Path, most_bytes: int) -> bytes:

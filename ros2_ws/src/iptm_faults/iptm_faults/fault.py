@@ -19,7 +19,7 @@ from iptm_core.declaration import ParameterSpec, Scalar, Settings, parameter, pl
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.settings import MAX_SEED
 from iptm_core.state import NS_PER_S
-from iptm_core.strict_mapping import StrictMapping
+from iptm_core.user_input import StrictMapping
 from iptm_faults.kinds import KINDS, FaultKind, FaultPlace, KindSpec
 
 TARGETS = ("plant", "v2x_bridge", "controller", "recorder")

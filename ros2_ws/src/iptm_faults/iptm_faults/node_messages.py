@@ -14,7 +14,7 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import NS_PER_S, VehicleState
 from iptm_faults.fault import Fault
 from iptm_faults.signals import faulty_state

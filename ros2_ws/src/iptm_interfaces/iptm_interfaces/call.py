@@ -10,8 +10,7 @@ from std_srvs.srv import Trigger
 
 from iptm_core.errors import IptmError, ServiceError
 from iptm_core.program import EXIT_INTERRUPTED, EXIT_OK, EXIT_REFUSED, refused
-from iptm_core.strict_mapping import suggestion
-from iptm_core.user_input import number, whole_number
+from iptm_core.user_input import number, suggestion, whole_number
 from iptm_interfaces.graph_client import GraphClient
 
 PROGRAM = "call"

@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from iptm_core.errors import ServiceError
-from iptm_core.strict_mapping import suggestion
+from iptm_core.user_input import suggestion
 from iptm_interfaces.discovery import middleware_settings
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"

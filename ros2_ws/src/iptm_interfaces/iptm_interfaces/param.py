@@ -14,8 +14,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from iptm_core.errors import IptmError, ParameterError, ServiceError
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.program import EXIT_INTERRUPTED, EXIT_OK, EXIT_REFUSED, refused
-from iptm_core.strict_mapping import check_known
-from iptm_core.user_input import number, whole_number
+from iptm_core.user_input import check_known, number, whole_number
 from iptm_interfaces.call import add_graph_options
 from iptm_interfaces.graph_client import GraphClient
 

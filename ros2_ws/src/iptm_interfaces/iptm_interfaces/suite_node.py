@@ -18,7 +18,7 @@ from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
 from iptm_core.errors import IptmError, ParameterError
-from iptm_core.strict_mapping import suggestion
+from iptm_core.user_input import suggestion
 from iptm_interfaces.framed_publisher import FramedPublisher
 from iptm_interfaces.node_health import AwakeClock, NodeHealth, largest_message_bytes
 from iptm_interfaces.services import Service

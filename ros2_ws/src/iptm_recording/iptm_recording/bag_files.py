@@ -12,7 +12,7 @@ from typing import Any
 from zstandard import ZstdDecompressor, ZstdError
 
 from iptm_core.errors import BagError
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 from iptm_recording.mcap_storage import McapStorage
 from iptm_recording.ros1_storage import Ros1Storage
 from iptm_recording.sqlite_storage import SqliteStorage

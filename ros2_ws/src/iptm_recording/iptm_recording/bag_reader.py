@@ -16,7 +16,7 @@ from typing import Any, final
 
 from iptm_core.errors import BagError, MissingTopicError
 from iptm_core.parameters import ModelParameters, load_parameters
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 from iptm_recording.bag_files import check_exists, open_files
 from iptm_recording.message_types import Decoder, MessageDefinition
 from iptm_recording.metadata import METADATA_FILE, read_metadata

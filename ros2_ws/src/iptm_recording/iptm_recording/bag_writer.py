@@ -17,7 +17,7 @@ from typing import Any, final
 from rosbags.interfaces import Qos
 
 from iptm_core.errors import BagError
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 from iptm_recording.mcap_file import COMPRESSIONS, FileLimits, McapFile
 from iptm_recording.message_types import MessageDefinition, message_definition
 from iptm_recording.metadata import FileRecord, describe_bag, metadata_text, write_metadata

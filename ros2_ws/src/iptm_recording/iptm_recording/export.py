@@ -15,8 +15,8 @@ import pyarrow.parquet as pq
 
 from iptm_core.errors import BagError, IptmError, StateError
 from iptm_core.program import refused
-from iptm_core.strict_mapping import shown
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_core.user_input import shown
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.message_table import message_columns
 from iptm_recording.trajectory_reader import read_trajectory

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from iptm_core.errors import BagError
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 from iptm_interfaces.codecs import s_from_ns
 from iptm_interfaces.topics import TOPICS
 from iptm_recording.bag_reader import BagReader

@@ -28,7 +28,7 @@ from rosbags.interfaces import (
 from iptm_core.errors import BagError
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.state import NS_PER_S
-from iptm_core.strict_mapping import check_known, shown
+from iptm_core.user_input import check_known, shown
 from iptm_recording.recorded_topics import UNLIMITED
 
 _KINDS: Final[Mapping[str, type[Enum]]] = {

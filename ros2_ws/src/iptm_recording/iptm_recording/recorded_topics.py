@@ -24,7 +24,7 @@ from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 
 from iptm_core.errors import BagError
 from iptm_core.parameters.strict_yaml import parse_yaml
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 
 # rosbag2 writes an unlimited duration as the largest 64-bit count of nanoseconds.
 UNLIMITED = QosTime(9223372036, 854775807)

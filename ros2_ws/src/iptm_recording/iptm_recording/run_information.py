@@ -23,7 +23,7 @@ from iptm_core.parameters import (
 )
 from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
 from iptm_core.provenance import UNKNOWN, git_revision, versions
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 
 RECORD_NAME = "iptm_run"
 MODEL_KEY = "model"

@@ -14,7 +14,7 @@ from typing import Any, final
 from urllib.parse import quote
 
 from iptm_core.errors import BagError
-from iptm_core.strict_mapping import shown
+from iptm_core.user_input import shown
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_recording.recorded_topics import TopicRecord, parse_profiles
 from iptm_recording.storage import STORAGE_DAMAGE, RawMessage, StorageFile

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_core.physics.cell import SECONDS_PER_HOUR, capacity_loss_rate_1_s, cell_resistance_ohm
 from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_resistance_ohm
 from iptm_core.state import FloatArray

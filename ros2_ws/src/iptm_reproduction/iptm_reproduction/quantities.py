@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 

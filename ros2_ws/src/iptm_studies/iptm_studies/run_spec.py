@@ -31,7 +31,7 @@ from iptm_core.settings import (
     ThermalModel,
     TripSettings,
 )
-from iptm_core.strict_mapping import StrictMapping
+from iptm_core.user_input import StrictMapping
 from iptm_faults.fault import Fault, faults_from, in_order, plain_faults
 from iptm_faults.injection import check_empty_road, check_headless
 

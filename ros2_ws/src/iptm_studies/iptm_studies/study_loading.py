@@ -21,8 +21,7 @@ from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, read_yaml
 from iptm_core.routes.user_csv import GPX_SUFFIX, USER_SUFFIXES
-from iptm_core.strict_mapping import StrictMapping, shown, suggestion
-from iptm_core.user_input import is_path
+from iptm_core.user_input import StrictMapping, is_path, shown, suggestion
 from iptm_studies.run_spec import (
     REPRODUCED_CYCLE,
     REPRODUCED_SET,

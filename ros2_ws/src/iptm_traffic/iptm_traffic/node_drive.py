@@ -23,7 +23,7 @@ from rich.table import Table
 
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.routes.route import build_route
 from iptm_core.settings import PreviewSettings

@@ -8,8 +8,7 @@ import numpy as np
 
 from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.errors import ParameterError, RouteError
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S, ModelParameters
 from iptm_core.road_ahead import RoadAheadSettings, SpeedLimits, limits_of_curves, limits_of_drive
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.road_line import RoadLine

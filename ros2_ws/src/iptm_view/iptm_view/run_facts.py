@@ -21,7 +21,7 @@ from iptm_core.metrics.constraints import (
     TEMPERATURE_TOLERANCE_K,
 )
 from iptm_core.parameters import ModelParameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.settings import (
     IntegrationSettings,
     ModelSettings,

@@ -15,7 +15,7 @@ import numpy as np
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.routes.road_course import RoadCourse
 from iptm_core.state import SlopePreview
 from iptm_interfaces.codecs import (

@@ -13,8 +13,8 @@ from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.routes import Route, build_route
-from iptm_core.strict_mapping import StrictMapping
 from iptm_core.trajectory import Trajectory
+from iptm_core.user_input import StrictMapping
 from iptm_faults.fault import Fault, faults_from, in_order
 from iptm_faults.kinds import FaultPlace
 

@@ -28,7 +28,7 @@ from iptm_bringup.fault_table.page import faults_page
 from iptm_bringup.fault_table.store import VerdictStore, failed
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, refused
-from iptm_core.strict_mapping import check_known
+from iptm_core.user_input import check_known
 from iptm_faults.kinds import FaultKind
 from iptm_interfaces.process import StopRequest
 

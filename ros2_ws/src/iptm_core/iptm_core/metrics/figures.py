@@ -14,7 +14,7 @@ from operator import attrgetter
 from iptm_core.decision_record import DecisionStatistics, Rung, SolveStatus
 from iptm_core.metrics.concerns import Concern
 from iptm_core.metrics.run_metrics import RunMetrics
-from iptm_core.parameters.units import CELSIUS_ZERO_K, KM_H_PER_M_S
+from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
 
 NO_VALUE = "–"
 

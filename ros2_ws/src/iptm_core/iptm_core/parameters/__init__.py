@@ -1,10 +1,10 @@
 """Parameters of the model: declared ranges, shipped sets with sources, loading and overrides."""
 
-from iptm_core.parameters.consistency import check_consistency
 from iptm_core.parameters.flat import (
     FieldSpec,
     Source,
     SourceTag,
+    check_consistency,
     field_specs,
     flat_to_parameters,
     to_flat_dict,

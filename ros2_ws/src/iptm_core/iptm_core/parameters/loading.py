@@ -8,7 +8,6 @@ from importlib import resources
 from pathlib import Path
 
 from iptm_core.errors import ParameterError
-from iptm_core.parameters.chiller_table import AMBIENT_KEY, ChillerTable
 from iptm_core.parameters.flat import (
     FieldSpec,
     Source,
@@ -19,11 +18,10 @@ from iptm_core.parameters.flat import (
     neutral_values,
     to_flat_dict,
 )
-from iptm_core.parameters.layers import Layer, read_layer
+from iptm_core.parameters.layers import AMBIENT_KEY, ChillerTable, Layer, read_layer
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES
-from iptm_core.strict_mapping import StrictMapping, shown, suggestion
-from iptm_core.user_input import number
+from iptm_core.user_input import StrictMapping, number, shown, suggestion
 
 DEFAULT_SET = "paper_calibrated"
 _MAX_LAYERS = 8

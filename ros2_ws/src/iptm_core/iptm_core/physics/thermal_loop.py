@@ -17,8 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.parameters.model import CoolingParameters, ModelParameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K, CoolingParameters, ModelParameters
 from iptm_core.physics.chiller import (
     ChillerLine,
     chiller_line,

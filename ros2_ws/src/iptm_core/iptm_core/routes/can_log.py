@@ -17,7 +17,7 @@ from iptm_core.errors import RouteError
 from iptm_core.routes.cycles import SPEED_COLUMNS_M_S
 from iptm_core.routes.user_csv import MAX_TIME_GAP_S, PLACE_COLUMNS, ROAD_COLUMNS
 from iptm_core.state import FloatArray
-from iptm_core.strict_mapping import suggestion
+from iptm_core.user_input import suggestion
 
 CAN_SUFFIXES = (".mf4", ".blf", ".asc")
 CAN_COLUMNS = (*SPEED_COLUMNS_M_S, *PLACE_COLUMNS, *ROAD_COLUMNS)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iptm_core.errors import RouteError
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.routes.csv_table import parse_csv_table
 from iptm_core.routes.piecewise import cumulative_integral, integral_at, read_only_nodes
 from iptm_core.state import FloatArray, LeaderState

@@ -33,8 +33,7 @@ from iptm_core.routes.user_csv import (
     read_user_trip,
 )
 from iptm_core.routes.xml_drives import read_gpx_road
-from iptm_core.strict_mapping import nearest
-from iptm_core.user_input import is_path
+from iptm_core.user_input import is_path, nearest
 
 ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", *composition_names())
 """Cycle names for `build_route`, which also takes the path of a drive."""

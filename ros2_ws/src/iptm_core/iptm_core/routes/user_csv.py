@@ -29,7 +29,7 @@ from iptm_core.routes.slope import MAX_GRADE, SlopeProfile
 from iptm_core.routes.track import RecordedDrive, Track, read_out
 from iptm_core.routes.xml_drives import FCD_SUFFIX, read_fcd, read_gpx
 from iptm_core.state import FloatArray
-from iptm_core.strict_mapping import check_known, shown
+from iptm_core.user_input import check_known, shown
 
 ROAD_COLUMNS = ("slope_percent", "slope_rad", "elevation_m")
 PLACE_COLUMNS = ("latitude_deg", "longitude_deg")

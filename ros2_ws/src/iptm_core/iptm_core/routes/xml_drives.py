@@ -21,8 +21,7 @@ from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.routes.track import Track, read_out, road_through
 from iptm_core.state import FloatArray
-from iptm_core.strict_mapping import shown, suggestion
-from iptm_core.user_input import number, read_bounded
+from iptm_core.user_input import number, read_bounded, shown, suggestion
 
 
 class PlainXml:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import IntervalPowers
 from iptm_interfaces.codecs._checks import finite
 from iptm_interfaces.codecs.fixed_layout import Numbers

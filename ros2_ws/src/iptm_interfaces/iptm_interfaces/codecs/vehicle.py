@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from math import nan
 from typing import Any
 
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import (
     SPEED_AT_REST_M_S,
     IntervalPowers,

@@ -24,7 +24,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.routes.comprehensive import SLOPE_KINDS, RouteComposition
 from iptm_core.state import FloatArray
-from iptm_core.strict_mapping import StrictMapping
+from iptm_core.user_input import StrictMapping
 
 COMPOSITION, PARAMETERS, REFERENCE = "composition", "parameters", "reference"
 _COMPOSITION_KEYS = tuple(

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.routes.route import Route
 from iptm_core.state import FloatArray
 from iptm_reproduction import aging as model

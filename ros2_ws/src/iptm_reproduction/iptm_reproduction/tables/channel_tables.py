@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_reproduction import figures as fig
 from iptm_reproduction.document import Cell, Row, Table, cells
 from iptm_reproduction.figures import change_text, relative_change

@@ -5,7 +5,7 @@ from __future__ import annotations
 from iptm_controller.strategy import STRATEGIES as COST_TERMS
 from iptm_core.metrics.figures import Figure
 from iptm_core.parameters import describe_parameters, load_parameters
-from iptm_core.parameters.units import to_model_unit
+from iptm_core.parameters.model import to_model_unit
 from iptm_reproduction import figures as fig
 from iptm_reproduction.check import compared, graded
 from iptm_reproduction.document import Cell, Row, Table, cells

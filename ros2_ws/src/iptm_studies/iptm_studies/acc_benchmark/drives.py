@@ -10,8 +10,7 @@ from iptm_controller.production import ProductionLikeController, ProductionSetti
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.parameters import DEFAULT_SET, load_parameters
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_core.settings import PreviewMode
 from iptm_core.state import LeaderState
 from iptm_core.trajectory import Trajectory

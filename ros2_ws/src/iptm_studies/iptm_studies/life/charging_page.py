@@ -16,7 +16,7 @@ from iptm_core.charging_stop import (
     ChargingStopSettings,
 )
 from iptm_core.markdown import markdown_table
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_studies.life.charging_stop import (
     EVENING_LAW,
     HEATER_W,

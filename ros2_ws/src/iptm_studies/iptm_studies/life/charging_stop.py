@@ -18,7 +18,7 @@ from iptm_core.aging_laws.cells import AgingCell
 from iptm_core.aging_laws.law import Load, Mechanism
 from iptm_core.charging_stop import LIMIT_C, ChargingStopSettings, FastCharge, fast_charge
 from iptm_core.declaration import TextEnum
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_studies.life.trips import CITY
 from iptm_studies.run import Run, controller_options, perform_run
 from iptm_studies.run_inputs import resolve_inputs

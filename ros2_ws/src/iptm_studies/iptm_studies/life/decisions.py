@@ -12,7 +12,7 @@ from iptm_core.aging_laws.cells import AGING_CELLS, LAWS
 from iptm_core.aging_laws.law import Load
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_studies.campaign import CaseState

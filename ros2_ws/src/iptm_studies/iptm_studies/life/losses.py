@@ -10,7 +10,7 @@ import numpy as np
 from iptm_core.aging_laws.cells import AgingCell, outside_experiments
 from iptm_core.aging_laws.law import SECONDS_PER_DAY, AgingLaw, Mechanism, MechanismLaw
 from iptm_core.declaration import TextEnum
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_studies.life.year import Activity, Year
 

@@ -16,7 +16,7 @@ import numpy as np
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_studies.life.losses import SERVICE_YEARS
 from iptm_studies.life.trips import (
     CITY,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from iptm_core.aging_laws.cells import AGING_CELLS, Experiments
 from iptm_core.markdown import markdown_table
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_studies.life.decisions import START_C as DECIDED_FROM_C
 from iptm_studies.life.decisions import Decision
 from iptm_studies.life.losses import BAND, DRAWS, LONGEST_YEARS, SERVICE_YEARS, SPREAD, Cause

@@ -14,8 +14,7 @@ from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_studies.campaign import CaseState

@@ -10,8 +10,7 @@ import numpy as np
 
 from iptm_controller.production import ProductionSettings
 from iptm_core.aging_laws.law import Load
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_core.physics.cell import cell_resistance_ohm
 from iptm_core.state import FloatArray
 from iptm_studies.life.trips import NO_COOLING, TripMap, heat_capacity_j_k, nominal_energy_j

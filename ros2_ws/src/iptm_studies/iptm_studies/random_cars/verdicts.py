@@ -11,7 +11,7 @@ import numpy as np
 from iptm_controller.horizon import Horizon
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.metrics import cold_compressor_energies_j, gap_margins_m
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_faults.fault import Fault

@@ -12,8 +12,7 @@ from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.metrics import RunMetrics, at_equal_end
 from iptm_core.parameters import DEFAULT_SET
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_studies.run_spec import RunSpec, SolverSpec
 
 DEFAULT, REFERENCE, PRODUCTION = "default", "reference", "production"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_v2x_bridge.messages.its_pdu import MessageKind
 from iptm_v2x_bridge.messages.mapem import SCALE_DEG
 from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields

@@ -6,7 +6,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_validation.measurements import CellTest
 from iptm_validation.models.panasonic_cell import (
     PanasonicCell,

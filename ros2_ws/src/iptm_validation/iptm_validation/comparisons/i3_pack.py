@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_validation.comparisons.i3_energy import SEASONS
 from iptm_validation.measurements import Trip
 from iptm_validation.models import i3_pack

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from iptm_core.errors import MeasurementError
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import Trip
 from iptm_validation.readers.columns import (

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.io import loadmat
 
 from iptm_core.errors import MeasurementError
-from iptm_core.parameters.units import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import CellTest
 from iptm_validation.readers.columns import block_means, compact_columns, numbers, texts
