@@ -111,9 +111,6 @@ def fast_charge(
 
     Args:
         temperature_k: temperatures on arrival, shape (n,).
-        stop: charger and range of the charge.
-        parameters: of pack, cells and air.
-        step: longest step of the charge.
     """
     pack, cell, limits = parameters.pack, parameters.cell, parameters.limits
     cells = pack.cells_in_series * pack.parallel

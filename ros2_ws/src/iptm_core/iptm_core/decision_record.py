@@ -58,7 +58,6 @@ class DecisionRecord:
 
     Attributes:
         status: outcome of the solve.
-        solve_time_s: wall time of the solve.
         iterations: of the solver, 0 without a solve.
         gap_slack_m: largest violation of a gap limit in the plan.
         speed_slack_m_s: largest violation of a speed limit in the plan.
@@ -68,7 +67,6 @@ class DecisionRecord:
         limiter_active: whether the last limiter changed the command.
         preview_age_s: time since the preview in use was generated, NaN or infinite without one.
         cell_1_marginal_cost_1_k: terminal cost per kelvin of cell 1 at the end of the horizon, 0 without one.
-        cell_n_marginal_cost_1_k: the same for cell N.
         aging_rate_1_s: mean rate of the capacity loss behind these costs, sum of both cells.
         aging_sensitivity_1_k: relative change of that rate with temperature.
         temperature_decay_time_s: decay time of a temperature difference in these marginal costs (tau).
@@ -104,7 +102,6 @@ class DecisionSeries:
     Attributes:
         time_s: instants of the states that were answered.
         status: numbers of `SolveStatus`.
-        rung: numbers of `Rung`.
     """
 
     time_s: FloatArray
@@ -146,7 +143,6 @@ class DecisionSeries:
 
         Args:
             times_s: instants of the states that were answered, shape (n,).
-            records: one per instant.
 
         Raises:
             StateError: there are not as many instants as records.
@@ -208,14 +204,12 @@ class DecisionStatistics:
     """How the decisions of a run came about, in numbers.
 
     Attributes:
-        decisions: number of decisions.
         by_status: decisions by the outcome of their solve, every outcome listed.
         by_rung: decisions by the rung that the command came from, every rung listed.
         limited: decisions that the last limiter changed.
         without_preview: decisions before which no prediction of the leader had arrived.
         preview_age_s: age of the prediction in use, where there was one.
         solve_time_s: wall time of a solve; its total is the computing time of the paper.
-        iterations: iterations of a solve.
         gap_slack_m: violations of gap limits in the plans.
         speed_slack_m_s: violations of speed limits in the plans.
         temperature_slack_k: violations of temperature limits in the plans.

@@ -40,7 +40,6 @@ class ParameterSpec:
     """The declaration of one parameter.
 
     Attributes:
-        name: name of the field.
         default: default value; its type is the type of the parameter.
         description: what it does, in a few words.
         unit: unit of the value, empty for none.
@@ -101,8 +100,6 @@ def declared(owner: type[Any], name: str, default: Any = MISSING, **bounds: floa
     """Declare a dataclass field by the declaration of another class.
 
     Args:
-        owner: the class that declares the parameter.
-        name: its name there.
         default: another default; None makes the parameter optional.
         bounds: another ``minimum`` or ``maximum``.
     """

@@ -10,7 +10,6 @@ def markdown_table(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> st
 
     Args:
         heads: headings; a colon at the end aligns the column to the right and is not shown.
-        rows: the cells.
     """
     heads = list(heads)
     lines = [

@@ -41,10 +41,6 @@ def refused(program: str, reason: object) -> int:
 def run(name: str, load: Callable[[], Callable[[], Any]]) -> Any:
     """Load a program and run it.
 
-    Args:
-        name: of the program, for messages.
-        load: imports the program and returns its main function.
-
     Returns:
         The exit code: that of the program, 2 if a library is not installed, 130 after Ctrl-C, 141 if the
             reader of its output is gone.

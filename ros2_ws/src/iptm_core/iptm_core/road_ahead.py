@@ -202,13 +202,8 @@ def lawful_drive(
     """Return how an attentive driver drives: at the limits, with comfort, and never past a stop.
 
     Args:
-        limits: that are kept at the end of every step.
         stops: that hold the vehicle, in driving order, none behind it.
-        start: trip time, position and speed at the first node.
-        steps: number of steps.
-        step_s: length of a step.
         room_m: where a lead vehicle lets the front of this one stand at the nodes, shape (steps + 1,).
-        headway_s: time headway that is kept to that place.
     """
     now_s, position, speed = start
     begin_m, begin_m_s = position, speed
@@ -277,9 +272,7 @@ def limits_of_curves(
     on the road around it, too.
 
     Args:
-        line: where the road lies.
         lateral_m_s2: largest lateral acceleration, above 0.
-        chord_m: distance of the three points.
         spacing_m: distance between two places that are looked at.
     """
     _, _, headings = line.locate(line.positions_m)

@@ -63,11 +63,6 @@ def write_state(path: Path, saved: SavedState) -> None:
 def read_state(path: Path, kind: str, settings: Mapping[str, Scalar]) -> SavedState:
     """Read a file.
 
-    Args:
-        path: the file.
-        kind: whose state it must be.
-        settings: settings that must be those of the file.
-
     Raises:
         StateError: it cannot be read, is none of these files, or was saved under other settings.
     """
@@ -117,7 +112,6 @@ def from_plain(kind: type[T], data: Any) -> T:
     Args:
         kind: the class, or one whose subclasses are identified by their fields; its fields are dataclasses,
             numbers, texts, enums, arrays or tuples of one type.
-        data: plain data from an untrusted file.
 
     Raises:
         StateError: a field is missing, unknown, of another type, or refused by its class.

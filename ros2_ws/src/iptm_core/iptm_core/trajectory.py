@@ -29,15 +29,12 @@ class Trajectory:
     Attributes:
         time_s: instants t_k, strictly increasing.
         position_m: host position along the road.
-        speed_m_s: host speed.
         acceleration_m_s2: acceleration actuated over the interval.
         compressor_power_w: compressor power actuated over the interval (P_cp), negative where the heater ran.
         cell_1_temperature_k: temperature of the first cell of a coolant channel.
         cell_n_temperature_k: temperature of the last cell of a coolant channel.
         cell_1_capacity_loss: capacity loss of the first cell, fraction of nominal.
         cell_n_capacity_loss: capacity loss of the last cell, fraction of nominal.
-        coolant_inlet_temperature_k: coolant entering the pack.
-        coolant_outlet_temperature_k: coolant leaving the pack.
         traction_power_w: mean traction power (P_tra), negative when recuperating.
         auxiliary_power_w: mean auxiliary power (P_aux).
         battery_power_w: mean pack power (P_b), positive when discharging.

@@ -36,7 +36,6 @@ def suggestion(name: object, known: Iterable[str]) -> str:
     """Return what an unknown name may have meant, and what is allowed.
 
     Args:
-        name: the name that is not among the known ones.
         known: permitted names; of many only the nearest or the first ones are named.
 
     Returns:
@@ -70,13 +69,6 @@ def check_known(
 ) -> None:
     """Refuse a name that is not among the known ones.
 
-    Args:
-        name: what the user wrote.
-        known: permitted names.
-        where: file and place in it, for the message.
-        kind: what the name stands for.
-        error: class of the error.
-
     Raises:
         IptmError: (of class ``error``) if the name is unknown.
     """
@@ -105,11 +97,7 @@ class StrictMapping:
         """Check that it is a mapping of known names.
 
         Args:
-            content: what the file holds.
-            where: file and place in it.
             known: permitted keys, None for any text.
-            kind: what a key stands for, in messages.
-            error: class of all errors.
 
         Raises:
             IptmError: (of class ``error``) not a mapping, or a key that is not text or unknown.
@@ -209,7 +197,6 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
 
     Args:
         path: the file; links are followed.
-        most_bytes: largest size that is read.
 
     Raises:
         OSError: the file does not exist, cannot be read, is not a regular file (a pipe would never end, a
@@ -234,7 +221,6 @@ def is_path(text: str, suffixes: tuple[str, ...]) -> bool:
 
     Args:
         text: input of the user; a part after ``#`` selects a part of the file.
-        suffixes: in small letters.
     """
     lower = text.lower()
     return "/" in text or lower.endswith(suffixes) or lower.partition("#")[0].endswith(suffixes)

@@ -80,7 +80,6 @@ def vehicles_in_string(
     Args:
         count: number of vehicles, at least 1.
         initial_gap_m: from the front bumper of a vehicle to the rear one of the vehicle ahead.
-        length_m: from the front to the rear bumper.
         namespace: around those of the vehicles, empty for none.
     """
     prefix = "/".join(["", *filter(None, [namespace.strip("/")]), "car_"])

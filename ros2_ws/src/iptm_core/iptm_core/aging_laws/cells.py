@@ -32,7 +32,6 @@ class Experiments:
     Attributes:
         calendar_c: cell temperatures of storage tests.
         cycling_c: cell temperatures of cycling tests.
-        charge: states of charge.
         depth: depths of discharge of cycling tests.
         largest_c_rate_1_h: largest C-rate of cycling tests, charging or discharging.
         days: length of the storage tests, about.
@@ -51,10 +50,7 @@ class AgingCell:
     """A cell, its law, and where that comes from.
 
     Attributes:
-        law: ageing law.
         cell: make and format.
-        source: publications.
-        experiments: range of the experiments.
         resistance: law of the growth of resistance, as a share of that of a new cell; None without one.
     """
 
@@ -73,16 +69,7 @@ def outside_experiments(
     depth: float,
     c_rate_1_h: float,
 ) -> tuple[str, ...]:
-    """Return which quantities of a use leave the experiments, in words.
-
-    Args:
-        experiments: range of the experiments.
-        calendar_c: coldest and warmest cell at rest.
-        cycling_c: coldest and warmest cell under current.
-        charge: lowest and highest state of charge.
-        depth: depth of discharge of a day.
-        c_rate_1_h: largest C-rate.
-    """
+    """Return which quantities of a use leave the experiments, in words."""
 
     def beyond(used: tuple[float, float], tested: tuple[float, float]) -> bool:
         return used[0] < tested[0] - 1e-9 or used[1] > tested[1] + 1e-9

@@ -32,7 +32,6 @@ class Load:
     """What a cell is exposed to; floats, arrays that broadcast, or symbols.
 
     Attributes:
-        temperature_k: cell temperature.
         c_rate_1_h: current over nominal capacity, positive when discharging.
         charge: state of charge, 0 to 1.
         depth: depth of discharge of the cycle that this instant belongs to, 0 to 1.
@@ -52,7 +51,6 @@ class MechanismLaw(Protocol):
     """One mechanism of a law.
 
     Attributes:
-        mechanism: what it is.
         exponent: p of the loss over time or throughput.
     """
 
@@ -76,7 +74,6 @@ class AgingLaw:
     """Capacity loss of a cell as the sum of its mechanisms.
 
     Attributes:
-        name: name in tables.
         mechanisms: mechanisms; damage is given in their order.
     """
 
@@ -91,7 +88,6 @@ class AgingLaw:
         """Return the rate of capacity loss at an age.
 
         Args:
-            load: temperature, current, state of charge and cycle.
             damage: present damage of each mechanism, positive where its exponent is below 1.
         """
         return sum(
@@ -116,13 +112,10 @@ class AgingState:
     Attributes:
         damage: damage of each mechanism of the law.
         day_s: time since the present day began.
-        lowest_charge: lowest state of charge of that day.
-        highest_charge: highest state of charge of that day.
         throughput_c_s: integral of the magnitude of the C-rate over that day, in s/h.
         depth: depth of discharge of the last complete day.
         mean_c_rate_1_h: mean magnitude of the C-rate of the last complete day.
         charged_c_s: integral of the C-rate while charging over the present day, in s/h.
-        charging_s: time of charging of that day.
         charging_c_rate_1_h: mean C-rate while charging of the last complete day.
     """
 
@@ -154,12 +147,7 @@ def aged(
     """Return the state after an interval of constant load, shorter than a day.
 
     Args:
-        law: the law.
-        state: state at its beginning.
-        duration_s: length.
-        temperature_k: cell temperature.
         c_rate_1_h: current over nominal capacity, positive when discharging.
-        charge: mean state of charge.
     """
     load = Load(
         temperature_k,
@@ -198,7 +186,6 @@ class ThroughputAging:
     """Loss over throughput, eq. (11); ``physics.aging.capacity_loss_rate_1_s`` is its equation.
 
     Attributes:
-        aging: coefficients.
         cell: nominal capacity.
     """
 

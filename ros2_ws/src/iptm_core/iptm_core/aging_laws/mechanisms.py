@@ -55,7 +55,6 @@ class CalendarAging:
         factor: pre-exponential factor, 1/day^p.
         activation_k: activation energy over gas constant.
         slope_k: coefficient of the stress.
-        exponent: exponent p of time.
         stress: state of charge to stress, without unit or in V.
         scale: state of charge to a factor of k; None for 1.
     """
@@ -98,7 +97,6 @@ class CyclicAging:
     Attributes:
         intensity: what depth, state of charge and mean C-rate make of k, before temperature.
         exponents_k: a_1 and a_2; one alone leaves the other term out, with none k does not depend on T.
-        exponent: exponent p of the throughput.
     """
 
     intensity: Callable[[Load], Scalar]
@@ -158,8 +156,6 @@ class VoltageIntensity:
     Attributes:
         curvature: 1/V^2.
         best_v: voltage of least ageing.
-        constant: constant part.
-        depth: coefficient of the depth.
         voltage: open-circuit voltage over the state of charge.
         unit: from the published unit of throughput to equivalent full cycles.
     """

@@ -116,13 +116,7 @@ class ParkedAging:
     """
 
     def __init__(self, law: AgingLaw, use: AgingSettings, ambient_k: float) -> None:
-        """Work out the damage at the end of service.
-
-        Args:
-            law: ageing law.
-            use: how the car is used.
-            ambient_k: air where the use does not state it.
-        """
+        """Work out the damage at the end of service."""
         self._law, self._use = law, use
         day_air_k = use.parking_air_k or ambient_k
         self.parked_k = day_air_k + use.pack_above_air_k
@@ -160,7 +154,6 @@ class ParkedAging:
         """Return the rate of the calendar loss while driving, its slope and its curvature over temperature.
 
         Args:
-            temperature_k: temperature of the pack.
             charge: state of charge; NaN takes that of the parked pack.
         """
         if math.isnan(charge):
@@ -179,11 +172,7 @@ class ParkedAging:
         return rate, slope, curvature
 
     def cyclic_1_s(self, temperature_k: float) -> tuple[float, float]:
-        """Return the cyclic loss at 1C and its slope over temperature, of cycles as deep as a day's use.
-
-        Args:
-            temperature_k: temperature of the pack.
-        """
+        """Return the cyclic loss at 1C and its slope over temperature, of cycles as deep as a day's use."""
         rate = slope = 0.0
         for part, weight in zip(self._law.mechanisms, self.weights, strict=True):
             if part.mechanism is Mechanism.CYCLIC:

@@ -47,10 +47,7 @@ class Situation:
 
     Attributes:
         gap_m: distance to the leader.
-        speed_m_s: host speed.
-        leader_speed_m_s: leader speed.
         warmest_cell_k: temperature of the warmer one of cell 1 and cell N.
-        compressor_power_w: compressor power.
     """
 
     gap_m: Scalar

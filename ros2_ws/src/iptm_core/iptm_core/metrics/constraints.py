@@ -33,7 +33,6 @@ class ConstraintCheck:
     """How well a run kept one limit.
 
     Attributes:
-        key: identifier.
         label: what is limited, for tables.
         unit: unit of ``worst_excess`` and ``tolerance``.
         hard: True if the limit may never be broken.
@@ -62,10 +61,6 @@ def check_constraints(
     to rest its deceleration ends with the motion, and where it meets its top speed its acceleration: no
     command does that, and it breaks no limit. Service braking keeps to the brakes of the vehicle, not to the
     limits of comfort. Collisions are looked for inside the intervals as well.
-
-    Args:
-        trajectory: the run.
-        parameters: limits and spacing policy.
 
     Returns:
         One check per limit, hard ones first; none of what is not known in any row.
@@ -125,10 +120,6 @@ def check_constraints(
 def gap_margins_m(trajectory: Trajectory, parameters: ModelParameters) -> FloatArray:
     """Return the distance between the gap and its lower limit s_min at every instant.
 
-    Args:
-        trajectory: the run, n rows.
-        parameters: spacing policy and acceleration limits.
-
     Returns:
         Margins in m, shape (n,); negative where the limit is violated, NaN without a leader.
     """
@@ -141,10 +132,6 @@ def gap_margins_m(trajectory: Trajectory, parameters: ModelParameters) -> FloatA
 
 def cold_compressor_energies_j(trajectory: Trajectory, parameters: ModelParameters) -> FloatArray:
     """Return what the compressor took in each interval that began with both cells below T_b,min.
-
-    Args:
-        trajectory: the run, n rows.
-        parameters: temperature limits.
 
     Returns:
         Energies in J, shape (n,), each in the row that ends its interval; 0 where a cell is warm.

@@ -41,10 +41,8 @@ class CoolDown:
     """What it takes to bring a pack to a lower temperature at standstill.
 
     Attributes:
-        energy_j: from the battery.
         capacity_loss: of the first and the last cell together.
         duration_s: how long it takes.
-        compressor_power_w: with which power.
     """
 
     energy_j: float
@@ -58,11 +56,6 @@ NO_COOLING = CoolDown(0.0, 0.0, 0.0, 0.0)
 
 def cool_down(end: EndState, temperature_k: float, parameters: ModelParameters) -> CoolDown | None:
     """Return what it takes to bring the pack to a temperature after a run; see the module.
-
-    Args:
-        end: how the run ended.
-        temperature_k: mean temperature of the cells to reach.
-        parameters: the model.
 
     Returns:
         The cost, zero if the pack is not warmer; None where no compressor power cools it that far.
@@ -116,7 +109,6 @@ class CorrectedFigures:
 
     Attributes:
         capacity_loss: of both cells together.
-        energy_j: from the battery.
         energy_per_distance_j_m: the same over the distance of the run; NaN for one that stands.
     """
 
@@ -143,13 +135,7 @@ class EqualEnd:
 def at_equal_end(
     own: RunMetrics, other: RunMetrics, parameters: ModelParameters
 ) -> EqualEnd | None:
-    """Return the figures of two runs corrected for their ends; None where they cannot be.
-
-    Args:
-        own: a run.
-        other: another run of the same trip and vehicle.
-        parameters: the model.
-    """
+    """Return the figures of two runs corrected for their ends; None where they cannot be."""
     temperature_k = min(own.end.temperature_k, other.end.temperature_k)
     corrected = [_corrected(run, temperature_k, parameters) for run in (own, other)]
     if corrected[0] is None or corrected[1] is None:

@@ -69,9 +69,7 @@ class GapMetrics:
     """Spacing of a run.
 
     Attributes:
-        smallest_m: smallest gap.
         mean_m: mean gap over time.
-        largest_m: largest gap.
         smallest_margin_m: smallest distance to the safety limit, min(p_PV - p - s_min); the paper
             prints it as 5.904 m for its proposed strategy.
         smallest_margin_time_s: when that happened.
@@ -99,9 +97,7 @@ class TemperatureMetrics:
 
     Attributes:
         cell_1_k: first cell of a coolant channel.
-        cell_n_k: last cell.
         spread_k: last minus first cell, which drives the inconsistency of degradation.
-        coolant_outlet_k: coolant leaving the pack.
     """
 
     cell_1_k: ValueRange
@@ -115,11 +111,9 @@ class EndState:
     """The vehicle at the end of a run.
 
     Attributes:
-        speed_m_s: speed.
         kinetic_energy_j: energy of the motion, rotating parts included.
         temperature_k: mean of the first and the last cell.
         cell_1_capacity_loss: of the first cell, as a fraction of nominal.
-        cell_n_capacity_loss: of the last cell.
         state_of_charge: charge left in the pack; NaN where it is not known.
     """
 
@@ -151,16 +145,12 @@ class RunMetrics:
 
     Attributes:
         duration_s: from the first to the last row.
-        distance_m: distance driven by the host.
         energy: energies and mean coefficient of performance.
         degradation: capacity lost by the first and last cell, and its inconsistency.
-        gap: spacing.
-        temperature: temperatures.
         constraints: one check per limit.
         interventions: how often the safety monitor braked.
         service_braking_s: how long it braked.
         longest_s: for how long in a row each concern of an operator lasted at most.
-        end: the vehicle at the end.
         decisions: how the decisions came about; None where none were taken or recorded.
     """
 
@@ -206,8 +196,6 @@ def compute_metrics(
 
     Args:
         trajectory: the run, at least two rows.
-        parameters: limits and spacing policy to judge it by.
-        decisions: how the decisions came about, where that is known.
 
     Raises:
         StateError: the run has a single row.

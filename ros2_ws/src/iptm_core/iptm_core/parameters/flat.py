@@ -24,10 +24,6 @@ from iptm_core.user_input import StrictMapping, shown
 def check_consistency(values: ModelParameters, origin: str = "parameters") -> None:
     """Refuse parameters that contradict each other.
 
-    Args:
-        values: parameters that are each inside their range.
-        origin: where they come from, for the message.
-
     Raises:
         ParameterError: naming the dotted keys, their values and what is permitted.
     """
@@ -135,8 +131,6 @@ class FieldSpec:
 
     Attributes:
         key: dotted key, ``group.field``.
-        symbol: symbol of the paper.
-        unit: unit of the model.
         minimum: smallest permitted value, in ``unit``.
         maximum: largest permitted value, in ``unit``.
         integral: whether only whole numbers are permitted.
@@ -181,7 +175,6 @@ class Source:
     Attributes:
         value: the number as written, in ``unit`` (for a table: as interpolated, in the unit written).
         unit: the unit it was written in, which may differ from the unit of the model (degC, km/h).
-        tag: where it comes from.
         note: remark of the file, may be empty.
     """
 
@@ -226,9 +219,6 @@ def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None
     """Check one number and convert it to the unit of the model.
 
     Args:
-        value: what the user wrote.
-        spec: the parameter it is meant for.
-        origin: where it was written (a file name), for the message.
         unit: unit it was written in; None means the unit of the model.
 
     Returns:
@@ -261,9 +251,6 @@ def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None
 def to_flat_dict(values: ModelParameters) -> dict[str, float]:
     """Write parameters as dotted key -> number (int for whole-number parameters).
 
-    Args:
-        values: the parameters.
-
     Returns:
         A new dict in the order of declaration; ``flat_to_parameters`` undoes it bit by bit.
     """
@@ -281,7 +268,6 @@ def flat_to_parameters(
 
     Args:
         mapping: parameters of the model, and nothing else; those with a neutral value may be missing.
-        origin: where the numbers come from, for the messages.
 
     Returns:
         The parameters, each number unchanged to the last bit.

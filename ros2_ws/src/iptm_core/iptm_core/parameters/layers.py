@@ -47,9 +47,6 @@ class ChillerTable:
     def at(self, ambient_k: float) -> dict[str, Source]:
         """Interpolate every coefficient linearly; a row of the table is met to the last digit.
 
-        Args:
-            ambient_k: ambient temperature in kelvin.
-
         Returns:
             Dotted key -> coefficient with its source.
 
@@ -91,12 +88,6 @@ def parse_chiller_table(
 
     Args:
         written: mapping with the keys ``TABLE_ENTRIES``.
-        tag: its source, already checked.
-        note: its note, already checked.
-        origin: file name for the messages.
-
-    Returns:
-        The table, temperatures in kelvin.
 
     Raises:
         ParameterError: for missing or unknown columns, rows of another length, values out of range, or
@@ -151,7 +142,6 @@ class Layer:
     """What one file states.
 
     Attributes:
-        origin: the file.
         description: one line about the set, may be empty.
         base: name or path of the set that this one differs from, or None.
         entries: dotted key -> value as written, each already checked.

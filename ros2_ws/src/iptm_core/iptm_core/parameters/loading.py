@@ -73,9 +73,6 @@ def load_parameters(
             temperature that results, so overriding that temperature moves the chiller too; a
             coefficient that is overridden itself keeps the override.
 
-    Returns:
-        The complete set.
-
     Raises:
         ParameterError: for an unknown set, a missing or malformed file, an unknown or missing key, a
             value of the wrong type, unit or range, or parameters that contradict each other. The
@@ -141,9 +138,6 @@ def describe_parameters(parameter_set: ParameterSet | None = None) -> tuple[Para
 
     Args:
         parameter_set: set whose values and sources to show; None loads the default set.
-
-    Returns:
-        One row for each parameter, in the order of declaration.
     """
     shown_set = load_parameters() if parameter_set is None else parameter_set
     values, sources = to_flat_dict(shown_set.values), shown_set.sources

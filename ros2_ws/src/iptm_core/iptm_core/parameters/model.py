@@ -28,7 +28,6 @@ def to_model_unit(value: float, written_unit: str, unit: str) -> float:
     """Convert a value from the unit it was written in to the unit of the model.
 
     Args:
-        value: number as written.
         written_unit: one of ``accepted_units(unit)``.
         unit: unit of the model.
 
@@ -50,10 +49,7 @@ def quantity(
     """Declare a scalar field with the paper's symbol, its unit and its closed range.
 
     Args:
-        symbol: the paper's symbol, or that of the field.
         unit: unit of the model.
-        minimum: smallest permitted value.
-        maximum: largest permitted value.
         neutral: value at which a law that refines the paper's changes nothing. It counts where a set does
             not state the parameter; without one the parameter is required.
     """

@@ -75,8 +75,6 @@ def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) 
     """Parse one YAML document.
 
     Args:
-        text: the document.
-        origin: what to call it in an error message (a file name).
         error: class of the error to raise, so that scenarios and routes can use their own.
 
     Returns:
@@ -104,11 +102,7 @@ def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) 
 
 
 def _check_bounds(text: str) -> None:
-    """Refuse what nests too deeply or stands for too many values, before anything is built of it.
-
-    Raises:
-        yaml.YAMLError: it does, or is not YAML.
-    """
+    """Refuse what nests too deeply or stands for too many values, before anything is built of it."""
     counts = [0]  # of values, by the collections that are open
     names: list[str | None] = [None]
     sizes: dict[str, int] = {}

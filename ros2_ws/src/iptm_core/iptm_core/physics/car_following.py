@@ -21,15 +21,6 @@ def minimum_gap_m(
 
     ``s_st + v T_h + v (v - v_PV) / (2 sqrt(-a_min a_max))``. The last term is negative while the leader
     pulls away, so the value may fall below the standstill gap.
-
-    Args:
-        speed_m_s: host speed v.
-        leader_speed_m_s: leader speed v_PV.
-        gap: standstill gap and time headway.
-        limits: acceleration bounds.
-
-    Returns:
-        Gap in m.
     """
     braking = 2.0 * math.sqrt(-limits.min_acceleration_m_s2 * limits.max_acceleration_m_s2)
     approach = speed_m_s * (speed_m_s - leader_speed_m_s) / braking
@@ -40,7 +31,6 @@ def maximum_gap_m(speed_m_s: Scalar, gap: GapParameters, *, smoothing_m: float =
     """Largest permitted gap s_max; with a largest time headway no more than that, but the initial gap.
 
     Args:
-        speed_m_s: host speed v.
         gap: largest gap, largest time headway (0: none), and the gap at standstill at which trips begin.
         smoothing_m: width of the smoothed bounds; 0 is exact.
 
@@ -83,12 +73,7 @@ def brake_build_up(
     """Motion while the acceleration falls to its lower bound at the largest jerk.
 
     Args:
-        speed_m_s: speed at the start.
         acceleration_m_s2: acceleration at the start, not below its lower bound.
-        limits: bounds on acceleration and jerk.
-
-    Returns:
-        Polynomials in speed and acceleration.
     """
     jerk = limits.max_jerk_m_s3
     duration = (acceleration_m_s2 - limits.min_acceleration_m_s2) / jerk
@@ -103,9 +88,7 @@ def stopping_distance_m(
     """Way to standstill when the brakes build up to the hardest deceleration and stay there.
 
     Args:
-        speed_m_s: speed at the start.
         acceleration_m_s2: acceleration at the start, not below its lower bound.
-        limits: bounds on acceleration and jerk.
 
     Returns:
         Distance in m; too short by up to 1.4 m where the vehicle halts during the build-up.
@@ -138,12 +121,7 @@ def braking_reserve_m(
     assumed. The paper has no such notion.
 
     Args:
-        gap_m: present gap.
-        speed_m_s: host speed.
-        acceleration_m_s2: host acceleration.
         leader_speed_m_s: leader speed, not negative.
-        gap: standstill gap and time headway.
-        limits: bounds on acceleration and jerk.
 
     Returns:
         Reserve in m, negative where s_min can no longer be kept; a smooth function. It lies at most 0.3 m
@@ -186,12 +164,7 @@ def controlled_stop_command(
 
     Args:
         state: present state; its inputs are the values last actuated.
-        limits: bounds and rates.
-        duration_s: time for which the command will be held.
         deceleration_m_s2: comfortable deceleration, positive; cut to what the limits permit.
-
-    Returns:
-        A command inside all bounds and rates.
     """
     jerk_step = limits.max_jerk_m_s3 * duration_s
     # Reduced by one jerk step per interval from here on, the deceleration ends together with the speed.

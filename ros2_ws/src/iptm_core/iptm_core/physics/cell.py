@@ -23,14 +23,6 @@ def cell_resistance_ohm(
 
     ``R_0 (1 + kappa (T - T_0)) mu (Q_nom / Q_bc)^lambda`` with ``Q_bc = Q_nom (1 - Q_loss)``. Where the
     cell has an exponent ``k_R``, its thermal factor is ``r_0 + (1 - r_0) exp(-k_R (T - T_0))``, as measured.
-
-    Args:
-        temperature_k: cell temperature T_bc.
-        capacity_loss: capacity loss Q_loss as a fraction of nominal.
-        cell: coefficients.
-
-    Returns:
-        Resistance in ohm.
     """
     if cell.resistance_exponent_1_k > 0.0:
         constant = cell.resistance_offset_share
@@ -64,18 +56,7 @@ def cell_temperature_rate_k_s(
     cell: CellParameters,
     cooling: CoolingParameters,
 ) -> Scalar:
-    """Rate of a cell's temperature (eq. 8).
-
-    Args:
-        heat_w: heat generated in the cell.
-        temperature_k: cell temperature T_bc,i.
-        coolant_temperature_k: coolant temperature where it reaches the cell, T_c,i.
-        cell: heat capacity C_c.
-        cooling: convective coefficient h.
-
-    Returns:
-        Rate in K/s.
-    """
+    """Rate of a cell's temperature (eq. 8)."""
     convection = cooling.convective_coefficient_w_k * (coolant_temperature_k - temperature_k)
     return (heat_w + convection) / cell.heat_capacity_j_k
 
@@ -109,10 +90,7 @@ def capacity_loss_rate_1_s(
 
     Args:
         current_a: signed cell current I_bc; charging ages like discharging.
-        temperature_k: cell temperature T_bc.
         capacity_loss: present loss Q_loss, positive.
-        aging: coefficients.
-        cell: nominal capacity.
         current_smoothing_a: width of the smoothed magnitude in A; 0 is exact.
 
     Returns:

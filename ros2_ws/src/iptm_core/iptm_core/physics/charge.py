@@ -24,7 +24,6 @@ class ChargeTable:
     """A quantity over the state of charge, linear between its nodes and constant outside.
 
     Attributes:
-        charges: states of charge, increasing.
         values: the quantity there.
     """
 
@@ -49,7 +48,6 @@ class ResistanceLaw:
         offset_ohm: part that does not depend on temperature.
         exponential_ohm: part that does, at the reference temperature.
         coefficient_1_k: decrease of the logarithm of that part per kelvin.
-        reference_k: reference temperature.
     """
 
     offset_ohm: ChargeTable
@@ -74,9 +72,7 @@ class ChargeTransfer:
 
     Attributes:
         share: factor on the ideal ``2 R T / F``, over the state of charge.
-        exchange_current_a: exchange current at the reference temperature.
         coefficient_1_k: increase of its logarithm per kelvin.
-        reference_k: reference temperature.
     """
 
     share: ChargeTable

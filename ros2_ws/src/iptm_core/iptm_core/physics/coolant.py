@@ -122,14 +122,6 @@ def mean_cell_heat_w(
     temperature_k: Scalar,
     cell: CellParameters,
 ) -> Scalar:
-    """Mean heat of a cell over instants of different current; ``cell_heat_w`` is quadratic in it.
-
-    Args:
-        mean_current_a: mean of the cell current over the instants.
-        mean_square_current_a2: mean of its square.
-        resistance_ohm: resistance, the same at all instants.
-        temperature_k: temperature, the same at all instants.
-        cell: entropic coefficient.
-    """
+    """Mean heat of a cell over instants of different current; ``cell_heat_w`` is quadratic in it."""
     entropic = mean_current_a * cell.entropic_coefficient_v_k
     return mean_square_current_a2 * resistance_ohm + entropic * temperature_k

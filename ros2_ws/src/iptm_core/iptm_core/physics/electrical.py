@@ -30,12 +30,7 @@ def battery_power_w(
         traction: electric traction power P_tra in W.
         compressor: compressor power P_cp in W.
         auxiliary: auxiliary power P_aux in W.
-        pack: battery efficiency eta_b.
-        powertrain: regenerative efficiency zeta.
         power_smoothing_w: width of the smoothed kink in W of traction power; 0 is exact.
-
-    Returns:
-        Power in W.
     """
     drive = 1.0 / pack.battery_efficiency
     regenerate = pack.battery_efficiency * powertrain.regenerative_efficiency
@@ -68,10 +63,6 @@ def pack_current_a(
 
     Args:
         power_w: terminal power P_b, positive when discharging.
-        resistance_ohm: pack resistance R_b.
-        temperature_k: mean cell temperature T_b.
-        cell: entropic coefficient.
-        pack: layout and open-circuit voltage.
 
     Returns:
         Current in A. The root is written so that it stays exact for small powers.
@@ -114,10 +105,6 @@ def extended_pack_current_a(
 
     Args:
         power_w: terminal power P_b, positive when discharging.
-        resistance_ohm: pack resistance R_b.
-        temperature_k: mean cell temperature T_b.
-        cell: entropic coefficient.
-        pack: layout and open-circuit voltage.
         margin: share of the largest power, in (0, 1).
 
     Returns:

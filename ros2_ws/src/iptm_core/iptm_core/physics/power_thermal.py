@@ -44,9 +44,7 @@ class Smoothing:
     Attributes:
         force_n: sign change of the wheel force in the driveline efficiency.
         power_w: switch from driving to regeneration.
-        c_rate_1_h: magnitude of the C-rate in the ageing rate.
         speed_m_s: brake hold at standstill.
-        torque_nm: limit of the regenerative torque.
         blend_m_s: ends of the blending between motor and friction brakes.
         cooling_w: bound of the cooling rate at zero.
         actuator_w: sign change of the power of the thermal actuator.
@@ -142,12 +140,7 @@ def power_thermal_rates(
     """Evaluate the coupled electrical, thermal and ageing model at one instant of a motion.
 
     Args:
-        speed_m_s: vehicle speed v.
-        acceleration_m_s2: acceleration a.
-        slope_rad: road slope theta under the vehicle.
         compressor_power_w: compressor power P_cp, negative where the heater runs.
-        cells: states of the two modelled cells.
-        parameters: the model parameters.
         channel: reduced coolant channel, from ``reduce_channel``.
         smoothing: widths of the kinks; exact by default.
     """
@@ -172,10 +165,7 @@ def rates_at_traction_power(
 
     Args:
         traction: traction power P_tra in W.
-        speed_m_s: vehicle speed, for the air through the condenser.
         compressor_power_w: compressor power P_cp, negative where the heater runs.
-        cells: states of the two modelled cells.
-        parameters: the model parameters.
         channel: reduced coolant channel, from ``reduce_channel``.
         smoothing: widths of the kinks; exact by default.
     """

@@ -38,7 +38,6 @@ class ThermalActuation:
         heating_w: heat into the coolant.
         radiator_w_k: conductance between the coolant outlet, where that is warmer, and the air; None
             without a radiator.
-        air_k: temperature of the air.
     """
 
     drawn_w: Scalar
@@ -55,7 +54,6 @@ def thermal_actuation(
 
     Args:
         power_w: power P, positive for the compressor, negative for the heater.
-        parameters: of heater, radiator and air.
         smoothing_w: width of the smoothed sign change; each of the two powers is too large by half of it at
             zero power and by less than width^2 / (4 |P|) elsewhere. 0 is exact.
     """
@@ -111,13 +109,7 @@ def solve_coolant_loop(
     the coolant the chiller takes nothing; the fitted rate has the same sign in the loop and at its solution.
 
     Args:
-        cell_1_k: temperature of the first cell.
-        cell_n_k: temperature of the last cell.
-        chiller: chiller map at the present compressor power and speed.
-        outlet: channel weights of the outlet temperature.
-        cooling: coolant flow and specific heat.
         cooling_smoothing_w: width of the smoothed bound at zero cooling; 0 is exact.
-        actuation: heater and radiator.
     """
     flow_w_k = cooling.coolant_mass_flow_kg_s * cooling.coolant_specific_heat_j_kg_k
     recirculated = outlet.inlet / flow_w_k
@@ -156,10 +148,6 @@ def most_efficient_cooling(
 ) -> tuple[float, float]:
     """Return where the chiller cools most for its power, at 10 m/s.
 
-    Args:
-        temperature_k: temperature of all cells.
-        parameters: of chiller, loop and air.
-
     Returns:
         Compressor power in W and coefficient of performance Q_co / P_cp there, zero if it cannot cool.
     """
@@ -173,10 +161,6 @@ def cooling_supply(
     temperature_k: float, parameters: ModelParameters
 ) -> tuple[FloatArray, FloatArray]:
     """Return what the chiller removes at 10 m/s, and the power that a watt more of it takes.
-
-    Args:
-        temperature_k: temperature of all cells.
-        parameters: of chiller, loop and air.
 
     Returns:
         Cooling rates in W, increasing from that of the most efficient power, which can also be had for a part

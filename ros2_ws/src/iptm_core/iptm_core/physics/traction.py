@@ -19,7 +19,6 @@ def traction_force_n(
         speed_m_s: speed v, not negative.
         acceleration_m_s2: acceleration a, negative when braking.
         slope_rad: road slope theta, positive uphill.
-        body: vehicle body.
 
     Returns:
         Force in N, positive when the vehicle has to be driven, negative when it has to be braked.
@@ -59,16 +58,7 @@ def coast_down_force_n(
 
 
 def warm_up_force_n(driven_s: Scalar, cold_force_n: Scalar, time_constant_s: float) -> Scalar:
-    """Additional rolling force of cold tyres, bearings and gear oil.
-
-    Args:
-        driven_s: time since the start of the trip.
-        cold_force_n: additional force at the start.
-        time_constant_s: time constant of the decay.
-
-    Returns:
-        Force in N.
-    """
+    """Additional rolling force of cold tyres, bearings and gear oil."""
     return cold_force_n * exp(-driven_s / time_constant_s)
 
 
@@ -81,8 +71,6 @@ def motor_torque_nm(
     form used here because it is one convex kink.
 
     Args:
-        force_n: wheel force F_v.
-        powertrain: ratios, wheel radius and driveline efficiency.
         force_smoothing_n: width of the smoothed kink in N of wheel force; 0 is exact.
 
     Returns:
@@ -150,7 +138,6 @@ def regenerative_torque_nm(
         motor_speed_rad_s: motor speed, not negative.
         speed_m_s: vehicle speed, not negative.
         acceleration_m_s2: acceleration of the vehicle, negative when braking.
-        limits: limits of regeneration.
         torque_smoothing_nm: width of the smoothed bound of the torque; 0 is exact.
         speed_smoothing_m_s: width of the smoothed ends of the blending; 0 is exact.
 
@@ -176,7 +163,6 @@ def traction_power_w(
     """Electric power of the motor (P_tra, eq. 5), negative when it feeds back.
 
     Args:
-        speed_m_s: vehicle speed v.
         motor_torque: motor torque T_m in N m.
         powertrain: gear ratios (epsilon = i_g i_0 / r_w) and the copper-loss coefficient sigma.
 

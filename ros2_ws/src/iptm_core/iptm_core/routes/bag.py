@@ -25,7 +25,6 @@ def read_bag(path: Path, name: str) -> CsvTable:
     """Read the drive of a vehicle.
 
     Args:
-        path: folder or file of the bag.
         name: namespace of the vehicle, or a topic of its odometry; "" for the only one.
 
     Returns:

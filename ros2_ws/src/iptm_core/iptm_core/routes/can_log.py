@@ -33,7 +33,6 @@ def can_log_csv(path: Path, dbc: Path | None, signals: Mapping[str, str]) -> str
     """Return the drive in a log as the text of a CSV file that `read_user_trip` reads.
 
     Args:
-        path: the log.
         dbc: how its frames are decoded; None for an MF4 file that holds signals.
         signals: name of the signal of each column, one of `CAN_COLUMNS`; `MESSAGE.SIGNAL` where several
             messages have one of that name.

@@ -44,11 +44,9 @@ class RouteComposition:
     """How a comprehensive cycle is put together.
 
     Attributes:
-        name: short name.
         order: parts of a pass in driving order: published cycles, and ``"smooth"`` once.
         first_slope: kind of hills of the first part; the kinds alternate from part to part.
         large_grade: steepest grade of the large hills, rise over run, the climb left aside.
-        small_grade: the same of the small ones.
         mean_climb: grade of the whole road under the hills.
         hill_length_m: length of a hill; shorter on short parts.
         smooth_low_km_h: lowest speed of the smooth part between its ramps.
@@ -203,7 +201,6 @@ def hilly_road(
     Args:
         segments: stretches in driving order, each of them hilly or each flat.
         shapes: number of different shapes; they are used in turn.
-        composition: grades, climb and length of the hills.
     """
     return SlopeProfile.from_hills(
         [
@@ -229,9 +226,6 @@ def comprehensive_cycle(composition: RouteComposition | None = None) -> Comprehe
 
     Args:
         composition: order and slopes; None takes ``comprehensive``.
-
-    Returns:
-        The cycle with its segments.
 
     Raises:
         RouteError: the published parts leave too little time for the smooth one.

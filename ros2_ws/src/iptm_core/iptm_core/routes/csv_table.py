@@ -34,16 +34,7 @@ class CsvTable:
     counted: str = "line"
 
     def error(self, row: int, column: str, allowed: str) -> RouteError:
-        """Build the error for one rejected value.
-
-        Args:
-            row: row index of the value.
-            column: name of its column.
-            allowed: the rule it breaks, as a phrase.
-
-        Returns:
-            The error, to be raised by the caller.
-        """
+        """Build the error for one rejected value."""
         value = self.columns[column][row]
         return RouteError(
             f"{self.source}, {self.counted} {self.lines[row]}, column {column}: "
@@ -58,7 +49,6 @@ def read_csv_table(path: Path, known: Sequence[str]) -> CsvTable:
 
     Args:
         path: the file, UTF-8 (or plain ASCII).
-        known: names a column may have.
 
     Returns:
         The table, with at least one row, all values finite.
@@ -80,14 +70,6 @@ def read_csv_table(path: Path, known: Sequence[str]) -> CsvTable:
 
 def parse_csv_table(text: str, source: str, known: Sequence[str]) -> CsvTable:
     """Parse the text of a numeric CSV file; see `read_csv_table`.
-
-    Args:
-        text: content of the file.
-        source: file name for messages.
-        known: names a column may have.
-
-    Returns:
-        The table.
 
     Raises:
         RouteError: as for `read_csv_table`.

@@ -44,7 +44,6 @@ class DrivingCycle:
     """A speed trace; between its samples speed is linear in time.
 
     Attributes:
-        name: short name.
         times_s: 0, 1, 2, ... s, shape (n,), n >= 2.
         speeds_m_s: speeds at these times, shape (n,), never negative.
         source: where the figures come from.
@@ -100,9 +99,6 @@ def load_cycle(name: str) -> DrivingCycle:
     Args:
         name: one of `CYCLE_NAMES`.
 
-    Returns:
-        The cycle at 1 Hz, in m/s.
-
     Raises:
         RouteError: the name is unknown.
     """
@@ -132,7 +128,6 @@ def smooth_cycle(
         duration_s: whole seconds, at least 360; below 0.3 m/s^2 throughout for all of them at 60 and
             120 km/h.
         low_m_s: lowest speed between the ramps.
-        high_m_s: highest speed.
 
     Returns:
         The cycle, standing at its first and last sample.
@@ -213,11 +208,7 @@ class LeaderMotion:
         `FINAL_BRAKING_M_S2` after the last sample.
 
         Args:
-            cycle: its speed trace.
             initial_gap_m: position of its rear bumper at t = 0, where the host starts at 0 m.
-
-        Returns:
-            The motion.
         """
         times, speeds = cycle.times_s, cycle.speeds_m_s
         if speeds[-1] > 0.0:

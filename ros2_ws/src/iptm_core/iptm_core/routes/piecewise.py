@@ -17,7 +17,6 @@ def read_only_nodes(
     Args:
         nodes: abscissae, shape (n,), strictly increasing, n >= 1.
         values: ordinates, shape (n,).
-        what: name of the pair for error messages.
 
     Returns:
         The two arrays, shape (n,) each.

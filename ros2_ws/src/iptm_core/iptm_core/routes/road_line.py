@@ -60,7 +60,6 @@ def east_north_m(
     Args:
         latitude_deg: latitudes, any shape.
         longitude_deg: longitudes, same shape.
-        origin_deg: latitude and longitude of the origin, or of one for each point.
 
     Returns:
         East and north in m, shape of the points.
@@ -246,11 +245,8 @@ class RoadLine:
         """Return where a point lies as seen from the road.
 
         Args:
-            latitude_deg: latitude of the point.
-            longitude_deg: longitude.
             near_m: where it is expected: only the road around it is looked at, and of several passes the
                 nearest one counts; None looks at all of it.
-            around_m: how much of the road before and behind that is looked at.
             heading_deg: direction of movement of the point, which distinguishes the two directions of a road
                 that returns on itself; used with `near_m` only.
         """

@@ -88,9 +88,6 @@ def build_route(
         duration_s: length of the trip; None takes the whole cycle. A shorter trip leaves the motion
             of the leader as it is; in a longer one it stands still at the end.
 
-    Returns:
-        The route.
-
     Raises:
         RouteError: unknown cycle or slope, a gap or duration that is not positive, or a file that is
             not as it should be.

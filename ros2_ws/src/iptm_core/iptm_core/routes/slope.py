@@ -41,7 +41,6 @@ class Hills:
     """Hills over one stretch of road.
 
     Attributes:
-        start_m: position of the start of the stretch.
         length_m: its length, at least 50 m; it holds at least five hills.
         peak_grade: steepest grade, rise over run.
         variant: integer >= 0 that chooses the phases, hence the shape.
@@ -156,7 +155,6 @@ class SlopeProfile:
 
         Args:
             stretches: hills in the order of the road; each starts where the one before ends.
-            mean_climb: grade of the road under the hills, rise over run.
 
         Returns:
             The profile; the road climbs evenly before the first and after the last stretch.
@@ -183,9 +181,6 @@ class SlopeProfile:
         Args:
             positions_m: distances along the road, shape (n,), increasing.
             elevations_m: heights there, shape (n,), above any datum.
-
-        Returns:
-            The profile.
 
         Raises:
             RouteError: malformed input or a slope beyond 30 %.

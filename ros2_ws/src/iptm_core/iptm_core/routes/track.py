@@ -244,7 +244,6 @@ def road_through(
     """Return course and slope of a road through places, without times.
 
     Args:
-        source: file name for messages.
         latitudes_deg: latitudes, shape (n,).
         longitudes_deg: longitudes, shape (n,).
         heights_m: heights above any datum, shape (n,); None if a place has none.

@@ -81,9 +81,6 @@ def read_user_trip(path: Path) -> UserTrip:
     Args:
         path: the file, or the folder of a bag, and behind a ``#`` the vehicle.
 
-    Returns:
-        The trip.
-
     Raises:
         RouteError: names file, line, column, value and what is allowed.
     """
@@ -97,7 +94,6 @@ def trip_from_columns(columns: Mapping[str, ArrayLike], name: str = "own drive")
 
     Args:
         columns: numbers by the names of a CSV file's columns, each of shape (n,).
-        name: of the trip.
 
     Raises:
         RouteError: an unknown name, columns of different length, or as for `read_user_trip`.

@@ -43,9 +43,6 @@ def read_xml(path: Path, most_bytes: int, kind: str, target: PlainXml | None = N
     """Read a file.
 
     Args:
-        path: the file.
-        most_bytes: largest size that is read.
-        kind: what it should be, for messages.
         target: takes the elements; None builds a tree of them.
 
     Returns:
@@ -265,7 +262,6 @@ def read_fcd(path: Path, name: str) -> CsvTable:
     """Read the drive of a vehicle.
 
     Args:
-        path: the file.
         name: of the vehicle; "" for the only one.
 
     Returns:
