@@ -34,11 +34,7 @@ _SECONDS_PER_HOUR = 3600.0
 
 @dataclass(frozen=True)
 class ChargingStopSettings(Settings):
-    """A fast charger at the end of the trip.
-
-    Raises:
-        ParameterError: a value is out of range, or the charging ends where it begins.
-    """
+    """A fast charger at the end of the trip."""
 
     charging_minute_kwh: float = parameter(
         0.0,
@@ -108,9 +104,6 @@ def fast_charge(
 
     One temperature stands for all cells; air exchange is that of the parameters, and at the upper temperature
     limit the chiller holds it.
-
-    Args:
-        temperature_k: temperatures on arrival, shape (n,).
     """
     pack, cell, limits = parameters.pack, parameters.cell, parameters.limits
     cells = pack.cells_in_series * pack.parallel

@@ -57,14 +57,9 @@ class DecisionRecord:
     """How one decision came about; a quantity that is not known is NaN.
 
     Attributes:
-        status: outcome of the solve.
         iterations: of the solver, 0 without a solve.
         gap_slack_m: largest violation of a gap limit in the plan.
-        speed_slack_m_s: largest violation of a speed limit in the plan.
-        temperature_slack_k: largest violation of a temperature limit in the plan.
         objective: value of the cost, slack penalties included.
-        rung: where the command comes from.
-        limiter_active: whether the last limiter changed the command.
         preview_age_s: time since the preview in use was generated, NaN or infinite without one.
         cell_1_marginal_cost_1_k: terminal cost per kelvin of cell 1 at the end of the horizon, 0 without one.
         aging_rate_1_s: mean rate of the capacity loss behind these costs, sum of both cells.
@@ -101,7 +96,6 @@ class DecisionSeries:
 
     Attributes:
         time_s: instants of the states that were answered.
-        status: numbers of `SolveStatus`.
     """
 
     time_s: FloatArray
@@ -139,14 +133,7 @@ class DecisionSeries:
     def from_records(
         cls, times_s: Sequence[float], records: Sequence[DecisionRecord]
     ) -> DecisionSeries:
-        """Put records together.
-
-        Args:
-            times_s: instants of the states that were answered, shape (n,).
-
-        Raises:
-            StateError: there are not as many instants as records.
-        """
+        """Put records together."""
         columns = {
             entry.name: [getattr(record, entry.name) for record in records]
             for entry in fields(DecisionRecord)
@@ -204,15 +191,11 @@ class DecisionStatistics:
     """How the decisions of a run came about, in numbers.
 
     Attributes:
-        by_status: decisions by the outcome of their solve, every outcome listed.
-        by_rung: decisions by the rung that the command came from, every rung listed.
         limited: decisions that the last limiter changed.
         without_preview: decisions before which no prediction of the leader had arrived.
         preview_age_s: age of the prediction in use, where there was one.
         solve_time_s: wall time of a solve; its total is the computing time of the paper.
         gap_slack_m: violations of gap limits in the plans.
-        speed_slack_m_s: violations of speed limits in the plans.
-        temperature_slack_k: violations of temperature limits in the plans.
     """
 
     decisions: int

@@ -41,13 +41,9 @@ class ParameterSpec:
 
     Attributes:
         default: default value; its type is the type of the parameter.
-        description: what it does, in a few words.
         unit: unit of the value, empty for none.
-        minimum: smallest permitted number.
-        maximum: largest permitted number.
         choices: permitted texts, empty for any.
         suffixes: of files that are permitted in addition to the choices.
-        optional: None is permitted as well.
     """
 
     name: str
@@ -101,7 +97,6 @@ def declared(owner: type[Any], name: str, default: Any = MISSING, **bounds: floa
 
     Args:
         default: another default; None makes the parameter optional.
-        bounds: another ``minimum`` or ``maximum``.
     """
     (entry,) = (entry for entry in fields(owner) if entry.name == name)
     spec: ParameterSpec = replace(entry.metadata["spec"], optional=default is None, **bounds)
@@ -113,11 +108,7 @@ def declared(owner: type[Any], name: str, default: Any = MISSING, **bounds: floa
 
 
 def parameter_specs(description: type[Any]) -> tuple[ParameterSpec, ...]:
-    """Return the parameters that a dataclass declares, those of its bases included.
-
-    Args:
-        description: the dataclass; fields that are not parameters are left out.
-    """
+    """Return the parameters that a dataclass declares, those of its bases included."""
     return tuple(
         replace(entry.metadata["spec"], name=entry.name)
         for entry in fields(description)
@@ -154,11 +145,7 @@ def given_settings(group: type[Group], given: Mapping[str, Any]) -> Group:
 
 
 def checked_value(spec: ParameterSpec, given: Any) -> Any:
-    """Return a given value in the type of the parameter; a whole number is welcome for a float.
-
-    Raises:
-        ParameterError: wrong type, not finite or out of range.
-    """
+    """Return a given value in the type of the parameter; a whole number is welcome for a float."""
     if given is None and spec.optional:
         return None
     value: Any = plain(given) if isinstance(given, Enum) else given

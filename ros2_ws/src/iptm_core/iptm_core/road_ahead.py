@@ -24,11 +24,7 @@ from iptm_core.state import FloatArray
 
 @dataclass(frozen=True)
 class RoadAheadSettings(Settings):
-    """Source of the lead vehicle, and the rules of the road for the host.
-
-    Raises:
-        ParameterError: a value is out of range, or rules are to be kept and no speed is limited.
-    """
+    """Source of the lead vehicle, and the rules of the road for the host."""
 
     leader_source: LeaderSource = parameter(
         LeaderSource.CYCLE,
@@ -94,9 +90,6 @@ class SpeedLimits:
     Attributes:
         starts_m: where each limit begins, shape (n,), increasing; the first holds before it, too.
         limits_m_s: the limits, shape (n,), above 0.
-
-    Raises:
-        RouteError: malformed arrays.
     """
 
     starts_m: FloatArray
@@ -273,7 +266,6 @@ def limits_of_curves(
 
     Args:
         lateral_m_s2: largest lateral acceleration, above 0.
-        spacing_m: distance between two places that are looked at.
     """
     _, _, headings = line.locate(line.positions_m)
     if np.all(headings == headings[0]):

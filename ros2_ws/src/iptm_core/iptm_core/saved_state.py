@@ -32,7 +32,6 @@ class SavedState:
     """What a file holds.
 
     Attributes:
-        kind: whose state it is.
         stamp_ns: trip time of the state in integer nanoseconds.
         settings: settings that a run must share to continue from it.
         state: the state as plain data; see `from_plain`.
@@ -45,11 +44,7 @@ class SavedState:
 
 
 def write_state(path: Path, saved: SavedState) -> None:
-    """Write a file, whole or not at all; one of the same name is replaced.
-
-    Raises:
-        StateError: it cannot be written.
-    """
+    """Write a file, whole or not at all; one of the same name is replaced."""
     text = json.dumps({"format": FORMAT, **vars(saved)}, indent=1)
     draft = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:

@@ -81,11 +81,7 @@ class RoadSettings(Settings):
         """Build the route.
 
         Args:
-            initial_gap_m: distance from the host to the leader at t = 0.
             duration_s: length of the trip, 0 for the whole cycle.
-
-        Raises:
-            RouteError: the cycle or its file is not usable.
         """
         return build_route(
             self.cycle, self.slope, initial_gap_m=initial_gap_m, duration_s=duration_s or None
@@ -115,21 +111,13 @@ class ModelSettings(Settings):
     )
 
     def model(self) -> ParameterSet:
-        """Load the parameters of the model.
-
-        Raises:
-            ParameterError: the set or an override is not usable.
-        """
+        """Load the parameters of the model."""
         return load_parameters(self.parameter_set, parse_overrides(self.parameter_overrides))
 
 
 @dataclass(frozen=True)
 class PreviewSettings(Settings):
-    """Preview of the leader's motion that the host receives, and its imperfections.
-
-    Raises:
-        ParameterError: a value is out of range, or the step longer than the preview.
-    """
+    """Preview of the leader's motion that the host receives, and its imperfections."""
 
     preview_mode: PreviewMode = parameter(
         PreviewMode.FULL, "preview of the leader's motion that the host receives"
@@ -222,11 +210,7 @@ class RangeSensorSettings(Settings):
 
 @dataclass(frozen=True)
 class SafetyMonitorSettings(RangeSensorSettings):
-    """Safety monitor of the vehicle: what it assumes, and when it brakes and releases.
-
-    Raises:
-        ParameterError: a value is out of range, or the vehicle is assumed to brake harder than the one ahead.
-    """
+    """Safety monitor of the vehicle: what it assumes, and when it brakes and releases."""
 
     safety_monitor: bool = parameter(
         default=True, description="brake when the gap falls below the safe distance"

@@ -32,8 +32,6 @@ class VehicleState:
     """The host vehicle and its pack at one instant (paper: x, with the inputs last actuated).
 
     Attributes:
-        time_s: time since the start of the trip.
-        position_m: distance travelled along the road (p).
         speed_m_s: speed (v), never negative.
         acceleration_m_s2: acceleration command actuated over the interval that ended now (a).
         compressor_power_w: compressor power actuated over the interval that ended now (P_cp), or the
@@ -92,14 +90,7 @@ class ChannelCells:
 
 @dataclass(frozen=True)
 class FullChannelState(VehicleState):
-    """A vehicle state that knows every cell; its cells 1 and N_c are the first and the last of them.
-
-    Attributes:
-        cells: all cells of a coolant channel.
-
-    Raises:
-        StateError: cell 1 or N_c differs from the first or the last cell.
-    """
+    """A vehicle state that knows every cell; its cells 1 and N_c are the first and the last of them."""
 
     cells: ChannelCells
 
@@ -158,12 +149,10 @@ class PlantObservation:
     """What others learn of the plant at one instant.
 
     Attributes:
-        state: vehicle and pack.
         powers: means over the interval that ended now; all but the compressor's are 0 at the start of a
             trip, where no interval has ended.
         coolant_inlet_temperature_k: coolant entering the channels (T_c,in).
         coolant_outlet_temperature_k: coolant leaving the channels (T_c,out).
-        safety: what the safety monitor did over the interval that ended now.
     """
 
     state: VehicleState

@@ -23,22 +23,11 @@ class Trajectory:
     actuated commands and the mean powers. Row 0 ends no interval: its powers are zero by
     definition, and its acceleration and compressor power are those the run started from.
 
-    NaN stands for what is not known: the leader in any row, any other column throughout, but never time,
+    Signs and symbols are those of `VehicleState` and `IntervalPowers`. NaN stands for what is not known: the leader in any row, any other column throughout, but never time,
     position and speed.
 
     Attributes:
         time_s: instants t_k, strictly increasing.
-        position_m: host position along the road.
-        acceleration_m_s2: acceleration actuated over the interval.
-        compressor_power_w: compressor power actuated over the interval (P_cp), negative where the heater ran.
-        cell_1_temperature_k: temperature of the first cell of a coolant channel.
-        cell_n_temperature_k: temperature of the last cell of a coolant channel.
-        cell_1_capacity_loss: capacity loss of the first cell, fraction of nominal.
-        cell_n_capacity_loss: capacity loss of the last cell, fraction of nominal.
-        traction_power_w: mean traction power (P_tra), negative when recuperating.
-        auxiliary_power_w: mean auxiliary power (P_aux).
-        battery_power_w: mean pack power (P_b), positive when discharging.
-        chiller_heat_w: mean heat taken from the coolant (Q_co).
         leader_position_m: rear bumper of the preceding vehicle; NaN where it was not measured.
         leader_speed_m_s: speed of the preceding vehicle; NaN without one.
         service_braking_s: part of the interval in which the safety monitor braked.
@@ -145,9 +134,6 @@ class Trajectory:
 
         Args:
             ticks: plant and leader, if measured, at every instant, in order of time.
-
-        Raises:
-            StateError: as for the constructor.
         """
         rows = [_row(observed, leader) for observed, leader in ticks]
         return cls(**{name: np.array([row[name] for row in rows]) for name in TRAJECTORY_COLUMNS})
@@ -158,9 +144,6 @@ class Trajectory:
 
         Args:
             columns: exactly the names of `TRAJECTORY_COLUMNS`, each of shape (n,).
-
-        Returns:
-            The trajectory; it holds copies.
 
         Raises:
             StateError: missing or unknown names, or as for the constructor.

@@ -67,23 +67,14 @@ def check_known(
     kind: str = "key",
     error: type[IptmError] = ParameterError,
 ) -> None:
-    """Refuse a name that is not among the known ones.
-
-    Raises:
-        IptmError: (of class ``error``) if the name is unknown.
-    """
+    """Refuse a name that is not among the known ones."""
     names = list(known)
     if name not in names:
         raise error(f"{where}: unknown {kind} {shown(name)}; {suggestion(name, names)}")
 
 
 class StrictMapping:
-    """One mapping of a file, with its place in the file for the messages.
-
-    Attributes:
-        content: the mapping itself.
-        where: file and place in it.
-    """
+    """One mapping of a file, with its place in the file for the messages."""
 
     def __init__(
         self,
@@ -195,9 +186,6 @@ class StrictMapping:
 def read_bounded(path: Path, most_bytes: int) -> bytes:
     """Return the content of a regular file.
 
-    Args:
-        path: the file; links are followed.
-
     Raises:
         OSError: the file does not exist, cannot be read, is not a regular file (a pipe would never end, a
             device neither) or is too large.
@@ -227,22 +215,14 @@ def is_path(text: str, suffixes: tuple[str, ...]) -> bool:
 
 
 def number(text: str) -> float:
-    """Read a plain decimal, as any other tool would: Python alone takes ``1_600`` for a number.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """Read a plain decimal, as any other tool would: Python alone takes ``1_600`` for a number."""
     if "_" in text or not text.isascii():
         raise ValueError(f"{text!r} is not a plain number")
     return float(text)
 
 
 def whole_number(text: str) -> int:
-    """Read a plain whole number; see `number`.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """Read a plain whole number; see `number`."""
     if "_" in text or not text.isascii():
         raise ValueError(f"{text!r} is not a plain whole number")
     return int(text)

@@ -32,11 +32,7 @@ class VehicleInString:
 
 
 def vehicle_count(text: str, name: str = "vehicles") -> int:
-    """Read the number of vehicles of a string.
-
-    Raises:
-        ScenarioError: it is not a whole number, or out of range.
-    """
+    """Read the number of vehicles of a string."""
     count = _in_range(name, text, (2.0, MAX_VEHICLES))
     if not count.is_integer():
         raise ScenarioError(f"{name} is {text}; allowed: a whole number, 2 to {MAX_VEHICLES}")
@@ -44,20 +40,12 @@ def vehicle_count(text: str, name: str = "vehicles") -> int:
 
 
 def vehicle_length_m(text: str, name: str = "vehicle_length_m") -> float:
-    """Read the length of a vehicle in m.
-
-    Raises:
-        ScenarioError: it is not a number, or out of range.
-    """
+    """Read the length of a vehicle in m."""
     return _in_range(name, text, VEHICLE_LENGTHS_M, " m")
 
 
 def string_gap_m(text: str, name: str = "initial_gap_m") -> float:
-    """Read the gap between vehicles at the start, in m; further limits are those of the parameter set.
-
-    Raises:
-        ScenarioError: it is not a number, or out of range.
-    """
+    """Read the gap between vehicles at the start, in m; further limits are those of the parameter set."""
     return _in_range(name, text, (1.0, 500.0), " m")
 
 
@@ -78,7 +66,6 @@ def vehicles_in_string(
     """Return the vehicles of a string, the first one first.
 
     Args:
-        count: number of vehicles, at least 1.
         initial_gap_m: from the front bumper of a vehicle to the rear one of the vehicle ahead.
         namespace: around those of the vehicles, empty for none.
     """

@@ -229,11 +229,7 @@ LAWS = {
 
 
 def aging_cell(name: str) -> AgingCell:
-    """Return a cell by the name of its law.
-
-    Raises:
-        ParameterError: the name is not one of those of ``AGING_CELLS``.
-    """
+    """Return a cell by the name of its law."""
     if name not in AGING_CELLS:
         raise ParameterError(f"cell is {name!r}; allowed: {', '.join(AGING_CELLS)}")
     return AGING_CELLS[name]

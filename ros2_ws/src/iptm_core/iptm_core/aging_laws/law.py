@@ -144,11 +144,7 @@ def aged(
     c_rate_1_h: float,
     charge: float,
 ) -> AgingState:
-    """Return the state after an interval of constant load, shorter than a day.
-
-    Args:
-        c_rate_1_h: current over nominal capacity, positive when discharging.
-    """
+    """Return the state after an interval of constant load, shorter than a day."""
     load = Load(
         temperature_k,
         c_rate_1_h,
@@ -183,11 +179,7 @@ def aged(
 
 @dataclass(frozen=True)
 class ThroughputAging:
-    """Loss over throughput, eq. (11); ``physics.aging.capacity_loss_rate_1_s`` is its equation.
-
-    Attributes:
-        cell: nominal capacity.
-    """
+    """Loss over throughput, eq. (11); ``physics.aging.capacity_loss_rate_1_s`` is its equation."""
 
     aging: AgingParameters
     cell: CellParameters

@@ -155,8 +155,6 @@ class VoltageIntensity:
 
     Attributes:
         curvature: 1/V^2.
-        best_v: voltage of least ageing.
-        voltage: open-circuit voltage over the state of charge.
         unit: from the published unit of throughput to equivalent full cycles.
     """
 

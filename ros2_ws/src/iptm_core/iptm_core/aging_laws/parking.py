@@ -134,11 +134,7 @@ class ParkedAging:
         )
 
     def kelvin_price_1_k(self, temperature_k: FloatArray) -> FloatArray:
-        """Return what a kelvin more costs on arrival, as a share of nominal capacity, shape (n,).
-
-        Args:
-            temperature_k: temperatures of the pack on arrival, shape (n,).
-        """
+        """Return what a kelvin more costs on arrival, as a share of nominal capacity, shape (n,)."""
         above_k = temperature_k - self.parked_k
         above_k = np.where(np.abs(above_k) < _SMALLEST_STEP_K, _SMALLEST_STEP_K, above_k)
         total = np.zeros_like(above_k)

@@ -46,7 +46,6 @@ class Situation:
     """What is watched, at one instant (floats) or at all of a run (arrays of shape (n,)).
 
     Attributes:
-        gap_m: distance to the leader.
         warmest_cell_k: temperature of the warmer one of cell 1 and cell N.
     """
 

@@ -33,13 +33,10 @@ class ConstraintCheck:
     """How well a run kept one limit.
 
     Attributes:
-        label: what is limited, for tables.
         unit: unit of ``worst_excess`` and ``tolerance``.
-        hard: True if the limit may never be broken.
         violations: number of rows where the excess is larger than ``tolerance``.
         worst_excess: largest amount by which the limit was exceeded, 0 if it never was.
         worst_time_s: when that happened; None if the limit was never exceeded.
-        tolerance: excess that does not count as a violation.
     """
 
     key: str

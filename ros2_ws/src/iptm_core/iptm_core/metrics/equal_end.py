@@ -42,7 +42,6 @@ class CoolDown:
 
     Attributes:
         capacity_loss: of the first and the last cell together.
-        duration_s: how long it takes.
     """
 
     energy_j: float
@@ -123,8 +122,6 @@ class EqualEnd:
 
     Attributes:
         temperature_k: final temperature of both packs, that of the cooler one.
-        own: figures of the first run.
-        other: figures of the second run.
     """
 
     temperature_k: float

@@ -25,7 +25,6 @@ class Figure:
 
     Attributes:
         key: identifier, in files and on command lines.
-        label: text of a table row.
         unit: unit of the value, empty for a pure number; powers of ten are factors.
         decimals: digits after the point where figures of several runs stand side by side.
         compute: the value from the metrics of a run; None where it does not exist.

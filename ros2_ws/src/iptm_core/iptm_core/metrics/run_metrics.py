@@ -26,7 +26,6 @@ class EnergyMetrics:
         traction_j: integral of P_tra, recuperation counted negative.
         total_printed_j: traction + cooling, which is what the six totals printed in the paper are.
         battery_j: integral of P_b, which is how the paper labels that row.
-        mean_battery_power_w: mean of P_b over time.
         peak_battery_power_w: largest P_b of an interval.
         lowest_battery_power_w: smallest P_b of an interval, negative when recuperating.
         mean_cop: heat taken from the coolant per compressor energy over the whole run; None if the
@@ -48,8 +47,6 @@ class DegradationMetrics:
     """Capacity lost during a run, as fractions of nominal capacity.
 
     Attributes:
-        cell_1: increment of Q_loss,1.
-        cell_n: increment of Q_loss,Nc.
         inconsistency: increment of Q_loss,Nc - Q_loss,1. The paper prints the difference of the
             losses; as both cells start alike there, that is the same.
     """
@@ -69,10 +66,8 @@ class GapMetrics:
     """Spacing of a run.
 
     Attributes:
-        mean_m: mean gap over time.
         smallest_margin_m: smallest distance to the safety limit, min(p_PV - p - s_min); the paper
             prints it as 5.904 m for its proposed strategy.
-        smallest_margin_time_s: when that happened.
     """
 
     smallest_m: float
@@ -96,7 +91,6 @@ class TemperatureMetrics:
     """Temperatures of a run in kelvin.
 
     Attributes:
-        cell_1_k: first cell of a coolant channel.
         spread_k: last minus first cell, which drives the inconsistency of degradation.
     """
 
@@ -144,12 +138,7 @@ class RunMetrics:
     """What a run achieved.
 
     Attributes:
-        duration_s: from the first to the last row.
-        energy: energies and mean coefficient of performance.
-        degradation: capacity lost by the first and last cell, and its inconsistency.
-        constraints: one check per limit.
         interventions: how often the safety monitor braked.
-        service_braking_s: how long it braked.
         longest_s: for how long in a row each concern of an operator lasted at most.
         decisions: how the decisions came about; None where none were taken or recorded.
     """
@@ -193,9 +182,6 @@ def compute_metrics(
     decisions: DecisionSeries | None = None,
 ) -> RunMetrics:
     """Work out what a run achieved.
-
-    Args:
-        trajectory: the run, at least two rows.
 
     Raises:
         StateError: the run has a single row.

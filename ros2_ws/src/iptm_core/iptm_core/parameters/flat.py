@@ -22,11 +22,7 @@ from iptm_core.user_input import StrictMapping, shown
 
 
 def check_consistency(values: ModelParameters, origin: str = "parameters") -> None:
-    """Refuse parameters that contradict each other.
-
-    Raises:
-        ParameterError: naming the dotted keys, their values and what is permitted.
-    """
+    """Refuse parameters that contradict each other."""
     _check_order(values, origin)
     _check_channel(values, origin)
     _check_cell(values, origin)
@@ -131,8 +127,6 @@ class FieldSpec:
 
     Attributes:
         key: dotted key, ``group.field``.
-        minimum: smallest permitted value, in ``unit``.
-        maximum: largest permitted value, in ``unit``.
         integral: whether only whole numbers are permitted.
         neutral: value where none is stated, None where one has to be.
     """
@@ -221,9 +215,6 @@ def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None
     Args:
         unit: unit it was written in; None means the unit of the model.
 
-    Returns:
-        A float, or an int for a whole-number parameter, inside the permitted range.
-
     Raises:
         ParameterError: for a bool, text or other non-number, a value that is not finite, a fraction
             where a whole number is due, an unknown unit, or a value outside the range.
@@ -268,9 +259,6 @@ def flat_to_parameters(
 
     Args:
         mapping: parameters of the model, and nothing else; those with a neutral value may be missing.
-
-    Returns:
-        The parameters, each number unchanged to the last bit.
 
     Raises:
         ParameterError: for an unknown or missing key, a value that is not a number in its range, or

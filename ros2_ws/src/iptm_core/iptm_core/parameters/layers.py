@@ -31,11 +31,8 @@ class ChillerTable:
     """Chiller coefficients at increasing ambient temperatures.
 
     Attributes:
-        origin: file it was read from.
         ambient_k: ambient temperatures, shape (n,), increasing, n >= 2.
         coefficients: dotted key -> values at those temperatures, shape (n,), in the model's units.
-        tag: where the numbers come from.
-        note: remark of the file.
     """
 
     origin: str
@@ -46,9 +43,6 @@ class ChillerTable:
 
     def at(self, ambient_k: float) -> dict[str, Source]:
         """Interpolate every coefficient linearly; a row of the table is met to the last digit.
-
-        Returns:
-            Dotted key -> coefficient with its source.
 
         Raises:
             ParameterError: outside of the table.
@@ -84,15 +78,7 @@ class ChillerTable:
 def parse_chiller_table(
     written: StrictMapping, tag: SourceTag, note: str, origin: str
 ) -> ChillerTable:
-    """Read the table of ``chiller.by_ambient_temperature``.
-
-    Args:
-        written: mapping with the keys ``TABLE_ENTRIES``.
-
-    Raises:
-        ParameterError: for missing or unknown columns, rows of another length, values out of range, or
-            ambient temperatures that do not increase.
-    """
+    """Read the table of ``chiller.by_ambient_temperature``."""
     where = written.where
     specs = _column_specs(written)
     units = written.entries("units")
@@ -142,7 +128,6 @@ class Layer:
     """What one file states.
 
     Attributes:
-        description: one line about the set, may be empty.
         base: name or path of the set that this one differs from, or None.
         entries: dotted key -> value as written, each already checked.
         chiller_table: coefficients over ambient temperature, or None.
@@ -163,9 +148,6 @@ def read_layer(path: Path) -> Layer:
 
     Returns:
         Its checked entries; a file with a base need not state every parameter.
-
-    Raises:
-        ParameterError: for everything that is wrong in the file, with the dotted key and value.
     """
     origin = str(path)
     groups = dict.fromkeys(key.split(".")[0] for key in field_specs())

@@ -34,9 +34,7 @@ class ParameterSet:
 
     Attributes:
         name: name of a shipped set, or the file name without suffix of a user's own.
-        values: the parameters in SI units.
         sources: dotted key -> value as written, unit, tag and note; one entry for each parameter.
-        description: one line about the set, may be empty.
     """
 
     name: str

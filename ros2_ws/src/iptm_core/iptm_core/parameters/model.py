@@ -27,15 +27,8 @@ def accepted_units(unit: str) -> tuple[str, ...]:
 def to_model_unit(value: float, written_unit: str, unit: str) -> float:
     """Convert a value from the unit it was written in to the unit of the model.
 
-    Args:
-        written_unit: one of ``accepted_units(unit)``.
-        unit: unit of the model.
-
     Returns:
         The value in ``unit``; unchanged to the last bit if both units agree.
-
-    Raises:
-        KeyError: for a pair of units without a conversion.
     """
     if written_unit == unit:
         return value
@@ -49,7 +42,6 @@ def quantity(
     """Declare a scalar field with the paper's symbol, its unit and its closed range.
 
     Args:
-        unit: unit of the model.
         neutral: value at which a law that refines the paper's changes nothing. It counts where a set does
             not state the parameter; without one the parameter is required.
     """

@@ -77,9 +77,6 @@ def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) 
     Args:
         error: class of the error to raise, so that scenarios and routes can use their own.
 
-    Returns:
-        Mappings, lists, strings, numbers, booleans or None.
-
     Raises:
         IptmError: (of class ``error``) if the text is not YAML, repeats a key, nests too deeply, or is or
             becomes too large.

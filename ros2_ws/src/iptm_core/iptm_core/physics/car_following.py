@@ -31,7 +31,6 @@ def maximum_gap_m(speed_m_s: Scalar, gap: GapParameters, *, smoothing_m: float =
     """Largest permitted gap s_max; with a largest time headway no more than that, but the initial gap.
 
     Args:
-        gap: largest gap, largest time headway (0: none), and the gap at standstill at which trips begin.
         smoothing_m: width of the smoothed bounds; 0 is exact.
 
     Returns:
@@ -57,7 +56,6 @@ class BrakeBuildUp:
 
     Attributes:
         duration_s: how long it takes within the jerk limit.
-        distance_m: way travelled meanwhile.
         end_speed_m_s: speed at its end. Negative if the vehicle halts before; the distance is then that
             of the same parabola, shorter than the way to the halt by less than 1.4 m from steady driving.
     """
@@ -86,9 +84,6 @@ def stopping_distance_m(
     speed_m_s: Scalar, acceleration_m_s2: Scalar, limits: LimitParameters
 ) -> Scalar:
     """Way to standstill when the brakes build up to the hardest deceleration and stay there.
-
-    Args:
-        acceleration_m_s2: acceleration at the start, not below its lower bound.
 
     Returns:
         Distance in m; too short by up to 1.4 m where the vehicle halts during the build-up.

@@ -90,11 +90,7 @@ def capacity_loss_rate_1_s(
 
     Args:
         current_a: signed cell current I_bc; charging ages like discharging.
-        capacity_loss: present loss Q_loss, positive.
         current_smoothing_a: width of the smoothed magnitude in A; 0 is exact.
-
-    Returns:
-        Rate in 1/s, never negative.
     """
     magnitude = absolute(current_a, current_smoothing_a)
     z = aging.throughput_exponent

@@ -21,11 +21,7 @@ FARADAY_C_MOL = 96485.33212
 
 @dataclass(frozen=True)
 class ChargeTable:
-    """A quantity over the state of charge, linear between its nodes and constant outside.
-
-    Attributes:
-        values: the quantity there.
-    """
+    """A quantity over the state of charge, linear between its nodes and constant outside."""
 
     charges: tuple[float, ...]
     values: tuple[float, ...]
@@ -129,9 +125,6 @@ def at_charge(parameters: ModelParameters, charge: Scalar) -> ModelParameters:
     Args:
         parameters: a parameter set; one without these laws, as the paper's, is returned as it is.
         charge: state of charge, 0 to 1; the voltage is constant outside.
-
-    Returns:
-        Parameters for the functions of ``iptm_core.physics``; symbols where the charge is one.
     """
     law, pack, cell = parameters.charge, parameters.pack, parameters.cell
     if not depends_on_charge(law):

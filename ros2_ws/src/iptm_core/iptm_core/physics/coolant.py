@@ -78,7 +78,6 @@ class FullChannel:
     """One coolant channel.
 
     Attributes:
-        cells: number of cells N_c.
         ratio: share of the temperature difference that the coolant takes up at one cell, r.
     """
 

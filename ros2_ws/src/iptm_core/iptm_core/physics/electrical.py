@@ -104,7 +104,6 @@ def extended_pack_current_a(
     asking for more than there is never pays, and its derivatives stay bounded.
 
     Args:
-        power_w: terminal power P_b, positive when discharging.
         margin: share of the largest power, in (0, 1).
 
     Returns:

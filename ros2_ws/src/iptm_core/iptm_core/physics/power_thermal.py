@@ -141,8 +141,6 @@ def power_thermal_rates(
 
     Args:
         compressor_power_w: compressor power P_cp, negative where the heater runs.
-        channel: reduced coolant channel, from ``reduce_channel``.
-        smoothing: widths of the kinks; exact by default.
     """
     traction = electric_traction_power_w(
         speed_m_s, acceleration_m_s2, slope_rad, parameters, smoothing
@@ -165,9 +163,6 @@ def rates_at_traction_power(
 
     Args:
         traction: traction power P_tra in W.
-        compressor_power_w: compressor power P_cp, negative where the heater runs.
-        channel: reduced coolant channel, from ``reduce_channel``.
-        smoothing: widths of the kinks; exact by default.
     """
     pack, cell = parameters.pack, parameters.cell
     actuation = thermal_actuation(compressor_power_w, parameters, smoothing.actuator_w)

@@ -110,12 +110,8 @@ def drag_loss_w(
     """Loss of a turning motor without torque: bearings and hysteresis (linear), eddy currents (quadratic).
 
     Args:
-        motor_speed_rad_s: motor speed, either sign.
         linear_w_s_rad: coefficient c_1 in W s/rad.
         quadratic_w_s2_rad2: coefficient c_2 in W s^2/rad^2.
-
-    Returns:
-        Loss in W, not negative.
     """
     speed = absolute(motor_speed_rad_s)
     return speed * (linear_w_s_rad + quadratic_w_s2_rad2 * speed)
@@ -135,8 +131,6 @@ def regenerative_torque_nm(
 
     Args:
         torque_nm: demanded motor torque, negative when braking.
-        motor_speed_rad_s: motor speed, not negative.
-        speed_m_s: vehicle speed, not negative.
         acceleration_m_s2: acceleration of the vehicle, negative when braking.
         torque_smoothing_nm: width of the smoothed bound of the torque; 0 is exact.
         speed_smoothing_m_s: width of the smoothed ends of the blending; 0 is exact.
@@ -164,7 +158,6 @@ def traction_power_w(
 
     Args:
         motor_torque: motor torque T_m in N m.
-        powertrain: gear ratios (epsilon = i_g i_0 / r_w) and the copper-loss coefficient sigma.
 
     Returns:
         Power in W: shaft power plus copper loss ``sigma T_m^2``.

@@ -50,10 +50,6 @@ class RouteComposition:
         mean_climb: grade of the whole road under the hills.
         hill_length_m: length of a hill; shorter on short parts.
         smooth_low_km_h: lowest speed of the smooth part between its ramps.
-        smooth_high_km_h: highest speed of the smooth part.
-
-    Raises:
-        RouteError: an unknown part, or a value outside its range.
     """
 
     name: str
@@ -125,11 +121,7 @@ def load_composition(name: str) -> RouteComposition:
 
 
 def read_composition(path: Path) -> RouteComposition:
-    """Read a composition from its file; the file name is its name.
-
-    Raises:
-        RouteError: the file is not as it should be.
-    """
+    """Read a composition from its file; the file name is its name."""
     keys = [entry.name for entry in fields(RouteComposition) if entry.name != "name"]
     written = StrictMapping(
         read_yaml(path, RouteError), str(path), ("description", *keys), error=RouteError
@@ -156,13 +148,9 @@ class RouteSegment:
 
     Attributes:
         name: what is driven, for example ``"1: us06 S"``.
-        cycle: name of the driving cycle of this stretch.
         slope_kind: ``"flat"``, ``"small"``, ``"large"`` or ``"measured"``.
-        start_s: time at which the leader enters it.
-        end_s: time at which the leader leaves it.
         start_m: distance that the leader has travelled at ``start_s``; the stretch of road with
             this slope starts at the same road position (0 = start of the host).
-        end_m: distance that the leader has travelled at ``end_s``.
     """
 
     name: str
@@ -181,7 +169,6 @@ class ComprehensiveCycle:
     Attributes:
         cycle: 10001 samples, 0 to 10000 s.
         segments: segments in driving order, ten with five parts.
-        composition: what it is put together from.
     """
 
     cycle: DrivingCycle

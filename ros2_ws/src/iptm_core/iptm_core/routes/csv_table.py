@@ -22,7 +22,6 @@ class CsvTable:
     """A checked numeric table.
 
     Attributes:
-        source: file name for messages.
         columns: one array of shape (n,) per column name.
         lines: line number of every row in the file (1 is the first line), shape (n,).
         counted: what the numbers count, where it is not lines.
@@ -69,11 +68,7 @@ def read_csv_table(path: Path, known: Sequence[str]) -> CsvTable:
 
 
 def parse_csv_table(text: str, source: str, known: Sequence[str]) -> CsvTable:
-    """Parse the text of a numeric CSV file; see `read_csv_table`.
-
-    Raises:
-        RouteError: as for `read_csv_table`.
-    """
+    """Parse the text of a numeric CSV file; see `read_csv_table`."""
     rows = _rows(text, source)
     header_line, header = next(rows, (0, []))
     if not header:

@@ -46,7 +46,6 @@ class DrivingCycle:
     Attributes:
         times_s: 0, 1, 2, ... s, shape (n,), n >= 2.
         speeds_m_s: speeds at these times, shape (n,), never negative.
-        source: where the figures come from.
 
     Raises:
         RouteError: not 1 Hz from 0 s, fewer than two samples, or a negative or non-finite speed.
@@ -98,9 +97,6 @@ def load_cycle(name: str) -> DrivingCycle:
 
     Args:
         name: one of `CYCLE_NAMES`.
-
-    Raises:
-        RouteError: the name is unknown.
     """
     if name not in _SOURCES:
         raise RouteError(f"unknown driving cycle {name!r}; allowed: {', '.join(CYCLE_NAMES)}")
@@ -127,13 +123,9 @@ def smooth_cycle(
     Args:
         duration_s: whole seconds, at least 360; below 0.3 m/s^2 throughout for all of them at 60 and
             120 km/h.
-        low_m_s: lowest speed between the ramps.
 
     Returns:
         The cycle, standing at its first and last sample.
-
-    Raises:
-        RouteError: the duration is not a whole number of seconds or too short.
     """
     if int(duration_s) != duration_s or duration_s < _MIN_DURATION_S:
         raise RouteError(

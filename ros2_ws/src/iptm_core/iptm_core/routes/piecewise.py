@@ -69,9 +69,6 @@ def integral_at(
 
     Args:
         x: points inside [nodes[0], nodes[-1]], any shape.
-        nodes: abscissae, shape (n,), increasing.
-        values: ordinates at the nodes, shape (n,).
-        integrals: result of `cumulative_integral` for them, shape (n,).
 
     Returns:
         Integral from the first node to ``x``, shape of ``x``.

@@ -47,7 +47,6 @@ class RoadCourse:
     Positions count in the plane; on a slope of 6 % that is 0.2 % off the way along the road.
 
     Attributes:
-        slope: over position.
         line: where the road lies on Earth; None for a straight one along x.
     """
 

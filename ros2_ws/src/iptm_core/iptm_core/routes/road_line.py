@@ -57,10 +57,6 @@ def east_north_m(
 ) -> tuple[FloatArray, FloatArray]:
     """Return how far points lie east and north of an origin.
 
-    Args:
-        latitude_deg: latitudes, any shape.
-        longitude_deg: longitudes, same shape.
-
     Returns:
         East and north in m, shape of the points.
     """

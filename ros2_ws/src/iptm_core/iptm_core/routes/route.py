@@ -49,12 +49,9 @@ class Route:
     """Everything about the trip that lies outside the host vehicle.
 
     Attributes:
-        name: cycle and slope, for tables.
         leader: motion of the preceding vehicle; it goes on past ``duration_s`` if the trip is cut.
         slope: road slope over position; position 0 is where the host starts.
-        duration_s: length of the trip.
         segments: stretches in driving order, covering the whole cycle without gaps.
-        source: where the speed trace comes from.
         road_line: where the road lies on Earth; a straight test road for cycles that were driven on none.
     """
 
@@ -84,13 +81,8 @@ def build_route(
             are made for a dynamometer); ``"flat"``, ``"small"`` (2 % at the steepest) and
             ``"large"`` (6 %) replace it, and so does the road of a track: the path of a GPX file, with
             or without times.
-        initial_gap_m: distance from the host to the leader at t = 0.
         duration_s: length of the trip; None takes the whole cycle. A shorter trip leaves the motion
             of the leader as it is; in a longer one it stands still at the end.
-
-    Raises:
-        RouteError: unknown cycle or slope, a gap or duration that is not positive, or a file that is
-            not as it should be.
     """
     is_road_file = is_path(slope, (GPX_SUFFIX,))
     if slope not in SLOPE_CHOICES and not is_road_file:

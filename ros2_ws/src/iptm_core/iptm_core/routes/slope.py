@@ -45,9 +45,6 @@ class Hills:
         peak_grade: steepest grade, rise over run.
         variant: integer >= 0 that chooses the phases, hence the shape.
         wavelength_m: length of a hill, at most a fifth of the stretch.
-
-    Raises:
-        RouteError: a value outside its range.
     """
 
     start_m: float
@@ -86,9 +83,6 @@ class Hills:
 
     def slope_at(self, position_m: ArrayLike) -> FloatArray:
         """Evaluate the smooth slope.
-
-        Args:
-            position_m: positions along the road, any shape.
 
         Returns:
             Slope in rad, positive uphill, same shape; 0 outside the stretch.
@@ -181,9 +175,6 @@ class SlopeProfile:
         Args:
             positions_m: distances along the road, shape (n,), increasing.
             elevations_m: heights there, shape (n,), above any datum.
-
-        Raises:
-            RouteError: malformed input or a slope beyond 30 %.
         """
         positions, heights = read_only_nodes(positions_m, elevations_m, "elevation profile")
         length = positions[-1] - positions[0]
@@ -198,9 +189,6 @@ class SlopeProfile:
 
     def slope_at(self, position_m: ArrayLike) -> FloatArray:
         """Interpolate the slope.
-
-        Args:
-            position_m: positions along the road, any shape.
 
         Returns:
             Slope in rad, positive uphill, same shape.

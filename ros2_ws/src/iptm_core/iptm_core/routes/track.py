@@ -74,7 +74,6 @@ class Track:
     """What was recorded, untouched.
 
     Attributes:
-        source: file name for messages.
         times_s: times from the first point on, shape (n,).
         latitudes_deg: latitudes, shape (n,).
         longitudes_deg: longitudes, shape (n,).
@@ -185,11 +184,9 @@ class RecordedDrive:
     """A trip read out of a track.
 
     Attributes:
-        track: the raw points.
         times_s: whole seconds, shape (m,).
         speeds_m_s: smoothed speeds, shape (m,).
         point_positions_m: position of every raw point along the road, shape (n,).
-        line: the smoothed road.
         slope: the slope along the road, None without heights.
         bounded_m: length of the road on which the grade had to be bounded.
     """
@@ -245,7 +242,6 @@ def road_through(
 
     Args:
         latitudes_deg: latitudes, shape (n,).
-        longitudes_deg: longitudes, shape (n,).
         heights_m: heights above any datum, shape (n,); None if a place has none.
 
     Raises:

@@ -60,7 +60,6 @@ class UserTrip:
     Attributes:
         cycle: speed at 1 Hz.
         slope: slope of its road (position 0 is the start of the trip), None if not in the file.
-        line: where the road lies, None if not in the file.
         drive: what was read out of a recorded drive, None for a plain table.
     """
 
@@ -94,9 +93,6 @@ def trip_from_columns(columns: Mapping[str, ArrayLike], name: str = "own drive")
 
     Args:
         columns: numbers by the names of a CSV file's columns, each of shape (n,).
-
-    Raises:
-        RouteError: an unknown name, columns of different length, or as for `read_user_trip`.
     """
     arrays: dict[str, FloatArray] = {}
     for column, values in columns.items():

@@ -45,9 +45,6 @@ def read_xml(path: Path, most_bytes: int, kind: str, target: PlainXml | None = N
     Args:
         target: takes the elements; None builds a tree of them.
 
-    Returns:
-        What the target's ``close`` returns: of a tree its root.
-
     Raises:
         RouteError: no such file, no XML, too large, or a document type.
     """
@@ -66,11 +63,7 @@ def read_xml(path: Path, most_bytes: int, kind: str, target: PlainXml | None = N
 
 
 def finite_number(where: str, name: str, text: str | None) -> float:
-    """Read an attribute or the text of an element.
-
-    Raises:
-        RouteError: it is missing, or no finite number.
-    """
+    """Read an attribute or the text of an element."""
     try:
         value = number(text or "")
     except ValueError:
@@ -105,9 +98,6 @@ def read_gpx_road(path: Path) -> tuple[RoadLine, SlopeProfile | None]:
 
     Returns:
         Course and slope; None for the latter where a point has no height.
-
-    Raises:
-        RouteError: as for `read_gpx`, but for times that are missing at all points.
     """
     rows = _rows(path)
     if np.isfinite(rows[:, 0]).any():
@@ -232,7 +222,6 @@ class _Vehicle(PlainXml):
 
     Attributes:
         name: of the vehicle; the first one where none was named.
-        names: all, in the order of the file.
         rows: attributes of the vehicle and the time, in the order of the file.
     """
 
