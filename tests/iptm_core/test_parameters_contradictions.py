@@ -42,7 +42,7 @@ from iptm_core.parameters import load_parameters
             {"cooling.convective_coefficient_w_k": 30.0},
             "is not below the heat-capacity rate of one coolant channel, 29.97 W/K",
         ),
-        ({"cooling.coolant_mass_flow_kg_s": 0.002}, "h/C_f = 1.17742, allowed: below 1"),
+        ({"cooling.coolant_mass_flow_kg_s": 0.002}, "h/C_f = 1.17742; allowed: below 1"),
         (
             {"cooling.coolant_mass_flow_kg_s": 0.13},
             "the coefficients belong to the coolant flow that they were fitted at",

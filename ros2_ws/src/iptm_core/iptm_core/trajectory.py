@@ -23,8 +23,8 @@ class Trajectory:
     actuated commands and the mean powers. Row 0 ends no interval: its powers are zero by
     definition, and its acceleration and compressor power are those the run started from.
 
-    Signs and symbols are those of `VehicleState` and `IntervalPowers`. NaN stands for what is not known: the leader in any row, any other column throughout, but never time,
-    position and speed.
+    Signs and symbols are those of `VehicleState` and `IntervalPowers`. NaN stands for what is not known: the
+    leader in any row, any other column throughout, but never time, position and speed.
 
     Attributes:
         time_s: instants t_k, strictly increasing.

@@ -1,7 +1,6 @@
 """Parameters of the model: declared ranges, shipped sets with sources, loading and overrides."""
 
 from iptm_core.parameters.flat import (
-    FieldSpec,
     Source,
     SourceTag,
     check_consistency,
@@ -17,7 +16,7 @@ from iptm_core.parameters.loading import (
     describe_parameters,
     load_parameters,
 )
-from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.model import FieldSpec, ModelParameters
 
 __all__ = [
     "DEFAULT_SET",

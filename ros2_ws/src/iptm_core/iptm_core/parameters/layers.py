@@ -11,12 +11,12 @@ from pathlib import Path
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.flat import (
     FILE_TAGS,
-    FieldSpec,
     Source,
     SourceTag,
     checked_number,
     field_specs,
 )
+from iptm_core.parameters.model import FieldSpec
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.user_input import StrictMapping, check_known, shown
 

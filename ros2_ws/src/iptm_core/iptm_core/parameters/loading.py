@@ -9,7 +9,6 @@ from pathlib import Path
 
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.flat import (
-    FieldSpec,
     Source,
     SourceTag,
     checked_number,
@@ -19,7 +18,7 @@ from iptm_core.parameters.flat import (
     to_flat_dict,
 )
 from iptm_core.parameters.layers import AMBIENT_KEY, ChillerTable, Layer, read_layer
-from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.model import FieldSpec, ModelParameters
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES
 from iptm_core.user_input import StrictMapping, number, shown, suggestion
 

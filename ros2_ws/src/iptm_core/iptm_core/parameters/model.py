@@ -6,7 +6,7 @@ their sources live in the YAML files of ``sets/``. Symbols in brackets are the p
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field
 from typing import Any
 
 CELSIUS_ZERO_K = 273.15
@@ -25,36 +25,46 @@ def accepted_units(unit: str) -> tuple[str, ...]:
 
 
 def to_model_unit(value: float, written_unit: str, unit: str) -> float:
-    """Convert a value from the unit it was written in to the unit of the model.
-
-    Returns:
-        The value in ``unit``; unchanged to the last bit if both units agree.
-    """
+    """Convert to the unit of the model; a value in that unit is unchanged to the last bit."""
     if written_unit == unit:
         return value
     divisor, offset = _CONVERSIONS[written_unit, unit]
     return value / divisor + offset
 
 
+@dataclass(frozen=True)
+class FieldSpec:
+    """One parameter as the model declares it.
+
+    Attributes:
+        key: dotted key, ``group.field``.
+        neutral: value at which a law that refines the paper's changes nothing. It counts where a set does
+            not state the parameter; without one the parameter is required.
+        integral: whether only whole numbers are permitted.
+    """
+
+    key: str
+    symbol: str
+    unit: str
+    minimum: float
+    maximum: float
+    neutral: float | None
+    integral: bool
+
+    @property
+    def allowed(self) -> str:
+        """The permitted range in words, in the unit of the model."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        whole = "whole numbers from " if self.integral else ""
+        return f"{whole}{self.minimum:g} to {self.maximum:g}{unit}"
+
+
 def quantity(
     symbol: str, unit: str, minimum: float, maximum: float, neutral: float | None = None
 ) -> Any:
-    """Declare a scalar field with the paper's symbol, its unit and its closed range.
-
-    Args:
-        neutral: value at which a law that refines the paper's changes nothing. It counts where a set does
-            not state the parameter; without one the parameter is required.
-    """
-    metadata = {
-        "symbol": symbol,
-        "unit": unit,
-        "minimum": minimum,
-        "maximum": maximum,
-        "neutral": neutral,
-    }
-    return (
-        field(metadata=metadata) if neutral is None else field(default=neutral, metadata=metadata)
-    )
+    """Declare a scalar field with the paper's symbol, its unit and its closed range; see `FieldSpec`."""
+    metadata = {"spec": FieldSpec("", symbol, unit, minimum, maximum, neutral, integral=False)}
+    return field(default=MISSING if neutral is None else neutral, metadata=metadata)
 
 
 @dataclass(frozen=True)
