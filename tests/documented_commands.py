@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 _PROGRAMS = (
     r"(?:[A-Z_]+=\S+ )*"
-    r"(?:scripts/\w+|ros2 \w|\.venv/bin/python|python3? |source |dask |rviz2|colcon |rosdep )"
+    r"(?:scripts/\w+|ros2 \w|\.venv/bin/python|python3? |source |rviz2|colcon |rosdep )"
 )
 _LINE = re.compile(rf"^\s{{2,}}({_PROGRAMS}.*)$", re.MULTILINE)
 _SPAN = re.compile(rf"`({_PROGRAMS}[^`]* [^`]*)`")

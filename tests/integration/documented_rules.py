@@ -80,7 +80,6 @@ RULES = (
     ),
     Rule(Way.NOT, r"scripts/drive_file can .*", "a log of a CAN bus and requirements/can.txt"),
     Rule(Way.NOT, r".*--screenshot .*", "a browser"),
-    Rule(Way.NOT, r"dask .*|scripts/reproduce --scheduler .*", "a cluster of machines"),
     Rule(Way.NOT, r".*(five_cars|my_bag#car_2|bags/radio).*", "a bag that takes a long run"),
     Rule(Way.NOT, r".*(ROS_SECURITY|--enclave).*", "DDS security, which the wheels lack"),
     Rule(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from distributed import Client
 
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
@@ -165,8 +164,12 @@ def far_from_optimum(values: Mapping[str, float]) -> float:
     return abs(values["composition.large_grade"] - 0.1) + abs(gap_km - 0.15)
 
 
-def made_up(inputs: RunInputs, values: Mapping[str, float]) -> Evaluation:
+def made_up(
+    task: tuple[RunInputs, Mapping[str, float]], on_progress: Callable[[], None]
+) -> Evaluation:
     """Instead of a trip: the printed table where grade and gap have certain values, worse elsewhere."""
+    on_progress()
+    inputs, values = task
     away = far_from_optimum(values)
     name = inputs.spec.strategy.name
     factor = math.exp(5.0 * away) * (1.0 if name == "reference" else 1.0 + away)
@@ -192,27 +195,9 @@ STAGES = (
 )
 
 
-@pytest.fixture(scope="module")
-def client() -> Iterator[Client]:
-    # Within the process Dask would ask the network for its address.
-    with Client(
-        processes=False,
-        protocol="tcp",
-        host="127.0.0.1",
-        n_workers=1,
-        threads_per_worker=1,
-        dashboard_address=None,
-    ) as made:
-        yield made
-
-
-def test_a_search_finds_the_optimum_and_goes_on_where_it_stopped(
-    tmp_path: Path, client: Client
-) -> None:
+def test_a_search_finds_the_optimum_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     whole = _Quiet()
-    found = Search(TINY, EvaluationTable(tmp_path / "whole"), client, whole, perform=made_up).run(
-        STAGES
-    )
+    found = Search(TINY, EvaluationTable(tmp_path / "whole"), 1, whole, perform=made_up).run(STAGES)
     assert far_from_optimum(found[0].candidate.values) < 0.06
     assert far_from_optimum(TINY.candidate(TINY.start).values) == pytest.approx(0.08)
     assert set(found[0].runs) == set(STRATEGY_NAMES)
@@ -224,15 +209,15 @@ def test_a_search_finds_the_optimum_and_goes_on_where_it_stopped(
     rest = _Quiet()
     table = EvaluationTable(tmp_path / "cut")
     assert len(table) == half
-    again = Search(TINY, table, client, rest, perform=made_up).run(STAGES)
+    again = Search(TINY, table, 1, rest, perform=made_up).run(STAGES)
     assert rest.performed_runs == len(lines) - half
     assert [entry.score for entry in again] == [entry.score for entry in found]
     assert len(EvaluationTable(tmp_path / "cut")) == len(lines)
 
 
-def test_what_is_shipped_reads_back_as_the_candidate(tmp_path: Path, client: Client) -> None:
+def test_what_is_shipped_reads_back_as_the_candidate(tmp_path: Path) -> None:
     table = EvaluationTable(tmp_path / "table")
-    best = Search(TINY, table, client, _Quiet(), perform=made_up).run(STAGES)[0]
+    best = Search(TINY, table, 1, _Quiet(), perform=made_up).run(STAGES)[0]
     path = tmp_path / "mine.yaml"
     path.write_text(set_text(best.candidate), encoding="utf-8")
     loaded = load_parameters(path)

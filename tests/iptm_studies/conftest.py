@@ -12,12 +12,12 @@ from iptm_core.decision_record import DecisionSeries
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_studies import cli
 from iptm_studies.campaign import Campaign
-from iptm_studies.cluster import ClusterOptions
-from iptm_studies.execution import Observer, admit
+from iptm_studies.execution import ProgressDisplay, admit
 from iptm_studies.run import Run, RunRecord, perform_run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.store import ResultStore
+from iptm_studies.workers import Failed
 
 TICKS = 5
 
@@ -166,23 +166,23 @@ def at_once(monkeypatch: pytest.MonkeyPatch, make_run: Callable[..., Run]) -> No
     """Runs that are computed here, at once; those of the reference fail."""
 
     def execute_here(
-        campaign: Campaign, store: ResultStore, options: ClusterOptions, observer: Observer
+        campaign: Campaign, store: ResultStore, workers: int, display: ProgressDisplay
     ) -> int:
-        del options
+        del workers
         missing = admit(campaign, store)
         found = campaign.finished
         for inputs in missing:
-            observer.planned(inputs, 1.0)
+            display.planned(inputs, 1.0)
             if inputs.spec.strategy.name == "reference":
                 campaign.fail(inputs.key, "it went nowhere")
                 store.note_failure(inputs.key, "it went nowhere")
-                observer.failed(inputs, "it went nowhere")
+                display.ended(inputs, Failed("it went nowhere"))
                 continue
             run = make_run(inputs)
             store.save(run)
             campaign.finish(run)
-            observer.finished(inputs, run)
-        observer.remaining(0.0)
+            display.ended(inputs, run)
+        display.remaining(0.0)
         return campaign.finished - found
 
     monkeypatch.setattr(cli, "execute", execute_here)

@@ -9,7 +9,7 @@ import pytest
 from iptm_core.errors import ScenarioError
 from iptm_core.settings import PreviewMode
 from iptm_studies.campaign import Campaign, CaseState, ExpectedTimes, modelled_s, plan_campaign
-from iptm_studies.progress import clock_text
+from iptm_studies.execution import clock_text
 from iptm_studies.run import Run
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunKind, RunSpec

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iptm_core.errors import ScenarioError
 from iptm_studies.run import Run, controller_options, perform_run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
@@ -92,8 +91,3 @@ def test_costates_are_what_a_kelvin_costs_the_rest_of_the_trip(short_inputs: Run
     # In this minute a kelvin is not lost: the first ten seconds are a part of what it costs in all.
     slope_1_k = (costs[1] - costs[0]) / step_k
     assert 0.5 * slope_1_k < both[0] < slope_1_k
-
-
-def test_other_code_is_refused(short_inputs: RunInputs) -> None:
-    with pytest.raises(ScenarioError, match="other code"):
-        perform_run(replace(short_inputs, fingerprint="0" * 64))

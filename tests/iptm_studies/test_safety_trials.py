@@ -14,7 +14,6 @@ from iptm_core.routes import build_route
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
-from iptm_studies.cluster import ClusterOptions
 from iptm_studies.run import VEHICLE, WEAK_BRAKES, Report, Run, perform_run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.safety.braking import BrakingResults, braking_trials
@@ -201,9 +200,7 @@ def test_braking_trials_are_driven_once(short_drive: tuple[RunInputs, Run], tmp_
     inputs, run = short_drive
     results, driven = BrakingResults(tmp_path), list[str]()
     drives = {"nycc": (inputs, run.trajectory)}
-    first, second = (
-        results.complete(drives, 2, 1, ClusterOptions(workers=1), driven.append) for _ in range(2)
-    )
+    first, second = (results.complete(drives, 2, 1, 1, driven.append) for _ in range(2))
     assert driven == ["nycc"]
     assert np.array_equal(first["nycc"].smallest_gap_m, second["nycc"].smallest_gap_m)
 

@@ -22,8 +22,6 @@ LIBRARIES = {
     "asn1tools": ("python3-asn1tools-pip", "asn1tools"),
     "casadi": ("casadi-pip", "casadi"),
     "cma": ("python3-cma-pip", "cma"),
-    "dask": ("python3-dask-pip", "dask"),
-    "distributed": ("python3-distributed-pip", "distributed"),
     "jinja2": ("python3-jinja2", "jinja2"),
     "lz4": ("python3-lz4", "lz4"),
     "matplotlib": ("python3-matplotlib", "matplotlib"),

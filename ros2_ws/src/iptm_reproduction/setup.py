@@ -14,7 +14,6 @@ setup(
     install_requires=[
         "setuptools",
         "cma>=4.0",
-        "distributed>=2024.1",
         "jinja2>=3.1",
         "matplotlib>=3.8",
         "numpy>=1.24",

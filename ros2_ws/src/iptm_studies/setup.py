@@ -13,8 +13,6 @@ setup(
     ],
     install_requires=[
         "setuptools",
-        "dask>=2024.1",
-        "distributed>=2024.1",
         "matplotlib>=3.8",
         "numpy>=1.24",
         "pyarrow>=15",

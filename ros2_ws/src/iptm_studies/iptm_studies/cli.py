@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from dask.system import CPU_COUNT
 from rich.console import Console
 from rich.logging import RichHandler
 
@@ -19,13 +18,12 @@ from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_SIGNAL, EXIT_USER_ERROR
 from iptm_core.user_input import whole_number
 from iptm_studies.campaign import NOT_COMPUTED, Campaign, plan_campaign
-from iptm_studies.cluster import ClusterOptions
-from iptm_studies.execution import execute, survey
-from iptm_studies.progress import clock_text, progress_display
+from iptm_studies.execution import ProgressDisplay, clock_text, execute, survey
 from iptm_studies.store import ResultStore, default_store_folder
 from iptm_studies.study import SMALL
 from iptm_studies.study_loading import available_studies, load_study
 from iptm_studies.tables import write_tables
+from iptm_studies.workers import worker_count
 
 EXIT_FAILED_RUNS = 1
 ALL = "all"
@@ -75,7 +73,7 @@ class StudyCommands:
         self.choosing.add_argument(
             "--store", default="", metavar="DIR", help="folder of the results"
         )
-        add_cluster_options(self.computing)
+        add_workers_option(self.computing)
         self.computing.add_argument(
             "--dry-run",
             action="store_true",
@@ -133,23 +131,19 @@ def perform_command(command: Command, options: argparse.Namespace) -> int:
         return EXIT_SIGNAL + signal.SIGINT
 
 
-def add_cluster_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options on where runs are computed, the fields of `ClusterOptions`."""
+def add_workers_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option on how many runs are computed at a time."""
     parser.add_argument(
         "--workers", type=whole_number, metavar="N", help="processes, one per core by default"
     )
-    parser.add_argument(
-        "--scheduler", default="", metavar="ADDRESS", help="use this Dask cluster instead"
-    )
 
 
-def compute(
-    campaign: Campaign, store: ResultStore, cluster: ClusterOptions, console: Console
-) -> None:
+def compute(campaign: Campaign, store: ResultStore, workers: int, console: Console) -> None:
     """Compute the missing runs of a campaign, with progress, and print their number."""
     began = time.perf_counter()
-    with progress_display(console) as display:
-        computed = execute(campaign, store, cluster, display)
+    display = ProgressDisplay(console)
+    with display.bar:
+        computed = execute(campaign, store, workers, display)
     console.print(
         f"{computed} runs computed, {campaign.finished - computed} found in {store.folder}, "
         f"{len(campaign.failures)} failed, in {clock_text(time.perf_counter() - began)}"
@@ -183,10 +177,10 @@ def _chosen_campaign(options: argparse.Namespace) -> Campaign:
 def run_studies(options: argparse.Namespace, console: Console) -> int:
     """Compute what is missing, or show what that would be; returns the exit code."""
     campaign, store = _chosen_campaign(options), chosen_store(options)
-    cluster = ClusterOptions(options.scheduler, options.workers)
+    workers = worker_count(options.workers)
     if options.dry_run:
-        return _dry_run(campaign, store, cluster)
-    compute(campaign, store, cluster, console)
+        return _dry_run(campaign, store, workers)
+    compute(campaign, store, workers, console)
     complain = partial(console.print, style="red")
     for address, cause in campaign.failures.items():
         complain(f"{address} failed: {cause}")
@@ -195,7 +189,7 @@ def run_studies(options: argparse.Namespace, console: Console) -> int:
     return EXIT_FAILED_RUNS if campaign.failures or campaign.left_out else 0
 
 
-def _dry_run(campaign: Campaign, store: ResultStore, cluster: ClusterOptions) -> int:
+def _dry_run(campaign: Campaign, store: ResultStore, workers: int) -> int:
     lacking, later = survey(campaign, store), campaign.later_runs()
     total_s = 0.0
     for remark, runs in (("", lacking), ("once the weights are known: ", later)):
@@ -204,11 +198,10 @@ def _dry_run(campaign: Campaign, store: ResultStore, cluster: ClusterOptions) ->
             total_s += expected_s
             what = f"{remark}{inputs.spec.describe()}"
             print(f"{inputs.address:60} {clock_text(expected_s):>10}  {what}")
-    text = f"{len(lacking) + len(later)} runs to compute, about {clock_text(total_s)} on one core"
-    if not cluster.scheduler:
-        workers = cluster.workers or CPU_COUNT
-        text += f", {clock_text(total_s / workers)} with {workers} workers"
-    print(text)
+    print(
+        f"{len(lacking) + len(later)} runs to compute, about {clock_text(total_s)} on one core, "
+        f"{clock_text(total_s / workers)} with {workers} workers"
+    )
     return 0
 
 

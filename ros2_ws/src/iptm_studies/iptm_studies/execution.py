@@ -2,37 +2,21 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
-from contextlib import suppress
-from typing import Protocol
 
-import distributed
-from distributed import Client, Future, KilledWorker
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from iptm_core.errors import IptmError
 from iptm_studies.campaign import Campaign
-from iptm_studies.cluster import HANG_TOPIC, ClusterOptions, connected, work, worker_threads
-from iptm_studies.run import Run
+from iptm_studies.run import Run, perform_run
 from iptm_studies.run_inputs import RunInputs
+from iptm_studies.run_spec import RunKind
 from iptm_studies.store import ResultStore
+from iptm_studies.workers import Failed, OnProgress, perform_all
 
-REFRESH_S = 5.0
-
-
-class Observer(Protocol):
-    """Receives the progress of the work."""
-
-    def planned(self, inputs: RunInputs, expected_s: float) -> None:
-        """A run has to be performed."""
-
-    def finished(self, inputs: RunInputs, run: Run) -> None:
-        """A run was performed and stored."""
-
-    def failed(self, inputs: RunInputs, cause: str) -> None:
-        """A run failed."""
-
-    def remaining(self, seconds: float) -> None:
-        """Expected wall time until the end."""
+LIMIT_S = {RunKind.CLOSED_LOOP: 300.0, RunKind.WHOLE_TRIP: 3600.0}
+"""Longest time without progress. In a closed loop it is the compiler that takes longest."""
 
 
 def admit(campaign: Campaign, store: ResultStore) -> list[RunInputs]:
@@ -68,121 +52,123 @@ def survey(campaign: Campaign, store: ResultStore) -> list[RunInputs]:
 def execute(
     campaign: Campaign,
     store: ResultStore,
-    options: ClusterOptions,
-    observer: Observer,
-    perform: Callable[[RunInputs], Run] = work,
+    workers: int,
+    display: ProgressDisplay,
+    perform: Callable[[RunInputs, OnProgress], Run] = perform_run,
+    limit_s: Callable[[RunInputs], float] = lambda inputs: LIMIT_S[inputs.spec.kind],
 ) -> int:
     """Perform all missing runs of a campaign, the longest first.
 
     Each run is stored as soon as it is done, so that an interrupted campaign goes on where it stopped. A
-    run that fails is noted and does not stop the others. No cluster is needed if nothing is missing.
+    run that fails is noted and does not stop the others.
 
     Args:
         campaign: the runs.
         store: where results are found and put.
-        options: where to perform them.
-        observer: notified of every run.
-        perform: performs a run on a worker.
+        workers: number of processes.
+        display: notified of every run.
+        perform: performs a run.
+        limit_s: longest time without progress of a run.
 
     Returns:
         The number of runs performed; the other runs of the campaign were found in the store.
 
     Raises:
-        ScenarioError: the scheduler does not answer, or the cluster has no workers.
         StoreError: the store cannot be written.
     """
-    execution = _Execution(campaign, store, observer, perform)
-    if execution.waiting:
-        with connected(options) as client:
-            execution.run(client)
-    return execution.computed
+    expected_s = campaign.expected.of
+    waiting: list[RunInputs] = []
+    open_runs: dict[str, RunInputs] = {}
+    computed = 0
 
-
-class _Execution:
-    """The runs that wait, and those that a worker has."""
-
-    def __init__(
-        self,
-        campaign: Campaign,
-        store: ResultStore,
-        observer: Observer,
-        perform: Callable[[RunInputs], Run],
-    ) -> None:
-        self._campaign = campaign
-        self._store = store
-        self._observer = observer
-        self._perform = perform
-        self._running: dict[Future, RunInputs] = {}
-        self.waiting: list[RunInputs] = []
-        self.computed = 0
-        self._admit()
-
-    def run(self, client: Client) -> None:
-        """Keep the workers busy until nothing is left."""
-        while self.waiting or self._running:
-            places = worker_threads(client)
-            self._fill(client, places)
-            self._observer.remaining(self._remaining_s(places))
-            with suppress(distributed.TimeoutError, distributed.CancelledError):
-                distributed.wait(
-                    list(self._running), timeout=REFRESH_S, return_when="FIRST_COMPLETED"
-                )
-            for future in [future for future in self._running if future.done()]:
-                self._settle(client, future, self._running.pop(future))
-            self._admit()
-        self._observer.remaining(0.0)
-
-    def _admit(self) -> None:
-        """Queue the runs that have become known, the longest first."""
-        expected = self._campaign.expected
-        for inputs in admit(self._campaign, self._store):
-            self.waiting.append(inputs)
-            self._observer.planned(inputs, expected.of(inputs))
-        self.waiting.sort(key=expected.of, reverse=True)
-
-    def _fill(self, client: Client, places: int) -> None:
-        # No more than can be performed at once: a run that waits on a worker would die with it, and it
-        # would not be the longest one left when its turn comes.
-        while self.waiting and len(self._running) < places:
-            inputs = self.waiting.pop(0)
-            name = f"{inputs.address}-{inputs.key}"
-            future = client.submit(self._perform, inputs, key=name, pure=False)
-            self._running[future] = inputs
-
-    def _settle(self, client: Client, future: Future, inputs: RunInputs) -> None:
-        if cause := _cause(client, future, inputs.key):
-            self._campaign.fail(inputs.key, cause)
-            self._store.note_failure(inputs.key, cause)
-            self._observer.failed(inputs, cause)
-        else:
-            run: Run = future.result()
-            self._store.save(run)
-            self._campaign.finish(run)
-            self.computed += 1
-            self._observer.finished(inputs, run)
-        future.release()
-
-    def _remaining_s(self, places: int) -> float:
-        expected = self._campaign.expected
-        waiting_s = sum(expected.of(inputs) for inputs in self.waiting)
+    def plan() -> None:
+        for inputs in admit(campaign, store):
+            waiting.append(inputs)
+            open_runs[inputs.key] = inputs
+            display.planned(inputs, expected_s(inputs))
+        waiting.sort(key=expected_s, reverse=True)
         # Of those in progress, half of the work is done on average.
-        running_s = sum(0.5 * expected.of(inputs) for inputs in self._running.values())
-        return (waiting_s + running_s) / places
+        left_s = sum(map(expected_s, open_runs.values())) + sum(map(expected_s, waiting))
+        display.remaining(0.5 * left_s / workers)
+
+    plan()
+    for inputs, outcome in perform_all(perform, waiting, workers, limit_s):
+        if isinstance(outcome, Failed):
+            campaign.fail(inputs.key, outcome.cause)
+            store.note_failure(inputs.key, outcome.cause)
+        else:
+            store.save(outcome)
+            campaign.finish(outcome)
+            computed += 1
+        del open_runs[inputs.key]
+        display.ended(inputs, outcome)
+        plan()
+    return computed
 
 
-def _cause(client: Client, future: Future, key: str) -> str:
-    """Return why a run failed, in one line; empty if it did not."""
-    if future.status == "finished":
-        return ""
-    if future.cancelled():
-        return "the run was cancelled by the cluster"
-    error = future.exception()
-    text = " ".join(str(error).split())
-    if isinstance(error, IptmError):
-        return text
-    if isinstance(error, KilledWorker):
-        hangs = {event["key"]: event["limit_s"] for _, event in client.get_events(HANG_TOPIC)}
-        if key in hangs:
-            return f"the run hung: no progress for {hangs[key]:g} s (a solver that never returns)"
-        return "its worker process died (out of memory, killed, or a crash in a library)"
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+class ProgressDisplay:
+    """A bar, and a line per run; the bar counts expected time, as runs differ in length."""
+
+    def __init__(self, console: Console) -> None:
+        self.bar = Progress(
+            TextColumn("[bold]{task.description}"),
+            BarColumn(bar_width=None),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[runs]}"),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}"),
+            console=console,
+        )
+        self._task = self.bar.add_task("runs", total=None, runs="", left="")
+        self._expected_s: dict[str, float] = {}
+        self._done: list[str] = []
+        self._began = time.perf_counter()
+
+    def planned(self, inputs: RunInputs, expected_s: float) -> None:
+        """A run has to be performed."""
+        self._expected_s[inputs.key] = expected_s
+        self._show()
+
+    def ended(self, inputs: RunInputs, outcome: Run | Failed) -> None:
+        """A run was performed and stored, or failed."""
+        self._done.append(inputs.key)
+        self._show()
+        if isinstance(outcome, Failed):
+            text, style = f"FAILED: {outcome.cause}", "bold red"
+        else:
+            decisions = outcome.metrics.decisions
+            fallbacks = decisions.fallbacks if decisions is not None else 0
+            remark = f", {fallbacks} fallbacks" if fallbacks else ""
+            text, style = f"({clock_text(outcome.record.wall_time_s)}{remark})", ""
+        clock = clock_text(time.perf_counter() - self._began)
+        self.bar.console.print(
+            f"[{len(self._done)}/{len(self._expected_s)}] {inputs.address}  {text}, at {clock}",
+            style=style,
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
+        )
+
+    def remaining(self, seconds: float) -> None:
+        """Expected wall time until the end."""
+        self.bar.update(self._task, left=f"{clock_text(seconds)} left" if seconds else "")
+
+    def _show(self) -> None:
+        self.bar.update(
+            self._task,
+            total=sum(self._expected_s.values()),
+            completed=sum(self._expected_s[key] for key in self._done),
+            runs=f"{len(self._done)}/{len(self._expected_s)}",
+        )
+
+
+def clock_text(seconds: float) -> str:
+    """Return seconds as ``45 s``, ``3:20 min`` or ``1:05 h``."""
+    whole = round(seconds)
+    if whole < 90:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 90:
+        return f"{minutes}:{rest:02d} min"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d} h"

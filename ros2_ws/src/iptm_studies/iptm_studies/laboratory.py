@@ -10,12 +10,12 @@ from pathlib import Path
 from rich.console import Console
 
 from iptm_studies.campaign import Campaign
-from iptm_studies.cli import EXIT_FAILED_RUNS, add_cluster_options, compute, perform_command
-from iptm_studies.cluster import ClusterOptions
+from iptm_studies.cli import EXIT_FAILED_RUNS, add_workers_option, compute, perform_command
 from iptm_studies.execution import survey
 from iptm_studies.store import ResultStore, default_store_folder
+from iptm_studies.workers import worker_count
 
-_NOT_OF_THE_PAGE = frozenset({"store", "output", "workers", "scheduler", "dry_run", "stored"})
+_NOT_OF_THE_PAGE = frozenset({"store", "output", "workers", "dry_run", "stored"})
 """Options that change where and when runs are computed, not what the page shows."""
 
 
@@ -25,7 +25,7 @@ class Session:
     Attributes:
         options: the arguments.
         store: where runs are found and put.
-        cluster: where they are computed.
+        workers: number of processes that compute them.
         console: shows the progress.
         output: folder of the page.
         command: the call that makes the same page.
@@ -37,7 +37,7 @@ class Session:
         self.options = options
         self.console = console
         self.store = ResultStore(options.store or default_store_folder() / laboratory.name)
-        self.cluster = ClusterOptions(options.scheduler, options.workers)
+        self.workers = worker_count(options.workers)
         self.output: Path = options.output or self.store.folder
         self.command = laboratory.command(options)
         self._page = laboratory.page
@@ -55,7 +55,7 @@ class Session:
         if self.options.stored:
             survey(campaign, self.store)
         else:
-            compute(campaign, self.store, self.cluster, self.console)
+            compute(campaign, self.store, self.workers, self.console)
         return True
 
     def write(self, text: str, page_name: str = "") -> None:
@@ -93,7 +93,7 @@ class Laboratory:
             metavar="DIR",
             help=f"folder of {page}, that of the results by default",
         )
-        add_cluster_options(self.parser)
+        add_workers_option(self.parser)
         self.parser.add_argument(
             "--dry-run", action="store_true", help="show the runs that would be computed"
         )

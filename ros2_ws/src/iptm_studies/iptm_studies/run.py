@@ -23,7 +23,6 @@ from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.decision_record import DecisionSeries
-from iptm_core.errors import ScenarioError
 from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.provenance import git_revision, versions
@@ -36,7 +35,6 @@ from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.channel_record import ChannelRecord, channel_record
 from iptm_studies.closed_loop import TickController, run_closed_loop
-from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
 from iptm_studies.whole_trip import WholeTripRecord, solve_whole_trip
@@ -48,7 +46,7 @@ NOTICED_SHARE = 0.95
 """Brakes that deliver less of what is requested count as weak."""
 WEAK_BRAKES = "brakes deliver"
 
-_REPORTED_LIBRARIES = ("casadi", "numpy", "dask", "distributed", "pyarrow")
+_REPORTED_LIBRARIES = ("casadi", "numpy", "pyarrow")
 
 
 @dataclass(frozen=True)
@@ -142,16 +140,8 @@ def perform_run(
         own_law: ageing law of the controller instead of the specified one; such a run cannot be stored.
 
     Raises:
-        ScenarioError: this process has other code or libraries than those the run is meant for.
         IptmError: the run cannot be set up or leads nowhere.
     """
-    here = code_fingerprint()
-    if here != inputs.fingerprint:
-        raise ScenarioError(
-            f"the worker has other code or libraries (fingerprint {here[:12]}) than the study was started "
-            f"with ({inputs.fingerprint[:12]}); allowed: the same versions on all machines"
-        )
-
     reports: list[Report] = []
 
     def progress(*_: object) -> None:

@@ -22,10 +22,10 @@ from iptm_reproduction.identification.unknowns import (
     read_unknowns,
     shipped_unknowns,
 )
-from iptm_studies.cli import add_cluster_options, perform_command
-from iptm_studies.cluster import ClusterOptions, connected
-from iptm_studies.progress import clock_text
+from iptm_studies.cli import add_workers_option, perform_command
+from iptm_studies.execution import clock_text
 from iptm_studies.store import default_store_folder
+from iptm_studies.workers import worker_count
 
 TABLE_NAME = "identification.jsonl"
 
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--table", default="", metavar="FILE", help="table of the runs")
     parser.add_argument("--unknowns", default="", metavar="FILE", help="bounds and priors")
-    add_cluster_options(parser)
+    add_workers_option(parser)
     parser.add_argument(
         "--best", type=whole_number, default=5, metavar="N", help="candidates to show"
     )
@@ -55,10 +55,8 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     path = Path(options.table) if options.table else default_store_folder() / TABLE_NAME
     table = EvaluationTable(path)
     if options.command == "search":
-        cluster = ClusterOptions(options.scheduler, options.workers)
-        with connected(cluster) as client:
-            progress = _Progress(console)
-            found = Search(unknowns, table, client, progress).run()
+        workers = worker_count(options.workers)
+        found = Search(unknowns, table, workers, _Progress(console)).run()
         console.print(f"{len(table)} runs in {path}")
         _show(found[: options.best])
         return 0

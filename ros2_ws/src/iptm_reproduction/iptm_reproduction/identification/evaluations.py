@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -66,9 +66,12 @@ def _route(composition: RouteComposition, initial_gap_m: float) -> Route:
     return build_route(composition, initial_gap_m=initial_gap_m)
 
 
-def evaluate(inputs: RunInputs, values: Mapping[str, float]) -> Evaluation:
-    """Perform a run; called on a worker."""
-    run = perform_run(inputs)
+def evaluate(
+    task: tuple[RunInputs, Mapping[str, float]], on_progress: Callable[[], None]
+) -> Evaluation:
+    """Perform a run on the trip of a candidate with some values; called in a worker process."""
+    inputs, values = task
+    run = perform_run(inputs, on_progress)
     return Evaluation(
         run_key(inputs),
         inputs.spec.strategy.name,

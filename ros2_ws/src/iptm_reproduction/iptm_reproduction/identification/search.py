@@ -11,9 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import cma
-import distributed
 import numpy as np
-from distributed import Client, Future
 
 from iptm_core.errors import IptmError
 from iptm_core.state import FloatArray
@@ -27,6 +25,7 @@ from iptm_reproduction.identification.objective import misfit
 from iptm_reproduction.identification.unknowns import Candidate, Unknowns
 from iptm_reproduction.runs import STRATEGY_NAMES
 from iptm_studies.run_inputs import RunInputs
+from iptm_studies.workers import Failed, OnProgress, perform_all
 
 SEED = 1
 FAILED = 1e3
@@ -92,7 +91,7 @@ class Observer(Protocol):
         """A candidate is known."""
 
 
-Perform = Callable[[RunInputs, Mapping[str, float]], Evaluation]
+Perform = Callable[[tuple[RunInputs, Mapping[str, float]], OnProgress], Evaluation]
 
 
 class Search:
@@ -102,7 +101,7 @@ class Search:
         self,
         unknowns: Unknowns,
         table: EvaluationTable,
-        client: Client,
+        workers: int,
         observer: Observer,
         *,
         perform: Perform = evaluate,
@@ -112,13 +111,13 @@ class Search:
         Args:
             unknowns: what is searched for.
             table: where runs are looked up and kept.
-            client: cluster that performs them.
+            workers: number of processes that perform them.
             observer: notified of every run and candidate.
             perform: performs a run on a worker.
         """
         self._unknowns = unknowns
         self._table = table
-        self._client = client
+        self._workers = workers
         self._observer = observer
         self._perform = perform
 
@@ -160,7 +159,8 @@ class Search:
     def _score(self, stage: Stage, candidates: Iterable[Candidate]) -> list[Scored]:
         wanted = list(candidates)
         figures: list[dict[str, Mapping[str, float]]] = [{} for _ in wanted]
-        waiting: dict[Future, list[tuple[int, str]]] = {}
+        waiting: dict[str, tuple[RunInputs, Mapping[str, float]]] = {}
+        places: dict[str, list[tuple[int, str]]] = {}
         for place, candidate in enumerate(wanted):
             for name in stage.strategies:
                 try:
@@ -169,20 +169,16 @@ class Search:
                     continue  # numbers that contradict each other make no trip
                 known = self._table.find(inputs.key)
                 if known is None:
-                    future = self._client.submit(
-                        self._perform, inputs, dict(candidate.values), key=inputs.key, pure=False
-                    )
-                    waiting.setdefault(future, []).append((place, name))
+                    waiting[inputs.key] = inputs, dict(candidate.values)
+                    places.setdefault(inputs.key, []).append((place, name))
                 else:
                     figures[place][name] = known.figures
-        for future in distributed.as_completed(list(waiting)):
-            if future.status == "finished":
-                evaluation: Evaluation = future.result()
-                self._table.add(evaluation)
-                self._observer.performed(evaluation)
-                for place, name in waiting[future]:
-                    figures[place][name] = evaluation.figures
-            future.release()
+        for _, found in perform_all(self._perform, list(waiting.values()), self._workers):
+            if not isinstance(found, Failed):
+                self._table.add(found)
+                self._observer.performed(found)
+                for place, name in places[found.key]:
+                    figures[place][name] = found.figures
         scored = [
             self._scored(stage, candidate, runs)
             for candidate, runs in zip(wanted, figures, strict=True)

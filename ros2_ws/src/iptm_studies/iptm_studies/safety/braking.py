@@ -10,16 +10,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import distributed
 import numpy as np
 from numpy.typing import NDArray
 
+from iptm_core.errors import StateError
 from iptm_core.state import Command, FloatArray, LeaderPreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_studies.cluster import ClusterOptions, connected
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.safety.emergency_stop import StatedBrakes, braking_leads, emergency_stops
+from iptm_studies.workers import Failed, OnProgress, perform_all
 
 BoolArray = NDArray[np.bool_]
 GENTLEST_M_S2, HARDEST_M_S2 = 2.0, 9.0
@@ -146,6 +146,13 @@ def state_at(drive: Trajectory, row: int) -> VehicleState:
     return VehicleState(**values)
 
 
+def _braking_task(
+    task: tuple[str, RunInputs, Trajectory, int, int], on_progress: OnProgress
+) -> BrakingOutcomes:
+    del on_progress
+    return braking_trials(*task[1:])
+
+
 class BrakingResults:
     """Outcomes on disk, by the key of the drive: what is there is not driven again."""
 
@@ -158,7 +165,7 @@ class BrakingResults:
         drives: Mapping[str, tuple[RunInputs, Trajectory]],
         trials: int,
         seed: int,
-        cluster: ClusterOptions | None,
+        workers: int,
         on_progress: Callable[[str], None],
     ) -> dict[str, BrakingOutcomes]:
         """Return the outcomes of some drives, and drive those that are missing.
@@ -167,7 +174,7 @@ class BrakingResults:
             drives: undisturbed drives by name.
             trials: number of trials in all, shared alike.
             seed: of all draws.
-            cluster: where to drive them; None to drive none, so that only what is stored is returned.
+            workers: number of processes; 0 to drive none, so that only what is stored is returned.
             on_progress: called with the name of each drive whose trials are done.
         """
         share = max(1, round(trials / len(drives))) if drives else 0
@@ -176,19 +183,16 @@ class BrakingResults:
             for name, (inputs, _) in drives.items()
         }
         missing = {name: drives[name] for name, path in paths.items() if not path.is_file()}
-        if missing and cluster is not None:
+        if missing and workers:
             self._folder.mkdir(parents=True, exist_ok=True)
-            with connected(cluster) as client:
-                futures = {
-                    client.submit(braking_trials, *drive, share, seed, pure=False): name
-                    for name, drive in missing.items()
-                }
-                for future in distributed.as_completed(futures):
-                    name = futures[future]
-                    temporary = paths[name].with_suffix(".unfinished.npz")
-                    np.savez(temporary, **vars(future.result()))
-                    temporary.replace(paths[name])
-                    on_progress(name)
+            tasks = [(name, *drive, share, seed) for name, drive in missing.items()]
+            for (name, *_), outcome in perform_all(_braking_task, tasks, workers):
+                if isinstance(outcome, Failed):
+                    raise StateError(f"braking lead vehicle, {name}: {outcome.cause}")
+                temporary = paths[name].with_suffix(".unfinished.npz")
+                np.savez(temporary, **vars(outcome))
+                temporary.replace(paths[name])
+                on_progress(name)
         return {
             name: BrakingOutcomes(**np.load(path)) for name, path in paths.items() if path.is_file()
         }

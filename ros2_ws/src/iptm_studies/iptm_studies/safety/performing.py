@@ -89,7 +89,7 @@ def _braking(
         drives,
         extent.braking_trials,
         extent.seed,
-        None if session.options.stored else session.cluster,
+        0 if session.options.stored else session.workers,
         lambda name: session.console.print(f"braking lead vehicle: {name}"),
     )
 
