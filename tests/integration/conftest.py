@@ -20,7 +20,11 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
+from tests.integration.controller_ticks import ROAD, SMALL, assert_hears
+from tests.integration.node_bench import NodeBench, node_bench
 
+from iptm_controller.node import ControllerNode
+from iptm_interfaces.codecs import encode_slope
 from iptm_interfaces.diagnostics import find_status
 from iptm_interfaces.discovery import middleware_settings, reserve_domain
 from iptm_interfaces.suite_node import SuiteNode
@@ -241,3 +245,24 @@ def peer(ros_environment: dict[str, str]) -> Iterator[Peer]:
     node.destroy_node()
     executor.shutdown()
     context.try_shutdown()
+
+
+@pytest.fixture
+def fresh() -> Iterator[NodeBench]:
+    """A controller with a small horizon that knows nothing yet; the test uses `ros_environment`."""
+    with node_bench(ControllerNode, **SMALL) as bench:
+        yield bench
+
+
+@pytest.fixture
+def controller(fresh: NodeBench) -> NodeBench:
+    """One that knows the road."""
+    fresh.hear({Topic.SLOPE: encode_slope(ROAD)})
+    return fresh
+
+
+@pytest.fixture
+def driving(controller: NodeBench) -> NodeBench:
+    """One in the middle of a trip."""
+    assert_hears(controller, 500, 501, 502)
+    return controller

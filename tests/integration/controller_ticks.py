@@ -1,4 +1,4 @@
-"""Messages of plant and bridge at a tick, for tests of the controller node."""
+"""Messages of plant and bridge at a tick, and the answers, for tests of the controller node."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from tests.integration.node_bench import NodeBench, S
 
 from iptm_controller.measurements import Measurements
 from iptm_core.state import IntervalPowers, LeaderPreview, LeaderState, SlopePreview, VehicleState
 from iptm_interfaces.codecs import (
+    decode_command,
     decode_leader,
     decode_leader_preview,
     decode_vehicle_state,
@@ -21,13 +23,16 @@ from iptm_interfaces.codecs import (
     encode_powers,
     encode_temperature,
 )
+from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.topics import Topic
 
-S = 1_000_000_000
 ROAD = SlopePreview(np.arange(0.0, 3000.0, 10.0), 0.04 * np.sin(np.arange(300) / 9.0))
 LINK = (Topic.LEADER, Topic.LEADER_PREVIEW)
 SMALL: dict[str, object] = {"horizon": "2x1+2x5", "input_timeout_s": 60.0}
 """A small problem, and no time limit that a busy machine could break; tests of the limit set their own."""
+
+
+WELL = (Level.OK, "optimal plans")
 
 
 def tick_messages(
@@ -64,3 +69,17 @@ def as_measured(messages: dict[Topic, Any], road: SlopePreview = ROAD) -> Measur
         decode_leader_preview(messages[Topic.LEADER_PREVIEW])[1],
         road,
     )
+
+
+def await_answer(controller: NodeBench, tick: int) -> Any:
+    """Return the command of a tick; after a slow decision the controller first looks for newer ticks."""
+    controller.spin_until(lambda: controller.stamps(Topic.COMMAND)[-1:] == [tick])
+    return decode_command(controller.received[Topic.COMMAND][-1])[1]
+
+
+def assert_hears(controller: NodeBench, *ticks: int) -> None:
+    """Check that ticks are answered as usual."""
+    for tick in ticks:
+        controller.hear(tick_messages(float(tick)))
+        await_answer(controller, tick)
+    assert controller.situation == WELL

@@ -103,7 +103,7 @@ RULES = (
     Rule(
         Way.NOT,
         r".*start_state:=.*",
-        "files of a run; tests/integration/test_saved_states.py has them",
+        "files of a run; tests/integration/test_trip_control.py has them",
     ),
     Rule(Way.ELSEWHERE, r"colcon test|source ros2_ws/install.*", "tests/packaging/test_colcon.py"),
     Rule(Way.ELSEWHERE, r"(IPTM_\w+=\S+ )?scripts/setup.*", "tests/packaging/test_setup.py"),

@@ -14,9 +14,11 @@ from unittest import mock
 import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.serialization import deserialize_message, serialize_message
+from std_srvs.srv import Trigger
 
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.diagnostics import Level, status_values
+from iptm_interfaces.services import Service
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
 
@@ -82,6 +84,17 @@ class NodeBench:
     def values(self) -> dict[str, str]:
         """Newest key values."""
         return status_values(self.received[Topic.DIAGNOSTICS][-1].status[0])
+
+    def call(self, service: Service) -> Trigger.Response:
+        """Call a service of the node and return its answer."""
+        name = f"/{service.value}"
+        (server,) = [each for each in self.node.services if each.service_name == name]
+        answer: Trigger.Response = server.callback(Trigger.Request(), Trigger.Response())
+        return answer
+
+    def reasons(self) -> list[str]:
+        """Reasons of all reports so far."""
+        return [array.status[0].message for array in self.received[Topic.DIAGNOSTICS]]
 
     def spin_until(self, condition: Callable[[], object], timeout_s: float = 60.0) -> None:
         """Let timers run until a condition is true; fail if that takes too long."""

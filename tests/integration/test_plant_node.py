@@ -1,15 +1,19 @@
-"""The plant as a process of its own: lock-step, real time, lost controllers, and how it ends."""
+"""The plant node: lock-step, real time, lost controllers, and how it ends."""
 
 from __future__ import annotations
 
 import math
 import signal
+import time
 from itertools import pairwise
 from typing import Any
+from unittest import mock
 
 import pytest
-from tests.integration.plant_driver import OTHER_TOPICS, Driver, S, lively, start
+from tests.integration.driven_plant import DrivenPlant, Script, driven_plant, lively
+from tests.integration.node_bench import S
 
+from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.routes import build_route
@@ -26,26 +30,39 @@ from iptm_interfaces.codecs import (
     encode_temperature,
     ns_from_time,
 )
+from iptm_interfaces.diagnostics import Level
+from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
+from iptm_plant_sim.trip import Trip
 
+pytestmark = pytest.mark.usefixtures("ros_environment")
+MODULE = "iptm_plant_sim.node"
 EXIT_CONTROLLER_LOST = 3
+RUNNING = (Level.OK, "running")
+REAL_TIME: dict[str, Any] = {"mode": "real_time", "rate_factor": 20.0, "slope": "flat"}
+
+
+def always(acceleration_m_s2: float) -> Any:
+    return lambda _: Command(acceleration_m_s2, 0.0)
+
+
+def begin(plant: DrivenPlant) -> None:
+    plant.bench.spin_until(lambda: plant.ticks)
 
 
 def as_seen(step: PlantStep) -> VehicleState:
     """The state as it arrives: temperatures travel in degrees Celsius."""
     state = step.state
+    cells_k = (state.cell_1_temperature_k, state.cell_n_temperature_k)
+    cell_1, cell_n = (encode_temperature(state.time_s, cell_k) for cell_k in cells_k)
     return decode_vehicle_state(
         {
             Topic.PLANT_ODOMETRY: encode_host_odometry(state),
             Topic.PLANT_ACCELERATION: encode_acceleration(state),
-            Topic.PLANT_CELL_1_TEMPERATURE: encode_temperature(
-                state.time_s, state.cell_1_temperature_k
-            ),
-            Topic.PLANT_CELL_N_TEMPERATURE: encode_temperature(
-                state.time_s, state.cell_n_temperature_k
-            ),
+            Topic.PLANT_CELL_1_TEMPERATURE: cell_1,
+            Topic.PLANT_CELL_N_TEMPERATURE: cell_n,
             Topic.PLANT_POWERS: encode_powers(state.time_s, step.powers),
             Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
         }
@@ -53,44 +70,34 @@ def as_seen(step: PlantStep) -> VehicleState:
 
 
 @pytest.mark.parametrize("thermal_model", list(ThermalModel))
-def test_lock_step_follows_the_pure_plant_bit_for_bit(
-    launcher: Any, peer: Any, thermal_model: ThermalModel
-) -> None:
-    driver = Driver(peer, lively)
-    process = start(launcher, duration_s=80.0, thermal_model=thermal_model.value)
-    driver.wait(lambda: driver.has_all(80 * S), "the final state")
-    assert driver.ticks == [tick * S for tick in range(81)]
-
-    parameters = load_parameters().values
-    route = build_route("nycc", "large", initial_gap_m=15.0)
-    plant = Plant(parameters, route.slope.slope_at, thermal_model=thermal_model)
-    step = plant.observe(plant.initial_state())
-    for tick in range(81):
-        stamp_ns = tick * S
-        assert driver.state(stamp_ns) == as_seen(step), f"tick {tick}"
-        assert decode_powers(driver.messages[Topic.PLANT_POWERS][stamp_ns]) == step.powers
-        check_plots(driver, stamp_ns, step)
-        step = plant.advance(step.state, lively(tick))
-    assert any(driver.state(stamp).speed_m_s == 0.0 for stamp in driver.ticks[20:])
-
-    assert driver.end(process) == 0
-    assert driver.phases()[-1] == "finished"
-    assert driver.values()["tick"] == "80"
-    assert "Traceback" not in process.stderr
+def test_lock_step_follows_the_pure_plant_bit_for_bit(thermal_model: ThermalModel) -> None:
+    with driven_plant(duration_s=80.0, thermal_model=thermal_model.value) as node:
+        node.drive(lively)
+        assert node.ticks == [tick * S for tick in range(81)]
+        assert node.bench.node.exit_code == 0
+        assert node.bench.values["phase"] == "finished"
+        assert node.bench.values["tick"] == "80"
+        route = build_route("nycc", "large", initial_gap_m=15.0)
+        plant = Plant(load_parameters().values, route.slope.slope_at, thermal_model=thermal_model)
+        step = plant.observe(plant.initial_state())
+        for tick in range(81):
+            stamp_ns = tick * S
+            assert node.state(stamp_ns) == as_seen(step), f"tick {tick}"
+            assert decode_powers(node.message(Topic.PLANT_POWERS, stamp_ns)) == step.powers
+            check_plots(node, stamp_ns, step)
+            step = plant.advance(step.state, lively(tick))
+        assert any(node.state(stamp).speed_m_s == 0.0 for stamp in node.ticks[20:])
 
 
-def check_plots(driver: Driver, stamp_ns: int, step: PlantStep) -> None:
-    """Compare the messages that no decision depends on; the first ones may precede their listener."""
-    if not all(stamp_ns in driver.messages[topic] for topic in OTHER_TOPICS):
-        assert stamp_ns < 10 * S
-        return
-    inlet = driver.messages[Topic.PLANT_COOLANT_INLET_TEMPERATURE][stamp_ns]
-    inlet_k = decode_temperature(Topic.PLANT_COOLANT_INLET_TEMPERATURE, inlet)
-    assert inlet_k == pytest.approx(step.coolant_inlet_temperature_k, abs=1e-12)
-    outlet = driver.messages[Topic.PLANT_COOLANT_OUTLET_TEMPERATURE][stamp_ns]
-    outlet_k = decode_temperature(Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, outlet)
-    assert outlet_k == pytest.approx(step.coolant_outlet_temperature_k, abs=1e-12)
-    battery = driver.messages[Topic.PLANT_BATTERY][stamp_ns]
+def check_plots(node: DrivenPlant, stamp_ns: int, step: PlantStep) -> None:
+    """Compare the messages that no decision depends on."""
+    for topic, expected_k in (
+        (Topic.PLANT_COOLANT_INLET_TEMPERATURE, step.coolant_inlet_temperature_k),
+        (Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, step.coolant_outlet_temperature_k),
+    ):
+        found_k = decode_temperature(topic, node.message(topic, stamp_ns))
+        assert found_k == pytest.approx(expected_k, abs=1e-12)
+    battery = node.message(Topic.PLANT_BATTERY, stamp_ns)
     assert battery.current == pytest.approx(-step.pack_current_a, rel=1e-6)
     assert battery.voltage == pytest.approx(step.pack_voltage_v, rel=1e-6)
     assert battery.cell_voltage[0] == pytest.approx(step.cell_1_voltage_v, rel=1e-6)
@@ -104,147 +111,190 @@ def check_plots(driver: Driver, stamp_ns: int, step: PlantStep) -> None:
     assert len(battery.cell_voltage) == len(cells_k)
 
 
-def test_waits_for_the_peers_and_says_for_whom(launcher: Any, peer: Any) -> None:
-    driver = Driver(peer, lambda _: None)
-    start(launcher, expected_peers=2)
-    driver.wait(
-        lambda: "waiting for peers on /plant/odometry, /clock" in driver.reasons(),
-        "the wait reported",
-    )
-    assert driver.ticks == []
-    for topic in (Topic.PLANT_ODOMETRY, Topic.CLOCK):
-        peer.node.listen(topic, lambda _: None)
-    driver.wait(lambda: driver.has_all(0), "the first state")
-    assert driver.state(0).speed_m_s == 0.0
+def test_waits_for_the_peers_and_names_what_they_lack() -> None:
+    with driven_plant(expected_peers=2) as plant:
+        waits = "waiting for peers on /plant/odometry, /clock"
+        plant.bench.spin_until(lambda: plant.bench.situation == (Level.WARN, waits))
+        assert plant.ticks == []
+        for topic in (Topic.PLANT_ODOMETRY, Topic.CLOCK):
+            plant.peers.listen(topic, lambda _: None)
+        begin(plant)
+        assert plant.state(0).speed_m_s == 0.0
 
 
-def test_only_the_command_of_the_present_tick_counts(launcher: Any, peer: Any) -> None:
-    driver = Driver(peer, lambda _: None)
-    process = start(launcher, duration_s=3.0)
-    driver.wait(lambda: driver.has_all(0), "the first state")
-    for stamp_ns in (S, 5 * S, 1):
-        driver.send(stamp_ns, Command(0.5, 0.0))
-    driver.wait(lambda: driver.values().get("ignored_commands") == "3", "three commands ignored")
-    assert driver.ticks == [0]
-    driver.send(0, Command(0.3, 0.0))
-    driver.wait(lambda: driver.has_all(S), "the state after the right one")
-    assert driver.state(S).acceleration_m_s2 == 0.3
-    driver.send(0, Command(-0.1, 0.0))
-    driver.send(S, Command(0.4, 0.0))
-    driver.wait(lambda: driver.has_all(2 * S), "the next state")
-    assert driver.state(2 * S).acceleration_m_s2 == 0.4
-    driver.send(2 * S, Command(0.4, 0.0))
-    assert driver.end(process) == 0
+def test_only_the_command_of_the_present_tick_counts() -> None:
+    with driven_plant(duration_s=3.0) as plant:
+        begin(plant)
+        for tick in (1.0, 5.0, 1e-9):
+            plant.answer(tick, Command(0.5, 0.0))
+        plant.bench.spin_until(lambda: plant.bench.values["ignored_commands"] == "3")
+        assert plant.ticks == [0]
+        plant.answer(0, Command(0.3, 0.0))
+        plant.answer(0, Command(-0.1, 0.0))
+        plant.answer(1, Command(0.4, 0.0))
+        accelerations = [state.acceleration_m_s2 for state in plant.states()]
+        assert accelerations == [0.0, 0.3, 0.4]
 
 
-def test_limits_and_nonsense_are_reported(launcher: Any, peer: Any) -> None:
+def test_limits_and_nonsense_are_reported() -> None:
     answers = [Command(5.0, 0.0), Command(math.nan, 0.0), Command(0.0, 9000.0)]
-    driver = Driver(peer, lambda tick: answers[tick] if tick < 3 else None)
-    process = start(launcher, duration_s=3.0)
-    driver.wait(lambda: driver.has_all(3 * S), "the final state")
-    assert driver.end(process) == 0
-    values = driver.values()
-    assert values["limited_ticks"] == "3"
-    assert values["rejected_commands"] == "1"
-    assert values["limited_acceleration_bound"] == "1"
-    assert values["limited_jerk"] == "1"
-    assert values["limited_non_finite_command"] == "1"
-    assert values["limited_compressor_bound"] == "1"
+    with driven_plant(duration_s=3.0) as plant:
+        plant.drive(
+            lambda tick: answers[tick] if tick < 3 else None,
+            lambda: plant.bench.values["phase"] == "finished",
+        )
+        values = plant.bench.values
+        assert [state.acceleration_m_s2 for state in plant.states()] == [0.0, 0.5, 0.0, 0.0]
+    assert (values["limited_ticks"], values["rejected_commands"]) == ("3", "1")
+    for kind in ("acceleration_bound", "jerk", "non_finite_command", "compressor_bound"):
+        assert values[f"limited_{kind}"] == "1"
     assert values["last_limit"].startswith("compressor_bound, compressor_rate: ")
-    assert [driver.state(tick * S).acceleration_m_s2 for tick in range(4)] == [0.0, 0.5, 0.0, 0.0]
 
 
-def test_lost_controller_ends_in_a_controlled_stop(launcher: Any, peer: Any) -> None:
-    driver = Driver(peer, lambda tick: Command(1.0, 400.0) if tick < 8 else None)
-    process = start(launcher, command_timeout_wall_s=0.5)
-    assert driver.end(process) == EXIT_CONTROLLER_LOST
-    assert "stopping" in driver.phases()
-    assert driver.phases()[-1] == "finished"
-    assert driver.reasons()[-1] == "finished without a controller"
-    # Nothing is left out, the stop is comfortable and complete, the compressor is off.
-    assert driver.ticks == [tick * S for tick in range(len(driver.ticks))]
-    states = [driver.state(stamp) for stamp in driver.ticks]
+def test_a_lost_controller_ends_in_a_controlled_stop() -> None:
+    with driven_plant(command_timeout_wall_s=0.5) as plant:
+        plant.drive(lambda tick: Command(1.0, 400.0) if tick < 8 else None)
+        assert plant.bench.node.exit_code == EXIT_CONTROLLER_LOST
+        reasons = plant.bench.reasons()
+        assert "no commands arrive: controlled stop" in reasons
+        assert reasons[-1] == "finished without a controller"
+        # Nothing is left out, the stop is comfortable and complete, the compressor is off.
+        assert plant.ticks == [tick * S for tick in range(len(plant.ticks))]
+        states = plant.states()
     assert states[8].speed_m_s > 5.0
-    assert states[-1].speed_m_s == 0.0
-    assert states[-1].compressor_power_w == 0.0
+    assert states[-1].speed_m_s == states[-1].compressor_power_w == 0.0
     accelerations = [state.acceleration_m_s2 for state in states]
     assert min(accelerations) >= -1.0
     steps = [b - a for a, b in pairwise(accelerations[:-1])]
     assert max(map(abs, steps)) <= 0.5 + 1e-12
 
 
-def test_a_controller_under_the_debugger_is_waited_for(launcher: Any, peer: Any) -> None:
-    driver = Driver(peer, lambda tick: Command(0.5, 0.0) if tick != 2 else None)
-    process = start(launcher, duration_s=4.0, command_timeout_wall_s=0.2, on_lost_controller="wait")
-    driver.wait(lambda: "no commands arrive: waiting" in driver.reasons(), "the silence reported")
-    assert driver.ticks[-1] == 2 * S
-    driver.send(2 * S, Command(0.5, 0.0))
-    driver.wait(lambda: driver.has_all(4 * S), "the final state")
-    assert driver.end(process) == 0
-
-
-def test_real_time_stops_without_answers_and_recovers(launcher: Any, peer: Any) -> None:
-    speaking = True
-    driver = Driver(peer, lambda _: Command(0.5, 0.0) if speaking else None)
-    process = start(launcher, mode="real_time", rate_factor=20.0, slope="flat")
-
-    def latest() -> VehicleState | None:
-        complete = [stamp for stamp in driver.ticks if driver.has_all(stamp)]
-        return driver.state(complete[-1]) if complete else None
-
-    def moves(faster_than: float = 0.0, accelerating: float = -1.0) -> bool:
-        state = latest()
-        return (
-            state is not None
-            and state.speed_m_s > faster_than
-            and state.acceleration_m_s2 >= accelerating
+def test_a_controller_that_is_back_before_standstill_drives_on() -> None:
+    with driven_plant(command_timeout_wall_s=0.5) as plant:
+        plant.drive(
+            lambda tick: Command(1.0, 0.0) if tick < 12 else None,
+            lambda: plant.bench.situation[0] is Level.ERROR,
         )
+        plant.answer(plant.ticks[-1] / S, Command(0.5, 0.0))
+        assert plant.bench.situation == RUNNING
+        assert plant.bench.values["controller_losses"] == "1"
+        driven_ns = plant.ticks[-1]
+        plant.answer(driven_ns / S, Command(0.5, 0.0))
+        assert plant.ticks[-1] == driven_ns + S
 
-    driver.wait(lambda: moves(3.0), "a moving vehicle")
-    speaking = False
-    driver.wait(lambda: driver.phases()[-1:] == ["stopping"], "the controlled stop")
-    stopped = driver.reasons()[-1]
-    driver.wait(lambda: not moves(accelerating=-0.2), "the vehicle slowing down")
-    speaking = True
-    driver.wait(lambda: driver.phases()[-1:] == ["running"], "the end of the stop")
-    driver.wait(lambda: moves(1.0, 0.5), "the vehicle speeding up again")
-    assert stopped == "no commands arrive: controlled stop"
-    assert process.stop(signal.SIGINT) == 0
-    # Time advanced throughout, and the actuators kept their limits under every controller.
-    assert driver.ticks == [tick * S for tick in range(len(driver.ticks))]
-    states = [driver.state(stamp) for stamp in driver.ticks if driver.has_all(stamp)]
+
+def test_a_controller_under_the_debugger_is_waited_for() -> None:
+    """Its state is repeated until it is answered, and commands that do not fit are reported."""
+    with driven_plant(command_timeout_wall_s=0.2, on_lost_controller="wait") as plant:
+        silent = (Level.STALE, "no commands arrive: waiting")
+        plant.drive(lambda tick: Command(0.5, 0.0) if tick < 2 else None,
+                    lambda: plant.bench.situation == silent)  # fmt: skip
+        plant.answer(17, Command(0.5, 0.0))
+        plant.bench.spin_until(lambda: "stamps answer no state" in plant.bench.situation[1])
+        plant.bench.spin_until(lambda: plant.ticks.count(2 * S) >= 3)
+        odometry = plant.bench.received[Topic.PLANT_ODOMETRY][2:]
+        assert odometry == odometry[:1] * len(odometry)
+        plant.answer(2, Command(0.5, 0.0))
+        assert plant.bench.situation == RUNNING
+        assert plant.ticks[-1] == 3 * S
+
+
+def test_a_frozen_plant_reads_what_waits_before_it_judges() -> None:
+    """A stopped process receives nothing; that does not count as silence of the others."""
+    with driven_plant(command_timeout_wall_s=1.0) as plant:
+        begin(plant)
+        plant.answer(0, Command(0.3, 0.0))
+        time.sleep(2.0)  # the process is stopped
+        for _ in range(20):
+            plant.bench._executor.spin_once(timeout_sec=0.0)
+        plant.answer(1, Command(0.3, 0.0))
+        assert plant.bench.situation == RUNNING
+        assert plant.ticks[-1] == 2 * S
+
+
+def test_a_second_controller_is_reported_when_both_answer() -> None:
+    with driven_plant(command_timeout_wall_s=60.0) as plant:
+        begin(plant)
+        second = SuiteNode("second")
+        second.advertise(Topic.COMMAND)
+        plant.bench.spin_until(lambda: plant.bench.node.count_publishers(Topic.COMMAND.value) == 2)
+
+        def is_reported() -> bool:
+            tick = plant.ticks[-1] / S
+            for _ in range(2):
+                plant.answer(tick, Command(0.3, 0.0))
+            reported = (Level.ERROR, "more than one controller on this graph")
+            return plant.bench.situation == reported
+
+        plant.bench.spin_until(is_reported)
+        second.destroy_node()
+        plant.bench.spin_until(lambda: plant.bench.situation[0] is not Level.ERROR)
+
+
+def test_a_model_that_fails_ends_the_trip_as_a_defect() -> None:
+    with driven_plant() as plant:
+        begin(plant)
+        with mock.patch.object(Trip, "advance", side_effect=IptmError("no next state")):
+            plant.answer(0, Command(0.3, 0.0))
+        assert plant.bench.situation == (Level.ERROR, "the vehicle model failed")
+        plant.bench.spin_until(lambda: plant.bench.node.finished)
+        assert plant.bench.node.exit_code == 1
+
+
+def test_real_time_stops_without_answers_and_recovers() -> None:
+    with driven_plant(**REAL_TIME) as plant:
+
+        def newest() -> VehicleState:
+            return plant.state(plant.ticks[-1])
+
+        plant.drive(always(0.5), lambda: plant.ticks and newest().speed_m_s > 3.0)
+        stopping = (Level.ERROR, "no commands arrive: controlled stop")
+        plant.bench.spin_until(lambda: plant.bench.situation == stopping)
+        plant.bench.spin_until(lambda: newest().acceleration_m_s2 < -0.2)
+        plant.drive(always(0.5), lambda: plant.bench.situation == RUNNING)
+        plant.drive(always(0.5), lambda: newest().acceleration_m_s2 >= 0.5)
+        # Time advanced throughout, and the actuators kept their limits under every controller.
+        assert plant.ticks == [tick * S for tick in range(len(plant.ticks))]
+        states = plant.states()
     for before, after in pairwise(states):
         change = abs(after.acceleration_m_s2 - before.acceleration_m_s2)
         assert change <= 0.5 + 1e-12 or after.speed_m_s == 0.0
 
 
-def test_real_time_trip_ends_by_itself(launcher: Any, peer: Any) -> None:
-    driver = Driver(peer, lambda _: Command(0.5, 0.0))
-    process = start(
-        launcher, mode="real_time", rate_factor=20.0, duration_s=10.0, command_timeout_s=60.0
-    )
-    assert driver.end(process) == 0
-    assert driver.ticks == [tick * S for tick in range(11)]
-    assert {"overruns", "worst_lateness_s", "command_age_s"} <= driver.values().keys()
+@pytest.mark.parametrize(
+    ("script", "exit_code"), [(always(0.5), 0), (lambda _: None, EXIT_CONTROLLER_LOST)]
+)
+def test_real_time_trip_ends_by_itself_with_or_without_a_controller(
+    script: Script, exit_code: int
+) -> None:
+    with driven_plant(**REAL_TIME, duration_s=10.0, expected_peers=0) as plant:
+        plant.drive(script)
+        assert plant.bench.node.exit_code == exit_code
+        assert plant.ticks == [tick * S for tick in range(11)]
+        assert {"overruns", "worst_lateness_s", "command_age_s"} <= plant.bench.values.keys()
 
 
-def test_real_time_without_any_peer_just_runs(launcher: Any, peer: Any) -> None:
-    ticks: list[int] = []
-    peer.node.listen(Topic.CLOCK, lambda message: ticks.append(ns_from_time(message.clock)))
-    process = start(
-        launcher, mode="real_time", rate_factor=50.0, duration_s=200.0, expected_peers=0
-    )
-    peer.wait_until(lambda: ticks and ticks[-1] == 200 * S, what="the last tick")
-    assert process.wait() == EXIT_CONTROLLER_LOST
+def test_shorter_period() -> None:
+    with driven_plant(duration_s=1.0, period_s=0.1) as plant:
+        begin(plant)
+        while plant.ticks[-1] < S:
+            plant.answer(plant.ticks[-1] / S, Command(0.2, 0.0))
+        assert plant.ticks == [tick * S // 10 for tick in range(11)]
+        assert plant.state(S).acceleration_m_s2 == pytest.approx(0.2)
 
 
-def test_two_plants_in_real_time_both_report_it(launcher: Any, peer: Any) -> None:
-    """At once, not only when a killed process would have left the graph."""
+def test_real_time_without_any_peer_just_runs_and_a_second_plant_is_reported(
+    launcher: Any, peer: Any
+) -> None:
+    """At once, not only when a killed process would have left the graph; both stop on a signal."""
     names = ("plant", "other")
     heard = {name: peer.statuses(f"/{name}") for name in names}
+    ticks: list[int] = []
+    peer.node.listen(Topic.CLOCK, lambda message: ticks.append(ns_from_time(message.clock)))
     alone = {"mode": "real_time", "expected_peers": 0}
-    for name in names:
-        launcher.start_node("iptm_plant_sim.node", "-r", f"__node:={name}", parameters=alone)
+    plants = [
+        launcher.start_node(MODULE, "-r", f"__node:={name}", parameters=alone) for name in names
+    ]
     for name in names:
         peer.wait_until(
             lambda name=name: any(
@@ -253,24 +303,6 @@ def test_two_plants_in_real_time_both_report_it(launcher: Any, peer: Any) -> Non
             20.0,
             f"the report of {name}",
         )
-
-
-def test_shorter_period(launcher: Any, peer: Any) -> None:
-    driver = Driver(peer, lambda _: Command(0.2, 0.0))
-    process = start(launcher, duration_s=1.0, period_s=0.1)
-    driver.wait(lambda: driver.has_all(S), "the final state")
-    assert driver.end(process) == 0
-    assert driver.ticks == [tick * S // 10 for tick in range(11)]
-    assert driver.state(S).acceleration_m_s2 == pytest.approx(0.2)
-
-
-@pytest.mark.parametrize(
-    ("mode", "number"), [("lock_step", signal.SIGINT), ("real_time", signal.SIGTERM)]
-)
-def test_stops_cleanly_on_signals(
-    launcher: Any, peer: Any, mode: str, number: signal.Signals
-) -> None:
-    driver = Driver(peer, lively)
-    process = start(launcher, mode=mode, rate_factor=20.0)
-    driver.wait(lambda: len(driver.ticks) > 3, "a running plant")
-    assert process.stop(number) == 0
+    peer.wait_until(lambda: S in ticks, what="a tick")
+    for plant, number in zip(plants, (signal.SIGINT, signal.SIGTERM), strict=True):
+        assert plant.stop(number) == 0

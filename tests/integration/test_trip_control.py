@@ -1,14 +1,17 @@
-"""Pause, resume, step and reset of the plant by its services: the plant alone, and the whole ring."""
+"""Services of plant and controller: pause, resume, step, reset, and saved states to start from."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.integration.plant_driver import Driver, S, call, lively, start
+from std_srvs.srv import Trigger
+from tests.integration.driven_plant import driven_plant, lively
+from tests.integration.node_bench import S
 
+from iptm_core.settings import ThermalModel
 from iptm_core.state import Command
 from iptm_interfaces.codecs import decode_command, ns_from_time
 from iptm_interfaces.diagnostics import Level
@@ -17,101 +20,143 @@ from iptm_interfaces.topics import Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.trajectory_reader import read_trajectory, trip_starts_ns
 
-PAUSED = "paused by request"
-RING: dict[str, dict[str, object]] = {
-    "iptm_controller.node": {"horizon": "2x1+2x5", "compile_code": False},
-    "iptm_v2x_bridge.node": {"expected_peers": 2, "noise_std_m_s": 1.0},
-    "iptm_plant_sim.node": {
-        "duration_s": 1e6,
-        "command_timeout_wall_s": 60.0,
-        "expected_peers": 3,  # the recorder and the node of the test are two of them
-    },
+PAUSED = (Level.WARN, "paused by request")
+PLANT, BRIDGE, CONTROLLER = "iptm_plant_sim.node", "iptm_v2x_bridge.node", "iptm_controller.node"
+LINK: dict[str, object] = {
+    "noise_std_m_s": 1.0,
+    "latency_s": 3.0,
+    "dropout_probability": 0.4,
+    "dropout_burst": 4,
 }
+FIRST_TICKS = 15
+
+pytestmark = pytest.mark.usefixtures("ros_environment")
 
 
-def wait_for_repeats(driver: Driver, count: int) -> None:
-    """Wait until the plant has repeated its state so often since now."""
-    wanted = int(driver.values()["repeated_states"]) + count
-    driver.wait(lambda: int(driver.values()["repeated_states"]) >= wanted, "the state repeated")
+def test_lock_step_pauses_steps_and_goes_on() -> None:
+    with driven_plant(duration_s=60.0, start_paused=True, command_timeout_wall_s=0.5) as plant:
+        bench = plant.bench
+        # The controller's answer is there, its timeout has long passed, and nothing moves.
+        plant.drive(lively, lambda: len(plant.ticks) >= 3)
+        assert set(plant.ticks) == {0}
+        assert bench.situation == PAUSED
+        for tick in (1, 2, 3):
+            assert bench.call(Service.STEP).success
+            plant.drive(lively, lambda tick=tick: plant.ticks[-1] == tick * S)
+        plant.drive(lively, lambda: plant.ticks.count(3 * S) >= 2)
+        answer = bench.call(Service.RESUME)
+        assert (answer.success, answer.message) == (True, "goes on from 3 s")
+        plant.drive(lively)
+        assert sorted(set(plant.ticks)) == [tick * S for tick in range(61)]
+        assert (bench.values["ignored_commands"], bench.values["controller_losses"]) == ("0", "0")
 
 
-def test_lock_step_pauses_steps_and_goes_on(launcher: Any, peer: Any) -> None:
-    driver = Driver(peer, lively)
-    process = start(launcher, duration_s=60.0, start_paused=True, command_timeout_wall_s=0.5)
-    driver.wait(lambda: PAUSED in driver.reasons(), "the pause")
-    # The controller's answer is there, its timeout has long passed, and nothing moves.
-    wait_for_repeats(driver, 2)
-    assert set(driver.ticks) == {0}
-    assert driver.statuses[-1].level == Level.WARN.value
-    for tick in (1, 2, 3):
-        assert call(peer, Service.STEP).success
-        driver.wait(lambda tick=tick: driver.has_all(tick * S), f"the state of tick {tick}")
-    wait_for_repeats(driver, 1)
-    assert max(driver.ticks) == 3 * S
-    answer = call(peer, Service.RESUME)
-    assert answer.success
-    assert answer.message == "goes on from 3 s"
-    assert driver.end(process) == 0
-    assert sorted(set(driver.ticks)) == [tick * S for tick in range(61)]
-    values = driver.values()
-    assert (values["ignored_commands"], values["controller_losses"]) == ("0", "0")
+def test_a_reset_repeats_the_trip() -> None:
+    with driven_plant(duration_s=30.0, at_end="wait") as plant:
+
+        def is_finished() -> bool:
+            return plant.bench.values["phase"] == "finished"
+
+        plant.drive(lively, is_finished)
+        first = plant.states()
+        for service in (Service.PAUSE, Service.RESUME, Service.STEP):
+            answer = plant.bench.call(service)
+            assert not answer.success
+            assert "finished" in answer.message
+        assert plant.bench.call(Service.RESET).success
+        plant.drive(lively, lambda: is_finished() and plant.ticks.count(30 * S) == 2)
+        assert plant.ticks == 2 * [tick * S for tick in range(31)]
+        assert plant.states() == 2 * first
 
 
-def test_a_reset_repeats_the_trip_and_keeps_the_pause(launcher: Any, peer: Any) -> None:
-    driver = Driver(peer, lively)
-    process = start(launcher, duration_s=30.0, at_end="wait", command_timeout_wall_s=60.0)
-    driver.wait(lambda: driver.phases()[-1:] == ["finished"], "the end of the first trip")
-    driver.wait(lambda: driver.has_all(30 * S), "the last state of the first trip")
-    first = {stamp: driver.state(stamp) for stamp in set(driver.ticks)}
-    for service in (Service.PAUSE, Service.RESUME, Service.STEP):
-        answer = call(peer, service)
-        assert not answer.success
-        assert "finished" in answer.message
-    driver.ticks.clear()
-    assert call(peer, Service.RESET).success
-    driver.wait(lambda: driver.has_all(30 * S), "the end of the second trip")
-    driver.wait(
-        lambda: driver.phases()[-1:] == ["finished"], "the second trip reported as finished"
-    )
-    assert driver.ticks == [tick * S for tick in range(31)]
-    assert {stamp: driver.state(stamp) for stamp in driver.ticks} == first
-    assert process.stop() == 0
+def test_real_time_pauses_between_ticks_without_overruns() -> None:
+    pace = {"mode": "real_time", "rate_factor": 5.0, "clock_hz": 50.0, "command_timeout_s": 60.0}
+    with driven_plant(**pace) as plant:
+        bench = plant.bench
+
+        def drive(until: Callable[[], object]) -> None:
+            plant.drive(lambda _: Command(0.1, 0.0), until)
+
+        drive(lambda: plant.ticks and plant.ticks[-1] >= 3 * S)
+        assert bench.call(Service.PAUSE).message == "pauses at the next state"
+        drive(lambda: bench.situation == PAUSED)
+        at_ns = plant.ticks[-1]
+        assert at_ns % S == 0
+        drive(lambda: plant.ticks.count(at_ns) >= 2)
+        assert bench.call(Service.STEP).success
+        drive(lambda: plant.ticks.count(at_ns + S) >= 2)
+        assert plant.ticks[-1] == at_ns + S
+        assert bench.call(Service.RESUME).success
+        drive(lambda: plant.ticks[-1] >= at_ns + 3 * S)
+        # Time never ran back, and no node was reported as lost.
+        assert plant.ticks == sorted(plant.ticks)
+        assert bench.values["controller_losses"] == "0"
 
 
-def test_real_time_pauses_between_ticks_without_overruns(launcher: Any, peer: Any) -> None:
-    driver = Driver(peer, lambda _: None)
-    clocks: list[int] = []
-
-    def answer(message: Any) -> None:
-        clocks.append(ns_from_time(message.clock))
-        if clocks[-1] % S == 0:
-            driver.send(clocks[-1], Command(0.1, 0.0))
-
-    peer.node.listen(Topic.CLOCK, answer)
-    process = start(
-        launcher, mode="real_time", rate_factor=5.0, clock_hz=50.0, command_timeout_s=60.0
-    )
-    driver.wait(lambda: driver.ticks and driver.ticks[-1] >= 3 * S, "a trip under way")
-    assert call(peer, Service.PAUSE).message == "pauses at the next state"
-    driver.wait(lambda: driver.phases()[-1:] == ["paused"], "the pause")
-    wait_for_repeats(driver, 2)
-    at_ns = clocks[-1]
-    assert at_ns % S == 0
-    assert call(peer, Service.STEP).success
-    driver.wait(lambda: clocks[-1] == at_ns + S, "the next state")
-    wait_for_repeats(driver, 1)
-    assert clocks[-1] == at_ns + S
-    assert call(peer, Service.RESUME).success
-    driver.wait(lambda: clocks[-1] >= at_ns + 3 * S, "the trip going on")
-    # Time never ran back, and no node was reported as lost.
-    assert all(later >= earlier for earlier, later in pairwise(clocks))
-    assert driver.values()["controller_losses"] == "0"
-    assert process.stop() == 0
+@pytest.mark.parametrize("service", [Service.STEP, Service.RESET])
+def test_a_request_that_does_not_fit_is_refused_in_a_sentence(service: Service) -> None:
+    with driven_plant(expected_peers=5) as plant:
+        answer = plant.bench.call(service)
+    assert not answer.success
+    assert "waiting" in answer.message
+    assert "allowed" in answer.message
 
 
-def test_the_ring_sits_out_a_pause_and_repeats_a_trip_after_a_reset(
+@pytest.mark.parametrize("thermal_model", list(ThermalModel))
+def test_the_plant_continues_from_a_saved_state_to_the_last_bit(
+    tmp_path: Path, thermal_model: ThermalModel
+) -> None:
+    options = {
+        "duration_s": 50.0,
+        "thermal_model": thermal_model.value,
+        "state_folder": tmp_path / "states",
+    }
+    with driven_plant(**options) as plant:
+        plant.drive(
+            lambda tick: None if tick == 20 else lively(tick),
+            lambda: plant.ticks[-1:] == [20 * S],
+        )
+        assert plant.bench.call(Service.SAVE_PLANT).success
+        plant.answer(20, lively(20))
+        plant.drive(lively)
+        whole = plant.states()
+    (file,) = (tmp_path / "states").iterdir()
+    assert file.name == "plant_20s.json"
+    with driven_plant(**options, start_state=file) as plant:
+        plant.drive(lively)
+        assert plant.ticks == [tick * S for tick in range(20, 51)]
+        assert plant.states() == whole[20:]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(None, "cannot be read"), ("{}", "not a state file"), ("[1", "cannot be read")],
+)
+def test_a_file_that_holds_no_state_is_refused_in_one_line(
+    launcher: Any, tmp_path: Path, content: str | None, words: str
+) -> None:
+    file = tmp_path / "state.json"
+    if content is not None:
+        file.write_text(content)
+    launcher.start_node(PLANT, parameters={"start_state": file}).assert_refused(words)
+
+
+def call(peer: Any, service: Service) -> Trigger.Response:
+    """Call a service of a running node; it is expected to succeed."""
+    client = peer.node.create_client(Trigger, service.value)
+    peer.wait_until(client.service_is_ready, what=f"{service.value} offered")
+    future = client.call_async(Trigger.Request())
+    peer.wait_until(future.done, what=f"an answer of {service.value}")
+    peer.node.destroy_client(client)
+    answer = future.result()
+    assert answer.success, answer.message
+    return answer
+
+
+def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_saved_states(
     launcher: Any, peer: Any, tmp_path: Path
 ) -> None:
+    """All nodes as processes: a trip that is paused and saved, again, and its rest from the files."""
     clocks: list[int] = []
     commands: dict[int, Command] = {}
     statuses = {name: peer.statuses(f"/{name}") for name in ("plant", "controller", "v2x_bridge")}
@@ -120,46 +165,67 @@ def test_the_ring_sits_out_a_pause_and_repeats_a_trip_after_a_reset(
         stamp_ns, command = decode_command(message)
         commands[stamp_ns] = command
 
-    peer.node.listen(Topic.CLOCK, lambda message: clocks.append(ns_from_time(message.clock)))
+    heard_commands = peer.node.listen(Topic.COMMAND, note)
     peer.node.listen(Topic.PLANT_ODOMETRY, lambda _: None)
-    peer.node.listen(Topic.COMMAND, note)
+    peer.node.listen(Topic.CLOCK, lambda message: clocks.append(ns_from_time(message.clock)))
+    states = {"state_folder": tmp_path / "states"}
+    controller = {**states, "horizon": "2x1+2x5+2x30t", "compile_code": False}
+    plant = {**states, "duration_s": 1e6, "command_timeout_wall_s": 120.0}
     recorder = launcher.start_module("iptm_recording.recorder_cli", tmp_path / "bag")
-    for module, parameters in RING.items():
-        launcher.start_node(module, parameters=parameters)
-    peer.wait_until(lambda: len(commands) > 25, 120.0, "the trip under way")
-    assert call(peer, Service.PAUSE).success
-    # Twice the patience of everybody else, by the plant's own count of its signs of life.
+    nodes = [
+        launcher.start_node(CONTROLLER, parameters=controller),
+        # The recorder and the node of the test are two of the peers of bridge and plant.
+        launcher.start_node(BRIDGE, parameters={**LINK, "expected_peers": 2}),
+        launcher.start_node(PLANT, parameters={**plant, "expected_peers": 3}),
+    ]
+    peer.wait_until(lambda: len(commands) > FIRST_TICKS, 120.0, "the trip under way")
+    call(peer, Service.PAUSE)
+    # Longer than the nodes wait for messages, by the plant's own count of its repeated states.
     heard = len(clocks)
-    peer.wait_until(lambda: len(clocks) >= heard + 10, 60.0, "ten signs of life")
-    assert len(set(clocks[heard:])) == 1
-    reasons = {
-        name: {status.message for status in reported[-5:]} for name, reported in statuses.items()
-    }
-    assert reasons["plant"] == {PAUSED}
+    peer.wait_until(lambda: len(clocks) >= heard + 6, 60.0, "six repeated states")
+    assert len(set(clocks[heard + 1 :])) == 1
+    assert statuses["plant"][-1].message == PAUSED[1]
     for name in ("controller", "v2x_bridge"):
-        assert not any("stopped" in reason for reason in reasons[name]), reasons
+        assert not any("stopped" in status.message for status in statuses[name][-5:]), name
         assert all(status.level != Level.STALE.value for status in statuses[name])
-    first = dict(commands)
+    saved_ns = clocks[-1]
+    peer.wait_until(lambda: saved_ns in commands, what="the answer to the present state")
+    for service in (Service.SAVE_PLANT, Service.SAVE_CONTROLLER, Service.RESUME):
+        call(peer, service)
+    last_ns = saved_ns + 20 * S
+    peer.wait_until(lambda: last_ns in commands, 120.0, "the rest of the trip")
+    whole = dict(commands)
+
+    call(peer, Service.PAUSE)
     commands.clear()
-    assert call(peer, Service.RESET).success
+    call(peer, Service.RESET)
     peer.wait_until(lambda: 0 in commands, 60.0, "the new trip at its start, paused")
-    assert call(peer, Service.RESUME).success
-    peer.wait_until(lambda: len(commands) > 25, 120.0, "the new trip under way")
-    assert all(commands[tick * S] == first[tick * S] for tick in range(25))
-    assert recorder.stop() == 0
+    call(peer, Service.RESUME)
+    peer.wait_until(lambda: FIRST_TICKS * S in commands, 120.0, "the new trip under way")
+    for tick in range(FIRST_TICKS):
+        assert commands[tick * S] == whole[tick * S], tick
+    for process in (recorder, *nodes):
+        assert process.stop() == 0
     with BagReader(tmp_path / "bag") as reader:
         assert len(trip_starts_ns(reader)) == 2
     trajectory = read_trajectory(tmp_path / "bag")
     assert trajectory.time_s[0] == 0.0
-    assert len(trajectory) >= 25
+    assert len(trajectory) >= FIRST_TICKS
 
-
-@pytest.mark.parametrize("service", [Service.STEP, Service.RESET])
-def test_what_cannot_be_done_now_is_refused_in_a_sentence(
-    launcher: Any, peer: Any, service: Service
-) -> None:
-    start(launcher, expected_peers=5)
-    answer = call(peer, service)
-    assert not answer.success
-    assert "waiting" in answer.message
-    assert "allowed" in answer.message
+    at = f"{saved_ns / S:g}"
+    files = {name: tmp_path / "states" / f"{name}_{at}s.json" for name in ("plant", "controller")}
+    peer.wait_until(
+        lambda: not heard_commands.get_publisher_count(), 60.0, "the end of the first trip"
+    )
+    commands.clear()
+    launcher.start_node(CONTROLLER, parameters={**controller, "start_state": files["controller"]})
+    # The plant does not wait until this subscriber and the new publisher of commands are matched.
+    peer.wait_until(heard_commands.get_publisher_count, 60.0, "the publisher of commands")
+    link = {**LINK, "expected_peers": 1, "start_time_s": float(at)}
+    launcher.start_node(BRIDGE, parameters=link)
+    launcher.start_node(
+        PLANT, parameters={**plant, "expected_peers": 2, "start_state": files["plant"]}
+    )
+    peer.wait_until(lambda: last_ns in commands, 120.0, "the rest of the trip once more")
+    for stamp_ns in range(saved_ns, last_ns + 1, S):
+        assert commands[stamp_ns] == whole[stamp_ns], stamp_ns

@@ -1,192 +1,161 @@
-"""The bridge as a process of its own: what it publishes, how it starts, fails and stops."""
+"""The bridge node: what it publishes, how it starts, and clocks that are not those of the trip."""
 
 from __future__ import annotations
 
-import signal
 from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from rosgraph_msgs.msg import Clock
+from tests.integration.node_bench import NodeBench, S, node_bench
 
 from iptm_core.routes import build_route
-from iptm_core.state import LeaderPreview, LeaderState
+from iptm_core.state import LeaderPreview
 from iptm_interfaces.codecs import (
     decode_leader,
     decode_leader_preview,
-    decode_leader_preview_bytes,
     decode_slope,
     ns_from_time,
     time_from_s,
 )
-from iptm_interfaces.diagnostics import status_values
+from iptm_interfaces.diagnostics import Level
+from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
+from iptm_v2x_bridge.node import BridgeNode
 
-MODULE = "iptm_v2x_bridge.node"
-
-
-class BridgeListener:
-    """All messages of the bridge, and a publisher of the clock."""
-
-    def __init__(self, peer: Any) -> None:
-        self.peer = peer
-        self.leaders: dict[int, LeaderState] = {}
-        self.previews: dict[int, LeaderPreview] = {}
-        self.slopes: list[Any] = []
-        self.statuses = peer.statuses("/v2x_bridge")
-        node = peer.node
-        self.clock = node.advertise(Topic.CLOCK)
-        node.listen(Topic.LEADER, self._on_leader)
-        node.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
-        node.listen(Topic.SLOPE, self.slopes.append)
-
-    def _on_leader(self, message: Any) -> None:
-        self.leaders[ns_from_time(message.header.stamp)] = decode_leader(message)
-
-    def _on_preview(self, data: bytes) -> None:
-        stamp_ns, preview = decode_leader_preview_bytes(data)
-        self.previews[stamp_ns] = preview
-
-    def wait_for_bridge(self) -> None:
-        self.peer.wait_until(
-            lambda: self.clock.get_subscription_count() == 1 and self.slopes,
-            what="the bridge in the graph and its slope",
-        )
-
-    def reasons(self) -> set[str]:
-        return {status.message for status in self.statuses}
-
-    def tick(self, time_s: float) -> tuple[LeaderState, LeaderPreview]:
-        stamp_ns = round(time_s * 1e9)
-        self.clock.publish(Clock(clock=time_from_s(time_s)))
-        self.peer.wait_until(
-            lambda: stamp_ns in self.leaders and stamp_ns in self.previews,
-            what=f"answer to the tick at {time_s} s",
-        )
-        return self.leaders[stamp_ns], self.previews[stamp_ns]
+pytestmark = pytest.mark.usefixtures("ros_environment")
+bridge_bench = partial(node_bench, BridgeNode)
 
 
-@pytest.fixture
-def listener(peer: Any) -> BridgeListener:
-    return BridgeListener(peer)
+def clock(time_ns: int) -> dict[Topic, Any]:
+    message = Clock()
+    message.clock.sec, message.clock.nanosec = divmod(time_ns, S)
+    return {Topic.CLOCK: message}
 
 
-def start_bridge(launcher: Any, *arguments: str, **parameters: object) -> Any:
-    """Start the bridge; it holds its first answer until the test listens to both streams."""
-    return launcher.start_node(MODULE, *arguments, parameters={"expected_peers": 1, **parameters})
+def preview_of(bridge: NodeBench) -> LeaderPreview:
+    """The newest preview."""
+    return decode_leader_preview(bridge.received[Topic.LEADER_PREVIEW][-1])[1]
 
 
-def test_answers_every_tick_with_leader_and_exact_preview(
-    launcher: Any, listener: BridgeListener
-) -> None:
-    bridge = start_bridge(launcher, cycle="nycc", slope="large", preview_length_s=20.0)
-    listener.wait_for_bridge()
+def test_answers_every_tick_with_leader_and_exact_preview() -> None:
     route = build_route("nycc", "large", initial_gap_m=15.0)
-    for tick in range(60):
-        leader, preview = listener.tick(float(tick))
-        assert leader == route.leader.state_at(float(tick))
-        assert preview.generated_at_s == float(tick)
-        assert preview.positions_m[0] == leader.position_m
-        assert preview.speeds_m_s[0] == leader.speed_m_s
-        np.testing.assert_array_equal(preview.times_s, tick + np.arange(21.0))
-        np.testing.assert_array_equal(
-            preview.positions_m, route.leader.positions_at(preview.times_s)
-        )
-    # Who comes late gets the slope, too.
-    late: list[Any] = []
-    listener.peer.node.listen(Topic.SLOPE, late.append)
-    listener.peer.wait_until(lambda: late, what="latched slope")
-    slope = decode_slope(late[0])
-    np.testing.assert_array_equal(slope.positions_m, route.slope.positions_m)
-    np.testing.assert_array_equal(slope.slopes_rad, route.slope.slopes_rad)
-    assert bridge.stop(signal.SIGINT) == 0
+    with bridge_bench(cycle="nycc", slope="large", preview_length_s=20.0) as bridge:
+        (slope,) = map(decode_slope, bridge.received[Topic.SLOPE])
+        np.testing.assert_array_equal(slope.positions_m, route.slope.positions_m)
+        np.testing.assert_array_equal(slope.slopes_rad, route.slope.slopes_rad)
+        assert bridge.situation == (Level.WARN, "waiting for the clock")
+        for tick in range(60):
+            bridge.hear(clock(tick * S))
+            leader, preview = decode_leader(bridge.received[Topic.LEADER][-1]), preview_of(bridge)
+            assert leader == route.leader.state_at(float(tick))
+            assert preview.generated_at_s == float(tick)
+            assert preview.positions_m[0] == leader.position_m
+            assert preview.speeds_m_s[0] == leader.speed_m_s
+            np.testing.assert_array_equal(preview.times_s, tick + np.arange(21.0))
+            np.testing.assert_array_equal(
+                preview.positions_m, route.leader.positions_at(preview.times_s)
+            )
 
 
-def test_preview_is_an_ordinary_message_for_other_tools(launcher: Any, peer: Any) -> None:
-    messages: list[Any] = []
-    clock = peer.node.advertise(Topic.CLOCK)
-    peer.node.listen(Topic.LEADER, lambda _: None)
-    peer.node.listen(Topic.LEADER_PREVIEW, messages.append)
-    start_bridge(launcher, preview_length_s=5.0)
-    peer.wait_until(lambda: clock.get_subscription_count() == 1, what="the bridge in the graph")
-    clock.publish(Clock(clock=time_from_s(3.0)))
-    peer.wait_until(lambda: messages, what="a preview")
-    stamp_ns, preview = decode_leader_preview(messages[0])
-    assert stamp_ns == 3_000_000_000
-    assert preview.times_s.tolist() == [3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+def test_latency_shows_as_age_and_never_as_a_new_stamp() -> None:
+    link = {"latency_s": 2.0, "preview_length_s": 10.0, "noise_std_m_s": 0.5, "seed": 3}
+    with bridge_bench(**link) as bridge:
+        ages = []
+        for tick in range(6):
+            bridge.hear(clock(tick * S))
+            preview = preview_of(bridge)
+            ages.append(tick - preview.generated_at_s if preview.times_s.size else None)
+        assert ages == [None, None, 2.0, 2.0, 2.0, 2.0]
 
 
-def test_latency_shows_as_age_and_never_as_a_new_stamp(
-    launcher: Any, listener: BridgeListener
+def test_a_leader_without_previews_is_answered_by_choice() -> None:
+    with bridge_bench(preview_mode="none") as bridge:
+        for tick in range(3):
+            bridge.hear(clock(tick * S))
+            assert preview_of(bridge).times_s.size == 0
+        assert bridge.stamps(Topic.LEADER) == [0, 1, 2]
+        assert bridge.situation == (Level.OK, "leader only, no preview by choice")
+
+
+def test_diagnostics_count_dropouts_and_show_the_age() -> None:
+    with bridge_bench(dropout_probability=1.0) as bridge:
+        for tick in range(2):
+            bridge.hear(clock(tick * S))
+        bridge.spin_until(lambda: bridge.values["dropouts"] == "2")
+        assert bridge.values["preview_age_s"] == "inf"
+        assert bridge.situation == (Level.WARN, "no prediction received yet")
+
+
+def test_first_answer_waits_for_all_expected_peers() -> None:
+    with bridge_bench(expected_peers=2) as bridge:
+        listeners = [SuiteNode(name) for name in ("first", "second")]
+        waits = (Level.WARN, "waiting for the expected peers")
+        for node in listeners:
+            bridge.hear(clock(0))
+            bridge.spin_until(lambda: bridge.situation == waits)
+            assert not bridge.received[Topic.LEADER_PREVIEW]
+            for topic in (Topic.LEADER, Topic.LEADER_PREVIEW):
+                node.listen(topic, lambda _: None)
+        bridge.spin_until(lambda: bridge.received[Topic.LEADER_PREVIEW])
+        for node in listeners:
+            node.destroy_node()
+
+
+def test_a_clock_is_answered_again_alike_and_a_new_trip_is_followed() -> None:
+    with bridge_bench(noise_std_m_s=0.5) as bridge:
+        for tick in (7, 8, 8, 0, 1):
+            bridge.hear(clock(tick * S))
+        assert bridge.stamps(Topic.LEADER) == [7, 8, 8, 0, 1]
+        assert bridge.received[Topic.LEADER_PREVIEW][1] == bridge.received[Topic.LEADER_PREVIEW][2]
+
+
+@pytest.mark.parametrize("stray_s", [-7.0, 0.0, 20.0, 1e3, 2.0**31 - 1.0])
+def test_stray_clocks_are_not_answered_and_change_no_preview(stray_s: float) -> None:
+    """A stray 0 may be a new trip, and is answered, but the trip before it goes on where it was."""
+
+    def previews(*, strays: int) -> list[Any]:
+        with bridge_bench(latency_s=3.0, noise_std_m_s=0.5) as bridge:
+            for tick in range(500, 506):
+                bridge.hear(clock(tick * S))
+            for stray in range(strays):
+                bridge.hear(clock(round(stray_s * S) + (0 if stray_s == 0.0 else stray)))
+            for tick in range(506, 512):
+                bridge.hear(clock(tick * S))
+            assert bridge.values["caught_errors"] == "0"
+            sent_previews = bridge.received[Topic.LEADER_PREVIEW]
+            return [message for message in sent_previews if message.header.stamp.sec >= 500]
+
+    assert previews(strays=20) == previews(strays=0)
+
+
+def test_stamps_that_no_message_can_carry_are_survived() -> None:
+    with bridge_bench() as bridge:
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = 2**31 - 1, 2**32 - 1
+        bridge.hear({Topic.CLOCK: message})
+        bridge.hear(clock((2**31 - 1) * S + S - 1))
+        bridge.hear(clock(0))
+        assert bridge.stamps(Topic.LEADER) == [2**31 - 1, 0]
+
+
+def test_a_namespace_moves_everything_and_the_slope_reaches_who_comes_late(
+    launcher: Any, peer: Any
 ) -> None:
-    start_bridge(launcher, latency_s=2, preview_length_s=10, noise_std_m_s=0.5, seed=3)
-    listener.wait_for_bridge()
-    ages = []
-    for tick in range(6):
-        _, preview = listener.tick(float(tick))
-        ages.append(tick - preview.generated_at_s if preview.times_s.size else None)
-    assert ages == [None, None, 2.0, 2.0, 2.0, 2.0]
-    # The same tick again gets the same answer, noise included.
-    first = listener.previews.pop(5_000_000_000)
-    _, again = listener.tick(5.0)
-    np.testing.assert_array_equal(first.speeds_m_s, again.speeds_m_s)
-
-
-def test_mode_none_still_answers_every_tick(launcher: Any, listener: BridgeListener) -> None:
-    start_bridge(launcher, preview_mode="none")
-    listener.wait_for_bridge()
-    for tick in range(3):
-        leader, preview = listener.tick(float(tick))
-        assert leader.time_s == float(tick)
-        assert preview.times_s.size == 0
-
-
-def test_a_namespace_moves_everything(launcher: Any, peer: Any) -> None:
-    start_bridge(launcher, "-r", "__ns:=/car_1")
-    node = peer.node
+    launcher.start_node("iptm_v2x_bridge.node", "-r", "__ns:=/car_1")
     heard: dict[Topic, Any] = {}
+    clock = peer.node.create_publisher(Clock, "/car_1/clock", 10)
+    peer.wait_until(lambda: clock.get_subscription_count() == 1, what="a listener on the clock")
     for topic in (Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE):
         spec = TOPICS[topic]
-        node.create_subscription(
-            spec.message_type,
-            f"/car_1/{spec.name}",
-            partial(heard.__setitem__, topic),
-            spec.qos,
-        )
-    clock = node.create_publisher(Clock, "/car_1/clock", 10)
-    peer.wait_until(lambda: clock.get_subscription_count() == 1, what="a listener on the clock")
-    clock.publish(Clock(clock=time_from_s(1.0)))
-    peer.wait_until(lambda: len(heard) == 3, what="all three topics in the namespace")
-    assert ns_from_time(heard[Topic.LEADER].header.stamp) == 1_000_000_000
+        take = partial(heard.__setitem__, topic)
+        peer.node.create_subscription(spec.message_type, f"/car_1/{spec.name}", take, spec.qos)
+    peer.wait_until(lambda: Topic.SLOPE in heard, what="the latched slope")
 
+    def is_answered() -> bool:
+        clock.publish(Clock(clock=time_from_s(1.0)))
+        return len(heard) == 3
 
-def test_first_answer_waits_for_all_expected_peers(launcher: Any, listener: BridgeListener) -> None:
-    start_bridge(launcher, expected_peers=2)
-    listener.wait_for_bridge()
-    listener.clock.publish(Clock(clock=time_from_s(0.0)))
-
-    listener.peer.wait_until(
-        lambda: "waiting for the expected peers" in listener.reasons(), what="the wait reported"
-    )
-    assert not listener.previews
-    for topic in (Topic.LEADER, Topic.LEADER_PREVIEW):
-        listener.peer.node.listen(topic, lambda _: None)
-    listener.peer.wait_until(lambda: 0 in listener.previews, what="the answer held back")
-
-
-def test_diagnostics_count_dropouts_and_show_the_age(
-    launcher: Any, listener: BridgeListener
-) -> None:
-    bridge = start_bridge(launcher, dropout_probability=1.0)
-    listener.wait_for_bridge()
-    listener.tick(0.0)
-    listener.tick(1.0)
-
-    def values() -> dict[str, str]:
-        return status_values(listener.statuses[-1]) if listener.statuses else {}
-
-    listener.peer.wait_until(lambda: values().get("dropouts") == "2", what="two dropouts reported")
-    assert values()["preview_age_s"] == "inf"
-    assert "no prediction received yet" in listener.reasons()
-    assert bridge.stop(signal.SIGTERM) == 0
+    peer.wait_until(is_answered, what="all three topics in the namespace")
+    assert ns_from_time(heard[Topic.LEADER].header.stamp) == S
