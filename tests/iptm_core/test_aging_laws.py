@@ -16,12 +16,10 @@ from iptm_core.aging_laws.cells import (
     NMC111,
     NMC111_18650,
     NMC622,
-    aging_cell,
     outside_experiments,
 )
 from iptm_core.aging_laws.law import AgingLaw, Load, ThroughputAging, aged, new_cell, paper_law
 from iptm_core.aging_laws.mechanisms import anode_potential_v
-from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
 
@@ -166,11 +164,6 @@ def test_a_use_outside_the_experiments_is_flagged() -> None:
     assert inside == ()
     cold = outside_experiments(NCA.experiments, (-5.0, 30.0), (20.0, 30.0), (0.2, 0.9), 0.2, 3.0)
     assert cold == ("rest temperature", "depth of discharge", "C-rate")
-
-
-def test_an_unknown_cell_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"cell is 'NiMH'; allowed: NCA, .*LFP"):
-        aging_cell("NiMH")
 
 
 def test_all_backends_agree(agree_in_all_backends: object) -> None:

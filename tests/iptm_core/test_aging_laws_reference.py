@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from benchmarks.aging_oracle import PROFILES, STEPS_A_DAY, YEARS, Profile
+from benchmarks.aging_oracle import PROFILES, YEARS, Profile
 
-from iptm_core.aging_laws.cells import aging_cell
+from iptm_core.aging_laws.cells import AGING_CELLS
 from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism
 
 TABLE = Path(__file__).with_name("data") / "blast_lite_losses.csv"
@@ -72,7 +72,7 @@ def test_losses_are_those_of_blast_lite(row: Reference) -> None:
     Of days of 80 % depth the latter are left out for NMC622, which loses with the sixth power of depth, and
     the former for the 18650 cell, for which it takes one voltage for a day.
     """
-    found = sum(_losses(aging_cell(row.cell).law, PROFILES[row.profile]).values())
+    found = sum(_losses(AGING_CELLS[row.cell].law, PROFILES[row.profile]).values())
     is_deep = row.profile.startswith("80 %")
     if not (is_deep and row.cell == "NMC111 (18650)"):
         assert found == pytest.approx(row.hourly_calendar + row.given_cyclic, rel=0.1)
@@ -86,7 +86,7 @@ def test_calendar_losses_of_the_same_series_are_those_of_blast_lite(row: Referen
 
     What is left is its averaging over an hour; the law divides the time as finely as the series.
     """
-    losses = _losses(aging_cell(row.cell).law, PROFILES[row.profile])
+    losses = _losses(AGING_CELLS[row.cell].law, PROFILES[row.profile])
     assert losses[Mechanism.CALENDAR] == pytest.approx(row.hourly_calendar, abs=0.002)
 
 
@@ -97,26 +97,7 @@ def test_calendar_losses_of_the_same_series_are_those_of_blast_lite(row: Referen
 )
 def test_resistance_grows_like_that_of_blast_lite(row: Reference) -> None:
     """Within 10 %; on days of 80 % depth it deepens cycles, or takes one voltage for a day."""
-    cell = aging_cell(row.cell)
+    cell = AGING_CELLS[row.cell]
     assert cell.resistance is not None
     grown = sum(_losses(cell.resistance, PROFILES[row.profile]).values())
     assert grown == pytest.approx(row.resistance, rel=0.1)
-
-
-@pytest.mark.parametrize(
-    "row",
-    [row for row in _rows() if not row.profile.startswith("80 %")],
-    ids=lambda row: f"{row.cell}-{row.profile}",
-)
-def test_calendar_losses_are_those_of_blast_lite(row: Reference) -> None:
-    """Within 0.2 percentage points, once k is averaged over a day before its power 1/p, as there.
-
-    The law itself integrates k^(1/p), which does not depend on how time is divided. Days of 80 % depth are
-    left out: BLAST-Lite deepens cycles as capacity fades, and so changes the state of charge at rest.
-    """
-    profile, law = PROFILES[row.profile], aging_cell(row.cell).law.mechanisms[0]
-    load = Load(profile.temperature_c[:-1] + 273.15, charge=profile.charge[:-1])
-    k = law.damage_rate_1_s(load) ** law.exponent
-    by_day = np.mean(k.reshape(-1, STEPS_A_DAY), axis=1) ** (1.0 / law.exponent)
-    loss = float(YEARS * np.sum(by_day) * 86400.0) ** law.exponent
-    assert loss == pytest.approx(row.calendar, abs=0.002)

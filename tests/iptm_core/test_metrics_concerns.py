@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.iptm_core.made_runs import make_run
 
 from iptm_core.metrics import Concern, compute_metrics, figure_values
 from iptm_core.metrics.concerns import IneffectiveCooling, Streak
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_core.trajectory import Trajectory
 
 ROWS = 200
 
@@ -16,18 +17,6 @@ ROWS = 200
 @pytest.fixture
 def limits(parameters: ModelParameters) -> dict[str, float]:
     return vars(parameters.limits)
-
-
-def run_of(**columns: object) -> Trajectory:
-    """A car that stands 15 m behind a standing leader, cells at 30 degC, but for the given columns."""
-    calm = dict.fromkeys(TRAJECTORY_COLUMNS, np.zeros(ROWS))
-    calm["time_s"] = np.arange(float(ROWS))
-    calm["leader_position_m"] = np.full(ROWS, 15.0)
-    calm["smallest_gap_m"] = np.full(ROWS, 1e3)
-    for name in TRAJECTORY_COLUMNS:
-        if name.endswith("temperature_k"):
-            calm[name] = np.full(ROWS, 303.15)
-    return Trajectory.from_arrays({**calm, **columns})  # type: ignore[dict-item]
 
 
 def longest(run: Trajectory, parameters: ModelParameters, concern: Concern) -> float:
@@ -42,45 +31,45 @@ def within(first: int, last: int, inside: float, outside: float) -> np.ndarray:
 
 
 def test_a_calm_run_is_no_concern(parameters: ModelParameters) -> None:
-    assert set(compute_metrics(run_of(), parameters).longest_s.values()) == {0.0}
+    assert set(compute_metrics(make_run(ROWS), parameters).longest_s.values()) == {0.0}
 
 
 def test_the_longest_of_several_streaks_counts(parameters: ModelParameters) -> None:
     gap = within(10, 30, 2.0, 15.0)
     gap[50:58] = 1.0
-    run = run_of(leader_position_m=gap)
+    run = make_run(ROWS, leader_position_m=gap)
     assert longest(run, parameters, Concern.SHORT_GAP) == 20.0
     assert longest(run, parameters, Concern.LONG_GAP) == 0.0
-    far = run_of(leader_position_m=within(3, 8, 500.0, 15.0))
+    far = make_run(ROWS, leader_position_m=within(3, 8, 500.0, 15.0))
     assert longest(far, parameters, Concern.LONG_GAP) == 5.0
 
 
 def test_a_fast_host_and_a_hot_cell(parameters: ModelParameters, limits: dict[str, float]) -> None:
     fast = within(5, 17, limits["max_speed_m_s"] + 0.1, 1.0)
-    assert longest(run_of(speed_m_s=fast), parameters, Concern.SPEED) == 12.0
+    assert longest(make_run(ROWS, speed_m_s=fast), parameters, Concern.SPEED) == 12.0
     hot = within(20, 90, limits["max_temperature_k"] + 0.5, 303.15)
     for cell in ("cell_1_temperature_k", "cell_n_temperature_k"):
-        assert longest(run_of(**{cell: hot}), parameters, Concern.HOT_CELL) == 70.0
+        assert longest(make_run(ROWS, **{cell: hot}), parameters, Concern.HOT_CELL) == 70.0
 
 
 def test_a_cold_cell_is_no_violation(parameters: ModelParameters) -> None:
-    cold = run_of(cell_1_temperature_k=np.full(ROWS, 263.15))
+    cold = make_run(ROWS, cell_1_temperature_k=np.full(ROWS, 263.15))
     assert longest(cold, parameters, Concern.HOT_CELL) == 0.0
 
 
 def test_cooling_without_effect(parameters: ModelParameters, limits: dict[str, float]) -> None:
     power = within(20, 119, limits["max_compressor_power_w"], 0.0)
     hot = np.full(ROWS, limits["max_temperature_k"] + 3.0)
-    run = run_of(compressor_power_w=power, cell_n_temperature_k=hot)
+    run = make_run(ROWS, compressor_power_w=power, cell_n_temperature_k=hot)
     assert longest(run, parameters, Concern.COOLING) == 99.0
     # A tenth of a kelvin in 40 s is an effect, and the time counts from each on.
     falling = hot - 0.1 / 40.0 * np.arange(ROWS) - 1e-9
-    run = run_of(compressor_power_w=power, cell_n_temperature_k=falling)
+    run = make_run(ROWS, compressor_power_w=power, cell_n_temperature_k=falling)
     assert longest(run, parameters, Concern.COOLING) == pytest.approx(40.0, abs=1.0)
     # Neither within limits nor at half power is the compressor a concern.
-    run = run_of(compressor_power_w=power)
+    run = make_run(ROWS, compressor_power_w=power)
     assert longest(run, parameters, Concern.COOLING) == 0.0
-    run = run_of(compressor_power_w=0.5 * power, cell_n_temperature_k=hot)
+    run = make_run(ROWS, compressor_power_w=0.5 * power, cell_n_temperature_k=hot)
     assert longest(run, parameters, Concern.COOLING) == 0.0
 
 

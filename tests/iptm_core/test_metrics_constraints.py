@@ -19,25 +19,6 @@ def test_calm_run_keeps_every_limit() -> None:
         assert (check.violations, check.worst_excess, check.worst_time_s) == (0, 0.0, None), check
 
 
-def test_hard_limits_come_first_and_keys_are_unique() -> None:
-    checks = check_constraints(make_run(), PARAMETERS)
-    assert [check.key for check in checks] == [
-        "acceleration",
-        "acceleration_step",
-        "compressor_power",
-        "compressor_power_step",
-        "collision",
-        "speed",
-        "smallest_gap",
-        "largest_gap",
-        "cell_1_temperature",
-        "cell_n_temperature",
-        "coolant_outlet_temperature",
-        "state_of_charge",
-    ]
-    assert [check.hard for check in checks] == [True] * 5 + [False] * 7
-
-
 # key, columns that break it in rows 2 and 3 (worst in row 3), worst excess
 BROKEN: list[tuple[str, dict[str, list[float]], float]] = [
     ("acceleration", {"acceleration_m_s2": [0, 0, 2.1, 2.5]}, 0.5),

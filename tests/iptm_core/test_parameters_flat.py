@@ -103,37 +103,12 @@ def test_any_number_out_of_range_is_refused_with_key_value_and_range(data: st.Da
     assert f"{spec.minimum:g} to {spec.maximum:g}" in message
 
 
-def test_overriding_the_ambient_temperature_moves_the_published_chiller() -> None:
-    ambient = {"environment.ambient_temperature_k": 303.15}
-    loaded = load_parameters("published_chiller", ambient)
-    third = (30.0 - 29.0) / 1.5
-    assert loaded.values.chiller.xi_1 == pytest.approx(
-        1.989446763 + third * (1.969746279 - 1.989446763), rel=1e-12
-    )
-    assert loaded.sources["chiller.xi_1"].tag is SourceTag.PUBLISHED
-    assert "interpolated between 302.15 and 303.65 K" in loaded.sources["chiller.xi_1"].note
-    assert loaded.values.environment.ambient_temperature_k == 303.15
-
-
 def test_an_overridden_coefficient_is_not_interpolated_away() -> None:
     loaded = load_parameters(
         "published_chiller", {"chiller.xi_1": 2.0, "environment.ambient_temperature_k": 311.15}
     )
     assert loaded.values.chiller.xi_1 == 2.0
     assert loaded.values.chiller.xi_6_w == -4858.858460
-
-
-@pytest.mark.parametrize("ambient_k", [299.14, 312.66, 253.15])
-def test_the_published_chiller_refuses_other_ambient_temperatures(ambient_k: float) -> None:
-    with pytest.raises(
-        ParameterError, match=r"outside of the chiller table; allowed: 299.15 to 312.65 K"
-    ):
-        load_parameters("published_chiller", {"environment.ambient_temperature_k": ambient_k})
-
-
-def test_the_calibrated_chiller_takes_any_ambient_temperature_in_range() -> None:
-    loaded = load_parameters(overrides={"environment.ambient_temperature_k": 263.15})
-    assert loaded.values.chiller == load_parameters().values.chiller
 
 
 def test_whole_numbers_come_back_as_int_and_numpy_numbers_are_taken() -> None:
@@ -202,8 +177,3 @@ def test_overrides_written_as_one_line() -> None:
 def test_a_malformed_line_of_overrides_is_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="parameter overrides have the entry"):
         parse_overrides(text)
-
-
-def test_an_override_that_is_not_finite_is_refused_later() -> None:
-    with pytest.raises(ParameterError, match=r"gap\.max_gap_m is inf; allowed: 20 to 1000 m"):
-        load_parameters(overrides=parse_overrides("gap.max_gap_m=inf"))

@@ -1,25 +1,29 @@
-"""The coolant channel: the printed sum over all cells, and its reduction to two cells."""
+"""The coolant channel: the printed sum over all cells, its reduction to two cells, and the closed loop."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import CoolingParameters, ModelParameters, PackParameters
+from iptm_core.parameters.model import CoolingParameters, PackParameters
+from iptm_core.physics.cell import cell_heat_w
+from iptm_core.physics.chiller import ChillerLine, chiller_line
 from iptm_core.physics.coolant import (
     Channel,
-    ChannelWeights,
+    FullChannel,
     exchange_ratio,
+    mean_cell_heat_w,
     reduce_channel,
 )
+from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
+from iptm_core.state import FloatArray
 
-Agree = Callable[..., None]
 VALUES = load_parameters().values
 COOLING, PACK = VALUES.cooling, VALUES.pack
 TEMPERATURES = st.floats(288.15, 318.15)
@@ -49,17 +53,6 @@ def test_the_exchange_ratio_is_a_ratio_of_heat_capacity_rates() -> None:
     assert exchange_ratio(COOLING, PACK) == pytest.approx(0.016353, abs=5e-7)
 
 
-def test_the_weights_of_the_default_channel() -> None:
-    channel = reduce_channel(COOLING, PACK)
-    last, outlet = channel.last_cell, channel.outlet
-    assert (last.inlet, last.cell_1, last.cell_n) == pytest.approx(
-        (0.023687, 0.239319, 0.736994), abs=6e-7
-    )
-    assert (outlet.inlet, outlet.cell_1, outlet.cell_n) == pytest.approx(
-        (0.023300, 0.235405, 0.741295), abs=6e-7
-    )
-
-
 def test_the_weights_of_two_and_three_cells_by_hand() -> None:
     # r = 1/4; two cells: T_c,2 = 3/4 T_in + 1/4 T_1; T_out = 9/16 T_in + 3/16 T_1 + 1/4 T_2
     two, _, _ = channel_of(2, 0.25)
@@ -73,20 +66,6 @@ def test_the_weights_of_two_and_three_cells_by_hand() -> None:
     three, _, _ = channel_of(3, 0.25)
     assert (three.last_cell.inlet, three.last_cell.cell_1, three.last_cell.cell_n) == pytest.approx(
         (0.5625, 0.3125, 0.125), abs=1e-15
-    )
-
-
-@given(inlet=TEMPERATURES, cell_1=TEMPERATURES, cell_n=TEMPERATURES)
-def test_the_reduction_is_the_full_sum_over_228_cells(
-    inlet: float, cell_1: float, cell_n: float
-) -> None:
-    channel, ratio = reduce_channel(COOLING, PACK), exchange_ratio(COOLING, PACK)
-    cells = spread(cell_1, cell_n, 228)
-    assert channel.last_cell.temperature_k(inlet, cell_1, cell_n) == pytest.approx(
-        printed_sum(inlet, cells, ratio, 228), rel=1e-13
-    )
-    assert channel.outlet.temperature_k(inlet, cell_1, cell_n) == pytest.approx(
-        printed_sum(inlet, cells, ratio, 229), rel=1e-13
     )
 
 
@@ -127,16 +106,76 @@ def test_in_steady_state_the_linear_profile_is_exact(heat_w: float) -> None:
     )
 
 
-def test_a_channel_of_equal_temperature_stays_so() -> None:
-    channel = reduce_channel(COOLING, PACK)
-    for weights in (channel.last_cell, channel.outlet):
-        assert weights.temperature_k(300.0, 300.0, 300.0) == pytest.approx(300.0, rel=1e-14)
+COOLING, PACK = VALUES.cooling, VALUES.pack
+CHANNEL = FullChannel.of(COOLING, PACK)
+TEMPERATURES = st.floats(273.15, 323.15)
 
 
-def test_all_backends_agree(each_set: ModelParameters, agree_in_all_backends: Agree) -> None:
-    random = np.random.default_rng(7)
-    columns = random.uniform(288.0, 318.0, (3, 40))
-    channel = reduce_channel(each_set.cooling, each_set.pack)
-    weights: ChannelWeights
-    for weights in (channel.last_cell, channel.outlet):
-        agree_in_all_backends(weights.temperature_k, *columns)
+def line_at(power_w: float) -> ChillerLine:
+    return chiller_line(power_w, 20.0, VALUES.chiller, COOLING, VALUES.environment)
+
+
+def closed(channel: FullChannel, cells: FloatArray, power_w: float) -> CoolantLoop:
+    equivalent = channel.equivalent_cell_k(cells)
+    return solve_coolant_loop(equivalent, equivalent, line_at(power_w), channel.outlet, COOLING)
+
+
+@given(
+    inlet=TEMPERATURES,
+    cells=st.lists(TEMPERATURES, min_size=2, max_size=40),
+    ratio=st.floats(1e-4, 0.95),
+)
+def test_the_coolant_is_the_printed_sum(inlet: float, cells: list[float], ratio: float) -> None:
+    found = FullChannel(len(cells), ratio).coolant_k(inlet, cells)
+    for i in range(1, len(cells) + 2):
+        printed = (1.0 - ratio) ** (i - 1) * inlet
+        for j in range(2, i + 1):
+            printed += ratio * (1.0 - ratio) ** (i - j) * cells[j - 2]
+        assert found[i - 1] == pytest.approx(printed, rel=1e-12)
+
+
+@given(first=TEMPERATURES, last=TEMPERATURES, power=st.floats(0.0, 2500.0))
+def test_a_linear_profile_gives_the_two_cell_reduction(
+    first: float, last: float, power: float
+) -> None:
+    reduced = reduce_channel(COOLING, PACK)
+    expected = solve_coolant_loop(first, last, line_at(power), reduced.outlet, COOLING)
+    cells = np.linspace(first, last, CHANNEL.cells)
+    loop = closed(CHANNEL, cells, power)
+    for name in ("inlet_k", "outlet_k", "cooling_rate_w"):
+        assert getattr(loop, name) == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-6)
+    last_coolant = CHANNEL.coolant_k(loop.inlet_k, cells)[-2]
+    assert last_coolant == pytest.approx(
+        reduced.last_cell.temperature_k(expected.inlet_k, first, last), rel=1e-10
+    )
+
+
+@given(
+    cells=st.lists(TEMPERATURES, min_size=2, max_size=300).map(np.array),
+    power=st.floats(0.0, 2500.0),
+)
+def test_the_chiller_takes_what_the_cells_give(cells: FloatArray, power: float) -> None:
+    channel = replace(CHANNEL, cells=cells.size)
+    loop = closed(channel, cells, power)
+    coolant = np.array(channel.coolant_k(loop.inlet_k, cells))
+    assert coolant[-1] == pytest.approx(loop.outlet_k, rel=1e-11)
+    given_w = PACK.modules * COOLING.convective_coefficient_w_k * np.sum(cells - coolant[:-1])
+    assert given_w == pytest.approx(loop.cooling_rate_w, rel=1e-8, abs=1e-6)
+
+
+def test_symbols_and_arrays_agree() -> None:
+    cells = np.linspace(300.0, 305.0, CHANNEL.cells) + np.sin(np.arange(CHANNEL.cells))
+    symbol = ca.SX.sym("cells", CHANNEL.cells)
+    function = ca.Function("f", [symbol], [ca.vertcat(*CHANNEL.coolant_k(295.0, symbol))])
+    assert np.array(function(cells)).ravel() == pytest.approx(
+        CHANNEL.coolant_k(295.0, cells), rel=1e-14
+    )
+
+
+@given(currents=st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=10).map(np.array))
+def test_heat_under_a_changing_current_is_the_mean_of_the_heat(currents: FloatArray) -> None:
+    expected = np.mean([cell_heat_w(current, 0.05, 305.0, VALUES.cell) for current in currents])
+    mean, square = float(np.mean(currents)), float(np.mean(currents**2))
+    assert mean_cell_heat_w(mean, square, 0.05, 305.0, VALUES.cell) == pytest.approx(
+        expected, rel=1e-9, abs=1e-9
+    )

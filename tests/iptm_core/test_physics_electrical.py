@@ -1,9 +1,8 @@
-"""Pack current from terminal power, with every watt accounted for."""
+"""Terminal power and pack current, with every watt accounted for."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +12,8 @@ from hypothesis import strategies as st
 
 from iptm_core.errors import PowerLimitError
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.electrical import (
+    battery_power_w,
     cell_current_a,
     effective_source_voltage_v,
     extended_pack_current_a,
@@ -22,8 +21,65 @@ from iptm_core.physics.electrical import (
     pack_resistance_ohm,
 )
 
-Agree = Callable[..., None]
 VALUES = load_parameters().values
+LOSSY_PACK = replace(VALUES.pack, battery_efficiency=0.95)
+TRACTION = st.floats(-60e3, 90e3)
+COMPRESSOR = st.floats(0.0, 4500.0)
+
+
+def by_the_printed_cases(traction: float, compressor: float, efficiency: float) -> float:
+    if traction >= 0.0:
+        return (traction + compressor + 200.0) / efficiency
+    return efficiency * 0.3 * traction + (compressor + 200.0) / efficiency
+
+
+def test_by_hand() -> None:
+    def at_terminals(traction: float, efficiency: float) -> float:
+        pack = replace(VALUES.pack, battery_efficiency=efficiency)
+        return float(battery_power_w(traction, 800.0, 200.0, pack, VALUES.powertrain))
+
+    assert at_terminals(9000.0, 1.0) == 10000.0
+    assert at_terminals(-9000.0, 1.0) == pytest.approx(-1700.0, rel=1e-12)
+    assert at_terminals(8500.0, 0.95) == pytest.approx(10000.0, rel=1e-12)
+    # 0.95 * 0.3 * -10000 + 1000 / 0.95 = -2850 + 1052.63
+    assert at_terminals(-10000.0, 0.95) == pytest.approx(-1797.368421, rel=1e-9)
+    assert at_terminals(0.0, 1.0) == 1000.0
+
+
+@pytest.mark.parametrize("efficiency", [1.0, 0.95, 0.5])
+@given(traction=TRACTION, compressor=COMPRESSOR)
+def test_one_convex_kink_is_the_two_printed_cases(
+    efficiency: float, traction: float, compressor: float
+) -> None:
+    pack = replace(VALUES.pack, battery_efficiency=efficiency)
+    power = battery_power_w(traction, compressor, 200.0, pack, VALUES.powertrain)
+    assert power == pytest.approx(
+        by_the_printed_cases(traction, compressor, efficiency), rel=1e-13, abs=1e-9
+    )
+
+
+def test_full_regeneration_by_a_lossless_battery_has_no_kink() -> None:
+    powertrain = replace(VALUES.powertrain, regenerative_efficiency=1.0)
+    for traction in (-5000.0, 0.0, 5000.0):
+        for width in (0.0, 500.0):
+            power = battery_power_w(
+                traction, 0.0, 200.0, VALUES.pack, powertrain, power_smoothing_w=width
+            )
+            assert power == traction + 200.0
+
+
+@given(traction=TRACTION, width=st.floats(1.0, 1000.0))
+def test_the_smoothed_power_errs_by_a_known_amount(traction: float, width: float) -> None:
+    """Above the exact power by at most (1/eta_b - eta_b zeta) width / 2, less away from zero."""
+    spread = 1.0 / 0.95 - 0.95 * 0.3
+    arguments = (traction, 500.0, 200.0, LOSSY_PACK, VALUES.powertrain)
+    error = battery_power_w(*arguments, power_smoothing_w=width) - battery_power_w(*arguments)
+    bound = 0.5 * spread * width
+    if abs(traction) > width:
+        bound = 0.25 * spread * width**2 / abs(traction)
+    assert -1e-9 <= error <= bound + 1e-9
+
+
 CELL, PACK = VALUES.cell, VALUES.pack
 ISOTHERMAL_OCV = replace(CELL, entropic_coefficient_v_k=0.0)
 POWERS = st.floats(-60e3, 100e3)
@@ -120,22 +176,3 @@ def test_an_optimiser_finds_a_current_for_any_power(margin: float) -> None:
     assert np.all(np.diff(slope) > -1e-9 * slope[-1])
     # The steepest it gets: 1 / (380 V sqrt(margin)).
     assert slope[-1] == pytest.approx(1.0 / (380.0 * math.sqrt(margin)), rel=1e-6)
-
-
-def test_all_backends_agree(each_set: ModelParameters, agree_in_all_backends: Agree) -> None:
-    random = np.random.default_rng(5)
-    power, current = random.uniform(-60e3, 100e3, 40), random.uniform(-150.0, 300.0, 40)
-    resistance, temperature = random.uniform(0.05, 0.2, 40), random.uniform(298.0, 313.0, 40)
-    cell, pack = each_set.cell, each_set.pack
-    agree_in_all_backends(
-        lambda p, r, t: pack_current_a(p, r, t, cell, pack), power, resistance, temperature
-    )
-    agree_in_all_backends(
-        lambda p, r, t: extended_pack_current_a(4.0 * p, r, t, cell, pack, 0.02),
-        power,
-        resistance,
-        temperature,
-    )
-    agree_in_all_backends(lambda r: pack_resistance_ohm(r, pack), resistance)
-    agree_in_all_backends(lambda t: effective_source_voltage_v(t, cell, pack), temperature)
-    agree_in_all_backends(lambda i: cell_current_a(i, pack), current)

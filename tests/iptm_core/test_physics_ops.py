@@ -81,8 +81,3 @@ def test_the_smooth_maximum_lies_above_by_at_most_half_its_width(
 def test_the_smooth_magnitude_lies_above_by_at_most_its_width(value: float, width: float) -> None:
     error = ops.absolute(value, width) - abs(value)
     assert -4e-16 * abs(value) <= error <= width + 4e-16 * abs(value)
-
-
-def test_at_the_kink_the_stated_errors_are_reached() -> None:
-    assert ops.maximum(5.0, 5.0, 0.25) == 5.125
-    assert ops.absolute(0.0, 0.25) == 0.25

@@ -115,17 +115,6 @@ def test_the_packs_energy_balance_closes(
 
 
 @given(**OPERATION)
-def test_power_on_the_way_from_wheels_to_terminals(
-    speed: float, acceleration: float, slope: float, power: float, cell_1: float, cell_n: float
-) -> None:
-    rates = evaluate(speed, acceleration, slope, power, cell_1, cell_n)
-    share = 1.0 if rates.traction_power_w >= 0.0 else 0.3
-    assert rates.battery_power_w == pytest.approx(
-        share * rates.traction_power_w + power + 200.0, rel=1e-12, abs=1e-9
-    )
-
-
-@given(**OPERATION)
 def test_rates_of_both_cells_from_their_own_balances(
     speed: float, acceleration: float, slope: float, power: float, cell_1: float, cell_n: float
 ) -> None:
@@ -157,12 +146,6 @@ def test_a_parked_warm_pack_is_cooled_by_its_compressor() -> None:
     assert on.battery_power_w == 2200.0
     assert on.cell_1_temperature_rate_k_s < on.cell_n_temperature_rate_k_s < 0.0
     assert on.coolant.inlet_k < on.coolant.outlet_k < 308.15
-
-
-def test_smoothing_with_zero_widths_is_the_exact_model() -> None:
-    point = (12.0, -0.4, 0.01, 700.0, 303.0, 304.0)
-    assert evaluate(*point, smoothing=Smoothing()) == evaluate(*point) == evaluate(*point)
-    assert Smoothing() == EXACT
 
 
 @pytest.mark.parametrize(

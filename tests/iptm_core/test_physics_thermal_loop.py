@@ -1,14 +1,17 @@
-"""The coolant loop solved at once is what going around it again and again converges to."""
+"""The coolant loop with chiller, heater and radiator: by hand, as a fixed point, and as a balance of heat."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.iptm_core.made_runs import make_run
 
+from iptm_core.metrics.run_metrics import compute_metrics
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import ChillerLine, chiller_line
@@ -17,9 +20,9 @@ from iptm_core.physics.coolant import (
     exchange_ratio,
     reduce_channel,
 )
-from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
+from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
+from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop, thermal_actuation
 
-Agree = Callable[..., None]
 SETS = {name: load_parameters(name).values for name in ("paper_calibrated", "published_chiller")}
 FLOW_W_K = 0.144 * 3330.0
 TEMPERATURES = st.floats(293.15, 318.15)
@@ -39,30 +42,6 @@ def solve(
     line = chiller_line(power, speed, values.chiller, values.cooling, values.environment)
     outlet = reduce_channel(values.cooling, values.pack).outlet
     return solve_coolant_loop(cell_1, cell_n, line, outlet, values.cooling)
-
-
-@pytest.mark.parametrize("name", SETS)
-@given(
-    cell_1=TEMPERATURES,
-    cell_n=TEMPERATURES,
-    power=st.floats(0.0, 4500.0),
-    speed=st.floats(0.0, 37.5),
-)
-def test_the_closed_form_is_the_fixed_point(
-    name: str, cell_1: float, cell_n: float, power: float, speed: float
-) -> None:
-    """Start anywhere, go around chiller and all 228 cells until nothing moves."""
-    values = SETS[name]
-    line = chiller_line(power, speed, values.chiller, values.cooling, values.environment)
-    ratio = exchange_ratio(values.cooling, values.pack)
-    cells = np.linspace(cell_1, cell_n, 228)
-    outlet = 300.0
-    for _ in range(30):
-        inlet = outlet - line.cooling_rate_w(outlet) / FLOW_W_K
-        outlet = float(coolant_profile_k(inlet, cells, ratio)[-1])
-    loop = solve(values, cell_1, cell_n, power, speed)
-    assert loop.outlet_k == pytest.approx(outlet, abs=1e-9)
-    assert loop.inlet_k == pytest.approx(outlet - line.cooling_rate_w(outlet) / FLOW_W_K, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -113,30 +92,128 @@ def test_by_hand_with_round_numbers() -> None:
     assert loop.cooling_rate_w == pytest.approx(47.952 * outlet_c, rel=1e-12)
 
 
-def test_a_chiller_of_fixed_rate_lowers_the_inlet_by_rate_over_flow() -> None:
-    cooling = SETS["paper_calibrated"].cooling
-    loop = solve_coolant_loop(
-        300.0, 300.0, ChillerLine(959.04, 0.0, 1.0), ChannelWeights(0.2, 0.3, 0.5), cooling
+PAPER = load_parameters().values
+
+
+def with_all(
+    heater_w: float = 5000.0, radiator_w_k: float = 150.0, **cooling: float
+) -> ModelParameters:
+    return replace(
+        PAPER,
+        limits=replace(PAPER.limits, max_heater_power_w=heater_w),
+        cooling=replace(PAPER.cooling, radiator_w_k=radiator_w_k, **cooling),
     )
-    # 959.04 W / 479.52 W/K = 2 K; T_out = 0.2 (T_out - 2) + 0.8 * 300
-    assert loop.outlet_k - loop.inlet_k == pytest.approx(2.0, rel=1e-12)
-    assert loop.outlet_k == pytest.approx(299.5, rel=1e-13)
 
 
-def test_all_backends_agree(agree_in_all_backends: Agree) -> None:
-    random = np.random.default_rng(9)
-    columns = [
-        random.uniform(293.0, 318.0, 40),
-        random.uniform(293.0, 318.0, 40),
-        random.uniform(0.0, 4500.0, 40),
-        random.uniform(0.0, 37.5, 40),
-    ]
-    for values in SETS.values():
-        for name in ("inlet_k", "outlet_k", "cooling_rate_w"):
-            agree_in_all_backends(
-                lambda t_1, t_n, power, speed, values=values, name=name: getattr(
-                    solve(values, t_1, t_n, power, speed), name
-                ),
-                *columns,
-                rtol=1e-11,
-            )
+def loop_at(
+    values: ModelParameters,
+    power_w: float,
+    cells_k: tuple[float, float],
+    air_k: float,
+) -> CoolantLoop:
+    values = replace(values, environment=replace(values.environment, ambient_temperature_k=air_k))
+    actuation = thermal_actuation(power_w, values)
+    line = chiller_line(
+        actuation.compressor_w, 10.0, values.chiller, values.cooling, values.environment
+    )
+    outlet = reduce_channel(values.cooling, values.pack).outlet
+    return solve_coolant_loop(*cells_k, line, outlet, values.cooling, actuation=actuation)
+
+
+def test_heater_by_hand() -> None:
+    """4 kW at a coefficient of 2.5 warm the coolant, 479.52 W/K, by 20.85 K, and the cells take it all."""
+    values = with_all(heater_performance=2.5)
+    loop = loop_at(values, -4000.0, (280.0, 280.0), 280.0)
+    assert loop.cooling_rate_w == -10000.0
+    assert loop.inlet_k - loop.outlet_k == pytest.approx(10000.0 / FLOW_W_K, rel=1e-12)
+    rates = [
+        power_thermal_rates(
+            0.0, 0.0, 0.0, power_w, CellPair(280.0, 280.0, 1e-3, 1e-3), values,
+            reduce_channel(values.cooling, values.pack),
+        )
+        for power_w in (-4000.0, 0.0)
+    ]  # fmt: skip
+    drawn_w = rates[0].battery_power_w - rates[1].battery_power_w
+    assert drawn_w == pytest.approx(4000.0 / values.pack.battery_efficiency, rel=1e-12)
+
+
+def test_radiator_by_hand() -> None:
+    """100 W of fan at P_r = 100 W open 1 - 1/e of 150 W/K between the outlet and the air."""
+    values = with_all(radiator_w_k=150.0)
+    values = replace(values, chiller=replace(values.chiller, gate_power_w=1e9))  # off at 100 W
+    loop = loop_at(values, 100.0, (313.15, 313.15), 293.15)
+    radiated_w = 150.0 * (1.0 - math.exp(-1.0)) * (loop.outlet_k - 293.15)
+    assert loop.cooling_rate_w == pytest.approx(radiated_w, rel=1e-9)
+    assert loop.outlet_k - loop.inlet_k == pytest.approx(radiated_w / FLOW_W_K, rel=1e-9)
+
+
+@given(
+    power_w=st.floats(-5000.0, 4500.0),
+    cells_k=st.tuples(st.floats(263.0, 320.0), st.floats(263.0, 320.0)),
+    air_k=st.floats(253.15, 320.0),
+)
+def test_the_closed_form_is_the_fixed_point(
+    power_w: float, cells_k: tuple[float, float], air_k: float
+) -> None:
+    """Around heater, radiator, chiller and channel again and again until nothing moves."""
+    values = with_all()
+    values = replace(values, environment=replace(values.environment, ambient_temperature_k=air_k))
+    actuation = thermal_actuation(power_w, values)
+    line = chiller_line(
+        actuation.compressor_w, 10.0, values.chiller, values.cooling, values.environment
+    )
+    weights = reduce_channel(values.cooling, values.pack).outlet
+    outlet = 300.0
+    for _ in range(100):
+        taken_w = (
+            line.cooling_rate_w(outlet)
+            + actuation.radiator_w_k * max(outlet - air_k, 0.0)
+            - actuation.heating_w
+        )
+        # Half a step: the chiller alone may take more than the coolant brings.
+        outlet = 0.5 * (outlet + weights.temperature_k(outlet - taken_w / FLOW_W_K, *cells_k))
+    loop = loop_at(values, power_w, cells_k, air_k)
+    assert loop.outlet_k == pytest.approx(outlet, abs=1e-6)
+    assert loop.cooling_rate_w == pytest.approx(taken_w, abs=1e-3)
+
+
+@given(power_w=st.floats(0.0, 4500.0), cell_k=st.floats(293.15, 318.15))
+def test_without_heater_and_radiator_the_loop_is_that_of_the_paper(
+    power_w: float, cell_k: float
+) -> None:
+    actuation = thermal_actuation(power_w, PAPER)
+    assert (actuation.drawn_w, actuation.compressor_w) == (power_w, power_w)
+    line = chiller_line(power_w, 10.0, PAPER.chiller, PAPER.cooling, PAPER.environment)
+    outlet = reduce_channel(PAPER.cooling, PAPER.pack).outlet
+    given_all = solve_coolant_loop(cell_k, cell_k, line, outlet, PAPER.cooling, actuation=actuation)
+    assert given_all == solve_coolant_loop(cell_k, cell_k, line, outlet, PAPER.cooling)
+
+
+def test_a_radiator_in_warmer_air_takes_nothing() -> None:
+    with_radiator, without = (with_all(radiator_w_k=each) for each in (150.0, 0.0))
+    at = 2000.0, (303.15, 303.15), 313.15
+    assert loop_at(with_radiator, *at) == loop_at(without, *at)
+
+
+@pytest.mark.parametrize("power_w", [-3000.0, -200.0, -20.0, 0.0, 20.0, 200.0, 3000.0])
+def test_the_smoothed_actuator_errs_by_half_its_width_at_most(power_w: float) -> None:
+    values, width_w = with_all(), 20.0
+    exact, smooth = (thermal_actuation(power_w, values, width) for width in (0.0, width_w))
+    bound_w = min(0.5 * width_w, 0.25 * width_w**2 / max(abs(power_w), 1e-9)) * (1.0 + 1e-9)
+    assert 0.0 <= smooth.compressor_w - exact.compressor_w <= bound_w
+    assert 0.0 <= smooth.heating_w - exact.heating_w <= bound_w
+    assert exact.drawn_w == abs(power_w)
+
+
+def test_the_actuator_reaches_down_to_the_heater() -> None:
+    assert PAPER.limits.lowest_thermal_power_w == PAPER.limits.min_compressor_power_w
+    assert with_all(heater_w=6000.0).limits.lowest_thermal_power_w == -6000.0
+
+
+def test_the_energy_of_a_heater_counts_and_its_heat_is_no_cooling() -> None:
+    """Two seconds of 3 kW of heat, one of 1 kW of compressor that takes 2 kW: 7 kJ, a coefficient of 2."""
+    powers = {"compressor_power_w": np.array([0.0, -3000.0, -3000.0, 1000.0])}
+    heat = {"chiller_heat_w": np.array([0.0, -3000.0, -3000.0, 2000.0])}
+    energy = compute_metrics(make_run(**powers, **heat), PAPER).energy
+    assert energy.cooling_j == 7000.0
+    assert energy.mean_cop == 2.0

@@ -1,9 +1,6 @@
-"""The cycle files against the figures published for the schedules, and the generated cycles."""
+"""The cycle files against the figures published for the schedules, and the motion of a leader."""
 
 from __future__ import annotations
-
-import csv
-from importlib import resources
 
 import numpy as np
 import pytest
@@ -12,13 +9,12 @@ from hypothesis import strategies as st
 
 from iptm_core.errors import RouteError
 from iptm_core.routes import (
-    CYCLE_NAMES,
     DrivingCycle,
-    comprehensive_cycle,
+    LeaderMotion,
     load_cycle,
     smooth_cycle,
 )
-from iptm_core.routes.cycles import SPEED_COLUMNS_M_S
+from iptm_core.routes.cycles import FINAL_BRAKING_M_S2
 
 MILE_M = 1609.344
 
@@ -56,41 +52,9 @@ def test_sum_of_the_wltc_column() -> None:
     assert np.sum(load_cycle("wltc_class3b").speeds_m_s) * 3.6 == pytest.approx(83758.6, abs=1e-6)
 
 
-def test_every_named_cycle_is_checked_above_and_has_a_file() -> None:
-    assert sorted(CYCLE_NAMES) == sorted(row[0] for row in PUBLISHED)
-    folder = resources.files("iptm_core.routes") / "data"
-    files = {entry.name for entry in folder.iterdir() if entry.name.endswith(".csv")}
-    assert files == {f"{name}.csv" for name in CYCLE_NAMES}
-
-
-@pytest.mark.parametrize("name", CYCLE_NAMES)
-def test_files_carry_the_schedule_in_tenths_of_its_unit(name: str) -> None:
-    file = resources.files("iptm_core.routes") / "data" / f"{name}.csv"
-    header, *rows = csv.reader(file.read_text(encoding="utf-8").splitlines())
-    assert header == ["time_s", "speed_kmh" if name == "wltc_class3b" else "speed_mph"]
-    factor = SPEED_COLUMNS_M_S[header[1]]
-    for second, (row, speed) in enumerate(zip(rows, load_cycle(name).speeds_m_s, strict=True)):
-        assert row[0] == str(second)
-        assert row[1] == f"{float(row[1]):.1f}"
-        assert speed == float(row[1]) * factor
-
-
 def test_unknown_cycle_names_the_known_ones() -> None:
     with pytest.raises(RouteError, match="unknown driving cycle 'nedc'; allowed: nycc, sc03"):
         load_cycle("nedc")
-
-
-def test_arrays_cannot_be_changed() -> None:
-    cycle = load_cycle("nycc")
-    with pytest.raises(ValueError, match="read-only"):
-        cycle.speeds_m_s[0] = 1.0
-
-
-def test_cycle_does_not_alias_the_array_it_was_made_from() -> None:
-    speeds = np.array([0.0, 1.0, 0.0])
-    cycle = DrivingCycle("own", np.arange(3.0), speeds, "test")
-    speeds[1] = 9.0
-    assert cycle.speeds_m_s[1] == 1.0
 
 
 @pytest.mark.parametrize(
@@ -132,35 +96,71 @@ def test_smooth_cycle_refuses_odd_durations(duration_s: float) -> None:
         smooth_cycle(duration_s)  # type: ignore[arg-type]
 
 
-def test_comprehensive_cycle_is_1e4_seconds_at_1_hz() -> None:
-    cycle = comprehensive_cycle().cycle
-    np.testing.assert_array_equal(cycle.times_s, np.arange(10001))
-    np.testing.assert_array_equal(cycle.speeds_m_s[:5001], cycle.speeds_m_s[5000:])
+def _leader(speeds: list[float], gap_m: float = 15.0) -> LeaderMotion:
+    trace = np.array(speeds)
+    return LeaderMotion.from_cycle(
+        DrivingCycle("own", np.arange(float(trace.size)), trace, "test"), gap_m
+    )
 
 
-def test_comprehensive_segments_are_the_named_cycles() -> None:
-    whole = comprehensive_cycle()
-    distances = whole.cycle.distances_m()
-    names = ["nycc", "sc03", "wltc_class3b", "us06", "smooth"] * 2
-    assert [segment.cycle for segment in whole.segments] == names
-    ends = [598, 1198, 2998, 3598, 5000, 5598, 6198, 7998, 8598, 10000]
-    assert [segment.end_s for segment in whole.segments] == ends
-    for segment, before in zip(whole.segments[1:], whole.segments, strict=False):
-        assert segment.start_s == before.end_s
-        assert segment.start_m == before.end_m
-    for segment in whole.segments:
-        start, end = int(segment.start_s), int(segment.end_s)
-        assert segment.start_m == distances[start]
-        assert segment.end_m == distances[end]
-        part = smooth_cycle(end - start) if segment.cycle == "smooth" else load_cycle(segment.cycle)
-        np.testing.assert_array_equal(whole.cycle.speeds_m_s[start : end + 1], part.speeds_m_s)
+def test_position_between_samples_is_the_exact_parabola() -> None:
+    leader = _leader([0.0, 2.0, 2.0, 0.0])
+    times = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
+    np.testing.assert_allclose(leader.speeds_at(times), [0, 1, 2, 2, 2, 1, 0])
+    np.testing.assert_allclose(
+        leader.positions_at(times), 15.0 + np.array([0, 0.25, 1, 2, 3, 3.75, 4]), rtol=1e-15
+    )
 
 
-def test_slopes_alternate_and_every_segment_meets_both() -> None:
-    kinds = [segment.slope_kind for segment in comprehensive_cycle().segments]
-    assert kinds == ["large", "small"] * 5
-    assert all(first != second for first, second in zip(kinds[:5], kinds[5:], strict=True))
-    assert [segment.name for segment in comprehensive_cycle().segments][::5] == [
-        "1: nycc L",
-        "2: nycc S",
-    ]
+def test_leader_stands_before_the_start_and_after_the_end() -> None:
+    leader = _leader([0.0, 2.0, 0.0])
+    for time_s, position_m in [(-1e9, 15.0), (-0.1, 15.0), (2.0, 17.0), (2.1, 17.0), (1e9, 17.0)]:
+        state = leader.state_at(time_s)
+        assert (state.time_s, state.position_m, state.speed_m_s) == (time_s, position_m, 0.0)
+
+
+def test_leader_brakes_when_its_trace_ends_at_speed() -> None:
+    leader = _leader([0.0, 3.0, 3.0])
+    assert FINAL_BRAKING_M_S2 == 1.5
+    np.testing.assert_allclose(leader.speeds_at([2.0, 3.0, 4.0, 5.0]), [3.0, 1.5, 0.0, 0.0])
+    np.testing.assert_allclose(
+        leader.positions_at([2.0, 3.0, 4.0, 5.0]) - 15.0, [4.5, 6.75, 7.5, 7.5]
+    )
+
+
+@given(
+    st.lists(st.floats(0.0, 40.0), min_size=2, max_size=30),
+    st.lists(st.floats(-5.0, 80.0), min_size=2, max_size=30),
+)
+def test_position_is_the_integral_of_speed_and_never_decreases(
+    speeds: list[float], times: list[float]
+) -> None:
+    leader = _leader(speeds)
+    instants = np.sort(np.array(times))
+    positions = leader.positions_at(instants)
+    assert np.all(np.diff(positions) >= -1e-9)
+    assert np.all(leader.speeds_at(instants) >= 0.0)
+    for start, end, travelled in zip(instants, instants[1:], np.diff(positions), strict=False):
+        # Between kinks of the speed, Simpson's rule integrates it exactly.
+        inside = leader.times_s[(leader.times_s > start) & (leader.times_s < end)]
+        edges = np.concatenate([[start], inside, [end]])
+        middles = 0.5 * (edges[1:] + edges[:-1])
+        # Speed jumps at t = 0 if the trace starts at speed, so only interior points are read.
+        exact = float(np.dot(leader.speeds_at(middles), np.diff(edges)))
+        assert travelled == pytest.approx(exact, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("times", "speeds", "start", "message"),
+    [
+        ([0.0, 1.0], [0.0, 1.0], 15.0, r"ends at 1\.0 m/s; allowed: 0"),
+        ([0.0, 1.0, 2.0], [0.0, -1.0, 0.0], 15.0, r"speed -1\.0 m/s at 1\.0 s"),
+        ([0.0, 1.0], [0.0, 0.0], np.nan, "start at nan m"),
+        ([1.0, 0.0], [0.0, 0.0], 15.0, "strictly increase"),
+    ],
+)
+def test_malformed_motion_is_refused(
+    times: list[float], speeds: list[float], start: float, message: str
+) -> None:
+    with pytest.raises(RouteError, match=message):
+        LeaderMotion(np.array(times), np.array(speeds), start)

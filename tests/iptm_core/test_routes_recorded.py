@@ -262,13 +262,6 @@ def test_a_plan_without_times_is_a_road_for_a_cycle(write: Callable[..., Path], 
         build_route("wltc_class3b", str(file), initial_gap_m=15.0)
 
 
-def test_the_road_of_a_drive_serves_another_cycle(write: Callable[..., Path]) -> None:
-    file = write(gpx(PLACES, 500.0 + 0.03 * PLACES))
-    cycle = write("time_s,speed_m_s\n0,0\n10,10\n50,10\n60,0\n", "short.csv")
-    route = build_route(cycle, str(file), initial_gap_m=15.0)
-    assert route.slope.slope_at(300.0) == pytest.approx(np.arctan(0.03), rel=0.02)
-
-
 def test_a_time_that_is_missing_at_some_points_is_refused(write: Callable[..., Path]) -> None:
     text = re.sub("<time>2026-05-04T07:00:07.000Z</time>", "", gpx(PLACES))
     with pytest.raises(RouteError, match="track point 8: time is missing"):

@@ -72,18 +72,6 @@ def test_time_may_start_anywhere_and_rows_may_be_seconds_apart(read: Reader) -> 
     assert cycle.duration_s == 70.0
 
 
-def test_ten_hertz_keeps_the_distance(read: Reader) -> None:
-    times = np.arange(0.0, 60.05, 0.1)
-    speeds = np.maximum(0.0, 10.0 * np.sin(2.0 * np.pi * times / 60.0) ** 2)
-    speeds[0] = speeds[-1] = 0.0
-    rows = (f"{t:.1f},{v:.9f}" for t, v in zip(times, speeds, strict=True))
-    cycle, _ = read(_csv("time_s,speed_m_s", *rows))
-    distance = np.sum(0.5 * (speeds[1:] + speeds[:-1]) * 0.1)
-    assert cycle.duration_s == 60.0
-    assert cycle.distance_m == pytest.approx(distance, rel=1e-7)
-    np.testing.assert_allclose(cycle.speeds_m_s, speeds[::10], atol=0.02)
-
-
 @given(st.integers(0, 2**32 - 1))
 def test_random_sampling_keeps_distance_and_standstill(seed: int) -> None:
     from iptm_core.routes.user_csv import _resample  # noqa: PLC0415
@@ -118,14 +106,6 @@ def test_trip_that_starts_at_speed_gets_a_launch_ramp(read: Reader) -> None:
     np.testing.assert_allclose(cycle.speeds_m_s[:12], [*np.arange(0.0, 15.1, 1.5), 15.0])
     assert road is not None
     assert road.positions_m[0] == pytest.approx(75.0), "the file starts 75 m down the road"
-
-
-def test_standstill_only_is_a_trip(read: Reader) -> None:
-    cycle, road = read(_csv("time_s,speed_m_s,elevation_m", "0,0,100", "30.5,0,101"))
-    assert cycle.duration_s == 31.0
-    assert cycle.distance_m == 0.0
-    assert road is not None
-    np.testing.assert_array_equal(road.slopes_rad, [0.0])
 
 
 def test_slope_in_percent_and_rad_agree(read: Reader) -> None:

@@ -20,7 +20,6 @@ from iptm_core.aging_laws.mechanisms import (
     VoltageIntensity,
     anode_potential_v,
 )
-from iptm_core.errors import ParameterError
 from iptm_core.physics.charge import ChargeTable
 from iptm_core.physics.ops import Scalar
 
@@ -226,10 +225,3 @@ LAWS = {
     re.sub(r"\W+", "_", name.lower()).strip("_"): cell.law for name, cell in AGING_CELLS.items()
 }
 """Laws of these cells, by names for settings such as ``nmc811_si``."""
-
-
-def aging_cell(name: str) -> AgingCell:
-    """Return a cell by the name of its law."""
-    if name not in AGING_CELLS:
-        raise ParameterError(f"cell is {name!r}; allowed: {', '.join(AGING_CELLS)}")
-    return AGING_CELLS[name]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from iptm_core.errors import RouteError
-from iptm_core.routes import ROUTE_CYCLES, build_route, comprehensive_cycle
+from iptm_core.routes import ROUTE_CYCLES, build_route, comprehensive_cycle, load_cycle
 from iptm_core.routes.comprehensive import (
     RouteComposition,
     composition_names,
@@ -47,6 +47,14 @@ def test_every_composition_is_two_passes_of_5000_s_in_its_order(
     first, second = whole.segments[:5], whole.segments[5:]
     assert first[0].slope_kind == composition.first_slope
     assert all(a.slope_kind != b.slope_kind for a, b in zip(first, second, strict=True))
+    for segment, before in zip(whole.segments[1:], whole.segments, strict=False):
+        assert (segment.start_s, segment.start_m) == (before.end_s, before.end_m)
+    for segment in whole.segments:
+        rows = slice(int(segment.start_s), int(segment.end_s) + 1)
+        assert whole.cycle.distances_m()[rows][-1] == segment.end_m
+        if segment.cycle != "smooth":
+            speeds = load_cycle(segment.cycle).speeds_m_s
+            np.testing.assert_array_equal(whole.cycle.speeds_m_s[rows], speeds)
 
 
 def test_hills_reach_their_grade_on_top_of_the_climb() -> None:
@@ -107,8 +115,3 @@ def test_a_file_must_state_everything(tmp_path: Path) -> None:
     path.write_text("order: [nycc, smooth]\nfirst_slope: large\n", encoding="utf-8")
     with pytest.raises(RouteError, match="'large_grade' is missing"):
         read_composition(path)
-
-
-def test_an_unknown_composition_is_refused() -> None:
-    with pytest.raises(RouteError, match="unknown composition 'mine'"):
-        load_composition("mine")

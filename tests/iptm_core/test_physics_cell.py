@@ -1,26 +1,82 @@
-"""Capacity loss: the incremental equation against the closed form it was derived from."""
+"""A cell: its resistance, its heat, its temperature and the loss of its capacity."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell import capacity_loss_rate_1_s
+from iptm_core.physics.cell import (
+    capacity_loss_rate_1_s,
+    cell_heat_w,
+    cell_resistance_ohm,
+    cell_temperature_rate_k_s,
+)
+from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm
 
-Agree = Callable[..., None]
 VALUES = load_parameters().values
-AGING, CELL = VALUES.aging, VALUES.cell
+CELL, COOLING, PACK, AGING = VALUES.cell, VALUES.cooling, VALUES.pack, VALUES.aging
 GAS = 8.314462618
 TEMPERATURES = st.floats(298.15, 313.15)
 CURRENTS = st.floats(0.01, 15.0)
+
+
+def test_temperature_by_hand() -> None:
+    # 20 K above nominal: 0.060 (1 - 0.008 * 20) = 0.0504 ohm
+    assert cell_resistance_ohm(308.15, 0.0, CELL) == pytest.approx(0.0504, rel=1e-12)
+    assert cell_resistance_ohm(278.15, 0.0, CELL) == pytest.approx(0.0648, rel=1e-12)
+
+
+def test_ageing_by_hand() -> None:
+    # Q_nom / Q_bc = 1 / 0.8 = 1.25; 1.1 * 1.25^2 = 1.71875
+    aged = replace(CELL, resistance_aging_factor=1.1, resistance_aging_exponent=2.0)
+    assert cell_resistance_ohm(288.15, 0.2, aged) == pytest.approx(0.060 * 1.71875, rel=1e-12)
+    assert cell_resistance_ohm(308.15, 0.2, aged) == pytest.approx(0.0504 * 1.71875, rel=1e-12)
+
+
+@given(temperature=st.floats(298.15, 313.15), loss=st.floats(0.0, 0.3))
+def test_warmer_cells_resist_less_and_older_cells_more(temperature: float, loss: float) -> None:
+    here = cell_resistance_ohm(temperature, loss, CELL)
+    assert here > 0.0
+    assert cell_resistance_ohm(temperature + 1.0, loss, CELL) < here
+    assert cell_resistance_ohm(temperature, loss + 0.01, CELL) > here
+
+
+def test_heat_by_hand() -> None:
+    # 3^2 * 0.05 + 3 * 300 * 4e-4 = 0.45 + 0.36 W; charging 0.45 - 0.36 W
+    assert cell_heat_w(3.0, 0.05, 300.0, CELL) == pytest.approx(0.81, rel=1e-12)
+    assert cell_heat_w(-3.0, 0.05, 300.0, CELL) == pytest.approx(0.09, rel=1e-12)
+    assert cell_heat_w(0.0, 0.05, 300.0, CELL) == 0.0
+
+
+def test_rate_by_hand() -> None:
+    # (0.81 + 0.4901 (298 - 300)) / 45 = (0.81 - 0.9802) / 45
+    assert cell_temperature_rate_k_s(0.81, 300.0, 298.0, CELL, COOLING) == pytest.approx(
+        -0.1702 / 45.0, rel=1e-11
+    )
+    assert cell_temperature_rate_k_s(0.0, 300.0, 300.0, CELL, COOLING) == 0.0
+    # without coolant contact in temperature, 45 W warm a cell by 1 K/s
+    assert cell_temperature_rate_k_s(45.0, 300.0, 300.0, CELL, COOLING) == 1.0
+
+
+@given(
+    current=st.floats(-5.0, 10.0),
+    resistance=st.floats(0.02, 0.08),
+    temperature=st.floats(298.15, 313.15),
+)
+def test_the_heat_of_all_cells_is_what_the_pack_loses(
+    current: float, resistance: float, temperature: float
+) -> None:
+    """96 x 38 cell heats close the pack's balance E I = P_b + heat."""
+    heat = 96 * 38 * cell_heat_w(current, resistance, temperature, CELL)
+    pack_current = 38 * current
+    terminal = 380.0 * pack_current - heat
+    found = pack_current_a(terminal, pack_resistance_ohm(resistance, PACK), temperature, CELL, PACK)
+    assert found == pytest.approx(pack_current, rel=1e-12, abs=1e-10)
 
 
 def rate(current: float, temperature: float, loss: float, width: float = 0.0) -> float:
@@ -69,42 +125,6 @@ def test_the_rate_is_the_slope_of_the_closed_form(
     )
 
 
-@pytest.mark.parametrize(
-    ("current", "temperature", "hours"), [(5.019, 303.15, 50.0), (-2.0, 313.15, 200.0)]
-)
-def test_the_increments_add_up_to_the_closed_form(
-    current: float, temperature: float, hours: float
-) -> None:
-    """Constant current and temperature, from the initial loss on, by fourth-order steps."""
-    c_rate, steps = abs(current) / 5.019, 400
-    start_ah = throughput_ah(0.001, temperature, c_rate)
-    moved_ah = abs(current) * hours
-    expected = closed_form_loss(start_ah + moved_ah, temperature, c_rate)
-    loss, step_s = 0.001, 3600.0 * hours / steps
-    for _ in range(steps):
-        k_1 = rate(current, temperature, loss)
-        k_2 = rate(current, temperature, loss + 0.5 * step_s * k_1)
-        k_3 = rate(current, temperature, loss + 0.5 * step_s * k_2)
-        k_4 = rate(current, temperature, loss + step_s * k_3)
-        loss += step_s * (k_1 + 2.0 * k_2 + 2.0 * k_3 + k_4) / 6.0
-    assert loss - 0.001 == pytest.approx(expected - 0.001, rel=1e-8)
-    assert loss > 1.1 * 0.001  # the loss itself has moved, so its own exponent was exercised
-
-
-@given(current=CURRENTS, temperature=TEMPERATURES)
-def test_one_second_needs_no_finer_step(current: float, temperature: float) -> None:
-    """One explicit step of 1 s is the closed form to 1e-5 of the increment."""
-    c_rate = current / 5.019
-    start_ah = throughput_ah(0.001, temperature, c_rate)
-    # d ln(rate) / dt is (z - 1) / A_h * |I| / 3600: half of it is the error of one explicit step
-    error = 0.5 * 0.176 * current / 3600.0 / start_ah
-    exact_increment = 0.001 * math.expm1(0.824 * math.log1p(current / 3600.0 / start_ah))
-    assert rate(current, temperature, 0.001) == pytest.approx(
-        exact_increment, rel=1.1 * error + 1e-10
-    )
-    assert error < 1e-5
-
-
 @given(current=st.floats(-15.0, 15.0), temperature=TEMPERATURES, loss=st.floats(1e-4, 0.3))
 def test_ageing_never_reverses_and_slows_with_age(
     current: float, temperature: float, loss: float
@@ -124,12 +144,6 @@ def test_sensitivities_of_the_printed_constants() -> None:
     assert math.log(two_c / one_c / 2.0) == pytest.approx(0.73, abs=0.01)
 
 
-def test_a_linear_law_forgets_its_age() -> None:
-    linear = replace(AGING, throughput_exponent=1.0)
-    rates = {capacity_loss_rate_1_s(3.0, 300.0, loss, linear, CELL) for loss in (0.001, 0.01, 0.1)}
-    assert len(rates) == 1
-
-
 @given(current=st.floats(-15.0, 15.0), temperature=TEMPERATURES, width=st.floats(0.001, 0.1))
 def test_the_smoothed_rate_errs_by_a_known_amount(
     current: float, temperature: float, width: float
@@ -143,26 +157,3 @@ def test_the_smoothed_rate_errs_by_a_known_amount(
     error = rate(current, temperature, 0.001, width) - exact
     bound = rate(abs(current) + excess, temperature, 0.001) - exact
     assert -1e-12 * exact <= error <= bound + 1e-12 * (exact + bound)
-
-
-def test_the_error_of_the_width_in_use_is_small_where_it_counts() -> None:
-    """0.05 A: above 0.5 A of cell current (0.1C) the smoothed rate is within 0.6 %, above 2 A 0.05 %."""
-    for temperature in (298.15, 313.15):
-        for current, relative in ((0.5, 6e-3), (2.0, 5e-4), (10.0, 5e-5)):
-            exact = rate(current, temperature, 0.001)
-            assert 0.0 < rate(current, temperature, 0.001, 0.05) / exact - 1.0 < relative
-
-
-def test_all_backends_agree(parameters: ModelParameters, agree_in_all_backends: Agree) -> None:
-    random = np.random.default_rng(10)
-    current = np.append(random.uniform(-15.0, 15.0, 40), 0.0)
-    temperature, loss = random.uniform(298.0, 313.0, 41), random.uniform(1e-3, 0.2, 41)
-    for width in (0.0, 0.05):
-        agree_in_all_backends(
-            lambda i, t, q, width=width: capacity_loss_rate_1_s(
-                i, t, q, parameters.aging, parameters.cell, current_smoothing_a=width
-            ),
-            current,
-            temperature,
-            loss,
-        )

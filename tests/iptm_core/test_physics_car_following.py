@@ -1,10 +1,14 @@
-"""Braking within the jerk limit, against a simulation in small steps."""
+"""Permitted gaps, and braking within the jerk limit against a simulation in small steps."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
@@ -19,12 +23,48 @@ from iptm_core.routes import CYCLE_NAMES
 from iptm_core.routes.cycles import load_cycle
 from iptm_core.state import FloatArray
 
+Agree = Callable[..., None]
+VALUES = load_parameters().values
+SPEEDS = st.floats(0.0, 37.5)
+
+
+def gap(speed: float, leader_speed: float) -> float:
+    value: float = minimum_gap_m(speed, leader_speed, VALUES.gap, VALUES.limits)
+    return value
+
+
+def test_by_hand() -> None:
+    # s_st + v T_h + v (v - v_PV) / (2 sqrt(2 * 2)) = 5 + 1.5 v + v (v - v_PV) / 4
+    assert gap(0.0, 0.0) == 5.0
+    assert gap(0.0, 30.0) == 5.0
+    assert gap(20.0, 20.0) == 35.0
+    assert gap(20.0, 10.0) == pytest.approx(35.0 + 50.0, rel=1e-12)
+    assert gap(20.0, 0.0) == pytest.approx(35.0 + 100.0, rel=1e-12)
+    assert gap(20.0, 25.0) == pytest.approx(35.0 - 25.0, rel=1e-12)
+
+
+@given(speed=SPEEDS, leader=SPEEDS)
+def test_the_gap_shrinks_with_the_leaders_speed(speed: float, leader: float) -> None:
+    assert gap(speed, leader + 1.0) <= gap(speed, leader)
+    assert gap(speed, speed) == pytest.approx(5.0 + 1.5 * speed, rel=1e-12)
+
+
+@given(speed=SPEEDS, leader=SPEEDS)
+def test_approaching_needs_more_than_the_headway_gap(speed: float, leader: float) -> None:
+    beyond_headway = gap(speed, leader) - (5.0 + 1.5 * speed)
+    assert beyond_headway * (speed - leader) >= -1e-9
+
+
+def test_all_backends_agree(parameters: ModelParameters, agree_in_all_backends: Agree) -> None:
+    random = np.random.default_rng(11)
+    agree_in_all_backends(
+        lambda v, leader: minimum_gap_m(v, leader, parameters.gap, parameters.limits),
+        random.uniform(0.0, 37.5, 40),
+        random.uniform(0.0, 37.5, 40),
+    )
+
+
 STEP_S = 0.01
-
-
-@pytest.fixture(scope="module")
-def parameters() -> ModelParameters:
-    return load_parameters().values
 
 
 def travelled_m(speeds: FloatArray) -> FloatArray:
@@ -54,11 +94,6 @@ def test_build_up_by_hand(parameters: ModelParameters) -> None:
     assert build_up.duration_s == pytest.approx(4.0)
     assert build_up.end_speed_m_s == pytest.approx(16.0)
     assert build_up.distance_m == pytest.approx(80.0 - 0.5 * 4.0**3 / 6.0)
-
-
-def test_no_build_up_at_full_braking(parameters: ModelParameters) -> None:
-    build_up = brake_build_up(20.0, -2.0, parameters.limits)
-    assert (build_up.duration_s, build_up.distance_m, build_up.end_speed_m_s) == (0.0, 0.0, 20.0)
 
 
 def test_stopping_distance_by_hand(parameters: ModelParameters) -> None:
