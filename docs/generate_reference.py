@@ -19,7 +19,7 @@ from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
 from iptm_controller.production import ProductionSettings
 from iptm_controller.solvers.interface import STATUS_TEXT
-from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
+from iptm_controller.strategy import COST_TERMS, DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
@@ -125,21 +125,15 @@ def node_file(node: str) -> str:
 
 def strategies_page() -> str:
     """The strategies and the solver outcomes."""
-    heads = (
-        "strategy",
-        "Q of J1, 1/(m/s)^2",
-        "R of J2, 1/K^2",
-        "lambda_P of J3, 1/J",
-        "lambda_Q of J4",
-        "cost to go",
-    )
+    heads = ("strategy", "weights", "cost to go")
     rows = (
         (
             f"`{s.name}`",
-            f"{s.speed_weight:g}",
-            f"{s.temperature_weight:g}",
-            f"{s.energy_weight_1_j:g}",
-            f"{s.aging_weight:g}",
+            ", ".join(
+                f"{COST_TERMS[key].symbol} = {weight:g}"
+                for key, weight in s.weights.items()
+                if weight
+            ),
             "yes" if s.cost_to_go else "no",
         )
         for s in STRATEGIES.values()
@@ -151,9 +145,10 @@ def strategies_page() -> str:
     )
     outcomes = ((status.value, status.name, text) for status, text in STATUS_TEXT.items())
     return (
-        f"# Strategies and outcomes\n\n{NOTICE}Weights of the cost terms; zero leaves a term out. The "
-        f"default is `{DEFAULT_STRATEGY}`. Its [cost to go]({COST_TO_GO}) "
-        "prices the cell temperatures at the end of the horizon and has no weight.\n\n"
+        f"# Strategies and outcomes\n\n{NOTICE}Weights of the cost terms, zero where none is given; "
+        "the [parameters of the controller](nodes.md#controller) state terms and units. The default is "
+        f"`{DEFAULT_STRATEGY}`. Its [cost to go]({COST_TO_GO}) prices the cell temperatures at the end of "
+        "the horizon and has no weight.\n\n"
         + table(heads, rows)
         + "\n## What cars have today\n\n`production` optimises nothing and uses no preview, to compare with: "
         f"{PRODUCTION}\n\n"

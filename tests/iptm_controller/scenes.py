@@ -205,7 +205,7 @@ def run_stage(
         (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,
         np.array([acceleration_m_s2, compressor_power_w, *slacks]) / layout.INPUT_SCALE,
         step_parameters,
-        [*losses, *weights, REFERENCE_TEMPERATURE_K, *prices, lowest_k, thermal_energy_price_1_j],
+        [*losses, REFERENCE_TEMPERATURE_K, *prices, lowest_k, thermal_energy_price_1_j, *weights],
     )
     following = following.full().ravel() * layout.STATE_SCALE + layout.STATE_OFFSET
     following[0] += state.position_m

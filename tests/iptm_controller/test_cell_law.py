@@ -11,10 +11,10 @@ from tests.iptm_controller.scenes import PARAMETERS, make_state
 
 from iptm_controller.cell_law import (
     CELLS,
+    COST_SCALE,
     CellLawValuation,
     cyclic_parameters,
     energy_price_1_j,
-    in_order_one,
 )
 from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
@@ -26,6 +26,7 @@ from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.thermal_loop import cooling_supply, most_efficient_cooling
 from iptm_core.state import VehicleState
 
+STRATEGY = STRATEGIES[DEFAULT_STRATEGY].scaled(COST_SCALE)
 STEADY = PredictedLeaderMotion(np.array([0.0]), np.array([0.0]), np.array([25.0]))
 HOT = AgingSettings(parking_air_k=308.75, year_air_k=297.6, year_air_swing_k=11.2)
 AMBIENT_K = 298.15
@@ -37,12 +38,11 @@ def valued(
 ) -> tuple[TemperatureValue, float]:
     """Return the value at a state and the price of a kelvin in capacity."""
     price_1_j = energy_price_1_j(use, PARAMETERS)
-    strategy = in_order_one(STRATEGIES[DEFAULT_STRATEGY])
     aging = ParkedAging(LAWS[law], use, AMBIENT_K)
-    valuation = CellLawValuation(aging, strategy, price_1_j, PARAMETERS, 28.0, trip_s)
+    valuation = CellLawValuation(aging, STRATEGY, price_1_j, PARAMETERS, 28.0, trip_s)
     value = valuation.value(state, STEADY)
     cost = value.cell_1_marginal_cost_1_k + value.cell_n_marginal_cost_1_k
-    return value, cost / (CELLS * strategy.aging_weight)
+    return value, cost / (CELLS * STRATEGY.aging_weight)
 
 
 def warm(kelvin: float, time_s: float = 0.0) -> VehicleState:
@@ -92,12 +92,11 @@ def test_the_parabola_has_the_slope_of_the_calendar_loss(name: str) -> None:
     """J2 of both cells against the loss of both, over the kelvin that a horizon changes: within 1 %."""
     value, _ = valued(name, warm(308.15))
     weight, reference_k = value.temperature_weight_1_k2_s, value.reference_temperature_k
-    strategy = in_order_one(STRATEGIES[DEFAULT_STRATEGY])
     aging = ParkedAging(LAWS[name], HOT, AMBIENT_K)
     for step_k in (-1.0, 1.0):
         parabola = weight * ((308.15 + step_k - reference_k) ** 2 - (308.15 - reference_k) ** 2)
         lost = aging.calendar_1_s(308.15 + step_k, 0.8)[0] - aging.calendar_1_s(308.15, 0.8)[0]
-        assert parabola == pytest.approx(strategy.aging_weight * lost, rel=0.01)
+        assert parabola == pytest.approx(STRATEGY.aging_weight * lost, rel=0.01)
 
 
 def test_energy_costs_its_share_of_a_battery_by_hand() -> None:
@@ -111,7 +110,7 @@ def test_energy_costs_its_share_of_a_battery_by_hand() -> None:
 def test_the_energy_of_the_compressor_has_the_unit_of_the_cost() -> None:
     """A joule costs as much as the capacity that it is worth, lost by both cells."""
     value, _ = valued("nca", warm(308.15))
-    weight = in_order_one(STRATEGIES[DEFAULT_STRATEGY]).aging_weight
+    weight = STRATEGY.aging_weight
     expected = CELLS * weight * energy_price_1_j(HOT, PARAMETERS)
     assert value.thermal_energy_price_1_j == pytest.approx(expected)
 

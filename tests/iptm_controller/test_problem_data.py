@@ -62,20 +62,15 @@ def test_globals(steady: PredictedLeaderMotion) -> None:
     expected = {
         GlobalIndex.CELL_1_LOSS: 2e-3,
         GlobalIndex.CELL_N_LOSS: 3e-3,
-        GlobalIndex.SPEED_WEIGHT: 0.5,
-        GlobalIndex.TEMPERATURE_WEIGHT: 0.1,
-        GlobalIndex.ENERGY_WEIGHT: 1e-4,
-        GlobalIndex.AGING_WEIGHT: 1e8,
         GlobalIndex.REFERENCE_TEMPERATURE: 299.15,
-        GlobalIndex.CELL_1_PRICE: 0.0,
-        GlobalIndex.CELL_N_PRICE: 0.0,
-        GlobalIndex.COMPRESSOR_PRICE: 0.0,
         GlobalIndex.LOWEST_TEMPERATURE: 298.25,
-        GlobalIndex.THERMAL_ENERGY_PRICE: 0.0,
+        layout.WEIGHTS["speed_weight"]: 0.5,
+        layout.WEIGHTS["temperature_weight"]: 0.1,
+        layout.WEIGHTS["energy_weight_1_j"]: 1e-4,
+        layout.WEIGHTS["aging_weight"]: 1e8,
     }
-    assert len(expected) == layout.GLOBALS
-    for index, value in expected.items():
-        assert data.parameters[index] == value
+    for index in range(layout.GLOBALS):
+        assert data.parameters[index] == expected.get(index, 0.0)
 
 
 def test_initial_state_is_scaled_and_starts_at_position_zero(steady: PredictedLeaderMotion) -> None:

@@ -44,7 +44,7 @@ def run_step(
     samples[:, 0], samples[:, 1] = traction_w, 20.0
     shared = np.zeros(layout.GLOBALS)
     shared[[GlobalIndex.CELL_1_LOSS, GlobalIndex.CELL_N_LOSS]] = 1e-3
-    shared[GlobalIndex.AGING_WEIGHT] = AGING_WEIGHT
+    shared[layout.WEIGHTS["aging_weight"]] = AGING_WEIGHT
     shared[GlobalIndex.REFERENCE_TEMPERATURE] = 299.15
     own = np.zeros(layout.STEP_PARAMETERS)
     own[StepIndex.COMPRESSOR_INTERVAL] = step_s

@@ -25,8 +25,9 @@ from iptm_core.state import FloatArray, VehicleState
 
 CELLS = 2.0
 """The cost counts the loss of the first and of the last cell."""
-_SCALE = 0.02
-"""Scale of the cost: a kelvin costs two orders of magnitude more than under the paper's law."""
+COST_SCALE = 0.02
+"""Scale of the cost that makes it of order one: a kelvin costs two orders of magnitude more than under the
+paper's law. No optimum moves."""
 _J_PER_KWH = 3.6e6
 _WH_PER_KWH = 1000.0
 _TABLE_K: FloatArray = np.linspace(233.0, 353.0, 241, dtype=np.float64)
@@ -62,17 +63,6 @@ def energy_price_1_j(use: AgingSettings, model: ModelParameters) -> float:
     pack_wh = pack.open_circuit_voltage_v * model.cell.nominal_capacity_ah * pack.parallel
     battery_eur = use.battery_eur_kwh * pack_wh / _WH_PER_KWH
     return use.electricity_eur_kwh / _J_PER_KWH * END_OF_LIFE_LOSS / battery_eur
-
-
-def in_order_one(strategy: Strategy) -> Strategy:
-    """Return a strategy whose cost is of order one under the law of a cell; no optimum moves."""
-    return replace(
-        strategy,
-        speed_weight=_SCALE * strategy.speed_weight,
-        temperature_weight=_SCALE * strategy.temperature_weight,
-        energy_weight_1_j=_SCALE * strategy.energy_weight_1_j,
-        aging_weight=_SCALE * strategy.aging_weight,
-    )
 
 
 class CellLawValuation:

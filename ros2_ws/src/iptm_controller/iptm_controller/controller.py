@@ -14,10 +14,10 @@ from dataclasses import replace
 from iptm_controller.actuation import ActuationObserver
 from iptm_controller.cell_law import (
     CELLS,
+    COST_SCALE,
     CellLawValuation,
     cyclic_parameters,
     energy_price_1_j,
-    in_order_one,
 )
 from iptm_controller.charging_value import ChargingValuation
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
@@ -114,7 +114,7 @@ class Controller:
         charges, weighs_aging = self.options.charges, strategy.aging_weight > 0.0
         price_1_j = 0.0
         if weighs_aging and (self._parked or (charges and not strategy.energy_weight_1_j)):
-            strategy = in_order_one(strategy)
+            strategy = strategy.scaled(COST_SCALE)
             price_1_j = energy_price_1_j(self.options.aging, self._model)
         if self._parked is not None and weighs_aging:
             self._valuation = CellLawValuation(

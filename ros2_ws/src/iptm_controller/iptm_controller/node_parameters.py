@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, make_dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from iptm_controller.controller import Controller
 from iptm_controller.estimator import NoiseSettings
@@ -15,23 +16,51 @@ from iptm_controller.node_watch import WarningSettings
 from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.solvers.interface import SolverOptions
-from iptm_controller.strategy import Strategy, strategy_by_name
+from iptm_controller.strategy import COST_TERMS, MAX_WEIGHT, Strategy, strategy_by_name
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.charging_stop import ChargingStopSettings
-from iptm_core.declaration import Scalar, parameter, plain
+from iptm_core.declaration import Scalar, Settings, parameter, plain
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import FrameSettings, ModelSettings, SamplingSettings
 
 FROM_STRATEGY = -1.0
 CONTROLLER_STATE = "controller"
 _OF_A_STATE = ("horizon", "parameter_set", "parameter_overrides", "period_s")
-WEIGHTS = ("speed_weight", "temperature_weight", "energy_weight", "aging_weight")
+WEIGHTS = {term.parameter: field for field, term in COST_TERMS.items()}
+"""Fields of `Strategy` by the parameter that sets them."""
 CHANGEABLE = ("strategy", "horizon", *WEIGHTS, "deadline_ms")
 """Parameters that may be set while the node runs."""
+
+if TYPE_CHECKING:
+
+    class _WeightSettings(Settings):
+        """One parameter for the weight of every cost term."""
+
+else:
+    _WeightSettings = make_dataclass(
+        "_WeightSettings",
+        [
+            (
+                term.parameter,
+                "float",
+                parameter(
+                    FROM_STRATEGY,
+                    f"{term.symbol}, weight of {term.name}: {term.meaning}; -1 takes that of the strategy",
+                    term.unit,
+                    -1.0,
+                    MAX_WEIGHT,
+                ),
+            )
+            for term in COST_TERMS.values()
+        ],
+        bases=(Settings,),
+        frozen=True,
+    )
 
 
 @dataclass(frozen=True)
 class ControllerNodeParameters(
+    _WeightSettings,
     FrameSettings,
     NoiseSettings,
     WarningSettings,
@@ -44,18 +73,6 @@ class ControllerNodeParameters(
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
-    speed_weight: float = parameter(
-        FROM_STRATEGY, "Q of J1, -1 takes that of the strategy", "1/(m/s)^2", -1.0, 1e15
-    )
-    temperature_weight: float = parameter(
-        FROM_STRATEGY, "R of J2, -1 takes that of the strategy", "1/K^2", -1.0, 1e15
-    )
-    energy_weight: float = parameter(
-        FROM_STRATEGY, "lambda_P of J3, -1 takes that of the strategy", "1/J", -1.0, 1e15
-    )
-    aging_weight: float = parameter(
-        FROM_STRATEGY, "lambda_Q of J4, -1 takes that of the strategy", "", -1.0, 1e15
-    )
     deadline_ms: float = parameter(
         0.0,
         "wall time of one solve at most, 0 for none; runs with a deadline are not exactly repeatable",
@@ -155,15 +172,6 @@ class ControllerNodeParameters(
         return Controller(self.model().values, self.controller_options())
 
     def _strategy(self) -> Strategy:
-        base = strategy_by_name(self.strategy)
-
-        def chosen(given: float, of_strategy: float) -> float:
-            return of_strategy if given == FROM_STRATEGY else given
-
-        return replace(
-            base,
-            speed_weight=chosen(self.speed_weight, base.speed_weight),
-            temperature_weight=chosen(self.temperature_weight, base.temperature_weight),
-            energy_weight_1_j=chosen(self.energy_weight, base.energy_weight_1_j),
-            aging_weight=chosen(self.aging_weight, base.aging_weight),
-        )
+        given = {weight: getattr(self, name) for name, weight in WEIGHTS.items()}
+        chosen = {weight: value for weight, value in given.items() if value != FROM_STRATEGY}
+        return replace(strategy_by_name(self.strategy), **chosen)

@@ -1,7 +1,7 @@
 """Control strategies as data: which of the cost terms count, and with which weight.
 
-J1 to J4 are the paper's; the cost to go of the temperatures is what comes after the horizon.
-
+The terms J1 to J4 are the paper's. Each is declared once, by the field of `Strategy` that holds its weight;
+the optimal control problem, the parameters of the node and all tables of weights are made from `COST_TERMS`.
 A weight of zero leaves a term out. Sums over the horizon are taken as integrals (each step counts with
 its length), so that a strategy means the same on every grid; on 1 s steps this is the printed sum.
 """
@@ -9,26 +9,71 @@ its length), so that a strategy means the same on every grid; on 1 s steps this 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 from iptm_core.errors import ParameterError
+from iptm_core.physics.ops import Scalar
+from iptm_core.physics.power_thermal import PowerThermalRates
 
 REFERENCE_TEMPERATURE_K = 299.15  # r_T = 26 degC
 SPEED_WEIGHT = 0.5  # Q
 TEMPERATURE_WEIGHT = 0.1  # R
 DEFAULT_STRATEGY = "aging_cost_to_go"
+MAX_WEIGHT = 1e15
+
+
+@dataclass(frozen=True)
+class CostPoint:
+    """What the cost depends on at one instant: powers and rates, and deviations from the references.
+
+    Attributes:
+        rates: powers, currents and rates of change of the vehicle model.
+        speed_error_m_s: speed less its reference.
+        cell_1_error_k: temperature of cell 1 less its reference.
+        cell_n_error_k: the same of cell N.
+    """
+
+    rates: PowerThermalRates
+    speed_error_m_s: Scalar
+    cell_1_error_k: Scalar
+    cell_n_error_k: Scalar
+
+
+@dataclass(frozen=True)
+class CostTerm:
+    """One term of the cost (paper eq. 17).
+
+    Attributes:
+        name: as in the paper.
+        meaning: what is weighed.
+        symbol: of its weight.
+        unit: of its weight; empty for none.
+        parameter: of the controller node that sets the weight.
+        typical_1_s: cost per second with a weight of 1 in ordinary driving.
+        rate: cost per second from the weight and the instant; linear in the weight.
+    """
+
+    name: str
+    meaning: str
+    symbol: str
+    unit: str
+    parameter: str
+    typical_1_s: float
+    rate: Callable[[Scalar, CostPoint], Scalar]
+
+
+def _weight(*term: Any) -> Any:
+    return field(default=0.0, metadata={"term": CostTerm(*term)})
 
 
 @dataclass(frozen=True)
 class Strategy:
-    """Weights of the four cost terms (paper eq. 17).
+    """Weights of the cost terms, each a field of its own; see the parameters of the controller node.
 
     Attributes:
         name: short name, as used in parameters and tables.
-        speed_weight: Q of J1, deviation from the leader's recent mean speed, 1/(m/s)^2.
-        temperature_weight: R of J2, deviation of both cells from the reference, 1/K^2.
-        energy_weight_1_j: lambda_P of J3, energy at the battery terminals.
-        aging_weight: lambda_Q of J4, capacity loss of both cells.
         reference_temperature_k: r_T of J2.
         cost_to_go: price the cell temperatures at the end of the horizon by the aging that follows, see
             ``TemperatureValue``; there is nothing to weigh.
@@ -36,35 +81,51 @@ class Strategy:
     """
 
     name: str
-    speed_weight: float = 0.0
-    temperature_weight: float = 0.0
-    energy_weight_1_j: float = 0.0
-    aging_weight: float = 0.0
+    # fmt: off
+    speed_weight: float = _weight(
+        "J1", "deviation from the leader's recent mean speed", "Q", "1/(m/s)^2", "speed_weight", 5.0**2,
+        lambda weight, at: weight * at.speed_error_m_s * at.speed_error_m_s)
+    temperature_weight: float = _weight(
+        "J2", "deviation of both cells from the reference", "R", "1/K^2", "temperature_weight", 2.0 * 5.0**2,
+        lambda weight, at: weight * (
+            at.cell_1_error_k * at.cell_1_error_k + at.cell_n_error_k * at.cell_n_error_k))
+    energy_weight_1_j: float = _weight(
+        "J3", "energy at the battery terminals", "lambda_P", "1/J", "energy_weight", 20e3,
+        lambda weight, at: weight * at.rates.battery_power_w)
+    aging_weight: float = _weight(
+        "J4", "capacity loss of both cells", "lambda_Q", "", "aging_weight", 1e-9,
+        lambda weight, at: weight * (
+            at.rates.cell_1_capacity_loss_rate_1_s + at.rates.cell_n_capacity_loss_rate_1_s))
+    # fmt: on
     reference_temperature_k: float = REFERENCE_TEMPERATURE_K
     cost_to_go: bool = False
     is_rule_based: bool = False
 
     def __post_init__(self) -> None:
-        weights = {
-            "speed_weight": self.speed_weight,
-            "temperature_weight": self.temperature_weight,
-            "energy_weight_1_j": self.energy_weight_1_j,
-            "aging_weight": self.aging_weight,
-        }
-        for key, value in weights.items():
-            if not (math.isfinite(value) and 0.0 <= value <= 1e15):
+        for key, value in self.weights.items():
+            if not (math.isfinite(value) and 0.0 <= value <= MAX_WEIGHT):
                 raise ParameterError(
                     f"strategy '{self.name}': {key} is {value}; allowed: 0 to 1e15"
                 )
-        if self.is_rule_based:
-            if self.cost_to_go or any(value > 0.0 for value in weights.values()):
-                raise ParameterError(
-                    f"strategy '{self.name}' optimises nothing, but has a cost; allowed: weights of 0"
-                )
-        elif not any(value > 0.0 for value in weights.values()):
+        has_cost = any(value > 0.0 for value in self.weights.values())
+        if self.is_rule_based and (self.cost_to_go or has_cost):
+            raise ParameterError(
+                f"strategy '{self.name}' optimises nothing, but has a cost; allowed: weights of 0"
+            )
+        if not (self.is_rule_based or has_cost):
             raise ParameterError(
                 f"strategy '{self.name}' has no cost term: every weight is zero; allowed: one above 0"
             )
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """Weights of the terms by field, in the order of `COST_TERMS`."""
+        return {key: getattr(self, key) for key in COST_TERMS}
+
+    def scaled(self, factor: float) -> Strategy:
+        """Return the strategy with all weights multiplied by a factor."""
+        weights: dict[str, Any] = {key: factor * value for key, value in self.weights.items()}
+        return replace(self, **weights)
 
     @property
     def scale(self) -> float:
@@ -74,20 +135,18 @@ class Strategy:
         """
         if self.is_rule_based:
             return 1.0
-        typical_1_s = (
-            self.speed_weight * _TYPICAL_SPEED_ERROR_M_S**2
-            + self.temperature_weight * 2.0 * _TYPICAL_TEMPERATURE_ERROR_K**2
-            + self.energy_weight_1_j * _TYPICAL_POWER_W
-            + self.aging_weight * _TYPICAL_AGING_RATE_1_S
+        typical_1_s = sum(
+            COST_TERMS[key].typical_1_s * value for key, value in self.weights.items()
         )
         return min(1.0, _LARGEST_TYPICAL_COST_1_S / typical_1_s)
 
 
+COST_TERMS: Mapping[str, CostTerm] = {
+    entry.name: entry.metadata["term"] for entry in fields(Strategy) if "term" in entry.metadata
+}
+"""All terms by the field of `Strategy` that holds their weight."""
+
 _LARGEST_TYPICAL_COST_1_S = 50.0
-_TYPICAL_SPEED_ERROR_M_S = 5.0
-_TYPICAL_TEMPERATURE_ERROR_K = 5.0
-_TYPICAL_POWER_W = 20e3
-_TYPICAL_AGING_RATE_1_S = 1e-9  # both cells
 
 # With aging alone the weight only sets the scale of the cost; 1e9 makes it of order one per second.
 _AGING_ONLY_WEIGHT = 1e9

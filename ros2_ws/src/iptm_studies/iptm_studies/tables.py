@@ -7,7 +7,7 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from iptm_controller.strategy import Strategy
+from iptm_controller.strategy import COST_TERMS, Strategy
 from iptm_core.errors import StoreError
 from iptm_core.metrics import FIGURES, figure_values
 from iptm_studies.campaign import Campaign, CaseState
@@ -65,7 +65,7 @@ def table_text(states: Sequence[CaseState]) -> str:
 
 
 def _weights(strategy: Strategy) -> str:
-    return (
-        f"{strategy.name} Q={strategy.speed_weight:g} R={strategy.temperature_weight:g} "
-        f"lambda_P={strategy.energy_weight_1_j:g} lambda_Q={strategy.aging_weight:g}"
+    weights = strategy.weights.items()
+    return " ".join(
+        [strategy.name, *(f"{COST_TERMS[key].symbol}={value:g}" for key, value in weights)]
     )

@@ -10,7 +10,7 @@ import numpy as np
 from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
-from iptm_controller.ocp.layout import SampleIndex, StepIndex
+from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StateIndex, StepIndex
 from iptm_controller.ocp.stage import LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
@@ -155,7 +155,7 @@ class ProblemDataBuilder:
         samples[:, SampleIndex.LEADER_SPEED] = speeds[at_samples]
         if thermal_samples is not None:
             samples[grid.motion_samples :] = thermal_samples
-        parameters = grid.parameters(self._globals(state, value), steps, samples)
+        parameters = grid.parameters(self._shared(state, value), steps, samples)
         return ProblemData(self._scaled_state(state), parameters)
 
     def _watch_inside(
@@ -196,31 +196,31 @@ class ProblemDataBuilder:
                 end[StepIndex.LEADER_POSITION] = positions[tightest]
                 end[StepIndex.LEADER_SPEED] = speeds[tightest]
 
-    def _globals(self, state: VehicleState, value: TemperatureValue) -> list[float]:
+    def _shared(self, state: VehicleState, value: TemperatureValue) -> FloatArray:
+        """Return the parameters that all steps share, shape (GLOBALS,)."""
         strategy, scale = self._strategy, self._strategy.scale
-        weight, reference_k = strategy.temperature_weight, strategy.reference_temperature_k
+        weights, reference_k = strategy.weights, strategy.reference_temperature_k
         if value.temperature_weight_1_k2_s > 0.0:  # two parabolas are one, up to a constant
-            further = value.temperature_weight_1_k2_s
+            weight, further = weights["temperature_weight"], value.temperature_weight_1_k2_s
             both_k = weight * reference_k + further * value.reference_temperature_k
-            weight += further
-            reference_k = both_k / weight
+            weights["temperature_weight"] = weight + further
+            reference_k = both_k / (weight + further)
         compressor_price, lowest_k = self._lower_temperature_limit(state)
         if value.cell_1_marginal_cost_1_k + value.cell_n_marginal_cost_1_k < 0.0:
             lowest_k = 0.0  # warmth is welcome: nothing is planned to be cooled
-        return [
-            state.cell_1_capacity_loss,
-            state.cell_n_capacity_loss,
-            scale * strategy.speed_weight,
-            scale * weight,
-            scale * strategy.energy_weight_1_j,
-            scale * strategy.aging_weight,
-            reference_k,
-            scale * value.cell_1_marginal_cost_1_k,
-            scale * value.cell_n_marginal_cost_1_k,
-            compressor_price,
-            lowest_k,
-            scale * value.thermal_energy_price_1_j,
-        ]
+        own = {
+            GlobalIndex.CELL_1_LOSS: state.cell_1_capacity_loss,
+            GlobalIndex.CELL_N_LOSS: state.cell_n_capacity_loss,
+            GlobalIndex.REFERENCE_TEMPERATURE: reference_k,
+            GlobalIndex.CELL_1_PRICE: scale * value.cell_1_marginal_cost_1_k,
+            GlobalIndex.CELL_N_PRICE: scale * value.cell_n_marginal_cost_1_k,
+            GlobalIndex.COMPRESSOR_PRICE: compressor_price,
+            GlobalIndex.LOWEST_TEMPERATURE: lowest_k,
+            GlobalIndex.THERMAL_ENERGY_PRICE: scale * value.thermal_energy_price_1_j,
+        }
+        return np.array(
+            [*layout.in_order(GlobalIndex, own), *(scale * weight for weight in weights.values())]
+        )
 
     def _lower_temperature_limit(self, state: VehicleState) -> tuple[float, float]:
         """Return the lower temperature limit as a reason not to cool, and never one to heat.
@@ -243,17 +243,16 @@ class ProblemDataBuilder:
 
     @staticmethod
     def _scaled_state(state: VehicleState) -> FloatArray:
-        physical = np.array(
-            [
-                0.0,
-                state.speed_m_s,
-                state.cell_1_temperature_k,
-                state.cell_n_temperature_k,
-                state.acceleration_m_s2,
-                state.compressor_power_w,
-            ]
-        )
-        scaled: FloatArray = (physical - layout.STATE_OFFSET) / layout.STATE_SCALE
+        physical = {
+            StateIndex.POSITION: 0.0,
+            StateIndex.SPEED: state.speed_m_s,
+            StateIndex.CELL_1_TEMPERATURE: state.cell_1_temperature_k,
+            StateIndex.CELL_N_TEMPERATURE: state.cell_n_temperature_k,
+            StateIndex.LAST_ACCELERATION: state.acceleration_m_s2,
+            StateIndex.LAST_COMPRESSOR_POWER: state.compressor_power_w,
+        }
+        unscaled = np.array(layout.in_order(StateIndex, physical))
+        scaled: FloatArray = (unscaled - layout.STATE_OFFSET) / layout.STATE_SCALE
         return scaled
 
 

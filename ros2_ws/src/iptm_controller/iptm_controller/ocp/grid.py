@@ -10,7 +10,6 @@ of another size only has to state it in its ``StageKind``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -132,13 +131,11 @@ class ProblemGrid:
         ]
         self._sample_slots = np.concatenate(first_samples)[:, None] + sampled
 
-    def parameters(
-        self, shared: Sequence[float] | FloatArray, steps: FloatArray, samples: FloatArray
-    ) -> FloatArray:
+    def parameters(self, shared: FloatArray, steps: FloatArray, samples: FloatArray) -> FloatArray:
         """Pack the parameter vector.
 
         Args:
-            shared: order of ``GlobalIndex``, shape (GLOBALS,).
+            shared: order of ``GlobalIndex``, then of the cost terms, shape (GLOBALS,).
             steps: order of ``StepIndex``, shape (N, STEP_PARAMETERS).
             samples: order of ``SampleIndex``, shape (samples, SAMPLE_PARAMETERS), at ``sample_times_s``.
         """

@@ -6,9 +6,15 @@ Positions are relative to the host at the present tick, temperatures relative to
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntEnum
+from typing import Any, TypeVar
 
 import numpy as np
+
+from iptm_controller.strategy import COST_TERMS
+
+Index = TypeVar("Index", bound=IntEnum)
 
 
 class StateIndex(IntEnum):
@@ -50,7 +56,7 @@ class LimitIndex(IntEnum):
 
 
 class GlobalIndex(IntEnum):
-    """Parameters shared by all steps of one problem.
+    """Parameters shared by all steps of one problem, ahead of the weights of the cost terms (`WEIGHTS`).
 
     The prices of a kelvin and of thermal energy are those of ``TemperatureValue``; that of running the
     compressor is zero unless the cells are at their lower temperature limit, to which cell 1 may be cooled.
@@ -58,16 +64,16 @@ class GlobalIndex(IntEnum):
 
     CELL_1_LOSS = 0
     CELL_N_LOSS = 1
-    SPEED_WEIGHT = 2
-    TEMPERATURE_WEIGHT = 3
-    ENERGY_WEIGHT = 4
-    AGING_WEIGHT = 5
-    REFERENCE_TEMPERATURE = 6
-    CELL_1_PRICE = 7
-    CELL_N_PRICE = 8
-    COMPRESSOR_PRICE = 9
-    LOWEST_TEMPERATURE = 10
-    THERMAL_ENERGY_PRICE = 11
+    REFERENCE_TEMPERATURE = 2
+    CELL_1_PRICE = 3
+    CELL_N_PRICE = 4
+    COMPRESSOR_PRICE = 5
+    LOWEST_TEMPERATURE = 6
+    THERMAL_ENERGY_PRICE = 7
+
+
+WEIGHTS = {key: len(GlobalIndex) + place for place, key in enumerate(COST_TERMS)}
+"""Places of the weights in the shared parameters, by field of `Strategy`."""
 
 
 class StepIndex(IntEnum):
@@ -112,7 +118,7 @@ class ThermalSampleIndex(IntEnum):
 STATES = len(StateIndex)
 INPUTS = len(InputIndex)
 LIMITS = len(LimitIndex)
-GLOBALS = len(GlobalIndex)
+GLOBALS = len(GlobalIndex) + len(WEIGHTS)
 STEP_PARAMETERS = len(StepIndex)
 SAMPLE_PARAMETERS = len(SampleIndex)
 SLACKS = INPUTS - InputIndex.GAP_SHORT
@@ -124,6 +130,11 @@ ROWS = STATES + LIMITS
 STATE_SCALE = np.array([10.0, 1.0, 1.0, 1.0, 1.0, 1000.0])
 STATE_OFFSET = np.array([0.0, 0.0, 303.15, 303.15, 0.0, 0.0])
 INPUT_SCALE = np.array([1.0, 1000.0, 1.0, 1.0, 1.0, 1.0])
+
+
+def in_order(index: type[Index], values: Mapping[Index, Any]) -> list[Any]:
+    """Return values in the order of their indices; each has to be there."""
+    return [values[each] for each in index]
 
 
 def step_parameter_count(samples: int) -> int:

@@ -10,13 +10,22 @@ off again within them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
 
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import quadrature
-from iptm_controller.ocp.layout import GlobalIndex, InputIndex, SampleIndex, StateIndex, StepIndex
+from iptm_controller.ocp.layout import (
+    GlobalIndex,
+    InputIndex,
+    LimitIndex,
+    SampleIndex,
+    StateIndex,
+    StepIndex,
+)
+from iptm_controller.strategy import COST_TERMS, CostPoint
 from iptm_core.parameters.model import LimitParameters, ModelParameters
 from iptm_core.physics.car_following import braking_reserve_m, maximum_gap_m, minimum_gap_m
 from iptm_core.physics.coolant import reduce_channel
@@ -107,45 +116,96 @@ def build_stage(
         smoothing: widths of the smoothed kinks of the model.
         penalties: prices of the soft limits.
     """
-    x, u, p, g, state, inputs = stage_symbols(samples)
-    step = _integrate(step_s, samples, smoothing, parameters, state, inputs, p, g)
+    symbols = StageSymbols.of(samples)
+    state, inputs = symbols.state, symbols.inputs
+    step = _integrate(step_s, samples, smoothing, parameters, symbols)
     acceleration = inputs[InputIndex.ACCELERATION]
-    power = inputs[InputIndex.COMPRESSOR_POWER]
-    next_state = ca.vertcat(
-        advance_position_m(state[0], state[1], acceleration, step_s),
-        advance_speed_m_s(state[1], acceleration, step_s),
-        step.cell_1_k,
-        step.cell_n_k,
-        acceleration,
-        power,
-    )
-    change_1_k = step.cell_1_k - state[StateIndex.CELL_1_TEMPERATURE]
-    change_n_k = step.cell_n_k - state[StateIndex.CELL_N_TEMPERATURE]
-    limits = _limits(parameters, state, inputs, next_state, step, p)
-    return StageExpressions(
-        state=x,
-        inputs=u,
-        step_parameters=p,
-        global_parameters=g,
-        next_state=(next_state - layout.STATE_OFFSET) / layout.STATE_SCALE,
-        cost=step.cost
-        + price_cost(step_s, change_1_k, change_n_k, power, g, parameters.limits, smoothing)
-        + cold_cost(step_s, step.cell_1_k, g)
-        + slack_cost(step_s, inputs, penalties),
-        limits=limits,
-    )
+    position, speed = state[StateIndex.POSITION], state[StateIndex.SPEED]
+    next_state = {
+        StateIndex.POSITION: advance_position_m(position, speed, acceleration, step_s),
+        StateIndex.SPEED: advance_speed_m_s(speed, acceleration, step_s),
+        StateIndex.CELL_1_TEMPERATURE: step.cell_1_k,
+        StateIndex.CELL_N_TEMPERATURE: step.cell_n_k,
+        StateIndex.LAST_ACCELERATION: acceleration,
+        StateIndex.LAST_COMPRESSOR_POWER: inputs[InputIndex.COMPRESSOR_POWER],
+    }
+    limits = _limits(parameters, symbols, next_state, step)
+    return symbols.stage(step_s, step.cost, next_state, limits, parameters, smoothing, penalties)
 
 
-def stage_symbols(samples: int) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Return the symbols x, u, p and g of a stage, and its states and inputs in physical units."""
-    x = ca.SX.sym("x", layout.STATES)
-    u = ca.SX.sym("u", layout.INPUTS)
-    p = ca.SX.sym("p", layout.step_parameter_count(samples))
-    g = ca.SX.sym("g", layout.GLOBALS)
-    return x, u, p, g, x * layout.STATE_SCALE + layout.STATE_OFFSET, u * layout.INPUT_SCALE
+@dataclass(frozen=True)
+class StageSymbols:
+    """Symbols of a stage in scaled units, and its states and inputs in physical ones.
+
+    Attributes:
+        x: states, shape (STATES,).
+        u: inputs, shape (INPUTS,).
+        p: parameters of the step.
+        g: parameters shared by all steps, shape (GLOBALS,).
+        state: states in physical units.
+        inputs: inputs in physical units.
+    """
+
+    x: ca.SX
+    u: ca.SX
+    p: ca.SX
+    g: ca.SX
+    state: ca.SX
+    inputs: ca.SX
+
+    @classmethod
+    def of(cls, samples: int) -> StageSymbols:
+        """Return the symbols of a stage with a number of samples."""
+        x, u = ca.SX.sym("x", layout.STATES), ca.SX.sym("u", layout.INPUTS)
+        p = ca.SX.sym("p", layout.step_parameter_count(samples))
+        g = ca.SX.sym("g", layout.GLOBALS)
+        state, inputs = x * layout.STATE_SCALE + layout.STATE_OFFSET, u * layout.INPUT_SCALE
+        return cls(x, u, p, g, state, inputs)
+
+    def stage(
+        self,
+        step_s: float,
+        cost: ca.SX,
+        next_state: Mapping[StateIndex, ca.SX],
+        limits: Mapping[LimitIndex, ca.SX],
+        parameters: ModelParameters,
+        smoothing: Smoothing,
+        penalties: PenaltyWeights,
+    ) -> StageExpressions:
+        """Return a stage: what it is given, and the costs that all stages have.
+
+        Args:
+            step_s: step length.
+            cost: running cost of the step.
+            next_state: physical units.
+            limits: rows of the limits.
+            parameters: vehicle, pack and limits.
+            smoothing: widths of the smoothed kinks of the model.
+            penalties: prices of the soft limits.
+        """
+        end_1_k = next_state[StateIndex.CELL_1_TEMPERATURE]
+        change_1_k = end_1_k - self.state[StateIndex.CELL_1_TEMPERATURE]
+        end_n_k = next_state[StateIndex.CELL_N_TEMPERATURE]
+        change_n_k = end_n_k - self.state[StateIndex.CELL_N_TEMPERATURE]
+        power = self.inputs[InputIndex.COMPRESSOR_POWER]
+        cost += _price_cost(
+            step_s, change_1_k, change_n_k, power, self.g, parameters.limits, smoothing
+        )
+        cost += _cold_cost(step_s, end_1_k, self.g)
+        cost += _slack_cost(step_s, self.inputs, penalties)
+        end = ca.vertcat(*layout.in_order(StateIndex, next_state))
+        return StageExpressions(
+            state=self.x,
+            inputs=self.u,
+            step_parameters=self.p,
+            global_parameters=self.g,
+            next_state=(end - layout.STATE_OFFSET) / layout.STATE_SCALE,
+            cost=cost,
+            limits=ca.vertcat(*layout.in_order(LimitIndex, limits)),
+        )
 
 
-def slack_cost(step_s: float, inputs: ca.SX, penalties: PenaltyWeights) -> ca.SX:
+def _slack_cost(step_s: float, inputs: ca.SX, penalties: PenaltyWeights) -> ca.SX:
     """Return what the slacks of a step cost."""
     rate: ca.SX = (
         penalties.gap_short_1_m * inputs[InputIndex.GAP_SHORT]
@@ -156,7 +216,7 @@ def slack_cost(step_s: float, inputs: ca.SX, penalties: PenaltyWeights) -> ca.SX
     return step_s * rate
 
 
-def price_cost(
+def _price_cost(
     step_s: float,
     change_1_k: ca.SX,
     change_n_k: ca.SX,
@@ -185,7 +245,7 @@ def price_cost(
     return cost
 
 
-def cold_cost(step_s: float, end_1_k: ca.SX, g: ca.SX) -> ca.SX:
+def _cold_cost(step_s: float, end_1_k: ca.SX, g: ca.SX) -> ca.SX:
     """Return what it costs to plan cell 1, which cooling reaches first, below its lowest temperature.
 
     Just enough that no cooling pays there: over a few seconds more than the marginal cost at the end of the
@@ -199,11 +259,33 @@ def cold_cost(step_s: float, end_1_k: ca.SX, g: ca.SX) -> ca.SX:
 
 
 def temperature_rows(
-    end_1_k: ca.SX, end_n_k: ca.SX, outlet_k: ca.SX, inputs: ca.SX, bounds: LimitParameters
-) -> list[ca.SX]:
-    """Return the rows CELL_1_MAX to OUTLET_MAX of a step (paper eqs. 16g to 16i)."""
+    next_state: Mapping[StateIndex, ca.SX],
+    outlet_k: ca.SX,
+    inputs: ca.SX,
+    bounds: LimitParameters,
+) -> dict[LimitIndex, ca.SX]:
+    """Return the rows that limit the temperatures at the end of a step (paper eqs. 16g to 16i)."""
     slack = inputs[InputIndex.TEMPERATURE_EXCESS]
-    return [bounds.max_temperature_k - each_k + slack for each_k in (end_1_k, end_n_k, outlet_k)]
+    temperatures_k = {
+        LimitIndex.CELL_1_MAX: next_state[StateIndex.CELL_1_TEMPERATURE],
+        LimitIndex.CELL_N_MAX: next_state[StateIndex.CELL_N_TEMPERATURE],
+        LimitIndex.OUTLET_MAX: outlet_k,
+    }
+    return {
+        row: bounds.max_temperature_k - each_k + slack for row, each_k in temperatures_k.items()
+    }
+
+
+def compressor_rate_row(symbols: StageSymbols, bounds: LimitParameters) -> ca.SX:
+    """Return the change of the compressor power relative to the largest one, from -1 to 1 (eq. 16c)."""
+    change = (
+        symbols.inputs[InputIndex.COMPRESSOR_POWER]
+        - symbols.state[StateIndex.LAST_COMPRESSOR_POWER]
+    )
+    row: ca.SX = change / (
+        bounds.max_compressor_rate_w_s * symbols.p[StepIndex.COMPRESSOR_INTERVAL]
+    )
+    return row
 
 
 @dataclass(frozen=True)
@@ -225,11 +307,9 @@ def _integrate(
     samples: int,
     smoothing: Smoothing,
     parameters: ModelParameters,
-    state: ca.SX,
-    inputs: ca.SX,
-    p: ca.SX,
-    g: ca.SX,
+    symbols: StageSymbols,
 ) -> _StepIntegrals:
+    state, inputs, p, g = symbols.state, symbols.inputs, symbols.p, symbols.g
     channel = reduce_channel(parameters.cooling, parameters.pack)
     nodes, weights = quadrature(samples)
     position, speed = state[StateIndex.POSITION], state[StateIndex.SPEED]
@@ -280,28 +360,21 @@ def _integrate(
 def cost_rate(
     rates: PowerThermalRates, speed_error: ca.SX, cell_1_k: ca.SX, cell_n_k: ca.SX, g: ca.SX
 ) -> ca.SX:
-    """Return J1 + J2 + J3 + J4 per second (paper eq. 17)."""
+    """Return the sum of all cost terms per second (paper eq. 17)."""
     reference_k = g[GlobalIndex.REFERENCE_TEMPERATURE]
-    error_1, error_n = cell_1_k - reference_k, cell_n_k - reference_k
-    aging = rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s
-    rate: ca.SX = (
-        g[GlobalIndex.SPEED_WEIGHT] * speed_error * speed_error
-        + g[GlobalIndex.TEMPERATURE_WEIGHT] * (error_1 * error_1 + error_n * error_n)
-        + g[GlobalIndex.ENERGY_WEIGHT] * rates.battery_power_w
-        + g[GlobalIndex.AGING_WEIGHT] * aging
-    )
+    at = CostPoint(rates, speed_error, cell_1_k - reference_k, cell_n_k - reference_k)
+    rate: ca.SX = sum(term.rate(g[layout.WEIGHTS[key]], at) for key, term in COST_TERMS.items())
     return rate
 
 
 def _limits(
     parameters: ModelParameters,
-    state: ca.SX,
-    inputs: ca.SX,
-    next_state: ca.SX,
+    symbols: StageSymbols,
+    next_state: Mapping[StateIndex, ca.SX],
     step: _StepIntegrals,
-    p: ca.SX,
-) -> ca.SX:
+) -> dict[LimitIndex, ca.SX]:
     """Return the inequality rows at the end of the step: paper eqs. 16b to 16i, and the braking reserve."""
+    state, inputs, p = symbols.state, symbols.inputs, symbols.p
     bounds, gap_policy = parameters.limits, parameters.gap
     speed = next_state[StateIndex.SPEED]
     gap = p[StepIndex.LEADER_POSITION] - next_state[StateIndex.POSITION]
@@ -317,27 +390,20 @@ def _limits(
     at_end = p[StepIndex.END_OF_PREVIEW]
     speed_slack = inputs[InputIndex.SPEED_EXCESS]
     acceleration_change = inputs[InputIndex.ACCELERATION] - state[StateIndex.LAST_ACCELERATION]
-    power_change = inputs[InputIndex.COMPRESSOR_POWER] - state[StateIndex.LAST_COMPRESSOR_POWER]
-    rows = [
-        acceleration_change / (bounds.max_jerk_m_s3 * p[StepIndex.ACCELERATION_INTERVAL]),
-        power_change / (bounds.max_compressor_rate_w_s * p[StepIndex.COMPRESSOR_INTERVAL]),
-        margin + inputs[InputIndex.GAP_SHORT],
+    largest_change = bounds.max_jerk_m_s3 * p[StepIndex.ACCELERATION_INTERVAL]
+    largest_gap = maximum_gap_m(speed, gap_policy, smoothing_m=GAP_SMOOTHING_M)
+    return {
+        LimitIndex.ACCELERATION_RATE: acceleration_change / largest_change,
+        LimitIndex.COMPRESSOR_RATE: compressor_rate_row(symbols, bounds),
+        LimitIndex.GAP_MIN: margin + inputs[InputIndex.GAP_SHORT],
         # The printed s_min turns negative while the leader pulls away; the gap must not.
-        floor + inputs[InputIndex.GAP_SHORT],
+        LimitIndex.GAP_FLOOR: floor + inputs[InputIndex.GAP_SHORT],
         # Asked for where the preview ends. At other nodes the row is a number that solvers need not heed.
-        at_end * reserve + (1.0 - at_end) * INACTIVE_ROW_M + inputs[InputIndex.GAP_SHORT],
-        maximum_gap_m(speed, gap_policy, smoothing_m=GAP_SMOOTHING_M)
-        - gap
-        + inputs[InputIndex.GAP_LONG],
-        speed - bounds.min_speed_m_s + speed_slack,
-        p[StepIndex.MAX_SPEED] - speed + speed_slack,
-        *temperature_rows(
-            next_state[StateIndex.CELL_1_TEMPERATURE],
-            next_state[StateIndex.CELL_N_TEMPERATURE],
-            step.outlet_k,
-            inputs,
-            bounds,
-        ),
-    ]
-    limits: ca.SX = ca.vertcat(*rows)
-    return limits
+        LimitIndex.GAP_BRAKING: at_end * reserve
+        + (1.0 - at_end) * INACTIVE_ROW_M
+        + inputs[InputIndex.GAP_SHORT],
+        LimitIndex.GAP_MAX: largest_gap - gap + inputs[InputIndex.GAP_LONG],
+        LimitIndex.SPEED_MIN: speed - bounds.min_speed_m_s + speed_slack,
+        LimitIndex.SPEED_MAX: p[StepIndex.MAX_SPEED] - speed + speed_slack,
+        **temperature_rows(next_state, step.outlet_k, inputs, bounds),
+    }

@@ -15,8 +15,8 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.layout import (
     GlobalIndex,
     InputIndex,
+    LimitIndex,
     StateIndex,
-    StepIndex,
     ThermalSampleIndex,
 )
 from iptm_controller.ocp.stage import (
@@ -25,11 +25,9 @@ from iptm_controller.ocp.stage import (
     INACTIVE_ROW_M,
     PenaltyWeights,
     StageExpressions,
-    cold_cost,
+    StageSymbols,
+    compressor_rate_row,
     cost_rate,
-    price_cost,
-    slack_cost,
-    stage_symbols,
     temperature_rows,
 )
 from iptm_core.parameters.model import ModelParameters
@@ -58,12 +56,13 @@ def build_thermal_stage(
         smoothing: widths of the smoothed kinks of the model.
         penalties: prices of the soft limits.
     """
-    x, u, p, g, state, inputs = stage_symbols(levels)
+    symbols = StageSymbols.of(levels)
+    state, inputs, g = symbols.state, symbols.inputs, symbols.g
     channel = reduce_channel(parameters.cooling, parameters.pack)
     power = inputs[InputIndex.COMPRESSOR_POWER]
     start_1 = state[StateIndex.CELL_1_TEMPERATURE]
     start_n = state[StateIndex.CELL_N_TEMPERATURE]
-    samples = ca.reshape(p[layout.STEP_PARAMETERS :], layout.SAMPLE_PARAMETERS, levels)
+    samples = ca.reshape(symbols.p[layout.STEP_PARAMETERS :], layout.SAMPLE_PARAMETERS, levels)
     traction = samples[ThermalSampleIndex.TRACTION_POWER, :]
     speed = ca.sum2(samples[ThermalSampleIndex.SPEED, :]) / levels
 
@@ -79,44 +78,30 @@ def build_thermal_stage(
     middle_n = start_n + 0.5 * step_s * first.cell_n_temperature_rate_k_s
     each = [rates(traction[level], middle_1, middle_n) for level in range(levels)]
     share_s = step_s / levels
-    end_1 = start_1 + share_s * sum(one.cell_1_temperature_rate_k_s for one in each)
-    end_n = start_n + share_s * sum(one.cell_n_temperature_rate_k_s for one in each)
     no_error = ca.SX(0.0)  # of the speed: the motion is not optimised
     cost = share_s * sum(cost_rate(one, no_error, middle_1, middle_n, g) for one in each)
     # The motion has no meaning here: its input is held at zero.
-    cost += 0.5 * step_s * u[InputIndex.ACCELERATION] ** 2
-    cost += price_cost(
-        step_s, end_1 - start_1, end_n - start_n, power, g, parameters.limits, smoothing
-    )
-    cost += cold_cost(step_s, end_1, g)
-    cost += slack_cost(step_s, inputs, penalties)
+    cost += 0.5 * step_s * symbols.u[InputIndex.ACCELERATION] ** 2
     acceleration = inputs[InputIndex.ACCELERATION]
-    next_state = ca.vertcat(
-        state[StateIndex.POSITION] + step_s * state[StateIndex.SPEED],
-        state[StateIndex.SPEED],
-        end_1,
-        end_n,
-        acceleration,
-        power,
-    )
+    next_state = {
+        StateIndex.POSITION: state[StateIndex.POSITION] + step_s * state[StateIndex.SPEED],
+        StateIndex.SPEED: state[StateIndex.SPEED],
+        StateIndex.CELL_1_TEMPERATURE: start_1
+        + share_s * sum(one.cell_1_temperature_rate_k_s for one in each),
+        StateIndex.CELL_N_TEMPERATURE: start_n
+        + share_s * sum(one.cell_n_temperature_rate_k_s for one in each),
+        StateIndex.LAST_ACCELERATION: acceleration,
+        StateIndex.LAST_COMPRESSOR_POWER: power,
+    }
     bounds = parameters.limits
-    change = power - state[StateIndex.LAST_COMPRESSOR_POWER]
-    short, far, fast = (
-        INACTIVE_ROW_M + inputs[index]
-        for index in (InputIndex.GAP_SHORT, InputIndex.GAP_LONG, InputIndex.SPEED_EXCESS)
-    )
-    rows = [
-        acceleration,
-        change / (bounds.max_compressor_rate_w_s * p[StepIndex.COMPRESSOR_INTERVAL]),
-        *(short, short, short, far, fast, fast),
-        *temperature_rows(end_1, end_n, each[-1].coolant.outlet_k, inputs, bounds),
-    ]
-    return StageExpressions(
-        state=x,
-        inputs=u,
-        step_parameters=p,
-        global_parameters=g,
-        next_state=(next_state - layout.STATE_OFFSET) / layout.STATE_SCALE,
-        cost=cost,
-        limits=ca.vertcat(*rows),
-    )
+    gap_rows = (LimitIndex.GAP_MIN, LimitIndex.GAP_FLOOR, LimitIndex.GAP_BRAKING)
+    speed_rows = (LimitIndex.SPEED_MIN, LimitIndex.SPEED_MAX)
+    limits = {
+        LimitIndex.ACCELERATION_RATE: acceleration,
+        LimitIndex.COMPRESSOR_RATE: compressor_rate_row(symbols, bounds),
+        **dict.fromkeys(gap_rows, INACTIVE_ROW_M + inputs[InputIndex.GAP_SHORT]),
+        LimitIndex.GAP_MAX: INACTIVE_ROW_M + inputs[InputIndex.GAP_LONG],
+        **dict.fromkeys(speed_rows, INACTIVE_ROW_M + inputs[InputIndex.SPEED_EXCESS]),
+        **temperature_rows(next_state, each[-1].coolant.outlet_k, inputs, bounds),
+    }
+    return symbols.stage(step_s, cost, next_state, limits, parameters, smoothing, penalties)

@@ -111,13 +111,7 @@ def formulation_table() -> Table:
 
 def _terms(name: str) -> tuple[int, ...]:
     """Return the numbers of the cost terms that a strategy has."""
-    strategy = COST_TERMS[name]
-    weights = (
-        strategy.speed_weight,
-        strategy.temperature_weight,
-        strategy.energy_weight_1_j,
-        strategy.aging_weight,
-    )
+    weights = COST_TERMS[name].weights.values()
     return tuple(number for number, weight in enumerate(weights, start=1) if weight > 0.0)
 
 
