@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from iptm_traffic.preparation import prepare_traffic
 
 from benchmarks.harness import formatted_table, run_benchmark
 from iptm_core.parameters import load_parameters
@@ -18,7 +19,6 @@ from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.state import FloatArray
 from iptm_traffic.drive import PredictionInput, TrafficDrive
-from iptm_traffic.preparation import prepare_traffic
 from iptm_v2x_bridge.messages.cam_codec import decode_datagram
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.knowledge import knowledge_of

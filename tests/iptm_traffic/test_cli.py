@@ -8,8 +8,8 @@ import pytest
 
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_traffic import cli
-from iptm_traffic.events import LineWatch
 from iptm_traffic.simulation import HostInstant
+from iptm_traffic.world import LineWatch
 from iptm_v2x_bridge.prediction.road_rules import GivenRules
 from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
 

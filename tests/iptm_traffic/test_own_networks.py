@@ -14,9 +14,9 @@ pytest.importorskip("sumo", reason="requirements/traffic.txt is not installed")
 from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_traffic import cli
-from iptm_traffic.closed_loop import drive_in_traffic
+from iptm_traffic.closed_loop import TrafficResult, drive_in_traffic
 from iptm_traffic.demand import HOST
-from iptm_traffic.drive import TrafficDrive, TrafficResult
+from iptm_traffic.drive import TrafficDrive
 from iptm_traffic.network import Network
 from iptm_traffic.own_network import OwnNetwork, build_own_network
 from iptm_traffic.right_of_way import RightOfWay

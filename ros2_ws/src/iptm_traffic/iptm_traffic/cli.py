@@ -21,10 +21,11 @@ from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number
-from iptm_traffic.closed_loop import drive_in_traffic
+from iptm_traffic.closed_loop import TrafficResult, drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficFacts, TrafficResult
+from iptm_traffic.drive import PredictionInput, TrafficDrive
 from iptm_traffic.own_network import DEPART_S, OwnNetwork
+from iptm_traffic.world import TrafficFacts
 
 PROGRAM = "traffic"
 OVER_ROS = "iptm_traffic.node_drive"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import tempfile
+import hashlib
 import time
 from collections import Counter
-from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,21 +16,20 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import Rung
-from iptm_core.metrics import compute_metrics
-from iptm_core.metrics.constraints import gap_margins_m
+from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
+from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
-from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficResult
-from iptm_traffic.preparation import prepare_traffic
+from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
 from iptm_traffic.radio import Rehearsed, TrafficRadio
 from iptm_traffic.right_of_way import RightOfWay
-from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS, RoadsideStations
+from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS
 from iptm_traffic.simulation import TrafficSimulation
-from iptm_traffic.world import SumoWorld
+from iptm_traffic.world import SumoWorld, TrafficFacts
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.history import History
@@ -46,31 +45,62 @@ DRIVER_FORESIGHT_S = 15.0
 """How far ahead the host looks at lines where their plan is not sent to it."""
 
 
-class _HeardTraffic:
-    """A bridge that hears, before each tick, what has been sent by then."""
+@dataclass(frozen=True, eq=False)
+class TrafficResult(TrafficFacts):
+    """A finished drive.
 
-    def __init__(self, radio: TrafficRadio, bridge: CamBridge) -> None:
-        self._radio, self._bridge = radio, bridge
+    Attributes:
+        drive: what was to be driven.
+        trajectory: what happened; without a car ahead, the leader is as far as it is looked for.
+        metrics: figures of the run.
+        largest_excess_m_s: largest speed above the limit.
+        predictors: ticks by the predictor in use.
+        fallback_ticks: ticks on which the controller had no solution to follow.
+        wall_time_s: wall time of the drive.
+        processor_s: processor time of the drive, SUMO's included.
+    """
 
-    def answer(
-        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
-    ) -> BridgeAnswer:
-        for sent_ns, datagram in self._radio.take():
-            self._bridge.receive(datagram, sent_ns)
-        return self._bridge.answer(time_ns, host_position_m, host_speed_m_s)
+    drive: TrafficDrive
+    trajectory: Trajectory
+    metrics: RunMetrics
+    largest_excess_m_s: float
+    predictors: dict[str, int]
+    fallback_ticks: int
+    wall_time_s: float
+    processor_s: float
+
+    @property
+    def times_real_time(self) -> float:
+        """Trip time over wall time."""
+        return self.drive.duration_s / self.wall_time_s
+
+    @property
+    def times_processor_time(self) -> float:
+        """Trip time over processor time, which is the wall time on a machine with nothing else to do."""
+        return self.drive.duration_s / self.processor_s
+
+    @property
+    def digest(self) -> str:
+        """Digest of the trajectory, to the last bit."""
+        digest = hashlib.sha256()
+        for values in self.trajectory.to_arrays().values():
+            digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+        return digest.hexdigest()
 
 
-class _Watched:
-    """A bridge that counts the predictors in use."""
+class _HostBridge:
+    """Takes in, before each tick, what has been sent by then, and counts the predictors in use."""
 
-    def __init__(self, inner: RulesOfTheRoad) -> None:
-        self._inner = inner
+    def __init__(self, radio: TrafficRadio, receiver: CamBridge, rules: RulesOfTheRoad) -> None:
+        self._radio, self._receiver, self._rules = radio, receiver, rules
         self.predictors: Counter[str] = Counter()
 
     def answer(
         self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
     ) -> BridgeAnswer:
-        answer = self._inner.answer(time_ns, host_position_m, host_speed_m_s)
+        for sent_ns, datagram in self._radio.take():
+            self._receiver.receive(datagram, sent_ns)
+        answer = self._rules.answer(time_ns, host_position_m, host_speed_m_s)
         self.predictors[answer.predictor or "none"] += 1
         return answer
 
@@ -78,7 +108,7 @@ class _Watched:
 def drive_in_traffic(
     drive: TrafficDrive, parameters: ModelParameters, fcd: Path | None = None
 ) -> TrafficResult:
-    """Drive.
+    """Simulate one drive in traffic and return its result.
 
     Args:
         drive: what is to be driven.
@@ -88,12 +118,8 @@ def drive_in_traffic(
     Raises:
         IptmError: SUMO is not installed or fails, or the strategy is not known.
     """
-    with tempfile.TemporaryDirectory(prefix="iptm_traffic_") as name:
-        made = prepare_traffic(drive, parameters, Path(name))
-        with closing(
-            TrafficSimulation(made.network, made.demand, drive.step_s, fcd=fcd)
-        ) as simulation:
-            return _closed_loop(drive, parameters, simulation, made.rehearsal)
+    with opened_traffic(drive, parameters, fcd) as (simulation, rehearsal):
+        return _closed_loop(drive, parameters, simulation, rehearsal)
 
 
 def _predictors(knowledge: PredictionInput, rules: RoadRules) -> tuple[Predictor, ...]:
@@ -102,15 +128,6 @@ def _predictors(knowledge: PredictionInput, rules: RoadRules) -> tuple[Predictor
     if knowledge is PredictionInput.SIGNALS:
         return BoundedByRules(History(), rules), History()
     return (History(),)
-
-
-def _options(drive: TrafficDrive) -> ControllerOptions:
-    is_default = drive.strategy == ControllerSettings.strategy
-    return ControllerOptions(
-        strategy=strategy_by_name(drive.strategy),
-        horizon=Horizon.parse(ControllerSettings.horizon) if is_default else SINGLE_HORIZON,
-        trip_duration_s=drive.duration_s,
-    )
 
 
 def _closed_loop(
@@ -122,33 +139,32 @@ def _closed_loop(
     network = simulation.network
     road_line, slope = network.road.road_line(), network.road.slope()
     preview = PreviewSettings()
-    heard = stations = None
-    if drive.signals_by_radio:
-        stations = RoadsideStations(network, road_line)
-        heard = HeardRules(RoadsideTable(road_line), GivenRules(read_limits(LIMITS_WITHOUT_SIGNS)))
-    radio = TrafficRadio(simulation, road_line, rehearsal, stations)
+    radio = TrafficRadio(simulation, road_line, rehearsal, with_roadside=drive.signals_by_radio)
     own = RightOfWay(simulation) if drive.own is not None else None
     for_host, for_leader = (own.host, own.leader) if own else (network.rules, network.rules)
-    if heard is not None:
+    heard = None
+    if drive.signals_by_radio:
+        heard = HeardRules(RoadsideTable(road_line), GivenRules(read_limits(LIMITS_WITHOUT_SIGNS)))
         for_host, for_leader = heard.host, heard.leader
-    bridge = CamBridge(
-        road_line,
-        preview,
-        predictors=_predictors(drive.knowledge, for_leader),
-        roadside=heard,
+    receiver = CamBridge(
+        road_line, preview, predictors=_predictors(drive.knowledge, for_leader), roadside=heard
     )
     knows_plan = drive.knowledge is PredictionInput.SIGNALS
     rules = RulesOfTheRoad(
-        _HeardTraffic(radio, bridge),
+        receiver,
         for_host,
         parameters,
         preview,
         foresight_s=preview.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,
     )
-    watched = _Watched(rules)
-    world = SumoWorld(drive.scenario, simulation, own)
-    plant = Plant(parameters, slope.slope_at)
-    controller = Controller(parameters, _options(drive))
+    bridge = _HostBridge(radio, receiver, rules)
+    world = SumoWorld(drive.scenario, simulation, parameters, own)
+    is_default = drive.strategy == ControllerSettings.strategy
+    options = ControllerOptions(
+        strategy=strategy_by_name(drive.strategy),
+        horizon=Horizon.parse(ControllerSettings.horizon) if is_default else SINGLE_HORIZON,
+        trip_duration_s=drive.duration_s,
+    )
     route = Route(
         f"traffic, {drive.title}",
         LeaderMotion(np.zeros(1), np.zeros(1), parameters.gap.initial_gap_m),
@@ -158,34 +174,21 @@ def _closed_loop(
         "SUMO",
         road_line,
     )
+    plant, controller = Plant(parameters, slope.slope_at), Controller(parameters, options)
     started, used = time.perf_counter(), time.process_time() + simulation.processor_s
-    run = run_closed_loop(route, plant, controller, bridge=watched, world=world)
-    ended = time.perf_counter()
+    run = run_closed_loop(route, plant, controller, bridge=bridge, world=world)
+    wall_time_s = time.perf_counter() - started
     processor_s = time.process_time() + simulation.processor_s - used
-    margins = gap_margins_m(run.trajectory, parameters)
-    records = run.decisions
-    metrics = compute_metrics(run.trajectory, parameters, records)
+    trip = run.trajectory
+    excess = trip.speed_m_s - network.limits.at_m_s(trip.position_m)
     return TrafficResult(
-        smallest_gap_m=metrics.gap.smallest_m,
-        smallest_margin_m=float(np.min(margins[world.ahead.counted], initial=np.inf)),
-        lines_passed=len(world.lines.passed),
-        lines_passed_closed=world.lines.passed_closed,
-        largest_deviation_m=simulation.largest_deviation_m,
-        leaders=tuple(world.ahead.names),
-        messages=radio.sent,
-        collisions=tuple(simulation.collisions),
+        **vars(world.facts(radio.sent)),
         drive=drive,
-        trajectory=run.trajectory,
-        decisions=records,
-        metrics=metrics,
-        largest_excess_m_s=float(
-            np.max(
-                run.trajectory.speed_m_s - network.limits.at_m_s(run.trajectory.position_m),
-                initial=0.0,
-            )
-        ),
-        predictors=dict(sorted(watched.predictors.items())),
-        fallback_ticks=int(np.count_nonzero(np.asarray(records.rung) != Rung.OPTIMAL)),
-        wall_time_s=ended - started,
+        trajectory=trip,
+        metrics=compute_metrics(trip, parameters, run.decisions),
+        largest_excess_m_s=float(np.max(excess, initial=0.0)),
+        predictors=dict(sorted(bridge.predictors.items())),
+        fallback_ticks=int(np.count_nonzero(np.asarray(run.decisions.rung) != Rung.OPTIMAL)),
+        wall_time_s=wall_time_s,
         processor_s=processor_s,
     )

@@ -1,23 +1,33 @@
-"""What is to be driven in traffic, and what came of it."""
+"""What is to be driven in traffic, and its preparation: network, vehicles, and a rehearsal of their paths."""
 
 from __future__ import annotations
 
-import hashlib
+import tempfile
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
-
-import numpy as np
+from pathlib import Path
 
 from iptm_controller.settings import ControllerSettings
-from iptm_core.decision_record import DecisionSeries
-from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
-from iptm_core.metrics import RunMetrics
-from iptm_core.trajectory import Trajectory
-from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.own_network import OwnNetwork
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.text_enum import TextEnum
+from iptm_traffic.corridor import Corridor
+from iptm_traffic.demand import (
+    BEFORE_TRIP_S,
+    DemandSettings,
+    TrafficScenario,
+    signal_offsets_s,
+    write_demand,
+)
+from iptm_traffic.network import CYCLE_S, build_network
+from iptm_traffic.own_network import OwnNetwork, build_own_network
+from iptm_traffic.radio import Rehearsed, rehearse
+from iptm_traffic.simulation import TrafficSimulation
 
 LONGEST_S = 4 * 3600.0
 MOST_STEPS = 10
+_REHEARSED_BEYOND_S = 60.0
 
 
 class PredictionInput(TextEnum):
@@ -82,85 +92,50 @@ class TrafficDrive:
 
     @property
     def title(self) -> str:
-        """What is driven, in a word."""
+        """Name of the scenario or of the network."""
         return str(self.scenario) if self.own is None else self.own.net.name
 
 
-@dataclass(frozen=True, eq=False)
-class TrafficFacts:
-    """Results of a drive that the traffic provides, wherever plant and controller run.
+@contextmanager
+def opened_traffic(
+    drive: TrafficDrive, parameters: ModelParameters, fcd: Path | None
+) -> Iterator[tuple[TrafficSimulation, dict[str, Rehearsed] | None]]:
+    """Provide the traffic of a drive at trip time 0, and what its vehicles will do if they announce paths.
 
-    Attributes:
-        smallest_gap_m: to the car ahead.
-        smallest_margin_m: smallest gap less s_min behind a real car that did not just move in.
-        lines_passed: stop lines passed by the host.
-        lines_passed_closed: how many of them were not green.
-        largest_deviation_m: how far apart SUMO and plant ever had the host.
-        leaders: names of the cars ahead, in order.
-        messages: messages sent around the host.
-        collisions: those of the host that SUMO has noticed, one text each.
+    Args:
+        drive: what is to be driven.
+        parameters: of the host.
+        fcd: where SUMO writes what every vehicle does; None for nowhere.
+
+    Raises:
+        IptmError: SUMO is not installed or fails.
     """
+    with tempfile.TemporaryDirectory(prefix="iptm_traffic_") as name:
+        folder, demand, rehearsal = Path(name), None, None
+        if drive.own is not None:
+            network = build_own_network(drive.own, drive.step_s, folder)
+        else:
+            corridor = Corridor.long_enough_for(drive.duration_s)
+            offsets = signal_offsets_s(corridor, drive.scenario, drive.demand, CYCLE_S)
+            network = build_network(corridor, folder, offsets, BEFORE_TRIP_S)
 
-    smallest_gap_m: float
-    smallest_margin_m: float
-    lines_passed: int
-    lines_passed_closed: int
-    largest_deviation_m: float
-    leaders: tuple[str, ...]
-    messages: int
-    collisions: tuple[str, ...]
+            def written(*, with_stand_in: bool) -> Path:
+                return write_demand(
+                    corridor,
+                    drive.scenario,
+                    drive.demand,
+                    drive.duration_s,
+                    parameters.gap.initial_gap_m,
+                    drive.step_s,
+                    folder,
+                    with_stand_in=with_stand_in,
+                )
 
-    @property
-    def leader_count(self) -> int:
-        """How many cars were ahead, one after the other."""
-        return len(self.leaders)
-
-    @property
-    def collision_count(self) -> int:
-        """How many steps the host spent in collisions."""
-        return len(self.collisions)
-
-
-@dataclass(frozen=True, eq=False)
-class TrafficResult(TrafficFacts):
-    """A finished drive.
-
-    Attributes:
-        drive: what was to be driven.
-        trajectory: what happened; without a car ahead, the leader is as far as it is looked for.
-        decisions: how the decisions came about.
-        metrics: figures of the run.
-        largest_excess_m_s: by how much the host was ever faster than the limit.
-        predictors: ticks by the predictor in use.
-        fallback_ticks: ticks on which the controller had no solution to follow.
-        wall_time_s: wall time of the drive.
-        processor_s: processor time of the drive, SUMO's included.
-    """
-
-    drive: TrafficDrive
-    trajectory: Trajectory
-    decisions: DecisionSeries
-    metrics: RunMetrics
-    largest_excess_m_s: float
-    predictors: dict[str, int]
-    fallback_ticks: int
-    wall_time_s: float
-    processor_s: float
-
-    @property
-    def times_real_time(self) -> float:
-        """Trip time over wall time."""
-        return self.drive.duration_s / self.wall_time_s
-
-    @property
-    def times_processor_time(self) -> float:
-        """Trip time over processor time, which is the wall time on a machine with nothing else to do."""
-        return self.drive.duration_s / self.processor_s
-
-    @property
-    def digest(self) -> str:
-        """Digest of the trajectory, to the last bit."""
-        digest = hashlib.sha256()
-        for values in self.trajectory.to_arrays().values():
-            digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
-        return digest.hexdigest()
+            if drive.knowledge is PredictionInput.PATH:
+                demand = written(with_stand_in=True)
+                rehearsed = TrafficSimulation(network, demand, drive.step_s, with_host=False)
+                with closing(rehearsed):
+                    rehearsal = rehearse(rehearsed, drive.duration_s + _REHEARSED_BEYOND_S)
+            demand = written(with_stand_in=False)
+        with closing(TrafficSimulation(network, demand, drive.step_s, fcd=fcd)) as simulation:
+            yield simulation, rehearsal

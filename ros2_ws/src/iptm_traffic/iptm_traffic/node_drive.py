@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import socket
 import subprocess
@@ -14,6 +13,7 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import rclpy
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
@@ -21,23 +21,23 @@ from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 from rich.table import Table
 
-from iptm_core.errors import IptmError
+from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.program import EXIT_OK, refused
+from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.route import build_route
 from iptm_core.settings import PreviewSettings
 from iptm_interfaces.discovery import middleware_settings, reserve_domain
 from iptm_interfaces.process import StopRequest
 from iptm_traffic import cli
 from iptm_traffic.closed_loop import DRIVER_FORESIGHT_S
-from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficFacts
+from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
+from iptm_traffic.host_road import HostRoad
 from iptm_traffic.network import Network
 from iptm_traffic.node_traffic import LISTENERS, TrafficNode
-from iptm_traffic.preparation import prepare_traffic, write_road
 from iptm_traffic.radio import TrafficRadio
-from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS, RoadsideStations
-from iptm_traffic.simulation import TrafficSimulation
+from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS
 
 RUN = "iptm_bringup.run_closed_loop"
 _PEERS_OF_THE_PLANT = 3
@@ -46,17 +46,26 @@ _BENDS_IN_LIMITS_M_S2 = 10.0
 """Bends that matter are in the limits of the network, which the host has without ROS, too."""
 _SPIN_TIMEOUT_S = 0.1
 _PATIENCE_S = 60.0
-
-
-def road_file(bag: Path) -> Path:
-    """Return the path of the road of a bag, which is needed to replay it."""
-    return bag.absolute().with_name(f"{bag.name}_road.csv")
+_SURVEY_ACCELERATION_M_S2, _SURVEY_M_S = 1.0, 10.0
 
 
 def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[str, object]:
     """Return the parameters of the bridge: its port, and the rules of the road."""
     knows_plan = drive.knowledge is PredictionInput.SIGNALS
-    return _rules(drive, network) | {
+    limits = network.limits
+    rules: dict[str, object] = {
+        "speed_limits_km_h": ", ".join(
+            f"{start_m:.9g}:{KM_H_PER_M_S * limit:.9g}"
+            for start_m, limit in zip(limits.starts_m, limits.limits_m_s, strict=True)
+        ),
+        "signals": ", ".join(
+            f"{line.stop_line_m:.17g}:{line.cycle_s:g}:{line.opens_at_s:g}:{line.open_for_s:g}"
+            for line in network.signals
+        ),
+    }
+    if drive.signals_by_radio:
+        rules = {"roadside_messages": True, "speed_limits_km_h": LIMITS_WITHOUT_SIGNS}
+    return rules | {
         "leader_source": "cam",
         "cam_port": port,
         "publish_datagrams": True,
@@ -67,33 +76,10 @@ def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[
     }
 
 
-def _rules(drive: TrafficDrive, network: Network) -> dict[str, object]:
-    if drive.signals_by_radio:
-        return {"roadside_messages": True, "speed_limits_km_h": LIMITS_WITHOUT_SIGNS}
-    limits = network.limits
-    return {
-        "speed_limits_km_h": ", ".join(
-            f"{start_m:.9g}:{KM_H_PER_M_S * limit:.9g}"
-            for start_m, limit in zip(limits.starts_m, limits.limits_m_s, strict=True)
-        ),
-        "signals": ", ".join(
-            f"{line.stop_line_m:.17g}:{line.cycle_s:g}:{line.opens_at_s:g}:{line.open_for_s:g}"
-            for line in network.signals
-        ),
-    }
-
-
 def write_scenario(
     drive: TrafficDrive, road: Path, bridge: Mapping[str, object], folder: Path
 ) -> Path:
-    """Write the scenario of the run; its file is named after the drive.
-
-    Args:
-        drive: what is to be driven.
-        road: the host's road, as a drive along it.
-        bridge: parameters of the bridge.
-        folder: for the file.
-    """
+    """Write the scenario of the run into a folder; the file is named after the drive."""
     values = {"prediction": drive.knowledge, "step_s": drive.step_s, **asdict(drive.demand)}
     content = {
         "description": f"SUMO: {', '.join(f'{name} {value}' for name, value in values.items())}",
@@ -140,56 +126,66 @@ def drive_over_ros(
     console: Console,
     stop: StopRequest,
 ) -> int:
-    """Drive, record and report.
-
-    Args:
-        drive: what is to be driven.
-        parameter_set: of the model.
-        bag: folder to create; the road is written next to it.
-        fcd: where SUMO writes what every vehicle does; None for nowhere.
-        console: for the report.
-        stop: set when the user requests a stop.
+    """Drive, record into the folder `bag`, write the road next to it, and report.
 
     Returns:
-        The exit code of the run, or `cli.EXIT_NOT_GOOD` where it is 0 and something did not hold.
+        The exit code of the run, or `cli.EXIT_NOT_GOOD` where it is 0 and a requirement is violated.
 
     Raises:
         IptmError: SUMO is not installed or fails, or the strategy is not known.
     """
     parameters = load_parameters(parameter_set).values
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="iptm_traffic_")))
-        made = prepare_traffic(drive, parameters, folder)
-        road = road_file(bag)
-        write_road(made.network.road, road)
+        traffic = opened_traffic(drive, parameters, fcd)
+        simulation, rehearsal = stack.enter_context(traffic)
+        road = bag.absolute().with_name(f"{bag.name}_road.csv")
+        write_road(simulation.network.road, road)
         line = build_route(road, initial_gap_m=parameters.gap.initial_gap_m).road_line
-        simulation = stack.enter_context(
-            closing(TrafficSimulation(made.network, made.demand, drive.step_s, fcd=fcd))
-        )
-        stations = RoadsideStations(made.network, line) if drive.signals_by_radio else None
-        radio = TrafficRadio(simulation, line, made.rehearsal, stations)
+        radio = TrafficRadio(simulation, line, rehearsal, with_roadside=drive.signals_by_radio)
         domain, port = stack.enter_context(reserve_domain()), _free_port()
         context = stack.enter_context(_joined(domain))
         node = TrafficNode(context, drive, parameters, simulation, radio, port)
-        parameters_of_bridge = bridge_parameters(drive, made.network, port)
-        command = [
-            *(
-                sys.executable,
-                "-m",
-                RUN,
-                str(write_scenario(drive, road, parameters_of_bridge, folder)),
-            ),
-            *("--domain", str(domain), "--parameter-set", parameter_set, "--output", str(bag)),
-        ]
-        code = _run_beside(node, command, stop)
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="iptm_traffic_")))
+        bridge = bridge_parameters(drive, simulation.network, port)
+        scenario = str(write_scenario(drive, road, bridge, folder))
+        command = [sys.executable, "-m", RUN, scenario, "--domain", str(domain)]
+        command += ["--parameter-set", parameter_set, "--output", str(bag)]
+        code = _run_with(node, command, stop)
         if code != EXIT_OK:
             return code
-        facts = _facts(node, simulation, radio)
-        console.print(_table(drive, facts))
+        facts = node.world.facts(radio.sent)
+        table = Table("in the traffic", title=f"{drive.scenario}, {drive.knowledge} known")
+        table.title_justify = "left"
+        table.add_column("", justify="right")
+        table.add_row("Smallest gap (m)", f"{facts.smallest_gap_m:.2f}")
+        for label, text in cli.TRAFFIC_ROWS.items():
+            table.add_row(label, text.format(facts))
+        console.print(table)
         return cli.judged(facts, console)
 
 
-def _run_beside(node: TrafficNode, command: list[str], stop: StopRequest) -> int:
+def write_road(road: HostRoad, file: Path) -> None:
+    """Write the host's road as a recorded drive along it, the form of a driving cycle; a replay needs it.
+
+    Raises:
+        ScenarioError: the file cannot be written.
+    """
+    drive_s = road.positions_m[-1] / _SURVEY_M_S + _SURVEY_M_S
+    times = np.arange(np.ceil(drive_s))
+    speeds = np.minimum(_SURVEY_ACCELERATION_M_S2 * times, _SURVEY_M_S)
+    places = cumulative_integral(times, speeds)
+    latitudes, longitudes, _ = road.road_line().locate(places)
+    heights = np.interp(places, road.positions_m, road.heights_m)
+    names = ("time_s", "latitude_deg", "longitude_deg", "elevation_m", "speed_m_s")
+    table = np.column_stack([times, latitudes, longitudes, heights, speeds])
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        np.savetxt(file, table, "%.12g", ",", header=",".join(names), comments="")
+    except OSError as reason:
+        raise ScenarioError(f"the road cannot be written to {file}: {reason}") from reason
+
+
+def _run_with(node: TrafficNode, command: list[str], stop: StopRequest) -> int:
     """Run a command while a node takes part; signals reach it as well, or are passed on."""
     executor = EventsExecutor(context=node.context)
     executor.add_node(node)
@@ -209,29 +205,6 @@ def _run_beside(node: TrafficNode, command: list[str], stop: StopRequest) -> int
         executor.remove_node(node)
         node.destroy_node()
         executor.shutdown()
-
-
-def _facts(node: TrafficNode, simulation: TrafficSimulation, radio: TrafficRadio) -> TrafficFacts:
-    return TrafficFacts(
-        smallest_gap_m=min(node.gaps_m, default=math.inf),
-        smallest_margin_m=node.smallest_margin_m,
-        lines_passed=len(node.world.lines.passed),
-        lines_passed_closed=node.world.lines.passed_closed,
-        largest_deviation_m=simulation.largest_deviation_m,
-        leaders=tuple(node.world.ahead.names),
-        messages=radio.sent,
-        collisions=tuple(simulation.collisions),
-    )
-
-
-def _table(drive: TrafficDrive, facts: TrafficFacts) -> Table:
-    table = Table("in the traffic", title=f"{drive.scenario}, {drive.knowledge} known")
-    table.title_justify = "left"
-    table.add_column("", justify="right")
-    table.add_row("Smallest gap (m)", f"{facts.smallest_gap_m:.2f}")
-    for label, text in cli.TRAFFIC_ROWS.items():
-        table.add_row(label, text.format(facts))
-    return table
 
 
 def main() -> int:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.car_following import minimum_gap_m
-from iptm_core.state import NS_PER_S
+from iptm_core.trip_time import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.suite_node import SuiteNode
@@ -40,9 +38,7 @@ class TrafficNode(SuiteNode):
     the bridge hears the same in every run. A node drives one trip, from trip time 0.
 
     Attributes:
-        world: who was really ahead, and the stop lines that the host has passed.
-        gaps_m: true gaps of the ticks, infinite where no one was ahead.
-        margins_m: true gaps less s_min of the ticks, infinite where no one was ahead.
+        world: SUMO around the host.
     """
 
     def __init__(
@@ -65,10 +61,8 @@ class TrafficNode(SuiteNode):
             to_port: UDP port of the bridge on this computer.
         """
         super().__init__(NAME, context=context)
-        self._parameters, self._simulation, self._radio = parameters, simulation, radio
-        self.world = SumoWorld(drive.scenario, simulation)
-        self.gaps_m: list[float] = []
-        self.margins_m: list[float] = []
+        self._simulation, self._radio = simulation, radio
+        self.world = SumoWorld(drive.scenario, simulation, parameters)
         self._datagrams = DatagramSender(_LOCALHOST, to_port)
         self._host: HostInstant | None = None
         specification()  # compiled now, not at the first tick, which others wait for
@@ -101,28 +95,12 @@ class TrafficNode(SuiteNode):
         for _, datagram in self._radio.take():
             self._datagrams.send(datagram)
         self._datagrams.end_tick(time_ns)
-        self._look_ahead(host)
-
-    def _look_ahead(self, host: HostInstant) -> None:
-        found = self.world.found
-        gap_m, smallest_m = math.inf, 0.0
-        if found is not None:
-            gap, limits = self._parameters.gap, self._parameters.limits
-            gap_m = found[1]
-            smallest_m = float(minimum_gap_m(host.speed_m_s, found[2], gap, limits))
-        self.gaps_m.append(gap_m)
-        self.margins_m.append(gap_m - smallest_m)
-
-    @property
-    def smallest_margin_m(self) -> float:
-        """Smallest gap less s_min behind a car that did not just move in; infinite without any."""
-        return float(np.min(np.array(self.margins_m)[self.world.ahead.counted], initial=math.inf))
 
     def _report(self) -> None:
         host = self._host
         values: dict[str, object] = {
             **self._datagrams.report(),
-            "leader": ("none", *self.world.ahead.names)[-1],
+            "leader": ("none", *self.world.leaders)[-1],
             "largest_deviation_m": self._simulation.largest_deviation_m,
         }
         level, reason = Level.OK, "the traffic follows the plant"

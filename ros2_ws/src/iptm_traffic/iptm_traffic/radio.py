@@ -9,27 +9,28 @@ in the host's place. A vehicle that departs from it announces none.
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from iptm_core.routes.road_line import RoadLine, step_deg
-from iptm_core.state import NS_PER_MS, NS_PER_S, FloatArray
-from iptm_traffic.host_road import HostRoad
+from iptm_core.state import FloatArray
+from iptm_core.trip_time import NS_PER_MS, NS_PER_S
 from iptm_traffic.roadside import RoadsideStations
 from iptm_traffic.simulation import Neighbours, TrafficSimulation
-from iptm_v2x_bridge.messages.cam import PASSENGER_CAR, CamMessage, PredictedPath
-from iptm_v2x_bridge.messages.cam_codec import encode_cam
-from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
+from iptm_v2x_bridge.messages.cam import ASSUMED_WIDTH_M, CamMessage, PredictedPath
 from iptm_v2x_bridge.messages.its_time import delta_time_ms
-from iptm_v2x_bridge.sending.sender import POSITION_BOUND_M
+from iptm_v2x_bridge.sending.sender import (
+    HIGHEST_ACCELERATION_M_S2,
+    POSITION_BOUND_M,
+    packet_of,
+)
 from iptm_v2x_bridge.sending.settings import SenderSettings, path_times_s
 
 SAME_PLACE_M = 0.5
 """Distance from the rehearsed position beyond which a vehicle announces no path."""
 PATH_BEHIND_M, PATH_AHEAD_M = 20.0, 250.0
 """Range around the host in which a vehicle announces its path, as farther ones do not lead."""
-_HIGHEST_ACCELERATION_M_S2 = 16.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,32 +48,18 @@ class Rehearsed:
     lateral_m: FloatArray
 
 
-@dataclass
-class Rehearsal:
-    """Collects the drives of the main road's vehicles.
-
-    Attributes:
-        places: of each vehicle, instants and places in SUMO's plane.
-    """
-
-    places: dict[str, list[tuple[float, float, float]]] = field(default_factory=dict)
-
-    def watch(self, simulation: TrafficSimulation, duration_s: float) -> None:
-        """Drive a simulation without host to its end and note who was where."""
-        while simulation.time_s < duration_s:
-            simulation.step()
-            time_s = simulation.time_s
-            for name, (east, north) in simulation.main_road_places():
-                self.places.setdefault(name, []).append((time_s, east, north))
-
-    def drives(self, road: HostRoad) -> dict[str, Rehearsed]:
-        """Return the drives as seen from the road."""
-        found = {}
-        for name, places in self.places.items():
-            times, east, north = np.array(places).T
-            along, aside = road.along_and_aside_m(east, north)
-            found[name] = Rehearsed(times, along, aside)
-        return found
+def rehearse(simulation: TrafficSimulation, duration_s: float) -> dict[str, Rehearsed]:
+    """Drive a simulation without host to its end and return what the vehicles of the main road did."""
+    places: dict[str, list[tuple[float, float, float]]] = {}
+    while simulation.time_s < duration_s:
+        simulation.step()
+        for name, (east, north) in simulation.main_road_places():
+            places.setdefault(name, []).append((simulation.time_s, east, north))
+    found = {}
+    for name, some in places.items():
+        times, east, north = np.array(some).T
+        found[name] = Rehearsed(times, *simulation.network.road.along_and_aside_m(east, north))
+    return found
 
 
 class TrafficRadio:
@@ -87,18 +74,19 @@ class TrafficRadio:
         simulation: TrafficSimulation,
         road_line: RoadLine,
         rehearsal: dict[str, Rehearsed] | None = None,
-        roadside: RoadsideStations | None = None,
+        *,
+        with_roadside: bool = False,
     ) -> None:
-        """Set up the radio; it listens to all steps of the simulation from the present on.
+        """Set up the radio; it records all steps of the simulation from now on.
 
         Args:
             simulation: the traffic.
             road_line: the host's road on Earth.
             rehearsal: future motion of the vehicles; None if they do not announce it.
-            roadside: roadside stations; None for a road without.
+            with_roadside: put roadside stations at the signals.
         """
-        self._simulation, self._road_line = simulation, road_line
-        self._rehearsal, self._roadside = rehearsal, roadside
+        self._simulation, self._road_line, self._rehearsal = simulation, road_line, rehearsal
+        self._roadside = RoadsideStations(simulation.network, road_line) if with_roadside else None
         self._ahead_s = path_times_s(SenderSettings.path_points, SenderSettings.path_length_s)
         self._path_sent: dict[str, float] = {}
         self._pending: list[tuple[int, Neighbours, float]] = []
@@ -117,7 +105,7 @@ class TrafficRadio:
         taken = []
         for sent_ns, around, host_m in self._pending:
             sent_ms = sent_ns // NS_PER_MS
-            sent = [self.datagram(message, sent_ms) for message in self.messages(around, host_m)]
+            sent = [packet_of(message, sent_ms) for message in self.messages(around, host_m)]
             if self._roadside is not None:
                 sent += self._roadside.datagrams(sent_ms, host_m)
             taken += [(sent_ns, datagram) for datagram in sent]
@@ -128,30 +116,24 @@ class TrafficRadio:
     def messages(self, around: Neighbours, host_position_m: float) -> list[CamMessage]:
         """Return the messages of the vehicles at one instant."""
         latitudes, longitudes = self._on_earth(around.positions_m, around.lateral_m)
-        messages = []
-        for row, name in enumerate(around.names):
-            messages.append(
-                CamMessage(
-                    station_id=zlib.crc32(name.encode()),
-                    delta_time_ms=delta_time_ms(round(around.time_s * 1000.0)),
-                    latitude_deg=float(latitudes[row]),
-                    longitude_deg=float(longitudes[row]),
-                    heading_deg=float(around.headings_deg[row]),
-                    speed_m_s=float(around.speeds_m_s[row]),
-                    acceleration_m_s2=float(
-                        np.clip(
-                            around.accelerations_m_s2[row],
-                            -_HIGHEST_ACCELERATION_M_S2,
-                            _HIGHEST_ACCELERATION_M_S2,
-                        )
-                    ),
-                    length_m=float(around.lengths_m[row]),
-                    width_m=1.8,
-                    position_bound_m=POSITION_BOUND_M,
-                    path=self._path(around, row, host_position_m),
-                )
+        limit = HIGHEST_ACCELERATION_M_S2
+        accelerations = np.clip(around.accelerations_m_s2, -limit, limit)
+        return [
+            CamMessage(
+                station_id=zlib.crc32(name.encode()),
+                delta_time_ms=delta_time_ms(round(around.time_s * 1000.0)),
+                latitude_deg=float(latitudes[row]),
+                longitude_deg=float(longitudes[row]),
+                heading_deg=float(around.headings_deg[row]),
+                speed_m_s=float(around.speeds_m_s[row]),
+                acceleration_m_s2=float(accelerations[row]),
+                length_m=float(around.lengths_m[row]),
+                width_m=ASSUMED_WIDTH_M,
+                position_bound_m=POSITION_BOUND_M,
+                path=self._path(around, row, host_position_m),
             )
-        return messages
+            for row, name in enumerate(around.names)
+        ]
 
     def _path(self, around: Neighbours, row: int, host_position_m: float) -> PredictedPath | None:
         if self._rehearsal is None:
@@ -185,15 +167,3 @@ class TrafficRadio:
         latitudes, longitudes, headings = self._road_line.locate(along_m)
         left = np.radians(headings) - 0.5 * np.pi
         return step_deg(latitudes, longitudes, aside_m * np.sin(left), aside_m * np.cos(left))
-
-    @staticmethod
-    def datagram(message: CamMessage, timestamp_ms: int) -> bytes:
-        """Return a message as a packet on the air."""
-        position = SenderPosition(
-            timestamp_ms=timestamp_ms,
-            latitude=round(message.latitude_deg * 1e7),
-            longitude=round(message.longitude_deg * 1e7),
-            speed_cm_s=round(message.speed_m_s * 100.0),
-            heading=round((message.heading_deg or 0.0) * 10.0) % 3600,
-        )
-        return wrap(encode_cam(message), position, message.station_id, PASSENGER_CAR)

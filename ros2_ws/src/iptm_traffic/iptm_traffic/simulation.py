@@ -34,6 +34,10 @@ class HostInstant:
     speed_m_s: float
 
 
+HostMotion = HostInstant | VehicleState
+"""The host as its plant has it, headless or in a message."""
+
+
 @dataclass(frozen=True, eq=False)
 class Neighbours:
     """The vehicles in radio range of the host at one instant, in the order of their names.
@@ -213,7 +217,7 @@ class TrafficSimulation:
         found = self._vehicle.getAllSubscriptionResults()
         return [(name, values[_POSITION]) for name, values in found.items()]
 
-    def move_host(self, host: HostInstant | VehicleState, duration_s: float) -> None:
+    def move_host(self, host: HostMotion, duration_s: float) -> None:
         """Let an interval pass in which the host moves as its plant has moved.
 
         SUMO's ballistic step covers the mean of the speeds at its two ends. The speed at its beginning is set

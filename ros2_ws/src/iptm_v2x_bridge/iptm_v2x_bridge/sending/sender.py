@@ -28,7 +28,8 @@ POSITION_BOUND_M = 0.02
 """Position bound of a sender with an exact position: the resolution of the wire."""
 
 _ACCELERATION_WINDOW_S = 0.2
-_MAX_ACCELERATION_M_S2 = 16.0
+HIGHEST_ACCELERATION_M_S2 = 16.0
+"""Range of accelerations on the wire."""
 
 
 def car_on_road(
@@ -72,13 +73,25 @@ def car_on_road(
         heading_deg=heading,
         speed_m_s=speed_m_s,
         acceleration_m_s2=max(
-            min(acceleration_m_s2, _MAX_ACCELERATION_M_S2), -_MAX_ACCELERATION_M_S2
+            min(acceleration_m_s2, HIGHEST_ACCELERATION_M_S2), -HIGHEST_ACCELERATION_M_S2
         ),
         length_m=length_m,
         width_m=1.8,
         position_bound_m=position_bound_m,
         path=path,
     )
+
+
+def packet_of(message: CamMessage, timestamp_ms: int) -> bytes:
+    """Return the packet of a message on the air; `timestamp_ms` is the TimestampIts of its generation."""
+    position = SenderPosition(
+        timestamp_ms=timestamp_ms,
+        latitude=round(message.latitude_deg * 1e7),
+        longitude=round(message.longitude_deg * 1e7),
+        speed_cm_s=round(message.speed_m_s * 100.0),
+        heading=round((message.heading_deg or 0.0) * 10.0) % 3600,
+    )
+    return wrap(encode_cam(message), position, message.station_id, PASSENGER_CAR)
 
 
 class CamSender:
@@ -143,17 +156,9 @@ class CamSender:
     def datagram_at(self, time_ns: int) -> bytes:
         """Return the datagram of an instant."""
         message = self.message_at(time_ns)
-        payload = encode_cam(message)
         if self._settings.framing is Framing.BARE:
-            return payload
-        position = SenderPosition(
-            timestamp_ms=self._start_ms + time_ns // NS_PER_MS,
-            latitude=round(message.latitude_deg * 1e7),
-            longitude=round(message.longitude_deg * 1e7),
-            speed_cm_s=round(message.speed_m_s * 100.0),
-            heading=round((message.heading_deg or 0.0) * 10.0) % 3600,
-        )
-        return wrap(payload, position, message.station_id, PASSENGER_CAR)
+            return encode_cam(message)
+        return packet_of(message, self._start_ms + time_ns // NS_PER_MS)
 
     def arrivals(self, after_ns: int, until_ns: int) -> list[tuple[int, bytes]]:
         """Return what arrives in a span of trip time, with the instants, in order.
