@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from tests.integration.cam_host import BRIDGE, SENDER, Host, free_port
+from tests.iptm_v2x_bridge.radio import RecordedRadio
 
 from iptm_core.routes import build_route
 from iptm_core.state import LeaderPreview
@@ -15,7 +16,6 @@ from iptm_interfaces.diagnostics import status_values
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.node_datagrams import read_recording
-from iptm_v2x_bridge.radio_recording import RecordedRadio
 
 TICKS = 12
 QUIET_TICKS = 2

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.iptm_v2x_bridge.radio import ROAD
+from tests.iptm_v2x_bridge.radio import ROAD, RecordedRadio
 
 from iptm_core.errors import ParameterError
 from iptm_core.routes import Route
@@ -17,12 +17,11 @@ from iptm_v2x_bridge.captures import read_capture
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.radio_recording import (
     RadioRecording,
-    RecordedRadio,
     recording_by_time,
     recording_with_marks,
 )
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+from iptm_v2x_bridge.sending.datagrams import EndOfTick
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import Framing, SenderSettings
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable
+from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
-from iptm_core.settings import PreviewMode
+from iptm_core.settings import LeaderSource, PreviewMode
 from iptm_interfaces.codecs import (
     encode_leader,
     encode_leader_preview_bytes,
@@ -23,12 +25,18 @@ from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import BRIDGE, ROAD_FRAME, TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
 from iptm_v2x_bridge.bridge import BridgeAnswer
-from iptm_v2x_bridge.node_answers import node_answers
+from iptm_v2x_bridge.node_answers import CycleAnswers, TickAnswers, VehicleAnswers
+from iptm_v2x_bridge.node_cam_answers import CamAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import PredictorName
+from iptm_v2x_bridge.source import CycleSource
 
 CLOCK_TIMEOUT_S = 5.0
 MATCHING_PERIOD_S = 0.02
+_ANSWERS: dict[LeaderSource, Callable[..., TickAnswers[Any]]] = {
+    LeaderSource.VEHICLE: VehicleAnswers,
+    LeaderSource.CAM: CamAnswers,
+}
 _FREE = (Level.OK, "no vehicle ahead, the rules of the road are kept")
 
 
@@ -45,7 +53,11 @@ class BridgeNode(SuiteNode):
         self._options = declare_parameters(self, BridgeNodeParameters)
         self.reject_unknown_parameters()
         self.use_frame_prefix(self._options.frame_prefix)
-        self._answers = node_answers(self, self._options, self._answer_if_matched)
+        route = self._options.route(self._options.initial_gap_m)
+        answers = _ANSWERS.get(self._options.leader_source, CycleAnswers)
+        self._answers: TickAnswers[Any] = answers(
+            self, self._options, route, self._answer_if_matched
+        )
         self._gate = StampGate()
         self._turned_away_s = -math.inf
         self._answer: BridgeAnswer | None = None
@@ -56,7 +68,7 @@ class BridgeNode(SuiteNode):
         self._samples_publisher = self.advertise(Topic.LEADER_SAMPLES)
         self._preview_publisher = self.advertise(Topic.LEADER_PREVIEW)
         self._slope_publisher = self.advertise(Topic.SLOPE)
-        self._slope_publisher.publish(encode_slope(self._answers.slope_ahead()))
+        self._slope_publisher.publish(encode_slope(CycleSource(route).slope_ahead()))
         self._reporter = DiagnosticsReporter.of_node(self, "preview")
         self._watchdog = Watchdog(CLOCK_TIMEOUT_S, lambda _: self._report()).attach(self)
         self.watch_peers(Topic.CLOCK, Topic.LEADER)
@@ -84,7 +96,7 @@ class BridgeNode(SuiteNode):
         self._unanswered_ns = time_ns
         if self._peers_matched():
             self._answer_clock()
-        if not self._answers.missing():
+        if not self._answers.missing:
             # What is missing has a moment to arrive; the timer reports what does not.
             self._report()
 
@@ -145,7 +157,7 @@ class BridgeNode(SuiteNode):
 
     def _situation(self, answer: BridgeAnswer | None) -> tuple[Level, str]:
         waits = self._unanswered_ns is not None
-        missing = self._answers.missing() if waits else ""
+        missing = self._answers.missing if waits else ""
         if answer is None:
             what = "the expected peers" if waits else "the clock"
             return Level.WARN, missing or f"waiting for {what}"

@@ -1,138 +1,269 @@
-"""Where the node's answers to the clock come from: a cycle, an empty road, a vehicle, or messages."""
+"""The node's answers to the clock where the leader is a cycle, no vehicle, or a vehicle of the same graph."""
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import replace
+from typing import Generic, TypeVar
 
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from trajectory_msgs.msg import JointTrajectory
+
+from iptm_core.errors import ParameterError
+from iptm_core.routes import Route
 from iptm_core.settings import LeaderSource
-from iptm_core.state import LeaderPreview, SlopePreview
+from iptm_core.state import LeaderPreview
+from iptm_interfaces.codecs import decode_plan, ns_from_time
 from iptm_interfaces.suite_node import SuiteNode
+from iptm_interfaces.topics import Topic
+from iptm_interfaces.vehicle_presence import VehiclePresence
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, V2xBridge
-from iptm_v2x_bridge.node_cam_answers import CamAnswers
-from iptm_v2x_bridge.node_host_states import MISSING, HostStates
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
-from iptm_v2x_bridge.node_vehicle_answers import VehicleAnswers
-from iptm_v2x_bridge.road_knowledge import with_rules
-from iptm_v2x_bridge.source import CycleSource, EmptyRoad, PreviewSource, sampling_times_s
+from iptm_v2x_bridge.prediction.predictor import PredictorName
+from iptm_v2x_bridge.prediction.road_rules import RoadRules
+from iptm_v2x_bridge.road_knowledge import given_rules, with_rules
+from iptm_v2x_bridge.source import (
+    CycleSource,
+    EmptyRoad,
+    PreviewSource,
+    sampling_times_s,
+    single_sample,
+)
+from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
+
+_KEPT = 16
+"""States and plans kept: neighbours keep step within one tick, and a repeated tick is asked for again."""
+
+Trip = TypeVar("Trip")
 
 
-class NodeAnswers(Protocol):
-    """Answers ticks once everything that belongs to them is there."""
+class TickAnswers(ABC, Generic[Trip]):
+    """Answers a tick once everything that belongs to it has arrived.
 
-    def answer(self, time_ns: int) -> BridgeAnswer | None:
-        """Return the answer to a tick, None while something is missing."""
-        ...
+    What belongs to one trip is created at its first tick; the trip before is kept in case the present one was
+    begun by a stray clock.
 
-    def samples(self, answer: BridgeAnswer) -> LeaderPreview:
-        """Return what a range sensor measures of the leader from the tick of an answer to the next one."""
-        ...
-
-    def begin_trip(self) -> None:
-        """Start a new trip, keeping the previous one in case its clock was stray."""
-        ...
-
-    def resume_trip(self) -> None:
-        """Resume the trip before the last start."""
-        ...
-
-    def missing(self) -> str:
-        """Return the awaited input, empty for none."""
-        ...
-
-    def is_heard(self) -> bool:
-        """Return whether the other outputs have a subscriber."""
-        ...
-
-    def report(self) -> dict[str, object]:
-        """Return numbers for the diagnostics."""
-        ...
-
-    def slope_ahead(self) -> SlopePreview:
-        """Return the slope of the whole road."""
-        ...
-
-    def close(self) -> None:
-        """Give back what is held."""
-        ...
-
-
-def node_answers(
-    node: SuiteNode,
-    options: BridgeNodeParameters,
-    retry: Callable[[], None],
-) -> NodeAnswers:
-    """Return the answers that the parameters ask for.
-
-    Args:
-        node: listens for the host where its position is needed.
-        options: parameters of the node.
-        retry: called whenever something missing may have arrived.
-
-    Raises:
-        IptmError: the cycle, its file, the socket or the recorded packets are not usable.
+    Attributes:
+        missing: the awaited input, empty for none.
     """
-    source = options.build_source()
-    if options.leader_source in {LeaderSource.CYCLE, LeaderSource.NONE}:
-        return _CycleAnswers(node, source, options, retry)
-    if options.leader_source is LeaderSource.VEHICLE:
-        return VehicleAnswers(node, source, options, retry)
-    return CamAnswers(node, source, options, retry)
-
-
-class _CycleAnswers:
-    """The leader drives a cycle, and a simulated link spoils its predictions; or there is none."""
 
     def __init__(
         self,
         node: SuiteNode,
-        source: CycleSource,
         options: BridgeNodeParameters,
+        route: Route,
         retry: Callable[[], None],
+        *,
+        needs_host: bool,
+        is_counted: bool = True,
     ) -> None:
-        self._road, self._options = source, options
-        self._source: PreviewSource = source
-        if options.leader_source is LeaderSource.NONE:
-            self._source = EmptyRoad()
-        self._host = HostStates(node, retry, is_counted=True) if options.keeps_rules else None
-        self._missing = ""
+        """Set up the answers.
+
+        Args:
+            node: takes part in the graph.
+            options: parameters of the node.
+            route: road, and the leader of the cycle.
+            retry: called whenever something missing may have arrived.
+            needs_host: wait for the position of the host.
+            is_counted: then listen to the clock once more: the plant waits for the same number of peers on
+                the clock as on the odometry.
+
+        Raises:
+            ParameterError: a rule of the road is not usable.
+        """
+        self.missing = ""
+        self._options, self._route, self._retry = options, route, retry
         self._model = options.model().values
-        self._bridge, self._ruled = self._before = self._fresh()
+        self._given = given_rules(options, route)
+        self._trip: tuple[Trip, TickBridge] | None = None
+        self._before: tuple[Trip, TickBridge] | None = None
+        self._host: dict[int, tuple[float, float]] | None = {} if needs_host else None
+        if needs_host:
+            node.listen(Topic.PLANT_ODOMETRY, self._on_host)
+            if is_counted:
+                node.listen(Topic.CLOCK, self._on_clock)
+
+    def _on_clock(self, message: Clock) -> None:
+        pass
+
+    def _on_host(self, message: Odometry) -> None:
+        stamp_ns, *state = _state(message)
+        if self._host is None or not all(map(math.isfinite, state)):
+            return  # the tick stays unanswered; the report states what is waited for
+        self._host[stamp_ns] = state[0], state[1]
+        while len(self._host) > _KEPT:
+            del self._host[next(iter(self._host))]
+        self._retry()
 
     def begin_trip(self) -> None:
-        self._before = self._bridge, self._ruled
-        self._bridge, self._ruled = self._fresh()
-
-    def _fresh(self) -> tuple[V2xBridge, TickBridge]:
-        options = self._options
-        bridge = V2xBridge(self._source, options, options.earlier_ticks_ns)
-        return bridge, with_rules(bridge, options, self._road.route, self._model, options)
+        """Start a new trip, keeping the previous one."""
+        self._before, self._trip = self._trip, None
 
     def resume_trip(self) -> None:
-        self._bridge, self._ruled = self._before
+        """Resume the trip before the last start."""
+        self._trip = self._before
 
     def answer(self, time_ns: int) -> BridgeAnswer | None:
-        host = (0.0, 0.0) if self._host is None else self._host.at(time_ns)
-        self._missing = MISSING if host is None else ""
-        return None if host is None else self._ruled.answer(time_ns, *host)
+        """Return the answer to a tick, None while something is missing."""
+        trip, bridge = self._trip = self._trip or self._start(time_ns)
+        host = (0.0, 0.0) if self._host is None else self._host.get(time_ns)
+        self.missing = self._awaited(trip, time_ns)
+        if host is None:
+            self.missing = self.missing or "waiting for the position of the host"
+        if self.missing or host is None:
+            return None
+        return self._checked(trip, bridge.answer(time_ns, *host))
+
+    def _with_rules(
+        self, inner: TickBridge, rules: RoadRules | None = None, start_timestamp_ms: int = 0
+    ) -> TickBridge:
+        options = self._options
+        rules = rules or self._given
+        return with_rules(
+            inner, options, self._route, self._model, options, rules, start_timestamp_ms
+        )
+
+    @abstractmethod
+    def _start(self, time_ns: int) -> tuple[Trip, TickBridge]:
+        """Return what belongs to a trip that begins with a tick, and the bridge that answers its ticks."""
+
+    def _awaited(self, trip: Trip, time_ns: int) -> str:  # noqa: ARG002
+        """Take in what has arrived by a tick; return what is waited for, empty for nothing."""
+        return ""
+
+    def _checked(self, trip: Trip, answer: BridgeAnswer) -> BridgeAnswer:  # noqa: ARG002
+        return answer
 
     def samples(self, answer: BridgeAnswer) -> LeaderPreview:
+        """Return what a range sensor measures of the leader from the tick of an answer to the next one."""
+        return single_sample(answer.leader)
+
+    def is_heard(self) -> bool:
+        """Return whether the other outputs have a subscriber."""
+        return True
+
+    @abstractmethod
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics."""
+
+    def close(self) -> None:
+        """Give back what is held."""
+
+
+def _state(message: Odometry) -> tuple[int, float, float]:
+    """Return stamp, position (m) and speed (m/s)."""
+    position_m, speed_m_s = message.pose.pose.position.x, message.twist.twist.linear.x
+    return ns_from_time(message.header.stamp), float(position_m), float(speed_m_s)
+
+
+class CycleAnswers(TickAnswers[V2xBridge]):
+    """The leader drives a cycle, and a simulated link delays and loses its predictions; or there is none."""
+
+    def __init__(
+        self,
+        node: SuiteNode,
+        options: BridgeNodeParameters,
+        route: Route,
+        retry: Callable[[], None],
+    ) -> None:
+        super().__init__(node, options, route, retry, needs_host=options.keeps_rules)
+        self._source: PreviewSource = CycleSource(route)
+        if options.leader_source is LeaderSource.NONE:
+            self._source = EmptyRoad()
+
+    def _start(self, time_ns: int) -> tuple[V2xBridge, TickBridge]:  # noqa: ARG002
+        bridge = V2xBridge(self._source, self._options, self._options.earlier_ticks_ns)
+        return bridge, self._with_rules(bridge)
+
+    def samples(self, answer: BridgeAnswer) -> LeaderPreview:
+        """Return the source at every sampling time of the range sensor; see `TickAnswers`."""
         options = self._options
         return self._source.sampled(
             sampling_times_s(answer.time_ns, options.period_s, options.monitor_period_s)
         )
 
-    def missing(self) -> str:
-        return self._missing
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics."""
+        return _sent(self._trip)
 
-    def is_heard(self) -> bool:
-        return True
+
+class VehicleAnswers(TickAnswers[V2xBridge]):
+    """The leader is the vehicle ahead: its odometry is its state, its plan the preview of its motion.
+
+    A tick is answered when both of that stamp are there, so it does not matter what arrives first. The
+    simulated link delays and loses plans as it does the predictions of a cycle. When the vehicle has gone
+    from the graph, ticks are answered as if it braked to a halt.
+    """
+
+    def __init__(
+        self,
+        node: SuiteNode,
+        options: BridgeNodeParameters,
+        route: Route,
+        retry: Callable[[], None],
+    ) -> None:
+        """Listen to the vehicle ahead.
+
+        Raises:
+            ParameterError: the vehicle ahead is not named.
+        """
+        name = self._name = options.vehicle_ahead
+        if not name.strip("/"):
+            raise ParameterError(
+                f"vehicle_ahead is {name!r} with leader_source vehicle; allowed: the namespace of a vehicle"
+            )
+        super().__init__(node, options, route, retry, needs_host=options.keeps_rules)
+        self._vehicle = VehicleAhead(options.leader_length_m, _KEPT)
+        self._assumed = 0
+        self._states = VehiclePresence(node, name, Topic.PLANT_ODOMETRY, retry)
+        self._plans = VehiclePresence(node, name, Topic.PLAN, retry)
+        node.listen(Topic.PLANT_ODOMETRY, self._on_odometry, vehicle=name)
+        node.listen(Topic.PLAN, self._on_plan, vehicle=name)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        stamp_ns, *state = _state(message)
+        if all(
+            map(math.isfinite, state)
+        ):  # else the tick stays unanswered, which the report states
+            self._vehicle.note_state(stamp_ns, *state)
+            self._retry()
+
+    def _on_plan(self, message: JointTrajectory) -> None:
+        stamp_ns, plan = decode_plan(message)
+        self._vehicle.note_plan(stamp_ns, plan.times_s, plan.positions_m, plan.speeds_m_s)
+        self._retry()
+
+    def _start(self, time_ns: int) -> tuple[V2xBridge, TickBridge]:  # noqa: ARG002
+        bridge = V2xBridge(self._vehicle, self._options)
+        return bridge, self._with_rules(bridge)
+
+    def _awaited(self, trip: V2xBridge, time_ns: int) -> str:  # noqa: ARG002
+        vehicle = self._vehicle
+        if not (vehicle.has_state(time_ns) or (self._states.is_gone and vehicle.was_heard)):
+            return f"waiting for the odometry of {self._name}"
+        if not (vehicle.has_plan(time_ns) or self._plans.is_gone):
+            return f"waiting for the plan of {self._name}"
+        return ""
+
+    def _checked(self, trip: V2xBridge, answer: BridgeAnswer) -> BridgeAnswer:  # noqa: ARG002
+        time_ns, vehicle = answer.time_ns, self._vehicle
+        if vehicle.has_state(time_ns) and vehicle.has_plan(time_ns):
+            return answer
+        self._assumed += 1
+        return replace(answer, predictor=str(PredictorName.ASSUMED_BRAKING))
 
     def report(self) -> dict[str, object]:
-        return {"predictions_sent": self._bridge.sent, "dropouts": self._bridge.lost}
+        """Return numbers for the diagnostics."""
+        return {
+            "vehicle_ahead": self._name,
+            **_sent(self._trip),
+            "assumed_ticks": self._assumed,
+        }
 
-    def slope_ahead(self) -> SlopePreview:
-        return self._road.slope_ahead()
 
-    def close(self) -> None:
-        pass
+def _sent(trip: tuple[V2xBridge, TickBridge] | None) -> dict[str, object]:
+    sent, lost = (trip[0].sent, trip[0].lost) if trip else (0, 0)
+    return {"predictions_sent": sent, "dropouts": lost}

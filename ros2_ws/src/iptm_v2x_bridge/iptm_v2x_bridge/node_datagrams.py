@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from iptm_core.errors import BagError, ParameterError
 from iptm_core.state import NS_PER_MS
@@ -24,38 +24,45 @@ from iptm_v2x_bridge.radio_recording import (
     recording_by_time,
     recording_with_marks,
 )
-from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+from iptm_v2x_bridge.sending.datagrams import EndOfTick
 
 MAX_WAITING = 1000
 """Messages of a topic that the middleware keeps."""
 
 
-class DatagramSource(Protocol):
-    """Hands out, tick by tick, what was received."""
+class DatagramSource:
+    """Provides, tick by tick, what was received; this one never has anything."""
+
+    def __init__(self, start_timestamp_ms: int) -> None:
+        self._given_start_ms = start_timestamp_ms
 
     def begin_trip(self, time_ns: int) -> int:
-        """Begin a trip with its first tick; return the TimestampIts of trip time 0 in ms."""
-        ...
+        """Begin a trip with its first tick; return the TimestampIts of trip time 0 in ms.
 
-    def take(self, after_ns: int | None, until_ns: int) -> Sequence[Reception]:
-        """Return what was received for the ticks after one (None for all before) and up to another."""
-        ...
+        A negative one in the parameters stands for the clock of the computer.
+        """
+        if self._given_start_ms >= 0:
+            return self._given_start_ms
+        return its_timestamp_ms(time.time_ns()) - time_ns // NS_PER_MS
 
-    def take_dropped(self, after_ns: int | None, until_ns: int) -> int:
-        """Return how many more datagrams had to be dropped unread meanwhile."""
-        ...
+    def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Reception], int]:  # noqa: ARG002
+        """Return what was received after one tick (None: from the beginning) up to another.
 
-    def missing(self, time_ns: int) -> str:
+        Returns:
+            The datagrams, and how many more had to be dropped unread meanwhile.
+        """
+        return (), 0
+
+    def missing(self, time_ns: int) -> str:  # noqa: ARG002
         """Return what is waited for before a tick can be answered, empty if nothing is."""
-        ...
+        return ""
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics."""
-        ...
+        return {}
 
     def close(self) -> None:
         """Give back what is held."""
-        ...
 
 
 def open_source(options: CamSettings, node: SuiteNode) -> DatagramSource:
@@ -63,8 +70,8 @@ def open_source(options: CamSettings, node: SuiteNode) -> DatagramSource:
 
     Args:
         options: of the node.
-        node: hears a topic, and warns if a part of a recording cannot be read; its own topic of datagrams
-            counts where a bag has several.
+        node: subscribes to a topic, and warns if a part of a recording cannot be read; its own topic of
+            datagrams counts where a bag has several.
 
     Raises:
         IptmError: the socket, the topic or the recording is not usable.
@@ -81,46 +88,49 @@ def open_source(options: CamSettings, node: SuiteNode) -> DatagramSource:
                 node.get_logger().warning,
             )
         )
-    return _SocketSource(
-        DatagramReader(options.cam_address, options.cam_port),
-        options.trip_start_timestamp_ms,
-        lock_step=options.cam_lock_step,
-    )
+    return (_LockStepSource if options.cam_lock_step else _SocketSource)(options)
 
 
-def _trip_start_ms(given_ms: int, time_ns: int) -> int:
-    """Return the TimestampIts of trip time 0: the given one, or that of the computer's clock if negative."""
-    if given_ms >= 0:
-        return given_ms
-    return its_timestamp_ms(time.time_ns()) - time_ns // NS_PER_MS
+class _SocketSource(DatagramSource):
+    """Datagrams of a socket, all at once."""
+
+    def __init__(self, options: CamSettings) -> None:
+        super().__init__(options.trip_start_timestamp_ms)
+        self._reader = DatagramReader(options.cam_address, options.cam_port)
+        self._dropped = 0
+
+    def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Reception], int]:  # noqa: ARG002
+        taken = [Reception(until_ns, until_ns, datagram) for datagram in self._arrived(until_ns)]
+        dropped = self._reader.dropped - self._dropped
+        self._dropped += dropped
+        return taken, dropped
+
+    def _arrived(self, until_ns: int) -> list[bytes]:  # noqa: ARG002
+        return self._reader.take()
+
+    def report(self) -> dict[str, object]:
+        return {"port": self._reader.port}
+
+    def close(self) -> None:
+        self._reader.close()
 
 
-class _SocketSource:
-    """Datagrams of a socket.
+class _LockStepSource(_SocketSource):
+    """Datagrams up to the mark of a tick count for it; those of a sender that is ahead wait for their tick."""
 
-    In lock-step those up to the mark of a tick count for it, and a sender that is ahead is heard when its
-    time has come; otherwise everything counts at once.
-    """
-
-    def __init__(self, reader: DatagramReader, start_timestamp_ms: int, *, lock_step: bool) -> None:
-        self._reader, self._given_start_ms, self._lock_step = reader, start_timestamp_ms, lock_step
+    def __init__(self, options: CamSettings) -> None:
+        super().__init__(options)
         self._waiting: deque[bytes] = deque()
         self._marks: deque[EndOfTick] = deque()
         """Those in what waits, in the same order."""
         self._ended_ns: int | None = None
-        self._heard = self._dropped = self._lost_on_the_way = 0
+        self._heard = self._lost_on_the_way = 0
 
-    def begin_trip(self, time_ns: int) -> int:
-        return _trip_start_ms(self._given_start_ms, time_ns)
-
-    def take(self, after_ns: int | None, until_ns: int) -> list[Reception]:  # noqa: ARG002
-        if not self._lock_step:
-            return [Reception(until_ns, until_ns, datagram) for datagram in self._reader.take()]
+    def _arrived(self, until_ns: int) -> list[bytes]:
         self._listen()
-        taken: list[Reception] = []
+        taken: list[bytes] = []
         while self._marks and self._marks[0].time_ns <= until_ns:
-            found = self._pass_mark()
-            taken += [Reception(until_ns, until_ns, datagram) for datagram in found]
+            taken += self._pass_mark()
         return taken
 
     def _listen(self) -> None:
@@ -148,13 +158,8 @@ class _SocketSource:
         self._lost_on_the_way = mark.sent - self._heard
         return before
 
-    def take_dropped(self, after_ns: int | None, until_ns: int) -> int:  # noqa: ARG002
-        dropped = self._reader.dropped - self._dropped
-        self._dropped += dropped
-        return dropped
-
     def missing(self, time_ns: int) -> str:
-        if not self._lock_step or self._ended_ns == time_ns:
+        if self._ended_ns == time_ns:
             return ""
         before = self._ended_ns is not None and self._ended_ns < time_ns
         if before and self._marks and self._marks[0].time_ns > time_ns:
@@ -162,16 +167,10 @@ class _SocketSource:
         return "waiting for the sender's end of the tick"
 
     def report(self) -> dict[str, object]:
-        values: dict[str, object] = {"port": self._reader.port}
-        if self._lock_step:
-            values["lost_between_sender_and_bridge"] = self._lost_on_the_way
-        return values
-
-    def close(self) -> None:
-        self._reader.close()
+        return super().report() | {"lost_between_sender_and_bridge": self._lost_on_the_way}
 
 
-class _TopicSource:
+class _TopicSource(DatagramSource):
     """Messages of a topic, as the datagrams that they came from; all by the clock of the computer."""
 
     def __init__(self, options: CamSettings, node: SuiteNode) -> None:
@@ -180,13 +179,13 @@ class _TopicSource:
         Raises:
             ParameterError: the type of the messages is not there, or they are asked to come in lock-step.
         """
+        super().__init__(options.trip_start_timestamp_ms)
         if options.cam_lock_step or options.recorded_packets:
             raise ParameterError(
                 f"cam_topic is {options.cam_topic!r} with cam_lock_step {options.cam_lock_step} and "
                 f"recorded_packets {options.recorded_packets!r}; allowed: False and ''"
             )
         self._topic, self._node = options.cam_topic, node
-        self._given_start_ms = options.trip_start_timestamp_ms
         self._kept: deque[bytes] = deque()
         self._dropped = 0
         node.create_subscription(message_type(), options.cam_topic, self.hear, MAX_WAITING)
@@ -201,54 +200,31 @@ class _TopicSource:
             self._kept.popleft()
             self._dropped += 1
 
-    def begin_trip(self, time_ns: int) -> int:
-        return _trip_start_ms(self._given_start_ms, time_ns)
-
-    def take(self, after_ns: int | None, until_ns: int) -> list[Reception]:  # noqa: ARG002
+    def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Reception], int]:  # noqa: ARG002
         taken = [Reception(until_ns, until_ns, datagram) for datagram in self._kept]
         self._kept.clear()
-        return taken
-
-    def take_dropped(self, after_ns: int | None, until_ns: int) -> int:  # noqa: ARG002
         dropped, self._dropped = self._dropped, 0
-        return dropped
-
-    def missing(self, time_ns: int) -> str:  # noqa: ARG002 - nothing ever is
-        return ""
+        return taken, dropped
 
     def report(self) -> dict[str, object]:
         return {"cam_topic": self._topic}
 
-    def close(self) -> None:
-        pass
 
-
-class _RecordedSource:
+class _RecordedSource(DatagramSource):
     """Datagrams of a recording, which restarts with every trip."""
 
     def __init__(self, recording: RadioRecording) -> None:
+        super().__init__(recording.start_timestamp_ms)
         self._recording = recording
 
-    def begin_trip(self, time_ns: int) -> int:  # noqa: ARG002 - taken from the recording
-        return self._recording.start_timestamp_ms
-
-    def take(self, after_ns: int | None, until_ns: int) -> Sequence[Reception]:
+    def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Reception], int]:
         return self._recording.received(after_ns, until_ns)
-
-    def take_dropped(self, after_ns: int | None, until_ns: int) -> int:
-        return self._recording.dropped_between(after_ns, until_ns)
-
-    def missing(self, time_ns: int) -> str:  # noqa: ARG002 - nothing ever is
-        return ""
 
     def report(self) -> dict[str, object]:
         return {
             "recorded_datagrams": len(self._recording.receptions),
             "recorded_until_s": self._recording.ends_ns * 1e-9,
         }
-
-    def close(self) -> None:
-        pass
 
 
 def read_recording(

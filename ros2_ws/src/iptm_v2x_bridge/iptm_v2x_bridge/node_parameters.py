@@ -23,7 +23,6 @@ from iptm_core.state import NS_PER_S
 from iptm_v2x_bridge.messages.signatures import Verifier, read_anchors
 from iptm_v2x_bridge.road_knowledge import RoadKnowledgeSettings
 from iptm_v2x_bridge.sending.settings import SenderSettings
-from iptm_v2x_bridge.source import CycleSource
 
 DEFAULT_CAM_PORT = 8947
 LOCALHOST = "127.0.0.1"
@@ -158,14 +157,6 @@ class BridgeNodeParameters(
     def earlier_ticks_ns(self) -> range:
         """Ticks before the one at which the trip is taken up, in integer nanoseconds."""
         return range(0, round(self.start_time_s * NS_PER_S), round(self.period_s * NS_PER_S))
-
-    def build_source(self) -> CycleSource:
-        """Return the leader on its road.
-
-        Raises:
-            RouteError: the cycle or its file is not usable.
-        """
-        return CycleSource(self.route(self.initial_gap_m))
 
 
 class SentDrive(TextEnum):

@@ -20,7 +20,7 @@ from iptm_v2x_bridge.messages.cam_codec import specification
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.node_host_ticks import HostTicks
 from iptm_v2x_bridge.node_parameters import SenderNodeParameters, SentDrive
-from iptm_v2x_bridge.sending.datagram_sender import (
+from iptm_v2x_bridge.sending.datagrams import (
     NOT_ALL_SENT,
     REPEAT_PERIOD_S,
     DatagramSender,
@@ -85,7 +85,7 @@ class SenderNode(SuiteNode):
             if tick.time_ns == self._last_ns:
                 return  # a state that was repeated, and answered again
             self._plan_sender = None  # a new trip
-            self._datagrams.begin_trip()
+            self._datagrams.sent = 0
         options = self._options
         sender = self._plan_sender = self._plan_sender or PlanSender(
             self._route.road_line, options, options.initial_gap_m, self._start_ms(tick.time_ns)
@@ -102,7 +102,7 @@ class SenderNode(SuiteNode):
     def _send_until(self, time_ns: int) -> None:
         if self._last_ns is not None and time_ns < self._last_ns:
             self._last_ns, self._sender = None, None  # a new trip
-            self._datagrams.begin_trip()
+            self._datagrams.sent = 0
         sender = self._sender or self._start(time_ns)
         after_ns = -(10**12) if self._last_ns is None else self._last_ns
         for _, datagram in sender.arrivals(after_ns, time_ns):

@@ -11,10 +11,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from iptm_core.errors import ParameterError
-from iptm_core.state import NS_PER_MS
-from iptm_v2x_bridge.bridge import BridgeAnswer
-from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.sending.end_of_tick import EndOfTick
+from iptm_core.trip_time import NS_PER_MS
+from iptm_v2x_bridge.sending.datagrams import EndOfTick
 
 
 @dataclass(frozen=True)
@@ -56,41 +54,20 @@ class RadioRecording:
         """The last tick that a datagram counts for, 0 without any."""
         return self.receptions[-1].tick_ns if self.receptions else 0
 
-    def received(self, after_ns: int | None, until_ns: int) -> Sequence[Reception]:
-        """Return what counts for the ticks after one (None for all before) and up to another."""
+    def received(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Reception], int]:
+        """Return what counts for the ticks after one (None for all before) and up to another.
+
+        Returns:
+            The datagrams, and how many more had been dropped unread.
+        """
         ticks_ns = self._ticks_ns
         first = 0 if after_ns is None else bisect_right(ticks_ns, after_ns)
-        return self.receptions[first : bisect_right(ticks_ns, until_ns)]
-
-    def dropped_between(self, after_ns: int | None, until_ns: int) -> int:
-        """Return how many more datagrams had been dropped; the arguments are those of `received`."""
-        return sum(
+        dropped = sum(
             count
             for tick_ns, count in self.dropped
             if tick_ns <= until_ns and (after_ns is None or tick_ns > after_ns)
         )
-
-
-class RecordedRadio:
-    """A recording and the bridge of received messages in one process."""
-
-    def __init__(self, recording: RadioRecording, bridge: CamBridge) -> None:
-        self.bridge = bridge
-        self._recording = recording
-        self._until_ns: int | None = None
-
-    def answer(
-        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
-    ) -> BridgeAnswer:
-        """Return the answer to one tick; see `CamBridge.answer`."""
-        after_ns = self._until_ns
-        if after_ns is not None and after_ns > time_ns:
-            after_ns = None  # a new trip
-        for reception in self._recording.received(after_ns, time_ns):
-            self.bridge.receive(reception.datagram, reception.received_ns)
-        self.bridge.count_overflow(self._recording.dropped_between(after_ns, time_ns))
-        self._until_ns = time_ns
-        return self.bridge.answer(time_ns, host_position_m, host_speed_m_s)
+        return self.receptions[first : bisect_right(ticks_ns, until_ns)], dropped
 
 
 def recording_with_marks(

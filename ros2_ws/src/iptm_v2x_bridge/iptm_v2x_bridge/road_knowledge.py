@@ -146,7 +146,7 @@ def with_rules(
     route: Route,
     model: ModelParameters,
     preview: PreviewSettings,
-    rules: RoadRules | None = None,
+    rules: RoadRules,
     start_timestamp_ms: int = 0,
 ) -> TickBridge:
     """Return a bridge that adds the rules of the road, or the same one where none are kept.
@@ -157,18 +157,14 @@ def with_rules(
         route: road and, without a leader, where the trip ends.
         model: of the host.
         preview: length of the look ahead.
-        rules: as they are heard; None for the given ones.
+        rules: as they are given or received.
         start_timestamp_ms: TimestampIts at trip time 0.
-
-    Raises:
-        ParameterError: a text is not usable.
     """
-    given = given_rules(settings, route)  # also validated if they are not kept
     if not settings.keeps_rules:
         return inner
     return RulesOfTheRoad(
         inner,
-        rules or given,
+        rules,
         model,
         preview,
         foresight_s=settings.line_foresight_s,
@@ -199,7 +195,8 @@ def road_bridge(
     source: PreviewSource = leader or CycleSource(route)
     if settings.leader_source is LeaderSource.NONE:
         source = EmptyRoad()
-    return source, with_rules(V2xBridge(source, preview), settings, route, model, preview)
+    rules = given_rules(settings, route)
+    return source, with_rules(V2xBridge(source, preview), settings, route, model, preview, rules)
 
 
 def read_limits(text: str) -> SpeedLimits:
