@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from iptm_core.settings import PreviewMode, PreviewSettings
-from iptm_core.state import LeaderPreview
-from iptm_v2x_bridge.bridge import RadioLink, Receiver, V2xBridge
+from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.source import CycleSource, preview_times_s
 
 NS = 10**9
@@ -119,49 +118,3 @@ def test_mode_none_knows_the_leader_now_and_nothing_else(source: CycleSource) ->
         assert answer.preview.times_s.size == 0
         assert answer.preview_age_s == math.inf
     assert bridge.sent == 0
-
-
-def made_at(generated_at_s: float) -> LeaderPreview:
-    times = generated_at_s + np.arange(3.0)
-    return LeaderPreview(generated_at_s, times, times, np.ones(3))
-
-
-def test_nothing_received_is_an_empty_preview_of_infinite_age() -> None:
-    latest = Receiver().latest
-    assert latest.times_s.size == latest.positions_m.size == latest.speeds_m_s.size == 0
-    assert latest.age_s(100.0) == math.inf
-
-
-def test_latest_is_held_untouched_while_it_ages() -> None:
-    receiver = Receiver()
-    preview = made_at(3.0)
-    receiver.receive(preview)
-    assert receiver.latest is preview
-    assert receiver.latest.age_s(10.5) == 7.5
-
-
-def test_older_prediction_never_replaces_a_newer_one() -> None:
-    receiver = Receiver()
-    newer = made_at(5.0)
-    receiver.receive(newer)
-    receiver.receive(made_at(4.0))
-    receiver.receive(LeaderPreview.empty())
-    assert receiver.latest is newer
-
-
-def test_link_delivers_after_the_latency_and_only_once() -> None:
-    link = RadioLink(latency_ns=1500)
-    first, second = made_at(0.0), made_at(1.0)
-    link.send(0, first)
-    link.send(1000, second)
-    assert link.deliver(1499) == []
-    assert link.deliver(1500) == [first]
-    assert link.deliver(2500) == [second]
-    assert link.deliver(10**6) == []
-
-
-def test_link_without_latency_delivers_at_once() -> None:
-    link = RadioLink(latency_ns=0)
-    preview = made_at(0.0)
-    link.send(7, preview)
-    assert link.deliver(7) == [preview]

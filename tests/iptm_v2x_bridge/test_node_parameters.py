@@ -14,6 +14,7 @@ from iptm_v2x_bridge.bridge import V2xBridge
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
 from iptm_v2x_bridge.road_knowledge import given_rules
+from iptm_v2x_bridge.source import CycleSource
 from iptm_v2x_bridge.stations.station import Observation
 
 
@@ -22,16 +23,16 @@ def test_default_gap_is_that_of_the_model() -> None:
 
 
 def test_leader_and_road_are_those_asked_for() -> None:
-    source = BridgeNodeParameters(cycle="us06", slope="large", initial_gap_m=22.0).build_source()
-    assert source.leader_at(0).position_m == 22.0
-    assert source.route.name == "us06, slope large"
+    route = BridgeNodeParameters(cycle="us06", slope="large").route(22.0)
+    assert route.leader.positions_at(0.0) == 22.0
+    assert route.name == "us06, slope large"
 
 
 def test_the_node_drives_the_bridge_by_its_own_parameters() -> None:
     """What the bridge answers depends on the settings of the previews, not on who holds them."""
     settings = PreviewSettings(latency_s=1.0, dropout_probability=0.5, noise_std_m_s=1.0, seed=9)
     parameters = BridgeNodeParameters(cycle="nycc", **asdict(settings))
-    source = parameters.build_source()
+    source = CycleSource(parameters.route(15.0))
     one, two = V2xBridge(source, parameters), V2xBridge(source, settings)
     for tick in range(50):
         first, second = one.answer(tick * 10**9), two.answer(tick * 10**9)
@@ -51,7 +52,7 @@ def test_the_node_drives_the_bridge_by_its_own_parameters() -> None:
 def test_rules_that_cannot_be_read_are_refused(given: dict[str, str], word: str) -> None:
     parameters = BridgeNodeParameters(**given)  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match=word):
-        given_rules(parameters, parameters.build_source().route)
+        given_rules(parameters, parameters.route(15.0))
 
 
 def test_a_host_that_keeps_the_rules_needs_to_know_them() -> None:
@@ -69,7 +70,7 @@ def test_what_is_given_of_the_road_bounds_the_prediction() -> None:
     given = {"signals": "204.5:80:30:40"}
     for keeps, farthest_m in ((True, 200.5), (False, np.inf)):
         parameters = BridgeNodeParameters(leader_keeps_rules=keeps, **given)  # type: ignore[arg-type]
-        route = parameters.build_source().route
+        route = parameters.route(15.0)
         predictors = parameters.build_predictors(route, given_rules(parameters, route))
         found = [predictor.predict(stands, times) for predictor in predictors]
         best = next(prediction for prediction in found if prediction is not None)

@@ -42,44 +42,6 @@ class BridgeAnswer:
         return self.preview.age_s(self.time_ns / NS_PER_S)
 
 
-class RadioLink:
-    """Predictions on their way, delivered a fixed time after they were sent."""
-
-    def __init__(self, latency_ns: int) -> None:
-        self._latency_ns = latency_ns
-        self._in_flight: list[tuple[int, LeaderPreview]] = []
-
-    def send(self, now_ns: int, preview: LeaderPreview) -> None:
-        """Put a prediction on its way."""
-        self._in_flight.append((now_ns + self._latency_ns, preview))
-
-    def deliver(self, now_ns: int) -> list[LeaderPreview]:
-        """Return what has arrived by now, in order of sending; each prediction once."""
-        arrived = [preview for due_ns, preview in self._in_flight if due_ns <= now_ns]
-        self._in_flight = [entry for entry in self._in_flight if entry[0] > now_ns]
-        return arrived
-
-
-class Receiver:
-    """Holds the latest prediction received, exactly as it was generated.
-
-    Nothing is shifted to the present: the age of a prediction must stay visible to its user.
-    """
-
-    def __init__(self) -> None:
-        self._latest = LeaderPreview.empty()
-
-    @property
-    def latest(self) -> LeaderPreview:
-        """The newest prediction by time of generation; empty before the first reception."""
-        return self._latest
-
-    def receive(self, preview: LeaderPreview) -> None:
-        """Take a prediction in; an older one than is held already is ignored."""
-        if preview.times_s.size and preview.generated_at_s >= self._latest.generated_at_s:
-            self._latest = preview
-
-
 class TickBridge(Protocol):
     """What answers ticks, wherever it knows the leader from."""
 
@@ -100,6 +62,10 @@ class V2xBridge:
     """Answers ticks in increasing order of time.
 
     The same tick asked again gets the same answer; an earlier one means that a new trip has begun.
+
+    Attributes:
+        sent: predictions generated in this trip, lost ones included.
+        lost: predictions lost in this trip.
     """
 
     def __init__(
@@ -108,7 +74,7 @@ class V2xBridge:
         settings: PreviewSettings | None = None,
         earlier_ticks_ns: range = range(0),
     ) -> None:
-        """Set up a bridge that has not been asked anything.
+        """Set up a bridge at the beginning of a trip.
 
         Args:
             source: leader and predictions.
@@ -122,21 +88,11 @@ class V2xBridge:
         self._restart()
 
     def _restart(self) -> None:
-        self._link = RadioLink(latency_ns(self._settings))
-        self._receiver = Receiver()
+        self._in_flight: list[tuple[int, LeaderPreview]] = []
+        self._latest = LeaderPreview.empty()
         self._last: BridgeAnswer | None = None
-        self._sent = 0
-        self._lost = 0
-
-    @property
-    def sent(self) -> int:
-        """Predictions generated in this trip, lost ones included."""
-        return self._sent
-
-    @property
-    def lost(self) -> int:
-        """Predictions lost in this trip."""
-        return self._lost
+        self.sent = 0
+        self.lost = 0
 
     def answer(
         self,
@@ -149,29 +105,31 @@ class V2xBridge:
             return self._last
         if self._last is not None and time_ns < self._last.time_ns:
             self._restart()
-        leader = self._source.leader_at(time_ns)
-        if self._settings.preview_mode is PreviewMode.NONE:
-            self._last = BridgeAnswer(time_ns, leader, LeaderPreview.empty(), lost=False)
-            return self._last
-        if self._last is None and time_ns == self._earlier_ticks_ns.stop:
-            for earlier_ns in self._earlier_ticks_ns:
-                self._transmit(earlier_ns)
-                self._receive(earlier_ns)
-        lost = self._transmit(time_ns)
-        self._receive(time_ns)
-        self._last = BridgeAnswer(time_ns, leader, self._receiver.latest, lost)
+        leader, lost = self._source.leader_at(time_ns), False
+        if self._settings.preview_mode is not PreviewMode.NONE:
+            if self._last is None and time_ns == self._earlier_ticks_ns.stop:
+                for earlier_ns in self._earlier_ticks_ns:
+                    self._transmit(earlier_ns)
+            lost = self._transmit(time_ns)
+        self._last = BridgeAnswer(time_ns, leader, self._latest, lost)
         return self._last
 
-    def _receive(self, time_ns: int) -> None:
-        for preview in self._link.deliver(time_ns):
-            self._receiver.receive(preview)
-
     def _transmit(self, time_ns: int) -> bool:
-        """Send the prediction of this tick; return whether it is lost on the way."""
-        self._sent += 1
-        if is_lost(self._settings, time_ns):
-            self._lost += 1
-            return True
-        preview = self._source.predict(preview_times_s(self._settings, time_ns))
-        self._link.send(time_ns, distort(self._settings, preview))
-        return False
+        """Send the prediction of this tick and receive what has arrived; return whether it is lost.
+
+        The newest prediction by its time of generation is held exactly as it was generated: its age must stay
+        visible to its user.
+        """
+        self.sent += 1
+        lost = is_lost(self._settings, time_ns)
+        if lost:
+            self.lost += 1
+        else:
+            preview = self._source.predict(preview_times_s(self._settings, time_ns))
+            due_ns = time_ns + latency_ns(self._settings)
+            self._in_flight.append((due_ns, distort(self._settings, preview)))
+        while self._in_flight and self._in_flight[0][0] <= time_ns:
+            _, preview = self._in_flight.pop(0)
+            if preview.times_s.size and preview.generated_at_s >= self._latest.generated_at_s:
+                self._latest = preview
+        return lost

@@ -116,7 +116,7 @@ class _SocketSource(DatagramSource):
 
 
 class _LockStepSource(_SocketSource):
-    """Datagrams up to the mark of a tick count for it; those of a sender that is ahead wait for their tick."""
+    """Datagrams up to the mark of a tick count for it; those of a sender that is ahead wait for theirs."""
 
     def __init__(self, options: CamSettings) -> None:
         super().__init__(options)
