@@ -14,7 +14,7 @@ from typing import Any
 
 from benchmarks.harness import formatted_table, put, run_benchmark
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.units import KM_H_PER_M_S
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_traffic.closed_loop import TrafficResult, drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
 from iptm_traffic.drive import PredictionInput, TrafficDrive

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import sys
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from iptm_traffic.preparation import prepare_traffic
 
 from benchmarks.harness import formatted_table, run_benchmark
 from iptm_core.parameters import load_parameters
@@ -18,7 +15,7 @@ from iptm_core.routes import build_route
 from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.state import FloatArray
-from iptm_traffic.drive import PredictionInput, TrafficDrive
+from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
 from iptm_v2x_bridge.messages.cam_codec import decode_datagram
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.knowledge import knowledge_of
@@ -132,12 +129,11 @@ def in_traffic(duration_s: float) -> tuple[list[Case], RoadLine]:
         IptmError: SUMO is not installed or fails.
     """
     drive = TrafficDrive(knowledge=PredictionInput.PATH, duration_s=duration_s)
-    with tempfile.TemporaryDirectory() as folder:
-        made = prepare_traffic(drive, load_parameters().values, Path(folder))
-    network, road = made.network, made.network.road.road_line()
+    with opened_traffic(drive, load_parameters().values) as (simulation, rehearsal):
+        network, road = simulation.network, simulation.network.road.road_line()
     bounded = BoundedBySignals(History(), network.limits, network.rules.plan)
     cases: list[Case] = []
-    for seen in (made.rehearsal or {}).values():
+    for seen in (rehearsal or {}).values():
         if seen.times_s[-1] - seen.times_s[0] >= SHORTEST_STAY_S:
             speeds = np.maximum(np.gradient(seen.positions_m, seen.times_s), 0.0)
             speeds[-1] = 0.0  # as a motion ends; nothing is asked about the last minute

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from iptm_controller.settings import ControllerSettings
+from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.text_enum import TextEnum
 from iptm_traffic.corridor import Corridor
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
@@ -98,7 +98,7 @@ class TrafficDrive:
 
 @contextmanager
 def opened_traffic(
-    drive: TrafficDrive, parameters: ModelParameters, fcd: Path | None
+    drive: TrafficDrive, parameters: ModelParameters, fcd: Path | None = None
 ) -> Iterator[tuple[TrafficSimulation, dict[str, Rehearsed] | None]]:
     """Provide the traffic of a drive at trip time 0, and what its vehicles will do if they announce paths.
 

@@ -9,7 +9,7 @@ from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.trip_time import NS_PER_S
+from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.suite_node import SuiteNode

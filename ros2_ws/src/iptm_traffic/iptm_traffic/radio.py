@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.routes.road_line import RoadLine, step_deg
-from iptm_core.state import FloatArray
-from iptm_core.trip_time import NS_PER_MS, NS_PER_S
+from iptm_core.state import NS_PER_MS, NS_PER_S, FloatArray
 from iptm_traffic.roadside import RoadsideStations
 from iptm_traffic.simulation import Neighbours, TrafficSimulation
 from iptm_v2x_bridge.messages.cam import ASSUMED_WIDTH_M, CamMessage, PredictedPath

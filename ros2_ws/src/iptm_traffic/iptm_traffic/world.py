@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.gap_policy import minimum_gap_m
+from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 from iptm_traffic.corridor import HOST_LANE
 from iptm_traffic.demand import LEADER, TrafficScenario

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from iptm_core.routes import Route
-from iptm_core.trip_time import NS_PER_MS
+from iptm_core.state import NS_PER_MS
 from iptm_interfaces.codecs import encode_raw_datagram
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic

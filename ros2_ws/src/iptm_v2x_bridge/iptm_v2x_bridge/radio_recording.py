@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from iptm_core.errors import ParameterError
-from iptm_core.trip_time import NS_PER_MS
+from iptm_core.state import NS_PER_MS
 from iptm_v2x_bridge.sending.datagrams import EndOfTick
 
 
