@@ -1,8 +1,9 @@
-"""The controller's price of a kelvin on arrival, against what a kelvin more costs in years of use."""
+"""The price of a kelvin on arrival, against years of use composed with a kelvin more and a kelvin less."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,12 +14,14 @@ from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
-from iptm_studies.life import year
-from iptm_studies.life.costate import arrival_costates
-from iptm_studies.life.usage import CLIMATES, USAGES, Climate
+from iptm_studies.life.losses import SERVICE_YEARS, losses_by_cause
+from iptm_studies.life.trips import NO_COOLING
+from iptm_studies.life.usage import CLIMATES, MONTH_DAYS, USAGES, Climate
+from iptm_studies.life.year import Activity, Year, year_of
 
 COMMUTER = USAGES[0]
 PARAMETERS = load_parameters().values
+STEP_K = 0.2
 DRAWN = 0.052
 UNCOOLED = trip(4.4, drawn=DRAWN)
 """Warms the pack as the WLTC without cooling does, and draws as much."""
@@ -44,15 +47,44 @@ def prices_1_k(law: str, climate: Climate, arrival_k: FloatArray) -> FloatArray:
     return np.array(prices)
 
 
+def costates(law: str, climate: Climate) -> tuple[FloatArray, FloatArray]:
+    """Costs of a kelvin on arrival, shape (12,), and temperatures there, shape (12, drives of a day)."""
+
+    def year(month: int, step_k: float) -> Year:
+        warmer = replace(UNCOOLED, end_k=UNCOOLED.end_k + step_k)
+        return year_of(
+            COMMUTER,
+            climate,
+            NO_COOLING,
+            COMMUTER.charging,
+            lambda each: warmer if each == month else UNCOOLED,
+            PARAMETERS,
+        )
+
+    def lost(month: int, step_k: float) -> float:
+        return sum(losses_by_cause(LAWS[law], year(month, step_k), SERVICE_YEARS).values())
+
+    usual = year(0, 0.0)
+    driving = usual.activity == Activity.DRIVING
+    ends = np.flatnonzero(driving[:-1] & ~driving[1:]) + 1
+    arrivals = SERVICE_YEARS * len(COMMUTER.departures) * 5.0 / 7.0 * np.array(MONTH_DAYS)
+    differences = [lost(month, STEP_K) - lost(month, -STEP_K) for month in range(12)]
+    return (
+        np.array(differences) / (2.0 * STEP_K * arrivals),
+        np.asarray(usual.load.temperature_k)[ends].reshape(12, -1),
+    )
+
+
 @pytest.mark.parametrize("name", LAWS)
 def test_the_price_of_a_kelvin_is_its_costate(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Over a year within 15 % of the sum of magnitudes in each climate, over months correlated by 0.99."""
-    monkeypatch.setattr(year, "UPPER_LIMIT_K", math.inf)  # a kelvin above it lasts no time
+    monkeypatch.setattr(
+        "iptm_studies.life.year.UPPER_LIMIT_K", math.inf
+    )  # a kelvin above it lasts no time
     found, expected = [], []
     for climate in CLIMATES:
-        costates = arrival_costates(LAWS[name], COMMUTER, climate, UNCOOLED, PARAMETERS)
-        prices = prices_1_k(name, climate, costates.arrival_k)
-        costs = costates.cost_1_k
+        costs, arrival_k = costates(name, climate)
+        prices = prices_1_k(name, climate, arrival_k)
         error = float(np.sum(prices - costs) / np.sum(np.abs(costs)))
         print(f"{name} {climate.name}: {100.0 * error:+.1f} %")
         assert abs(error) < 0.15

@@ -19,7 +19,6 @@ from iptm_studies.life.charging_stop import (
     MINUTE_KWH,
     SHORT,
     Arrival,
-    Evening,
     Preparation,
     arrival,
     charging_damage,
@@ -36,7 +35,7 @@ def arrived(preparation: Preparation, arrival_c: float, battery_kwh: float) -> A
         fast_charge(kelvin, replace(STOP, charging_heater_kw=kilowatt), PAPER)
         for kilowatt in (0.0, 5.0)
     )
-    return Arrival(FIRST_CAR, 5.0, preparation, arrival_c, battery_kwh, *charges)
+    return Arrival(FIRST_CAR, 5.0, preparation, arrival_c, battery_kwh, 0.5, *charges)
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +79,9 @@ def test_the_page_shows_differences_to_no_preparation() -> None:
         arrived(Preparation.LAST_MINUTES, 25.0, 4.7),
         arrived(Preparation.OPTIMISED, 15.0, 4.1),
     ]
-    evenings = [Evening("Rome, July", "chiller", 26.0, 0.25, 0.5)]
-    page = charging_page("scripts/life --charging-stop", trips, [(0.5, trips[1])], evenings)
+    evening = {"place": "Rome, July", "cooling": "chiller", "arrival_c": 26.0}
+    evening |= {"thermal_kwh": 0.25, "removed_kwh": 0.5}
+    page = charging_page("scripts/life --charging-stop", trips, trips[1:2], [evening])
     saved = float(trips[0].charge.minutes[0] - trips[2].charge.minutes[0])
     assert (
         f"| 5 | optimised | 15.0 | 1.10 | {trips[2].charge.minutes[0]:.1f} | {saved:.1f} |" in page

@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from iptm_core.aging_laws.cells import AGING_CELLS, LFP, NCA
 from iptm_core.aging_laws.law import Load
 from iptm_core.parameters import load_parameters
-from iptm_studies.life.decisions import MEASURED, Decision, decision_study
+from iptm_studies.life.decisions import MEASURED, decision_study
 from iptm_studies.life.losses import (
     Cause,
     Spread,
@@ -22,9 +23,16 @@ from iptm_studies.life.losses import (
     losses_by_cause,
     years_to_end,
 )
-from iptm_studies.life.own_law import PARKED_H, OwnLaw, PricedTrips, kelvin_price_1_k, priced_study
-from iptm_studies.life.page import Findings, life_page
-from iptm_studies.life.table import CONTROLS, MANAGED, OWN_LAW, PAPER, life_table
+from iptm_studies.life.own_law import (
+    PAPER,
+    PARKED_H,
+    OwnLaw,
+    PricedTrips,
+    kelvin_price_1_k,
+    priced_study,
+)
+from iptm_studies.life.page import life_page
+from iptm_studies.life.table import CONTROLS, MANAGED, OWN_LAW, life_table
 from iptm_studies.life.trips import (
     CITY,
     DEFAULT,
@@ -180,7 +188,8 @@ def test_above_the_limit_the_pack_is_cooled_at_a_price() -> None:
 
 
 @pytest.fixture(scope="module")
-def findings() -> Findings:
+def rows() -> pd.DataFrame:
+    """The life table of one usage and climate."""
     warm, cooled = trip(3.0), trip(3.0, coolest_k=300.15, compressor_j=1e6)
     by_control = {
         control: cooled if control not in (NO_COOLING, THERMOSTAT) else warm
@@ -196,38 +205,44 @@ def findings() -> Findings:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("iptm_studies.life.table.USAGES", USAGES[:1])
         patch.setattr("iptm_studies.life.table.CLIMATES", CLIMATES[:1])
-        decided = Decision("wltc_class3b", "NCA", 28.0, 0.2, 28.3, 0.005)
-        return Findings("scripts/life", life_table(trips), [decided])
+        return life_table(trips)
 
 
-def test_the_table_has_all_cells_and_controls(findings: Findings) -> None:
-    shown = {(row.cell, row.control) for row in findings.rows}
+def test_the_table_has_all_cells_and_controls(rows: pd.DataFrame) -> None:
     expected = {(cell, control) for cell in AGING_CELLS for control in CONTROLS}
     expected |= {(PAPER, control) for control in DRIVEN_CONTROLS}
-    assert shown == expected
-    by = {(row.cell, row.control): row for row in findings.rows}
+    by = rows.set_index(["cell", "control"])
+    assert set(by.index) == expected
     for cell in AGING_CELLS:
-        assert by[cell, NO_COOLING].saved == 0.0
-        saved = by[cell, DEFAULT]
-        assert saved.saved_band is not None
-        assert 0.0 < saved.saved_band[0] < saved.saved < saved.saved_band[1]
+        none, default, own, managed = (
+            by.loc[cell, control] for control in (NO_COOLING, DEFAULT, OWN_LAW, MANAGED)
+        )
+        assert none.saved == 0.0
+        assert 0.0 < default.saved_low < default.saved < default.saved_high
         stored_lower = losses_at_rest(cell, 0.6) < losses_at_rest(cell, 0.8)
         assert stored_lower == (cell != "NMC622")  # its calendar ageing is largest in the middle
-        assert (by[cell, MANAGED].saved > saved.saved) == stored_lower
-        assert saved.years >= by[cell, NO_COOLING].years
-        assert by[cell, OWN_LAW].saved > 0.0
-        assert by[cell, OWN_LAW].range_change < 0.0
-    assert by[PAPER, DEFAULT].causes[Cause.CALENDAR_PARKED] == 0.0
+        assert (managed.saved > default.saved) == stored_lower
+        assert default.years >= none.years
+        assert own.saved > 0.0
+        assert own.range < 0.0
+    assert by.loc[PAPER, DEFAULT][str(Cause.CALENDAR_PARKED)] == 0.0
 
 
-def test_the_page_states_points_energy_and_limits(
-    findings: Findings, monkeypatch: pytest.MonkeyPatch
+def test_the_page_shows_points_energy_and_limits(
+    rows: pd.DataFrame, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("iptm_studies.life.page.USAGES", USAGES[:1])
-    monkeypatch.setattr("iptm_studies.life.page.CLIMATES", CLIMATES[:1])
-    page = life_page(findings)
+    monkeypatch.setattr("iptm_studies.life.usage.USAGES", USAGES[:1])
+    monkeypatch.setattr("iptm_studies.life.usage.CLIMATES", CLIMATES[:1])
+    decided = {"route": "wltc", "cell": PAPER, "end_c": 28.0, "cooling_kwh": 0.2}
+    decided |= {"interpolated_end_c": math.nan, "saved": None}
+    page = life_page("scripts/life", rows, pd.DataFrame([decided]))
     for text in ("percentage points", "kWh a year", "Years to 80 %", "rest temperature", "doi:"):
         assert text in page
+    assert "| wltc | paper | 28.0 | – | 0.200 | – |" in page
+    nca = rows.set_index(["cell", "control"]).loc["NCA", DEFAULT]
+    band = f"[{nca.saved_low:.2f}, {nca.saved_high:.2f}]"
+    assert f"{nca.saved:.2f} {band}; {nca.more_kwh:.0f} |" in page
+    assert f"| {nca.saved:.2f} {band} | {nca.cooling_kwh:.0f} | {nca.range:+.1f} % |" in page
 
 
 def test_trips_are_interpolated_over_the_price_of_a_kelvin() -> None:

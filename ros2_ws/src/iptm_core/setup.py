@@ -19,6 +19,7 @@ setup(
         "setuptools",
         "numpy>=1.24",
         "casadi>=3.6.5",
+        "jinja2>=3.1",
         "PyYAML>=6.0",
         "rosbags>=0.11",
     ],

@@ -1,9 +1,10 @@
-"""Trips that end at a fast charger, and warm evenings with a radiator: driven in the closed loop."""
+"""Trips that end at a fast charger and warm evenings with a radiator: driven in the closed loop."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -94,6 +95,7 @@ class Arrival:
         preparation: what was done on the way.
         arrival_c: mean temperature of the pack on arrival.
         battery_kwh: energy from the pack.
+        minute_kwh: what a minute is worth to the optimisation, 0 without.
         charge: charging by the pack's own heat.
         heated: the same with the heater on the charger.
     """
@@ -103,27 +105,9 @@ class Arrival:
     preparation: Preparation
     arrival_c: float
     battery_kwh: float
+    minute_kwh: float
     charge: FastCharge
     heated: FastCharge
-
-
-@dataclass(frozen=True)
-class Evening:
-    """A trip from a warm pack in cooler air under the law of a cell.
-
-    Attributes:
-        place: where and when.
-        cooling: with what.
-        arrival_c: mean temperature of the pack on arrival.
-        thermal_kwh: energy of compressor, pump and fan.
-        removed_kwh: heat taken from the coolant.
-    """
-
-    place: str
-    cooling: str
-    arrival_c: float
-    thermal_kwh: float
-    removed_kwh: float
 
 
 @dataclass(frozen=True)
@@ -156,13 +140,10 @@ def arrivals(extent: Extent, minute_kwh: float = MINUTE_KWH) -> Iterator[Arrival
                 yield arrival(car, air_c, preparation, extent, minute_kwh)
 
 
-def worths(extent: Extent) -> Iterator[tuple[float, Arrival]]:
+def worths(extent: Extent) -> Iterator[Arrival]:
     """Drive the first car with minutes of different worth."""
     for minute_kwh in extent.worths_kwh:
-        yield (
-            minute_kwh,
-            arrival(FIRST_CAR, WORTHS_AIR_C, Preparation.OPTIMISED, extent, minute_kwh),
-        )
+        yield arrival(FIRST_CAR, WORTHS_AIR_C, Preparation.OPTIMISED, extent, minute_kwh)
 
 
 def arrival(
@@ -196,7 +177,7 @@ def arrival(
     )
     battery_kwh = run.metrics.energy.battery_j / _J_PER_KWH
     arrival_c = arrival_k - CELSIUS_ZERO_K
-    return Arrival(car, air_c, preparation, arrival_c, battery_kwh, own_heat, heated)
+    return Arrival(car, air_c, preparation, arrival_c, battery_kwh, worth, own_heat, heated)
 
 
 EVENINGS = {"Phoenix, October": (38.0, 27.0), "Rome, July": (34.0, 24.0)}
@@ -205,8 +186,13 @@ RADIATOR: Overrides = {"cooling.radiator_w_k": 150.0, "cooling.radiator_fan_powe
 EVENING_LAW = "nca"
 
 
-def evenings(extent: Extent) -> Iterator[Evening]:
-    """Drive from warm packs, without and with a radiator."""
+def evenings(extent: Extent) -> Iterator[dict[str, Any]]:
+    """Drive from warm packs under the law of a cell, without and with a radiator.
+
+    Yields:
+        ``place``, ``cooling`` (with what), ``arrival_c``, ``thermal_kwh`` of compressor, pump and fan, and
+        ``removed_kwh``, heat taken from the coolant.
+    """
     parameter_set, overrides = CARS[FIRST_CAR]
     for place, (pack_c, air_c) in EVENINGS.items():
         for cooling, radiator in (("chiller", {}), ("chiller and radiator", RADIATOR)):
@@ -221,13 +207,13 @@ def evenings(extent: Extent) -> Iterator[Evening]:
                 float(np.dot(power_w[1:], run.trajectory.intervals_s))
                 for power_w in (run.trajectory.compressor_power_w, run.trajectory.chiller_heat_w)
             )
-            yield Evening(
-                place,
-                cooling,
-                _arrival_k(run) - CELSIUS_ZERO_K,
-                spent_j / _J_PER_KWH,
-                removed_j / _J_PER_KWH,
-            )
+            yield {
+                "place": place,
+                "cooling": cooling,
+                "arrival_c": _arrival_k(run) - CELSIUS_ZERO_K,
+                "thermal_kwh": spent_j / _J_PER_KWH,
+                "removed_kwh": removed_j / _J_PER_KWH,
+            }
 
 
 def charging_damage(cell: AgingCell, charge: FastCharge) -> float:

@@ -12,7 +12,7 @@ from iptm_studies.life import charging_stop
 from iptm_studies.life.charging_page import CHARGING_PAGE, charging_page
 from iptm_studies.life.decisions import decision_study, decisions
 from iptm_studies.life.own_law import priced_study
-from iptm_studies.life.page import Findings, life_page
+from iptm_studies.life.page import life_page
 from iptm_studies.life.table import life_table
 from iptm_studies.life.trips import Extent, trip_maps, trip_study
 
@@ -54,7 +54,7 @@ def _work(session: Session) -> bool:
         session.store,
         trips,
     )
-    session.write(life_page(Findings(session.command, rows, chosen)))
+    session.write(life_page(session.command, rows, chosen))
     return True
 
 

@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from iptm_core.aging_laws.cells import AGING_CELLS, LAWS
 from iptm_core.aging_laws.law import Load
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
-from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_studies.campaign import CaseState
 from iptm_studies.life.losses import SERVICE_YEARS
-from iptm_studies.life.own_law import law_setting, priced_trips, trip_at
+from iptm_studies.life.own_law import PAPER, priced_trips, trip_at, use_in
 from iptm_studies.life.trips import (
     CITY,
     DEFAULT,
     Extent,
     TripMap,
+    compressor_j,
+    driven,
+    mean_cell_k,
     nominal_energy_j,
     trip_case,
 )
@@ -35,32 +38,8 @@ COMPREHENSIVE = "comprehensive"
 MEASURED = "measured trips"
 START_C = 35.0
 TRIPS_A_YEAR = 2.0 * 5.0 / 7.0 * 365.25
-PAPER = "paper"
-_MONTH = 6
+_JULY = 6
 _J_PER_KWH = 3.6e6
-
-
-@dataclass(frozen=True)
-class Decision:
-    """What one law makes of a route; of several trips, means.
-
-    Attributes:
-        route: cycle, or measured trips.
-        cell: name of the law, `PAPER` for the paper's.
-        end_c: temperature at the end.
-        cooling_kwh: energy of the compressor.
-        interpolated_end_c: the same temperature from trips at the price of a kelvin, as the years have them;
-            None where no such trips are driven.
-        saved: capacity that such trips on all working days of the service save against the default with the
-            paper's law, as a share; None for the paper's law.
-    """
-
-    route: str
-    cell: str
-    end_c: float
-    cooling_kwh: float
-    interpolated_end_c: float | None
-    saved: float | None
 
 
 def decision_study(
@@ -90,18 +69,7 @@ def decision_study(
 
 def _use(cell: str) -> AgingSettings:
     """Return a commuter's use in the first climate in its hottest month."""
-    if cell == PAPER:
-        return AgingSettings()
-    climate = CLIMATES[0]
-    monthly_c = climate.monthly_c
-    return AgingSettings(
-        aging_law=law_setting(cell),
-        parking_air_k=monthly_c[_MONTH] + CELSIUS_ZERO_K,
-        parking_air_swing_k=0.5 * climate.daily_range_k,
-        year_air_k=float(np.mean(monthly_c)) + CELSIUS_ZERO_K,
-        year_air_swing_k=0.5 * (max(monthly_c) - min(monthly_c)),
-        service_years=SERVICE_YEARS,
-    )
+    return AgingSettings() if cell == PAPER else use_in(cell, CLIMATES[0], _JULY)
 
 
 def decisions(
@@ -109,66 +77,52 @@ def decisions(
     routes: Mapping[str, Sequence[str]],
     store: ResultStore,
     trips: Mapping[tuple[str, str], TripMap],
-) -> Sequence[Decision]:
-    """Return what each law makes of each route, from finished runs.
+) -> pd.DataFrame:
+    """Return what every law makes of every route, from finished runs.
 
     Args:
-        states: runs of the study.
-        routes: cycles of each route.
-        store: of the runs.
-        trips: those of the years, by cycle and control.
+        states: those of the trips.
+        routes: cycles by route.
+        store: where the runs are.
+        trips: by cycle and control, for the interpolated ends.
+
+    Returns:
+        A row per ``route`` and ``cell`` (name of the law), with means over several trips: ``end_c``, the
+        temperature at the end; ``cooling_kwh`` of the compressor; ``interpolated_end_c``, the same
+        temperature as the years have it (missing where no such trips are driven); ``saved``, percentage
+        points of capacity that such trips on all working days of the service save against the default
+        with the paper's law.
     """
-    runs: dict[tuple[str, str], Trajectory] = {}
-    for state in states:
-        if state.key is not None and state.metrics is not None:
-            label = str(state.case.labels["cycle"]), str(state.case.labels["control"])
-            runs[label] = store.load(state.key).trajectory
-    found = []
-    start_k = START_C + CELSIUS_ZERO_K
+    runs = {label: found[0] for label, found in driven(states, store).items()}
+    rows: list[dict[str, Any]] = []
     for route, cycles in routes.items():
-        usual = [runs[cycle, PAPER] for cycle in cycles]
         for cell in (PAPER, *AGING_CELLS):
             own = [runs[cycle, cell] for cycle in cycles]
-            saved = interpolated_c = None
+            row = {
+                "route": route,
+                "cell": cell,
+                "end_c": float(np.mean([mean_cell_k(run)[-1] for run in own])) - CELSIUS_ZERO_K,
+                "cooling_kwh": float(np.mean([compressor_j(run) for run in own])) / _J_PER_KWH,
+            }
             if cell != PAPER:
-                if route == CITY:
-                    trip = trip_at(priced_trips(trips, CITY), _use(cell)).from_start(start_k)
-                    interpolated_c = float(trip.end_k[0]) - CELSIUS_ZERO_K
-                saved = float(
-                    np.mean(
-                        [
-                            _lost(cell, one) - _lost(cell, two)
-                            for one, two in zip(usual, own, strict=True)
-                        ]
-                    )
-                )
-                saved *= TRIPS_A_YEAR * SERVICE_YEARS
-            found.append(
-                Decision(
-                    route,
-                    cell,
-                    float(np.mean([_kelvin(run)[-1] for run in own])) - CELSIUS_ZERO_K,
-                    float(np.mean([_cooling_j(run) for run in own])) / _J_PER_KWH,
-                    interpolated_c,
-                    saved,
-                )
-            )
-    return found
-
-
-def _kelvin(run: Trajectory) -> FloatArray:
-    return 0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k)
-
-
-def _cooling_j(run: Trajectory) -> float:
-    return float(np.sum(run.compressor_power_w[1:] * np.diff(run.time_s)))
+                saved = [
+                    _lost(cell, runs[cycle, PAPER]) - _lost(cell, runs[cycle, cell])
+                    for cycle in cycles
+                ]
+                row["saved"] = 100.0 * float(np.mean(saved)) * (TRIPS_A_YEAR * SERVICE_YEARS)
+            if cell != PAPER and route == CITY:
+                trip = trip_at(priced_trips(trips, CITY), _use(cell))
+                end_k = trip.from_start(START_C + CELSIUS_ZERO_K).end_k[0]
+                row["interpolated_end_c"] = float(end_k) - CELSIUS_ZERO_K
+            rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def _lost(cell: str, run: Trajectory) -> float:
     """Return what a trip costs in capacity at the end of service: while it lasts, and until it is cool."""
     use = _use(cell)
     parked = ParkedAging(LAWS[use.aging_law], use, use.parking_air_k)
-    kelvin, step_s = _kelvin(run)[1:], np.diff(run.time_s)
+    kelvin, step_s = mean_cell_k(run)[1:], np.diff(run.time_s)
     power_w = np.abs(run.battery_power_w[1:])
     c_rate = 3600.0 * power_w / nominal_energy_j(load_parameters().values)
     load = Load(kelvin, c_rate, use.parked_charge, use.daily_discharge, use.daily_discharge / 12.0)

@@ -31,6 +31,8 @@ from iptm_studies.life.usage import HOUR_S, Charging, Climate, Usage
 from iptm_studies.life.year import FREE_COOLING_W_K, PARKED_TIME_CONSTANT_S, Activity, Year
 from iptm_studies.study import Study
 
+PAPER = "paper"
+"""The law of the paper, among the names of the cells."""
 PARKED_H = (0.1, 1.0, 2.0, 4.0)
 """From a price at which nothing is cooled to one at which as much is cooled as the limits allow."""
 ARRIVAL_ABOVE_PARKED_K = 5.0
@@ -105,6 +107,20 @@ def trip_at(priced: PricedTrips, use: AgingSettings) -> TripMap:
     return priced.at(kelvin_price_1_k(use, arrival_k), arrival_k)
 
 
+def use_in(cell: str, climate: Climate, month: int, **settings: float) -> AgingSettings:
+    """Return the settings of the controller for a cell in a climate and a month, 0 for January."""
+    monthly_c = climate.monthly_c
+    return AgingSettings(
+        aging_law=next(setting for setting, law in LAWS.items() if law.name == cell),
+        parking_air_k=monthly_c[month] + CELSIUS_ZERO_K,
+        parking_air_swing_k=0.5 * climate.daily_range_k,
+        year_air_k=float(np.mean(monthly_c)) + CELSIUS_ZERO_K,
+        year_air_swing_k=0.5 * (max(monthly_c) - min(monthly_c)),
+        service_years=SERVICE_YEARS,
+        **settings,
+    )
+
+
 @dataclass(frozen=True)
 class OwnLaw:
     """A cell in a use, as the controller is set to it.
@@ -132,32 +148,23 @@ class OwnLaw:
 
     def use(self, month: int) -> AgingSettings:
         """Return the settings of the controller in a month, 0 for January."""
-        monthly_c = self.climate.monthly_c
         capacity_j_k = heat_capacity_j_k(load_parameters().values)
         conductance_w_k = capacity_j_k / PARKED_TIME_CONSTANT_S
         if self.charging.free_cooling:
             conductance_w_k += FREE_COOLING_W_K
         discharge = float(np.max(np.asarray(self.year.load.depth)))
         later = 0.5 * discharge if self.charging.just_in_time else 0.0
-        return AgingSettings(
-            aging_law=law_setting(self.cell),
-            parking_air_k=monthly_c[month] + CELSIUS_ZERO_K,
-            parking_air_swing_k=0.5 * self.climate.daily_range_k,
-            year_air_k=float(np.mean(monthly_c)) + CELSIUS_ZERO_K,
-            year_air_swing_k=0.5 * (max(monthly_c) - min(monthly_c)),
+        return use_in(
+            self.cell,
+            self.climate,
+            month,
             pack_above_air_k=self._above_air_k,
             parked_time_constant_h=capacity_j_k / conductance_w_k / HOUR_S,
             charging_target=self.charging.target - later,
             charging_c_rate_1_h=self.usage.charging_c_rate_1_h,
             daily_discharge=discharge,
-            service_years=SERVICE_YEARS,
         )
 
     def trip(self, priced: PricedTrips, month: int) -> TripMap:
         """Return the trip of a month."""
         return trip_at(priced, self.use(month))
-
-
-def law_setting(cell: str) -> str:
-    """Return the setting of the controller that means the law of a cell."""
-    return next(setting for setting, law in LAWS.items() if law.name == cell)

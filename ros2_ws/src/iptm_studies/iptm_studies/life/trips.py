@@ -181,15 +181,32 @@ def heat_capacity_j_k(parameters: ModelParameters) -> float:
     return cells * parameters.cell.heat_capacity_j_k
 
 
-def trip_maps(states: Iterable[CaseState], store: ResultStore) -> Mapping[tuple[str, str], TripMap]:
-    """Return the trips by cycle and control, from finished runs."""
+def driven(
+    states: Iterable[CaseState], store: ResultStore
+) -> Mapping[tuple[str, str], Sequence[Trajectory]]:
+    """Return the finished runs by cycle and control."""
     runs: dict[tuple[str, str], list[Trajectory]] = {}
     for state in states:
         if state.key is not None and state.metrics is not None:
             label = str(state.case.labels["cycle"]), str(state.case.labels["control"])
             runs.setdefault(label, []).append(store.load(state.key).trajectory)
+    return runs
+
+
+def trip_maps(states: Iterable[CaseState], store: ResultStore) -> Mapping[tuple[str, str], TripMap]:
+    """Return the trips by cycle and control, from finished runs."""
     energy_j = nominal_energy_j(load_parameters().values)
-    return {label: trip_map(trajectories, energy_j) for label, trajectories in runs.items()}
+    return {label: trip_map(runs, energy_j) for label, runs in driven(states, store).items()}
+
+
+def mean_cell_k(run: Trajectory) -> FloatArray:
+    """Return the mean temperature of the two cells, shape (n,)."""
+    return 0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k)
+
+
+def compressor_j(run: Trajectory) -> float:
+    """Return the energy of the compressor."""
+    return float(np.sum(run.compressor_power_w[1:] * np.diff(run.time_s)))
 
 
 def trip_map(runs: Sequence[Trajectory], energy_j: float) -> TripMap:
@@ -201,15 +218,14 @@ def trip_map(runs: Sequence[Trajectory], energy_j: float) -> TripMap:
     """
     rows = [_sampled(run, energy_j) for run in runs]
     temperature_k, c_rate_1_h, drawn = (np.array(column) for column in zip(*rows, strict=True))
-    mean_k = [0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k) for run in runs]
-    compressor_j = [float(np.sum(run.compressor_power_w[1:] * np.diff(run.time_s))) for run in runs]
+    mean_k = [mean_cell_k(run) for run in runs]
     return TripMap(
         np.array([kelvin[0] for kelvin in mean_k]),
         temperature_k,
         c_rate_1_h,
         drawn,
         np.array([kelvin[-1] for kelvin in mean_k]),
-        np.array(compressor_j),
+        np.array([compressor_j(run) for run in runs]),
         float(runs[0].time_s[-1] - runs[0].time_s[0]),
         float(np.mean([run.position_m[-1] - run.position_m[0] for run in runs])),
     )
@@ -219,7 +235,7 @@ def _sampled(run: Trajectory, energy_j: float) -> tuple[FloatArray, FloatArray, 
     step_s = np.diff(run.time_s)
     sample = ((run.time_s[1:] - run.time_s[0] - 0.5 * step_s) // SAMPLE_S).astype(int)
     length_s = np.bincount(sample, step_s)
-    kelvin = 0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k)[1:]
+    kelvin = mean_cell_k(run)[1:]
     power_w = run.battery_power_w[1:]
     drawn = np.cumsum(np.bincount(sample, power_w * step_s)) / energy_j
     c_rate = 3600.0 * np.bincount(sample, np.abs(power_w) * step_s) / length_s / energy_j
