@@ -15,7 +15,6 @@ setup(
         "setuptools",
         "matplotlib>=3.8",
         "numpy>=1.24",
-        "pandas>=2.1",
         "pyarrow>=14",
         "pyyaml>=6",
         "rich>=13",
