@@ -24,7 +24,7 @@ from iptm_core.declaration import parameter_specs, plain
 from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_faults.fault import Fault
-from iptm_faults.kinds import KINDS
+from iptm_faults.kinds import FaultKind
 from iptm_interfaces.visual_topics import PUBLISHER
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, SenderNodeParameters
@@ -186,7 +186,8 @@ def faults_page() -> str:
         for spec in parameter_specs(Fault)
     )
     kinds = []
-    for kind, spec in KINDS.items():
+    for kind in FaultKind:
+        spec = kind.spec
         size = bounds = "-"
         if spec.has_size:
             size = f"{spec.size:g} {spec.unit}"

@@ -7,7 +7,7 @@ import pytest
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_faults.fault import Fault, faults_from, plain_faults
 from iptm_faults.injection import check_headless
-from iptm_faults.kinds import KINDS, FaultKind
+from iptm_faults.kinds import FaultKind
 
 NS = 10**9
 
@@ -56,7 +56,7 @@ def test_a_list_is_needed() -> None:
 def test_every_kind_can_be_stated_by_its_name_alone(kind: FaultKind) -> None:
     (fault,) = faults_from([{"kind": kind.value}], "trip.yaml")
     assert fault.kind is kind
-    assert KINDS[kind].meaning
+    assert kind.spec.meaning
 
 
 def test_a_fault_lasts_from_its_start_to_before_its_end() -> None:

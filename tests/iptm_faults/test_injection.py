@@ -21,7 +21,7 @@ from iptm_core.routes import build_route
 from iptm_core.state import Command, LeaderPreview, LeaderState, SlopePreview
 from iptm_faults.fault import Fault
 from iptm_faults.injection import FaultInjection
-from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
+from iptm_faults.kinds import FaultKind, FaultPlace
 from iptm_faults.solver import FaultyController
 from iptm_faults.vehicle import FaultyPlant
 from iptm_plant_sim.plant import Plant
@@ -30,7 +30,7 @@ from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 PARAMETERS = load_parameters().values
 OPTIONS = ControllerOptions(horizon=Horizon.parse("5x1"))
 START, END, TICKS = 40, 50, 70
-HEADLESS = [kind for kind, spec in KINDS.items() if spec.headless]
+HEADLESS = [kind for kind in FaultKind if kind.spec.headless]
 STATE = Plant(PARAMETERS, lambda _: 0.0).initial_state()
 MEASURED = [
     FaultKind.PREVIEW_LOST,
@@ -57,7 +57,7 @@ def received(kind: FaultKind, *seconds: int, size: float | None = None) -> list[
 
 @pytest.mark.parametrize("kind", HEADLESS)
 def test_before_and_after_its_time_a_fault_of_measurements_changes_nothing(kind: FaultKind) -> None:
-    if KINDS[kind].place is FaultPlace.TRAFFIC:
+    if kind.spec.place is FaultPlace.TRAFFIC:
         pytest.skip("an event in traffic has consequences")
     for second, measured in zip((1, 12), received(kind, 1, 12), strict=True):
         assert measured.state == at(second).state
@@ -201,7 +201,7 @@ def test_a_solver_fails_for_as_long_as_it_is_told_to(
 
 
 def test_an_empty_preview_stays_empty_whatever_else_happens_to_it() -> None:
-    for kind in (kind for kind, spec in KINDS.items() if spec.place is FaultPlace.PREVIEW):
+    for kind in (kind for kind in FaultKind if kind.spec.place is FaultPlace.PREVIEW):
         faults = [Fault(FaultKind.PREVIEW_EMPTY, 2.0), Fault(kind, 2.0)]
         for second in range(6):
             measured = FaultInjection(faults).disturb(at(second))[1]
@@ -249,7 +249,7 @@ def test_noise_has_no_mean_and_the_deviation_of_its_size(
     assert np.std(errors) == pytest.approx(0.25, rel=3 / len(errors) ** 0.5)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.value.endswith("_bias")])
+@pytest.mark.parametrize("kind", [kind for kind in FaultKind if kind.value.endswith("_bias")])
 def test_a_bias_adds_its_size_to_one_signal(kind: FaultKind) -> None:
     (measured,) = received(kind, 4, size=-0.5)
     true = at(4)

@@ -11,7 +11,7 @@ from iptm_core.state import LeaderPreview, LeaderState
 from iptm_faults.events import DRIVE_OFF_M_S2
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
-from iptm_faults.traffic import Traffic
+from iptm_faults.signals import Traffic
 
 SPEED = 20.0
 GAP = 40.0

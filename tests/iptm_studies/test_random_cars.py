@@ -17,7 +17,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_faults.kinds import KINDS
+from iptm_faults.kinds import FaultKind
 from iptm_studies.campaign import Campaign
 from iptm_studies.execution import admit
 from iptm_studies.random_cars import draws
@@ -325,5 +325,5 @@ def test_faults_last_and_overlap_in_part_of_the_draws() -> None:
     assert 0.2 < np.mean(lasting) < 0.6
     assert 0.4 < np.mean(together) < 0.9
     assert {fault.kind for faults in drawn for fault in faults} == {
-        kind for kind, spec in KINDS.items() if spec.headless
+        kind for kind in FaultKind if kind.spec.headless
     }

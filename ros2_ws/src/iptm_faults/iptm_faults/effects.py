@@ -1,42 +1,90 @@
 """What each kind of fault does to one measured value at one tick; None means that nothing arrives.
 
-Every function takes the fault and the tick first. Random numbers come from the generator of the fault and
-the tick, so that the node and the loop without ROS draw the same ones.
+Random numbers come from the generator of the fault and the tick, so that the node and the loop without ROS
+draw the same ones.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, VehicleState
 
-if TYPE_CHECKING:
-    from iptm_faults.fault import Fault
-
 Motion = TypeVar("Motion", LeaderState, VehicleState)
-PreviewEffect = Callable[["Fault", int, LeaderPreview, LeaderPreview], LeaderPreview | None]
-"""Of fault, tick, preview and the first preview that the fault hit; no preview is empty."""
-LeaderEffect = Callable[["Fault", int, LeaderState, float], LeaderState | None]
-"""Of fault, tick, leader and true position of the ego vehicle in m."""
-StateEffect = Callable[["Fault", int, VehicleState], VehicleState]
-SlopeEffect = Callable[["Fault", FloatArray], FloatArray]
-"""Of fault and the slopes of the map in rad."""
 
 _TEMPERATURES = ("cell_1_temperature_k", "cell_n_temperature_k")
 _ERRORS = 1
 """Stream of random numbers for errors; whether a tick is hit is drawn from another one."""
 
 
-# --- previews
+class FaultInstance(Protocol):
+    """What effects and events use of a `Fault`."""
+
+    @property
+    def start_s(self) -> float:
+        """Trip time at which it begins."""
+
+    @property
+    def end_s(self) -> float:
+        """Trip time at which it is over."""
+
+    @property
+    def start_ns(self) -> int:
+        """First instant of trip time, integer nanoseconds."""
+
+    @property
+    def magnitude(self) -> float:
+        """The size in the unit of the kind, NaN where it has none."""
+
+    def random(self, time_ns: int, *stream: int) -> np.random.Generator:
+        """Return a generator that depends on seed, kind, instant and stream only, never on earlier draws."""
 
 
-def lost_preview(*_: object) -> None:
-    """Leave a preview out."""
+@dataclass(frozen=True)
+class Hit:
+    """A fault that hits at a tick.
+
+    Attributes:
+        fault: the fault.
+        time_ns: the tick.
+        ego_position_m: true position of the ego vehicle, for faults of the lead vehicle.
+        first: the first preview that the fault hit, for faults of previews.
+    """
+
+    fault: FaultInstance
+    time_ns: int
+    ego_position_m: float = math.nan
+    first: LeaderPreview | None = None
+
+    @property
+    def size(self) -> float:
+        """Size of the fault in the unit of its kind."""
+        return self.fault.magnitude
+
+    def anywhere_m(self) -> float:
+        """Return a random distance up to the size, to either side."""
+        return float(self.fault.random(self.time_ns).uniform(-self.size, self.size))
+
+    def any_node(self, preview: LeaderPreview) -> int:
+        """Return a random node of a preview, but for the first and the last one."""
+        return 1 + int(self.fault.random(self.time_ns).integers(preview.times_s.size - 2))
+
+
+Effect = Callable[[Hit, Any], Any]
+"""Of a hit and the measured value, to what arrives instead."""
+
+
+def lost(*_: object) -> None:
+    """Leave the measurement out."""
+
+
+# --- previews; they are not empty
 
 
 def empty_preview(*_: object) -> LeaderPreview:
@@ -44,41 +92,30 @@ def empty_preview(*_: object) -> LeaderPreview:
     return LeaderPreview.empty()
 
 
-def stale_preview(
-    fault: Fault, time_ns: int, preview: LeaderPreview, first: LeaderPreview
-) -> LeaderPreview:
+def stale_preview(hit: Hit, preview: LeaderPreview) -> LeaderPreview:
     """Return the first preview as it was generated."""
-    del fault, time_ns, preview
-    return first
+    return hit.first or preview
 
 
-def frozen_preview(
-    fault: Fault, time_ns: int, preview: LeaderPreview, first: LeaderPreview
-) -> LeaderPreview:
+def frozen_preview(hit: Hit, preview: LeaderPreview) -> LeaderPreview:
     """Return the first preview as if it were generated now."""
-    del fault, time_ns
     if preview.times_s.size == 0:
         return preview
+    first = hit.first or preview
     return _moved_in_time(first, preview.generated_at_s - first.generated_at_s)
 
 
-def future_preview(
-    fault: Fault, time_ns: int, preview: LeaderPreview, first: LeaderPreview
-) -> LeaderPreview:
+def future_preview(hit: Hit, preview: LeaderPreview) -> LeaderPreview:
     """Return a preview generated after its publication."""
-    del first
-    return _moved_in_time(preview, time_ns / NS_PER_S + fault.magnitude - preview.generated_at_s)
+    return _moved_in_time(preview, hit.time_ns / NS_PER_S + hit.size - preview.generated_at_s)
 
 
-def extrapolated_preview(
-    fault: Fault, time_ns: int, preview: LeaderPreview, first: LeaderPreview
-) -> LeaderPreview:
+def extrapolated_preview(hit: Hit, preview: LeaderPreview) -> LeaderPreview:
     """Return a preview from the first point on with the acceleration of the fault, down to standstill."""
-    del time_ns, first
     if preview.times_s.size == 0:
         return preview
     elapsed_s = preview.times_s - preview.times_s[0]
-    speed_m_s, acceleration_m_s2 = float(preview.speeds_m_s[0]), fault.magnitude
+    speed_m_s, acceleration_m_s2 = float(preview.speeds_m_s[0]), hit.size
     if acceleration_m_s2 < 0.0:
         elapsed_s = np.minimum(elapsed_s, speed_m_s / -acceleration_m_s2)
     return replace(
@@ -89,37 +126,28 @@ def extrapolated_preview(
     )
 
 
-def unordered_preview(
-    fault: Fault, time_ns: int, preview: LeaderPreview, first: LeaderPreview
-) -> LeaderPreview:
+def unordered_preview(hit: Hit, preview: LeaderPreview) -> LeaderPreview:
     """Swap the times of two neighbouring points, the first one excepted."""
-    del first
     if preview.times_s.size < 3:
         return LeaderPreview.empty()
-    node, times_s = _any_node(fault, time_ns, preview), preview.times_s.copy()
+    node, times_s = hit.any_node(preview), preview.times_s.copy()
     times_s[[node, node + 1]] = times_s[[node + 1, node]]
     return replace(preview, times_s=times_s)
 
 
-def nan_preview(
-    fault: Fault, time_ns: int, preview: LeaderPreview, first: LeaderPreview
-) -> LeaderPreview:
+def nan_preview(hit: Hit, preview: LeaderPreview) -> LeaderPreview:
     """Make one position NaN, the first one excepted."""
-    del first
     if preview.times_s.size < 3:
         return LeaderPreview.empty()
     positions_m = preview.positions_m.copy()
-    positions_m[_any_node(fault, time_ns, preview)] = np.nan
+    positions_m[hit.any_node(preview)] = np.nan
     return replace(preview, positions_m=positions_m)
 
 
-def jumping_preview(
-    fault: Fault, time_ns: int, preview: LeaderPreview, first: LeaderPreview
-) -> LeaderPreview:
+def jumping_preview(hit: Hit, preview: LeaderPreview) -> LeaderPreview:
     """Move all points but the first by one random distance; positions never decrease."""
-    del first
     positions_m = preview.positions_m.copy()
-    positions_m[1:] += _anywhere_m(fault, time_ns)
+    positions_m[1:] += hit.anywhere_m()
     return replace(preview, positions_m=np.maximum.accumulate(positions_m))
 
 
@@ -130,115 +158,61 @@ def _moved_in_time(preview: LeaderPreview, by_s: float) -> LeaderPreview:
     return replace(preview, generated_at_s=float(times_s[0]), times_s=times_s)
 
 
-def _anywhere_m(fault: Fault, time_ns: int) -> float:
-    return float(fault.random(time_ns).uniform(-fault.magnitude, fault.magnitude))
+# --- measured lead or ego vehicle
 
 
-def _any_node(fault: Fault, time_ns: int, preview: LeaderPreview) -> int:
-    return 1 + int(fault.random(time_ns).integers(preview.times_s.size - 2))
-
-
-# --- measured lead vehicle
-
-
-def lost_leader(*_: object) -> None:
-    """Leave the measurement out."""
-
-
-def nan_leader(
-    fault: Fault, time_ns: int, leader: LeaderState, ego_position_m: float
-) -> LeaderState:
+def nan_speed(_: Hit, motion: Motion) -> Motion:
     """Make the speed NaN."""
-    del fault, time_ns, ego_position_m
-    return replace(leader, speed_m_s=np.nan)
+    return replace(motion, speed_m_s=np.nan)
 
 
-def overlapping_leader(
-    fault: Fault, time_ns: int, leader: LeaderState, ego_position_m: float
-) -> LeaderState:
-    """Measure it behind the front of the ego vehicle."""
-    del time_ns
-    return replace(leader, position_m=ego_position_m - fault.magnitude)
+def jumping(hit: Hit, motion: Motion) -> Motion:
+    """Measure the vehicle a random distance away from where it is."""
+    return replace(motion, position_m=motion.position_m + hit.anywhere_m())
 
 
-def jumping_leader(
-    fault: Fault, time_ns: int, leader: LeaderState, ego_position_m: float
-) -> LeaderState:
-    """Measure it a random distance away from where it is."""
-    del ego_position_m
-    return _jumped(fault, time_ns, leader)
+def overlapping(hit: Hit, leader: LeaderState) -> LeaderState:
+    """Measure the lead vehicle behind the front of the ego vehicle."""
+    return replace(leader, position_m=hit.ego_position_m - hit.size)
 
 
-def leader_noise(name: str) -> LeaderEffect:
-    """Return an effect that adds white noise to an attribute of the lead vehicle."""
-    noisy = state_noise(name)
-    return lambda fault, time_ns, leader, _: noisy(fault, time_ns, leader)
-
-
-def leader_bias(name: str) -> LeaderEffect:
-    """Return an effect that adds the size to an attribute of the lead vehicle."""
-    biased = state_bias(name)
-    return lambda fault, time_ns, leader, _: biased(fault, time_ns, leader)
-
-
-# --- measured ego vehicle
-
-
-def nan_state(fault: Fault, time_ns: int, state: VehicleState) -> VehicleState:
-    """Make the speed NaN."""
-    del fault, time_ns
-    return replace(state, speed_m_s=np.nan)
-
-
-def overheated_state(fault: Fault, time_ns: int, state: VehicleState) -> VehicleState:
+def overheated(hit: Hit, state: VehicleState) -> VehicleState:
     """Measure both cells at the temperature of the fault."""
-    del time_ns
-    hot_k = fault.magnitude + CELSIUS_ZERO_K
-    return replace(state, **dict.fromkeys(_TEMPERATURES, hot_k))
+    return replace(state, **dict.fromkeys(_TEMPERATURES, hit.size + CELSIUS_ZERO_K))
 
 
-def _jumped(fault: Fault, time_ns: int, motion: Motion) -> Motion:
-    return replace(motion, position_m=motion.position_m + _anywhere_m(fault, time_ns))
+def noise(*names: str) -> Effect:
+    """Return an effect that adds independent white Gaussian noise to attributes."""
+
+    def noisy(hit: Hit, motion: Motion) -> Motion:
+        errors = hit.fault.random(hit.time_ns, _ERRORS).normal(0.0, hit.size, len(names))
+        return _shifted(motion, dict(zip(names, errors.tolist(), strict=True)))
+
+    return noisy
 
 
-def jumping_state(fault: Fault, time_ns: int, state: VehicleState) -> VehicleState:
-    """Measure the ego vehicle a random distance away from where it is."""
-    return _jumped(fault, time_ns, state)
+def bias(*names: str) -> Effect:
+    """Return an effect that adds the size to attributes."""
+    return lambda hit, motion: _shifted(motion, dict.fromkeys(names, hit.size))
 
 
 def _shifted(motion: Motion, errors: dict[str, float]) -> Motion:
     return replace(motion, **{name: getattr(motion, name) + by for name, by in errors.items()})
 
 
-def state_noise(*names: str) -> Callable[[Fault, int, Motion], Motion]:
-    """Return an effect that adds independent white Gaussian noise to attributes."""
-
-    def noisy(fault: Fault, time_ns: int, motion: Motion) -> Motion:
-        errors = fault.random(time_ns, _ERRORS).normal(0.0, fault.magnitude, len(names))
-        return _shifted(motion, dict(zip(names, errors.tolist(), strict=True)))
-
-    return noisy
+temperature_noise, temperature_bias = noise(*_TEMPERATURES), bias(*_TEMPERATURES)
 
 
-def state_bias(*names: str) -> Callable[[Fault, int, Motion], Motion]:
-    """Return an effect that adds the size to attributes."""
-    return lambda fault, _, motion: _shifted(motion, dict.fromkeys(names, fault.magnitude))
+# --- map of the road: slopes in rad
 
 
-temperature_noise = state_noise(*_TEMPERATURES)
-temperature_bias = state_bias(*_TEMPERATURES)
-
-
-# --- map of the road
-
-
-def steeper_slope(fault: Fault, slopes_rad: FloatArray) -> FloatArray:
+def steeper_slope(hit: Hit, slopes_rad: FloatArray) -> FloatArray:
     """Add the size to every slope."""
-    return slopes_rad + fault.magnitude
+    return slopes_rad + hit.size
 
 
-def nan_slope(fault: Fault, slopes_rad: FloatArray) -> FloatArray:
+def nan_slope(hit: Hit, slopes_rad: FloatArray) -> FloatArray:
     """Make one slope NaN, the same one as long as the fault lasts."""
     changed = slopes_rad.copy()
-    changed[int(fault.random(fault.start_ns).integers(slopes_rad.size))] = np.nan
+    changed[int(hit.fault.random(hit.fault.start_ns).integers(slopes_rad.size))] = np.nan
     return changed

@@ -5,16 +5,13 @@ A preview made before an event began does not contain it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState
-
-if TYPE_CHECKING:
-    from iptm_faults.fault import Fault
+from iptm_faults.effects import FaultInstance
 
 DRIVE_OFF_M_S2 = 2.0
 """Acceleration of a lead vehicle that drives off after a hard stop."""
@@ -33,13 +30,10 @@ class TrafficEvent(Protocol):
         """Return what the leader that counts has predicted."""
 
 
-TrafficEffect = Callable[["Fault"], TrafficEvent]
-
-
 class Gone:
     """The lead vehicle turns off; the next one drives as it did, the size farther on, for good."""
 
-    def __init__(self, fault: Fault) -> None:
+    def __init__(self, fault: FaultInstance) -> None:
         self._fault = fault
         self._shift_m: float | None = None
 
@@ -92,7 +86,7 @@ class HardStop:
     Its previews contain the stop from its beginning on.
     """
 
-    def __init__(self, fault: Fault) -> None:
+    def __init__(self, fault: FaultInstance) -> None:
         self._fault = fault
         self._past: dict[int, _Stopping] = {}
         self._now: _Stopping | None = None
@@ -173,7 +167,7 @@ class HardStop:
         return _Stopping(time_s, position_m, ahead, own_position_m, apart=apart)
 
 
-class Surprise(HardStop):
+class UnannouncedHardStop(HardStop):
     """A hard stop that no preview announces: each one starts as measured and returns to the usual drive."""
 
     def _announces_braking(self, time_s: float) -> bool:

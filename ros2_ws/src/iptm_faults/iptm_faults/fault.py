@@ -9,7 +9,7 @@ faults:
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -20,7 +20,8 @@ from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.settings import MAX_SEED
 from iptm_core.state import NS_PER_S
 from iptm_core.user_input import StrictMapping
-from iptm_faults.kinds import KINDS, FaultKind, FaultPlace, KindSpec
+from iptm_faults.effects import Hit
+from iptm_faults.kinds import FaultKind, FaultPlace, KindSpec
 
 TARGETS = ("plant", "v2x_bridge", "controller", "recorder")
 """Processes of a run that a fault may hit."""
@@ -83,23 +84,24 @@ class Fault(Settings):
     @property
     def spec(self) -> KindSpec:
         """What its kind is."""
-        return KINDS[self.kind]
+        return self.kind.spec
 
     @property
     def magnitude(self) -> float:
         """The size in the unit of the kind, NaN where it has none."""
         return float("nan") if self.size is None else self.size
 
-    @property
-    def effect(self) -> Callable[..., Any]:
-        """What its kind does.
+    def effect_on(self, value: Any, time_ns: int, **hit: Any) -> Any:
+        """Return what arrives instead of a measured value; see ``effects``.
 
-        Raises:
-            ParameterError: the kind has no effect of its own.
+        Args:
+            value: as measured.
+            time_ns: the tick.
+            hit: further attributes of the `Hit`.
         """
         if self.spec.effect is None:
-            raise ParameterError(f"kind is {self.kind}; allowed: kinds with an effect")
-        return self.spec.effect
+            raise AssertionError(f"{self.kind} has no effect on a measured value")
+        return self.spec.effect(Hit(self, time_ns, **hit), value)
 
     @property
     def start_ns(self) -> int:
@@ -179,7 +181,7 @@ def faults_from(entries: object, where: str) -> tuple[Fault, ...]:
         written.choice("kind", [kind.value for kind in FaultKind])
         given: dict[str, Any] = {name: written.scalar(name) for name in written}
         try:
-            faults.append(Fault(**{**given, "kind": FaultKind(given["kind"])}))
+            faults.append(Fault(**given))
         except ParameterError as error:
             raise ScenarioError(f"{place}: {error}") from None
     return in_order(faults)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -11,15 +10,16 @@ from iptm_core.errors import ScenarioError
 from iptm_core.settings import LeaderSource
 from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState, SlopePreview
 from iptm_faults.fault import Fault, at_places
-from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
+from iptm_faults.kinds import FaultKind, FaultPlace
 from iptm_faults.signals import (
+    Delay,
     PreviewFaults,
+    Traffic,
     faulty_leader,
     faulty_samples,
     faulty_slope,
     faulty_state,
 )
-from iptm_faults.traffic import Traffic
 
 NO_LEADER = "no measurement of the leader received"
 
@@ -32,7 +32,7 @@ def check_headless(faults: Iterable[Fault]) -> None:
     """
     for fault in faults:
         if not fault.spec.headless:
-            allowed = ", ".join(kind for kind, spec in KINDS.items() if spec.headless)
+            allowed = ", ".join(kind for kind in FaultKind if kind.spec.headless)
             raise ScenarioError(f"fault is {fault.kind}; allowed without ROS: {allowed}")
 
 
@@ -45,7 +45,7 @@ def check_empty_road(leader_source: LeaderSource, faults: Iterable[Fault]) -> No
     of_leader = {FaultPlace.TRAFFIC, FaultPlace.LEADER, FaultPlace.PREVIEW}
     for fault in faults:
         if leader_source is LeaderSource.NONE and fault.spec.place in of_leader:
-            allowed = ", ".join(kind for kind, spec in KINDS.items() if spec.place not in of_leader)
+            allowed = ", ".join(kind for kind in FaultKind if kind.spec.place not in of_leader)
             raise ScenarioError(
                 f"fault is {fault.kind} with leader_source none; allowed: {allowed}"
             )
@@ -70,10 +70,8 @@ class FaultInjection:
         self._of_leader = at_places(self._faults, FaultPlace.LEADER)
         self._road = at_places(self._faults, FaultPlace.ROAD)
         self._slope: tuple[tuple[bool, ...], SlopePreview] | None = None
-        delays = [fault for fault in self._faults if fault.kind is FaultKind.STATE_DELAYED]
-        self._delays = tuple(delays)
-        longest = round(sum(fault.magnitude for fault in delays))
-        self._past: deque[Measurements] = deque(maxlen=longest + 1)
+        # The controller acts on measurements of one stamp, so all are as late.
+        self._delay: Delay[Measurements] = Delay(self._faults, FaultKind.STATE_DELAYED)
 
     def disturb(self, measured: Measurements) -> tuple[LeaderState, Measurements]:
         """Return the effective leader, and the measurements that the controller receives.
@@ -98,15 +96,7 @@ class FaultInjection:
             slope=self._faulty_slope(now_ns, measured.slope),
             fault="" if faulty is not None else NO_LEADER,
         )
-        return leader, self._delayed(now_ns, seen)
-
-    def _delayed(self, now_ns: int, seen: Measurements) -> Measurements:
-        """Return what arrives now; the controller acts on measurements of one stamp, so all are as late."""
-        if not self._delays:
-            return seen
-        self._past.append(seen)
-        ticks = round(sum(fault.magnitude for fault in self._delays if fault.hits(now_ns)))
-        return self._past[max(len(self._past) - 1 - ticks, 0)]
+        return leader, self._delay.delayed(now_ns, seen)
 
     def sampled(self, own: LeaderPreview, host_position_m: float) -> LeaderPreview | None:
         """Return the measurements of a range sensor in an interval.

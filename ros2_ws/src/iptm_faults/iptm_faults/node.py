@@ -7,7 +7,6 @@ Ticks are identified by stamps and no timer is involved, so lock-step runs are r
 from __future__ import annotations
 
 import sys
-from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -21,10 +20,15 @@ from iptm_core.state import NS_PER_S, SlopePreview
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 from iptm_faults.node_messages import changed_state_message, with_stamp, with_stamp_of
-from iptm_faults.node_parameters import InjectorNodeParameters
-from iptm_faults.signals import PreviewFaults, faulty_leader, faulty_samples, faulty_slope
-from iptm_faults.traffic import Traffic
-from iptm_faults.wiring import faulty_name, route_name
+from iptm_faults.node_parameters import InjectorNodeParameters, faulty_name, route_name
+from iptm_faults.signals import (
+    Delay,
+    PreviewFaults,
+    Traffic,
+    faulty_leader,
+    faulty_samples,
+    faulty_slope,
+)
 from iptm_interfaces.codecs import (
     decode_leader,
     decode_leader_preview_bytes,
@@ -77,12 +81,8 @@ class InjectorNode(SuiteNode):
         self._waiting_samples: dict[int, bytes] = {}
         self._leader_ns = -1
         self._last_odometry: bytes | None = None
-        self._delays = tuple(
-            fault for fault in self._of_state if fault.kind is FaultKind.STATE_DELAYED
-        )
-        longest = round(sum(fault.magnitude for fault in self._delays))
-        self._past: dict[Topic, deque[bytes]] = {
-            topic: deque(maxlen=longest + 1) for topic in STATE_TOPICS
+        self._delays: dict[Topic, Delay[bytes]] = {
+            topic: Delay(self._of_state, FaultKind.STATE_DELAYED) for topic in STATE_TOPICS
         }
         self._held_back: list[tuple[Publisher, bytes]] = []
         self._now_ns = 0
@@ -176,10 +176,8 @@ class InjectorNode(SuiteNode):
             self._on_leader(self._waiting_leaders.pop(stamp_ns))
 
     def _forward_state(self, topic: Topic, stamp_ns: int, data: bytes) -> None:
-        past = self._past[topic]
-        past.append(changed_state_message(self._of_state, topic, stamp_ns, data))
-        ticks = round(sum(fault.magnitude for fault in self._delays if fault.hits(stamp_ns)))
-        faulty = past[max(len(past) - 1 - ticks, 0)]
+        message = changed_state_message(self._of_state, topic, stamp_ns, data)
+        faulty = self._delays[topic].delayed(stamp_ns, message)
         self._forward(topic, faulty, changed=faulty is not data)
 
     def _later(self, delay_s: float, action: Callable[[], None]) -> None:

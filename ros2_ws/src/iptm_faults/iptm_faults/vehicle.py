@@ -8,6 +8,7 @@ from typing import Any
 from iptm_core.state import NS_PER_S, Command, VehicleState
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
+from iptm_faults.signals import Delay
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 
@@ -28,24 +29,13 @@ class FaultyPlant(Plant):
         """
         super().__init__(*arguments, **settings)
         own = at_places(faults, FaultPlace.VEHICLE)
-        self._delays = tuple(fault for fault in own if fault.kind is FaultKind.COMMAND_DELAYED)
+        self._delay: Delay[Command] = Delay(own, FaultKind.COMMAND_DELAYED)
         self._weaknesses = tuple(fault for fault in own if fault.kind is FaultKind.BRAKES_WEAK)
-        self._longest = round(sum(fault.magnitude for fault in self._delays))
-        self._commands: list[tuple[float, Command]] = []
 
     def advance(self, state: VehicleState, command: Command, duration_s: float = 1.0) -> PlantStep:
         """Carry out a command for one interval; see ``Plant``."""
         now_ns = round(state.time_s * NS_PER_S)
-        command = self._delayed(state.time_s, now_ns, command)
+        command = self._delay.delayed(now_ns, command)
         shares = (fault.magnitude for fault in self._weaknesses if fault.hits(now_ns))
         self.brake_strength = min(shares, default=1.0)
         return super().advance(state, command, duration_s)
-
-    def _delayed(self, time_s: float, now_ns: int, command: Command) -> Command:
-        """Return the command to carry out now; the first one of a trip until a later one arrives."""
-        while self._commands and self._commands[-1][0] >= time_s:
-            self._commands.pop()
-        self._commands.append((time_s, command))
-        del self._commands[: -1 - self._longest]
-        ticks = round(sum(fault.magnitude for fault in self._delays if fault.hits(now_ns)))
-        return self._commands[max(len(self._commands) - 1 - ticks, 0)][1]

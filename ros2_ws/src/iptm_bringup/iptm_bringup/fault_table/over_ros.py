@@ -17,7 +17,7 @@ from iptm_bringup.scenario_files import scenario_text
 from iptm_core.decision_record import Rung
 from iptm_core.settings import LoopMode
 from iptm_faults.kinds import FaultPlace
-from iptm_faults.traffic import Traffic
+from iptm_faults.signals import Traffic
 from iptm_interfaces.assembly import assemble_run
 from iptm_interfaces.codecs import (
     decode_decision_record,

@@ -23,7 +23,7 @@ from iptm_bringup.fault_table.judge import (
 )
 from iptm_bringup.fault_table.over_ros import INPUT_TIMEOUT_S
 from iptm_core.markdown import markdown_table
-from iptm_faults.kinds import KINDS
+from iptm_faults.kinds import FaultKind
 
 NOTICE = "<!-- Made by scripts/faults; do not edit. -->"
 _MODES = {
@@ -116,7 +116,7 @@ def _by_entry(verdicts: Iterable[TrialOutcome]) -> list[tuple[Entry, list[TrialO
     by_name: dict[str, tuple[Entry, list[TrialOutcome]]] = {}
     for verdict in verdicts:
         by_name.setdefault(verdict.entry.name, (verdict.entry, []))[1].append(verdict)
-    order = list(KINDS)
+    order = list(FaultKind)
     return sorted(by_name.values(), key=lambda pair: order.index(pair[0].fault.kind))
 
 

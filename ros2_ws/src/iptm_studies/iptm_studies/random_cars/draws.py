@@ -21,7 +21,7 @@ from iptm_core.parameters import available_parameter_sets
 from iptm_core.routes.cycles import CYCLE_NAMES
 from iptm_core.settings import PreviewMode
 from iptm_faults.fault import Fault, in_order
-from iptm_faults.kinds import KINDS, FaultKind
+from iptm_faults.kinds import FaultKind
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import PreviewSpec, RunSpec, SolverSpec
 from iptm_studies.study import Case, Study
@@ -260,7 +260,7 @@ def draw_preview(random: Generator) -> PreviewSpec:
 
 def draw_faults(random: Generator, duration_s: float) -> tuple[Fault, ...]:
     """Return one fault or a few for a trip, of kinds that happen without ROS."""
-    kinds = [kind for kind, spec in KINDS.items() if spec.headless]
+    kinds = [kind for kind in FaultKind if kind.spec.headless]
     faults: list[Fault] = []
     for _ in range(1 + int(random.integers(MOST_FAULTS))):
         kind = kinds[int(random.integers(len(kinds)))]

@@ -11,7 +11,7 @@ from iptm_core.declaration import parameter_specs
 from iptm_core.markdown import markdown_table
 from iptm_core.parameters import field_specs
 from iptm_core.settings import PreviewSettings
-from iptm_faults.kinds import KINDS
+from iptm_faults.kinds import FaultKind
 from iptm_studies.random_cars.draws import (
     ALWAYS,
     FAULT_SHARE,
@@ -161,9 +161,9 @@ def _draw_table() -> str:
     where = f"half of the {100.0 * IMPERFECT_SHARE:g} % of the runs without a perfect preview"
     rows += [(f"`{name}`", _draw_text(draw, units[name]), where) for name, draw in PREVIEWS.items()]
     kinds = [
-        f"`{kind}`" + (f" {_draw_text(sizes, spec.unit)}" if sizes else "")
-        for kind, spec in KINDS.items()
-        if spec.headless
+        f"`{kind}`" + (f" {_draw_text(sizes, kind.spec.unit)}" if sizes else "")
+        for kind in FaultKind
+        if kind.spec.headless
         for sizes in [FAULT_SIZES.get(kind)]
     ]
     share = f"{100.0 * FAULT_SHARE:g} % of the runs by default"
