@@ -20,7 +20,7 @@ from iptm_core.parameters import to_flat_dict
 from iptm_core.settings import LeaderSource
 from iptm_faults.fault import Fault, at_places, plain_faults
 from iptm_faults.kinds import FaultPlace
-from iptm_faults.node_parameters import faulty_name, route_name
+from iptm_faults.signals import faulty_name, route_name
 from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT, STATE_TOPICS, Topic
 from iptm_recording.run_information import MODEL_KEY
 

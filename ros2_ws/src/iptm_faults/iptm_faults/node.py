@@ -20,14 +20,16 @@ from iptm_core.state import NS_PER_S, SlopePreview
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 from iptm_faults.node_messages import changed_state_message, with_stamp, with_stamp_of
-from iptm_faults.node_parameters import InjectorNodeParameters, faulty_name, route_name
+from iptm_faults.node_parameters import InjectorNodeParameters
 from iptm_faults.signals import (
     Delay,
     PreviewFaults,
     Traffic,
     faulty_leader,
+    faulty_name,
     faulty_samples,
     faulty_slope,
+    route_name,
 )
 from iptm_interfaces.codecs import (
     decode_leader,

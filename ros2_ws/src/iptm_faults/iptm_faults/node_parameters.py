@@ -1,9 +1,4 @@
-"""Parameters of the injector, and the names of the topics on both sides of it.
-
-True values keep their names for recorders and viewers: the plant's topics, and `v2x/leader` and
-`v2x/leader_preview` of the effective leader. The faulty inputs of controller and bridge have their own names,
-to which these inputs are remapped, and so have the bridge's outputs for the leader of the route.
-"""
+"""Parameters of the injector, and the form in which a node is given faults."""
 
 from __future__ import annotations
 
@@ -41,13 +36,3 @@ class InjectorNodeParameters(FaultSettings):
     expected_peers: int = parameter(
         0, "subscribers of v2x/leader_preview to wait for before anything is passed on", "", 0, 100
     )
-
-
-def faulty_name(topic: str) -> str:
-    """Return the name of a topic with faults applied, as its receiver subscribes to it."""
-    return "faults/faulty/" + topic.lstrip("/")
-
-
-def route_name(topic: str) -> str:
-    """Return the name under which the bridge publishes a topic of the route's leader."""
-    return "faults/route/" + topic.lstrip("/")
