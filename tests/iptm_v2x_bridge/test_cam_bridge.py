@@ -60,7 +60,8 @@ def test_without_foresight_little_is_claimed_to_be_known(route: Route) -> None:
     for answer in answers(radio(route, foresight=Foresight.NONE), route, range(60)):
         assert answer.predictor == "history"
         now_s = answer.time_ns / NS
-        assert answer.preview.known_until_s - now_s == 2.0
+        # The leader may brake as hard as the host from the first node on.
+        assert answer.preview.known_until_s - now_s == 1.0
         # What is expected reaches farther.
         assert answer.preview.times_s[-1] - now_s == 60.0
         assert (np.diff(answer.preview.bounds_m) > 0.0).all()

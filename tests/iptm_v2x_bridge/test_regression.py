@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from iptm_core.errors import RouteError
 from iptm_core.routes import build_route
 from iptm_core.routes.cycles import LeaderMotion, load_cycle
+from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.predictor import Knowledge
 from iptm_v2x_bridge.prediction.regression import (
     FEATURES,
+    NEAR_S,
     PAST_S,
     SPEED_NODES_M_S,
     Regression,
@@ -33,7 +35,7 @@ BY_HAND = RegressionModel(
     coefficients=((0.0,) * (FEATURES - PAST_S) + (2.0,) + (0.0,) * (PAST_S - 1), (0.0,) * FEATURES),
     bound_speeds_m_s=(0.0, 20.0),
     bound_accelerations_m_s2=(0.0,),
-    bounds_m=((0.5, 1.5), (2.0, 6.0)),
+    bounds_m=((1.0, 3.0), (4.0, 12.0)),
 )
 
 
@@ -55,8 +57,8 @@ def test_motion_and_bounds_by_hand() -> None:
     assert predicted.speeds_m_s.tolist() == [10.0, 12.0, 11.0, 10.0, 10.0]
     # 11 m in the first second, 22 m in the next two, half of which is at 11.5 m/s in the mean.
     assert predicted.positions_m.tolist() == [1000.0, 1011.0, 1022.5, 1033.0, 1053.0]
-    # At 10 m/s half-way between the nodes: 1 m and 4 m, linear between and on with 1.5 m/s.
-    assert predicted.bounds_m.tolist() == [0.0, 1.0, 2.5, 4.0, 7.0]
+    # At 10 m/s half-way between the nodes: 2 m and 8 m, linear between and on with 3 m/s.
+    assert predicted.bounds_m.tolist() == [0.0, 2.0, 5.0, 8.0, 14.0]
 
 
 def test_features_by_hand() -> None:
@@ -84,6 +86,17 @@ def test_near_bounds_cover_drivers_who_brake_harder_than_those_of_the_training()
         driven_m = float(np.diff(motion.positions_at(np.array([now_s, now_s + 1.0])))[0])
         kept.append(predicted.positions_m[1] - predicted.bounds_m[1] <= 1000.0 + driven_m)
     assert np.mean(kept) > 0.95
+
+
+@given(st.lists(st.floats(0.0, 45.0), min_size=1, max_size=30))
+def test_at_first_a_leader_may_be_where_its_decaying_acceleration_takes_it(
+    speeds_m_s: list[float],
+) -> None:
+    """Whatever is expected instead, the gap is kept to that motion as without a regression."""
+    known, times = heard(speeds_m_s), 100.0 + np.arange(0.0, NEAR_S + 0.5, 0.5)
+    predicted, decaying = Regression(SHIPPED).predict(known, times), History().predict(known, times)
+    lowest_m = np.maximum(decaying.positions_m - decaying.bounds_m, 1000.0)
+    assert (predicted.positions_m - predicted.bounds_m <= lowest_m + 1e-9).all()
 
 
 def test_the_rate_of_the_messages_does_not_matter() -> None:

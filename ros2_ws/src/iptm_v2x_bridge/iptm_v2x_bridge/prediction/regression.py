@@ -17,7 +17,7 @@ import numpy as np
 
 from iptm_core.errors import RouteError
 from iptm_core.state import FloatArray
-from iptm_v2x_bridge.prediction.history import GROWTH
+from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, PredictorName
 
 PAST_S = 10
@@ -26,8 +26,8 @@ SPEED_NODES_M_S = (0.0, 2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 36.0)
 """Level and effect of the acceleration are linear in the speed between these."""
 
 NEAR_S, NEAR_FACTOR = 2.0, 1.5
-"""Up to here bounds are at least those of the decaying acceleration by this factor: s_min depends on them at
-every tick, and other drivers brake harder than those of the training drives."""
+"""Up to here the leader may be as far behind as with a decaying acceleration and its bound, by this factor, whatever
+is expected: s_min depends on it at every tick, and other drivers brake harder than those of the training drives."""
 
 
 def linear_weights(values: FloatArray, nodes: Sequence[float]) -> FloatArray:
@@ -205,12 +205,15 @@ class Regression:
         beyond = elapsed - inside
         moved += speeds[-1] * beyond
         rate = (bounds[-1] - bounds[-2]) / (leads[-1] - leads[-2])
-        told = np.interp(inside, leads, bounds) + rate * beyond
-        near = NEAR_FACTOR * GROWTH.at(np.minimum(elapsed, NEAR_S))
+        learnt = np.interp(inside, leads, bounds) + rate * beyond
+        decaying = History().predict(known, times_s)
+        lowest_m = decaying.positions_m - NEAR_FACTOR * (decaying.bounds_m - last.bound_m)
+        behind = last.position_m + moved - lowest_m
+        near = np.maximum.accumulate(np.where(elapsed <= NEAR_S, behind, 0.0))
         return Prediction(
             PredictorName.REGRESSION,
             times_s,
             last.position_m + moved,
             np.interp(inside, leads, speeds),
-            np.minimum(np.maximum(told, near), moved) + last.bound_m,
+            np.minimum(np.maximum(learnt, near), moved) + last.bound_m,
         )
