@@ -1,10 +1,9 @@
 """Measures the price of not knowing the leader's future: known from a file, and from messages.
 
 Each row drives the whole trip without ROS; the messages are real bits that are sent, lost, delayed and read.
-The price is the difference in degradation between a leader whose acceleration is expected to decay and one
-that is known from the file. What another predictor recovers of it is counted against the row with the same
-accuracy and link. With --rows, finished rows are kept in a file and not driven again; --page writes the
-table into docs/v2x.md.
+The price is the difference in degradation between a leader that only an exact range sensor sees and one that
+is known from the file; what each predictor recovers of it is counted. With --rows, finished rows are kept in
+a file and not driven again; --page writes the table into docs/v2x.md.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import math
 import sys
 import tempfile
 from collections import Counter
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -36,7 +35,7 @@ from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import ROUTE_CYCLES, Route, build_route
 from iptm_core.routes.road_line import RoadLine
-from iptm_core.settings import PreviewSettings
+from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_studies.safety.lead_vehicles import lead_cycles
@@ -53,6 +52,7 @@ from iptm_v2x_bridge.simulated_radio import SimulatedRadio
 from iptm_v2x_bridge.source import CycleSource
 
 FILE = "file"
+SENSOR = "range sensor only"
 DECAY = "decaying acceleration"
 PATH = "path prediction"
 EARLIER = "earlier drives"
@@ -140,9 +140,9 @@ def drive(case: Case, duration_s: float | None, seed: int) -> dict[str, Any]:
         trip_duration_s=route.duration_s,
     )
     bridge: TickBridge
-    if case.leader == FILE:
-        faults = PreviewSettings(latency_s=case.delay_s, dropout_probability=case.loss, seed=seed)
-        bridge = V2xBridge(CycleSource(route), faults)
+    if case.leader in {FILE, SENSOR}:
+        mode = PreviewMode.FULL if case.leader == FILE else PreviewMode.NONE
+        bridge = V2xBridge(CycleSource(route), PreviewSettings(preview_mode=mode))
     else:
         settings = SenderSettings(
             foresight=Foresight.PATH if case.leader == PATH else Foresight.NONE,
@@ -197,7 +197,7 @@ def measure(
 
     Args:
         cycle: trip of the leader, a driving cycle or a measured lead vehicle; may be repeated.
-        leader: how it is predicted, beside the file; may be repeated.
+        leader: how it is predicted, in addition to file and range sensor; may be repeated.
         duration_s: length of the trips, s; 0 for all of them.
         seed: of loss.
         cells: how many of the pairs of accuracy and link, the most usual ones first.
@@ -205,7 +205,7 @@ def measure(
         finished: 1 drives nothing and takes the finished rows only.
         page: 1 writes the table into docs/v2x.md.
     """
-    cases = [Case(trip, FILE) for trip in cycle]
+    cases = [Case(trip, known) for known in (FILE, SENSOR) for trip in cycle]
     cases += [Case(trip, who, *cell) for cell in CELLS[:cells] for who in leader for trip in cycle]
     store = Path(rows) if rows else None
     found: dict[Case, dict[str, Any]] = {}
@@ -226,7 +226,7 @@ def measure(
                 file.write(line + "\n")
     ordered = sorted(cases, key=lambda case: _place(case, cycle, leader))
     for case in ordered:
-        plain = None if case.leader in {FILE, DECAY} else found.get(replace(case, leader=DECAY))
+        plain = None if case.leader in {FILE, SENSOR} else found.get(Case(case.cycle, SENSOR))
         _compare(found[case], found[Case(case.cycle, FILE)], plain)
     numbers = {"duration_s": duration_s, "rows": [found[case] for case in ordered]}
     if page:
@@ -241,12 +241,12 @@ def _case_of(row: dict[str, Any]) -> Case:
 
 def _place(case: Case, cycle: tuple[str, ...], leader: tuple[str, ...]) -> tuple[float, ...]:
     """Return the order of rows in the table."""
-    who = (FILE, *leader).index(case.leader)
+    who = (FILE, SENSOR, *leader).index(case.leader)
     return cycle.index(case.cycle), who, case.loss, case.accuracy_m
 
 
 def _compare(row: dict[str, Any], file: dict[str, Any], plain: dict[str, Any] | None) -> None:
-    """Add how a row compares with the file, and with the decaying acceleration on the same link."""
+    """Add how a row compares with the file, and with the range sensor."""
     for key, name in (
         ("degradation_1e7", "degradation_change"),
         ("battery_energy_kj", "energy_change"),

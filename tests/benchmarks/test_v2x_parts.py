@@ -39,16 +39,13 @@ def test_the_price_of_a_short_trip(tmp_path: Path) -> None:
     rows = tmp_path / "rows.jsonl"
     leaders = (v2x_price.DECAY, v2x_price.PATH)
     numbers = v2x_price.measure(("nycc",), leaders, 60.0, cells=1, rows=str(rows))
-    file, decay, path = numbers["rows"]
-    assert [row["leader"] for row in (file, decay, path)] == [
-        "file",
-        v2x_price.DECAY,
-        v2x_price.PATH,
-    ]
+    file, sensor, decay, path = numbers["rows"]
+    names = ["file", v2x_price.SENSOR, v2x_price.DECAY, v2x_price.PATH]
+    assert [row["leader"] for row in (file, sensor, decay, path)] == names
     assert path["degradation_1e7"] == pytest.approx(file["degradation_1e7"], rel=0.05)
     assert path["recovered_percent"] > 80.0
-    assert math.isnan(decay["recovered_percent"])
-    assert v2x_price.as_table(numbers).count("\n") == 4
+    assert math.isnan(sensor["recovered_percent"])
+    assert v2x_price.as_table(numbers).count("\n") == 5
     # What was driven is not driven again.
     kept = rows.read_text("utf-8")
     again = v2x_price.measure(("nycc",), leaders, 60.0, cells=1, rows=str(rows))

@@ -24,8 +24,8 @@ FloatArray = NDArray[np.float64]
 SPEED_AT_REST_M_S = -0.5
 """Measured speeds from here to 0 are those of a vehicle at rest, with an error of the measurement."""
 KNOWN_BOUND_M = 1.0
-"""Largest bound at which a predicted position of the leader is treated as known: a path that the leader sends is,
-an acceleration that is expected to decay is not after two seconds."""
+"""Largest bound at which a predicted position of the leader is treated as known: a path that the leader sends
+is, an acceleration that is expected to decay is not after two seconds."""
 
 
 @dataclass(frozen=True)

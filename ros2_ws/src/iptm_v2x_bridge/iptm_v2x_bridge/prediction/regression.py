@@ -26,8 +26,9 @@ SPEED_NODES_M_S = (0.0, 2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 36.0)
 """Level and effect of the acceleration are linear in the speed between these."""
 
 NEAR_S, NEAR_FACTOR = 2.0, 1.5
-"""Up to here the leader may be as far behind as with a decaying acceleration and its bound, by this factor, whatever
-is expected: s_min depends on it at every tick, and other drivers brake harder than those of the training drives."""
+"""Up to here the leader may be as far behind as with a decaying acceleration and its bound by this factor,
+whatever is expected: s_min depends on it at every tick, and other drivers brake harder than those of the
+training drives."""
 
 
 def linear_weights(values: FloatArray, nodes: Sequence[float]) -> FloatArray:
