@@ -6,14 +6,15 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from iptm_core.errors import MeasurementError
 from iptm_core.routes import build_route
 from iptm_studies.acc_benchmark.cli import main
-from iptm_studies.acc_benchmark.comparison import Spread, figures_of
+from iptm_studies.acc_benchmark.comparison import figures_of, spread
 from iptm_studies.acc_benchmark.drives import CARS, WAYS, headway_overrides, real_follower
-from iptm_studies.acc_benchmark.page import REAL, Findings, benchmark_page, draw_picture
+from iptm_studies.acc_benchmark.page import REAL, benchmark_page, draw_picture
 from iptm_studies.acc_benchmark.scenes import LONGEST_S, RUN_IN_S, Scene, measured_scenes
 
 CAR = CARS[0]
@@ -77,16 +78,16 @@ def test_figures_by_hand() -> None:
     real, run = real_follower(scene, CAR), real_follower(nearer, CAR)
     parameters = CAR.parameters()
     own = figures_of(real, real, scene, parameters)
-    assert own.headway_s == pytest.approx(2.0)
-    assert own.jerk_m_s3 == pytest.approx(0.0, abs=1e-9)
-    assert own.energy_saving == own.aging_saving == own.end_kinetic_j == 0.0
-    assert math.isnan(own.below_share)
+    assert own["headway_s"] == pytest.approx(2.0)
+    assert own["jerk_m_s3"] == pytest.approx(0.0, abs=1e-9)
+    assert own["energy_saving"] == own["aging_saving"] == own["end_kinetic_kj"] == 0.0
+    assert math.isnan(own["below_percent"])
     figures = figures_of(run, real, scene, parameters)
-    assert (figures.below_share, figures.above_share) == (1.0, 0.0)
-    assert figures.headway_s == pytest.approx(1.5)
-    assert figures.end_gap_m == pytest.approx(-5.0)
-    assert figures.energy_saving == pytest.approx(0.0, abs=1e-9)
-    assert not figures.collided
+    assert (figures["below_percent"], figures["above_percent"]) == (100.0, 0.0)
+    assert figures["headway_s"] == pytest.approx(1.5)
+    assert figures["end_gap_m"] == pytest.approx(-5.0)
+    assert figures["energy_saving"] == pytest.approx(0.0, abs=1e-9)
+    assert not figures["collided"]
 
 
 def test_the_limits_of_the_gap_leave_room() -> None:
@@ -95,11 +96,6 @@ def test_the_limits_of_the_gap_leave_room() -> None:
     assert limits["gap.max_time_headway_s"] == 2.0
     assert limits["gap.time_headway_s"] == pytest.approx(1.2)
     assert headway_overrides(made_scene(40.0), CAR)["gap.time_headway_s"] == 1.5
-
-
-def test_spread() -> None:
-    assert Spread.of([1.0, 2.0, 3.0, 4.0, 5.0, math.nan]).text(1) == "3.0 (2.0 to 4.0)"
-    assert Spread.of([math.nan]).text(1) == "–"
 
 
 def test_the_short_version(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -111,14 +107,17 @@ def test_the_short_version(tmp_path: Path, capfd: pytest.CaptureFixture[str]) ->
 
 
 def test_the_page_shows_every_way(tmp_path: Path, scenes: list[Scene]) -> None:
-    rows = []
-    for scene in scenes[:2]:
-        real = real_follower(scene, CAR)
-        rows.append(figures_of(real, real, scene, CAR.parameters()))
-    ways = dict.fromkeys((REAL, *(way.name for way in WAYS)), rows)
-    found = Findings("scripts/acc_benchmark", {CAR: ways}, {})
-    text = benchmark_page(found)
-    draw_picture(tmp_path, found)
+    ways = (REAL, *(way.name for way in WAYS))
+    rows = pd.DataFrame(
+        {"car": CAR.parameter_set, "way": way} | figures_of(real, real, scene, CAR.parameters())
+        for scene in scenes[:2]
+        for real in (real_follower(scene, CAR),)
+        for way in ways
+    )
+    text = benchmark_page("scripts/acc_benchmark", [CAR], rows, {})
+    draw_picture(tmp_path, [CAR], rows)
     assert "behind 2 lead\nvehicles" in text
     assert all(text.count(f"| {name} |") == 2 for name in ways)
+    known = pd.Series([1.0, 2.0, 3.0, 4.0, 5.0, math.nan])
+    assert (spread(known, 1), spread(known[5:], 1)) == ("3.0 (2.0 to 4.0)", "–")
     assert (tmp_path / "images" / "acc-benchmark.png").is_file()

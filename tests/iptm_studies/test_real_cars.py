@@ -15,16 +15,24 @@ from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_studies.campaign import Campaign, CaseState
-from iptm_studies.drive_files import write_drive
+from iptm_studies.drives import DEFAULT, STRATEGIES, drive, write_drive
 from iptm_studies.real_cars.cli import main
-from iptm_studies.real_cars.drives import CYCLE, DEFAULT, ROLES, Extent, Saving, Totals, drive
-from iptm_studies.real_cars.page import Findings, real_cars_page
-from iptm_studies.real_cars.savings import rows_on, savings_study
+from iptm_studies.real_cars.page import real_cars_page
+from iptm_studies.real_cars.savings import (
+    CYCLE,
+    OTHERS,
+    Extent,
+    saving,
+    savings_on,
+    savings_study,
+    totals,
+)
 from iptm_studies.real_cars.simplifications import (
     CLIMATES_C,
     SIMPLIFICATIONS,
     losses,
     simplification_study,
+    too_large,
 )
 from iptm_studies.real_cars.trips import FASTEST_M_S, trip_cycles
 from iptm_studies.run import perform_run
@@ -86,21 +94,20 @@ def test_savings_by_hand() -> None:
     """Two trips: 2 x 9 kW against 2 x 10 kW and 12 kW for 2 s, losses 3e-6 against 4e-6."""
     own = [made(9e3, 1e-6), made(9e3, 2e-6)]
     others = [made(10e3, 1e-6), made(12e3, 3e-6)]
-    saving = Saving.of(own, others, PARAMETERS)
-    assert saving.aging == pytest.approx(25.0)
-    assert saving.aging_at_equal_end == pytest.approx(25.0)
-    assert saving.traction == pytest.approx(100.0 * (1.0 - 18.0 / 22.0))
-    assert saving.consumption == pytest.approx(saving.traction)
-    assert saving.cooling == pytest.approx(0.0)
-    assert Totals.of(own).consumption_kwh_100_km == pytest.approx(36e3 / 3.6e6 / 0.002)
+    found = saving(own, others, PARAMETERS)
+    assert found["aging"] == found["equal_end"] == pytest.approx(25.0)
+    assert found["traction"] == pytest.approx(100.0 * (1.0 - 18.0 / 22.0))
+    assert found["consumption"] == pytest.approx(found["traction"])
+    assert found["cooling"] == pytest.approx(0.0)
+    assert totals(own)["consumption"] == pytest.approx(36e3 / 3.6e6 / 0.002)
 
 
 def test_a_warmer_end_costs_and_a_cold_one_is_not_corrected() -> None:
     reference = [made(10e3, 2e-6)]
-    warmer = Saving.of([made(10e3, end_k=304.15)], reference, PARAMETERS)
-    assert warmer.aging_at_equal_end < warmer.aging == pytest.approx(50.0)
-    cold = Saving.of([made(10e3, end_k=290.0)], reference, PARAMETERS)
-    assert math.isnan(cold.aging_at_equal_end)
+    warmer = saving([made(10e3, end_k=304.15)], reference, PARAMETERS)
+    assert warmer["equal_end"] < warmer["aging"] == pytest.approx(50.0)
+    cold = saving([made(10e3, end_k=290.0)], reference, PARAMETERS)
+    assert math.isnan(cold["equal_end"])
 
 
 def with_metrics(states: tuple[CaseState, ...], power_w: float = 10e3) -> list[CaseState]:
@@ -114,38 +121,43 @@ def with_metrics(states: tuple[CaseState, ...], power_w: float = 10e3) -> list[C
 def test_rows_need_all_of_their_runs(trips: list[str]) -> None:
     extent = Extent(tuple(trips))
     states = with_metrics(Campaign([savings_study(extent)]).cases)
-    cycle = rows_on(extent, states, [CYCLE])
+    cycle = savings_on(extent, states, [CYCLE])
     assert len(cycle) == 4 * 4 * 2
-    tractions = [saving.traction for row in cycle for saving in row.savings.values()]
-    assert tractions == pytest.approx([10.0] * len(tractions))
-    assert len(rows_on(extent, states, extent.trips)) == 4 * 4 * 2
+    for role in OTHERS:
+        assert cycle[f"{role}_traction"].to_numpy() == pytest.approx(10.0)
+    assert len(savings_on(extent, states, extent.trips)) == 4 * 4 * 2
     lacking = [replace(states[0], metrics=None), *states[1:]]
-    assert len(rows_on(extent, lacking, [CYCLE])) == 4 * 4 * 2 - 1
+    assert len(savings_on(extent, lacking, [CYCLE])) == 4 * 4 * 2 - 1
 
 
 def test_every_simplification_has_its_losses(trips: list[str]) -> None:
     extent = Extent(tuple(trips))
     found = losses(with_metrics(Campaign([simplification_study(extent)]).cases))
-    assert list(found) == [simplification.name for simplification in SIMPLIFICATIONS]
-    assert all(tuple(loss) == CLIMATES_C for loss in found.values())
-    assert {loss.consumption for by in found.values() for loss in by.values()} == {0.0}
+    names = [simplification.name for simplification in SIMPLIFICATIONS for _ in CLIMATES_C]
+    assert found.simplification.to_list() == names
+    assert found.ambient_c.to_list() == list(CLIMATES_C) * len(SIMPLIFICATIONS)
+    assert set(found.consumption) == {0.0}
+    assert too_large(found) == []
 
 
 def test_page_names_simplifications_that_cost_too_much(trips: list[str]) -> None:
     extent = Extent(tuple(trips))
     states = with_metrics(Campaign([savings_study(extent)]).cases)
-    rows = rows_on(extent, states, [CYCLE])
-    found = Findings("scripts/real_cars", extent, rows, rows, {}, {"a": "lost"})
-    page = real_cars_page(found)
+    rows = savings_on(extent, states, [CYCLE])
+    lost = losses([])
+    page = real_cars_page("scripts/real_cars", extent, rows, rows, lost, {"a": "lost"}, 3)
     assert page.count("| bmw_i3 | 25 °C | 120 m |") == 3
     assert "**beyond**" in page
     assert "| a | lost |" in page
-    assert found.too_large() == [item.name for item in SIMPLIFICATIONS if item.shipped]
+    assert "3 runs are not computed yet" in page
+    assert too_large(lost) == [item.name for item in SIMPLIFICATIONS if item.shipped]
 
 
 def test_the_controller_may_have_the_model_of_another_car() -> None:
     """A controller with a heavier model decides otherwise; the vehicle is the same."""
-    spec = drive(DEFAULT, I3, 25.0, duration_s=4.0, solver=SolverSpec(compile_code=False))
+    spec = drive(
+        DEFAULT, I3, 25.0, cycle=CYCLE, duration_s=4.0, solver=SolverSpec(compile_code=False)
+    )
     heavier = replace(spec, controller_overrides=(("body.mass_kg", 3000.0),))
     own, other = (perform_run(resolve_inputs(each)) for each in (spec, heavier))
     assert own.key != other.key
@@ -156,6 +168,6 @@ def test_the_controller_may_have_the_model_of_another_car() -> None:
 def test_dry_run_lists_the_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--short", "--dry-run", "--store", str(tmp_path)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert all(any(f"/{role}/" in line for role in ROLES) for line in lines)
+    assert all(any(f"/{role}/" in line for role in STRATEGIES) for line in lines)
     for part in ("savings/bmw_i3/35.0/i3_", "simplifications/charge/refined/default/35"):
         assert any(line.startswith(part) for line in lines)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import pandas as pd
 
 from iptm_core.errors import ScenarioError
-from iptm_studies.acc_benchmark.comparison import Figures, Found, figures_of
+from iptm_studies.acc_benchmark.comparison import figures_of
 from iptm_studies.acc_benchmark.drives import (
     CARS,
     WAYS,
@@ -16,7 +19,7 @@ from iptm_studies.acc_benchmark.drives import (
     case_labels,
     real_follower,
 )
-from iptm_studies.acc_benchmark.page import PAGE, REAL, Findings, benchmark_page, draw_picture
+from iptm_studies.acc_benchmark.page import PAGE, REAL, benchmark_page, draw_picture
 from iptm_studies.acc_benchmark.scenes import LONGEST_S, SCENES, SHORTEST_S, Scene, measured_scenes
 from iptm_studies.campaign import Campaign
 from iptm_studies.laboratory import Laboratory, Session
@@ -55,37 +58,33 @@ def _work(session: Session) -> bool:
     if not session.compute(campaign):
         return True
     keys = {tuple(state.case.labels.values()): state.key for state in campaign.cases}
-    figures = {car: _figures(car, scenes, keys, store) for car in cars}
-    if not all(rows[REAL] for rows in figures.values()):
+    rows = pd.DataFrame(
+        row for car in cars for scene in scenes for row in _figures(car, scene, keys, store)
+    )
+    if rows.empty or set(rows.car) != {car.parameter_set for car in cars}:
         raise ScenarioError(
             f"{store.folder} lacks runs; allowed: all of one scene per car at least"
         )
-    found = Findings(session.command, figures, campaign.failures)
-    draw_picture(session.output, found)
-    session.write(benchmark_page(found))
-    return not (found.failures or found.collisions)
+    draw_picture(session.output, cars, rows)
+    session.write(benchmark_page(session.command, cars, rows, campaign.failures))
+    return not (campaign.failures or rows.collided.any())
 
 
 def _figures(
-    car: Car,
-    scenes: Sequence[Scene],
-    keys: Mapping[tuple[Label, ...], str | None],
-    store: ResultStore,
-) -> Found:
-    """Return the figures of a car by way of driving, for the scenes of which all runs are there."""
-    parameters = car.parameters()
-    found: dict[str, list[Figures]] = {REAL: [], **{way.name: [] for way in WAYS}}
-    for scene in scenes:
-        labels = {way.name: tuple(case_labels(scene, car, way).values()) for way in WAYS}
-        runs = {way: store.find(keys[label] or "") for way, label in labels.items()}
-        if not all(runs.values()):
-            continue
-        real = real_follower(scene, car)
-        found[REAL].append(figures_of(real, real, scene, parameters))
-        for way, run in runs.items():
-            if run is not None:
-                found[way].append(figures_of(run.trajectory, real, scene, parameters))
-    return found
+    car: Car, scene: Scene, keys: Mapping[tuple[Label, ...], str | None], store: ResultStore
+) -> Iterator[dict[str, Any]]:
+    """Yield the figures of all ways of driving, if all of their runs are there."""
+    found = {
+        way.name: store.find(keys[tuple(case_labels(scene, car, way).values())] or "")
+        for way in WAYS
+    }
+    runs = {way: run.trajectory for way, run in found.items() if run is not None}
+    if len(runs) < len(WAYS):
+        return
+    real = real_follower(scene, car)
+    for way, run in ({REAL: real} | runs).items():
+        labels = {"car": car.parameter_set, "way": way}
+        yield labels | figures_of(run, real, scene, car.parameters())
 
 
 if __name__ == "__main__":

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
+from iptm_core.markdown import NO_VALUE
 from iptm_core.metrics import at_equal_end, compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
@@ -17,55 +17,27 @@ from iptm_studies.acc_benchmark.scenes import HEADWAY_FROM_M_S, Scene
 MOVING_M_S = 1.0
 
 
-@dataclass(frozen=True)
-class Figures:
-    """One vehicle behind one lead vehicle.
-
-    Gap, time headway and jerk are those of the measured seconds; energy and ageing count from standstill.
-
-    Attributes:
-        collided: whether the lead vehicle was touched.
-        smallest_gap_m: smallest gap.
-        gap_m: median gap.
-        headway_s: median time headway above 5 m/s.
-        below_share: share of the time with a shorter time headway than the real follower's, both moving;
-            NaN for the real follower itself.
-        above_share: share of the time above 5 m/s with a longer time headway than the 95th percentile of the
-            real follower's.
-        jerk_m_s3: root mean square of the jerk between means of a second.
-        emergency_s: time with braking beyond the limits of comfort by the safety monitor.
-        consumption_kwh_100_km: battery energy per distance.
-        energy_saving: saving of battery energy per distance in percent of the real follower's, at equal ends.
-        aging_saving: the same of capacity loss.
-        end_gap_m: gap at the end less that of the real follower.
-        end_kinetic_j: kinetic energy at the end less that of the real follower.
-    """
-
-    collided: bool
-    smallest_gap_m: float
-    gap_m: float
-    headway_s: float
-    below_share: float
-    above_share: float
-    jerk_m_s3: float
-    emergency_s: float
-    consumption_kwh_100_km: float
-    energy_saving: float
-    aging_saving: float
-    end_gap_m: float
-    end_kinetic_j: float
-
-
 def figures_of(
     run: Trajectory, real: Trajectory, scene: Scene, parameters: ModelParameters
-) -> Figures:
+) -> dict[str, float]:
     """Compare a run with the real follower; the real follower itself with itself.
+
+    Gap, time headway and jerk are those of the measured seconds; energy and ageing count from standstill.
 
     Args:
         run: the run.
         real: the run of the real follower, see `real_follower`.
         scene: the measured scene.
         parameters: of the vehicle.
+
+    Returns:
+        ``collided``, whether the lead vehicle was touched; ``smallest_gap_m``; medians ``gap_m`` and
+        ``headway_s`` (above 5 m/s); ``below_percent`` of the time with a shorter time headway than the real
+        follower's, both moving (missing for itself); ``above_percent`` of the time above 5 m/s with a longer
+        one than the 95th percentile of the real follower's; ``jerk_m_s3``, root mean square between means of
+        a second; ``emergency_s`` with braking by the safety monitor; ``consumption_kwh_100_km``; savings of
+        battery energy per distance (``energy_saving``) and capacity loss (``aging_saving``) at equal ends in
+        percent of the real follower's; ``end_gap_m`` and ``end_kinetic_kj`` beyond the real follower's.
     """
     begin = scene.run_in_s
     speed, gap = run.speed_m_s[begin:], run.gap_m[begin:]
@@ -83,22 +55,23 @@ def figures_of(
         )
         aging_saving = _saving(ends.own.capacity_loss, ends.other.capacity_loss)
     headways_s = gap[fast] / speed[fast]
-    smallest_m = float(np.nanmin(run.smallest_gap_m[begin:])) if run is not real else gap.min()
-    return Figures(
-        collided=bool(np.nanmin(run.smallest_gap_m) <= 0.0) if run is not real else False,
-        smallest_gap_m=float(smallest_m),
-        gap_m=float(np.median(gap)),
-        headway_s=float(np.median(headways_s)),
-        below_share=math.nan if run is real else float(shorter.mean()),
-        above_share=float((headways_s > scene.largest_headway_s).mean()),
-        jerk_m_s3=_jerk_m_s3(speed),
-        emergency_s=own_metrics.service_braking_s,
-        consumption_kwh_100_km=own_metrics.energy.battery_j / own_metrics.distance_m / 36.0,
-        energy_saving=energy_saving,
-        aging_saving=aging_saving,
-        end_gap_m=float(gap[-1] - real_gap[-1]),
-        end_kinetic_j=own_metrics.end.kinetic_energy_j - real_metrics.end.kinetic_energy_j,
-    )
+    is_real = run is real
+    return {
+        "collided": float(not is_real and np.nanmin(run.smallest_gap_m) <= 0.0),
+        "smallest_gap_m": float(gap.min() if is_real else np.nanmin(run.smallest_gap_m[begin:])),
+        "gap_m": float(np.median(gap)),
+        "headway_s": float(np.median(headways_s)),
+        "below_percent": math.nan if is_real else 100.0 * float(shorter.mean()),
+        "above_percent": 100.0 * float((headways_s > scene.largest_headway_s).mean()),
+        "jerk_m_s3": _jerk_m_s3(speed),
+        "emergency_s": own_metrics.service_braking_s,
+        "consumption_kwh_100_km": own_metrics.energy.battery_j / own_metrics.distance_m / 36.0,
+        "energy_saving": energy_saving,
+        "aging_saving": aging_saving,
+        "end_gap_m": float(gap[-1] - real_gap[-1]),
+        "end_kinetic_kj": 1e-3
+        * (own_metrics.end.kinetic_energy_j - real_metrics.end.kinetic_energy_j),
+    }
 
 
 def _saving(own: float, real: float) -> float:
@@ -110,34 +83,10 @@ def _jerk_m_s3(speeds_m_s: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.diff(speeds_m_s, 2) ** 2)))
 
 
-@dataclass(frozen=True)
-class Spread:
-    """Median and quartiles over lead vehicles; NaN where nothing is known."""
-
-    median: float
-    lower: float
-    upper: float
-
-    @classmethod
-    def of(cls, values: Sequence[float]) -> Spread:
-        """Summarise the known values."""
-        known = np.array([value for value in values if math.isfinite(value)])
-        if known.size == 0:
-            return cls(math.nan, math.nan, math.nan)
-        lower, median, upper = np.percentile(known, (25.0, 50.0, 75.0))
-        return cls(float(median), float(lower), float(upper))
-
-    def text(self, digits: int) -> str:
-        """Return ``median (lower to upper)``."""
-        if math.isnan(self.median):
-            return "–"
-        return f"{self.median:.{digits}f} ({self.lower:.{digits}f} to {self.upper:.{digits}f})"
-
-
-def column(rows: Sequence[Figures], name: str) -> list[float]:
-    """Return one figure of all lead vehicles."""
-    return [float(getattr(row, name)) for row in rows]
-
-
-Found = Mapping[str, Sequence[Figures]]
-"""Figures of all lead vehicles by way of driving."""
+def spread(values: pd.Series, digits: int) -> str:
+    """Return ``median (lower to upper quartile)`` of the known values."""
+    known = values.dropna()
+    if known.empty:
+        return NO_VALUE
+    lower, median, upper = np.percentile(known, (25.0, 50.0, 75.0))
+    return f"{median:.{digits}f} ({lower:.{digits}f} to {upper:.{digits}f})"

@@ -7,19 +7,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from iptm_controller.production import ProductionLikeController, ProductionSettings
-from iptm_controller.settings import ControllerSettings
-from iptm_controller.strategy import strategy_by_name
 from iptm_core.parameters import DEFAULT_SET, load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.settings import PreviewMode
 from iptm_core.state import LeaderState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_studies.acc_benchmark.scenes import Scene
-from iptm_studies.run_spec import PreviewSpec, RunSpec, SolverSpec
+from iptm_studies.drives import DEFAULT, PRODUCTION, climate, drive
+from iptm_studies.run_spec import PreviewSpec, SolverSpec
 from iptm_studies.study import Case, Label, Study
 
-PRODUCTION = "production"
 SMALL_INITIAL_GAP_M = 8.0
 """Gap at standstill with a largest time headway, which does not count below it."""
 SHORTEST_HEADWAY_S, LONGEST_HEADWAY_S = 0.3, 1.5
@@ -31,7 +29,6 @@ FOLLOWED_EXACTLY = {
     "limits.max_jerk_m_s3": 50.0,
 }
 """The real follower is not held to the limits of comfort."""
-_DEFAULT = ControllerSettings()
 
 
 @dataclass(frozen=True)
@@ -46,18 +43,11 @@ class Car:
     parameter_set: str
     ambient_c: float
 
-    @property
-    def climate(self) -> dict[str, float]:
-        """Parameters of the climate."""
-        ambient_k = self.ambient_c + CELSIUS_ZERO_K
-        return {
-            "environment.ambient_temperature_k": ambient_k,
-            "environment.initial_cell_temperature_k": ambient_k,
-        }
-
     def parameters(self, overrides: Mapping[str, float] | None = None) -> ModelParameters:
         """Return the parameters in this climate, some of them replaced."""
-        return load_parameters(self.parameter_set, {**self.climate, **(overrides or {})}).values
+        return load_parameters(
+            self.parameter_set, {**climate(self.ambient_c), **(overrides or {})}
+        ).values
 
 
 CARS = (Car(DEFAULT_SET, 35.0), Car("bmw_i3", 25.0))
@@ -69,22 +59,22 @@ class Way:
 
     Attributes:
         name: for labels and tables.
-        strategy: of the controller.
+        role: of the controller, one of `STRATEGIES`.
         preview: whether the lead vehicle's future is known.
         limited: whether the time headway is at most what the real follower's 95th percentile is.
     """
 
     name: str
-    strategy: str
+    role: str
     preview: bool
     limited: bool
 
 
 WAYS = (
-    Way("120 m, no V2X", _DEFAULT.strategy, preview=False, limited=False),
-    Way("120 m, perfect preview", _DEFAULT.strategy, preview=True, limited=False),
-    Way("real headway, no V2X", _DEFAULT.strategy, preview=False, limited=True),
-    Way("real headway, perfect preview", _DEFAULT.strategy, preview=True, limited=True),
+    Way("120 m, no V2X", DEFAULT, preview=False, limited=False),
+    Way("120 m, perfect preview", DEFAULT, preview=True, limited=False),
+    Way("real headway, no V2X", DEFAULT, preview=False, limited=True),
+    Way("real headway, perfect preview", DEFAULT, preview=True, limited=True),
     Way("production strategy, no V2X", PRODUCTION, preview=False, limited=False),
 )
 
@@ -113,17 +103,17 @@ def benchmark_study(
         cycle = scene.write(folder)
         for car in cars:
             for way in WAYS:
-                limits = headway_overrides(scene, car) if way.limited else {}
-                spec = RunSpec(
+                preview = (
+                    PreviewSpec() if way.preview else PreviewSpec(preview_mode=PreviewMode.NONE)
+                )
+                spec = drive(
+                    way.role,
+                    car.parameter_set,
+                    car.ambient_c,
                     cycle=cycle,
+                    overrides=headway_overrides(scene, car) if way.limited else None,
                     duration_s=float(scene.duration_s),
-                    parameter_set=car.parameter_set,
-                    overrides=tuple({**car.climate, **limits}.items()),
-                    strategy=strategy_by_name(way.strategy),
-                    horizon=_DEFAULT.horizon,
-                    preview=PreviewSpec()
-                    if way.preview
-                    else PreviewSpec(preview_mode=PreviewMode.NONE),
+                    preview=preview,
                     solver=SolverSpec(compile_code=compile_code),
                 )
                 labels = case_labels(scene, car, way)

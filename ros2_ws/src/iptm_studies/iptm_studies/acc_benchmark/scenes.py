@@ -12,7 +12,7 @@ import numpy as np
 
 from iptm_core.errors import MeasurementError
 from iptm_core.state import FloatArray
-from iptm_studies.drive_files import write_drive
+from iptm_studies.drives import write_drive
 from iptm_validation.measurements import Driver, Following
 from iptm_validation.readers.columns import head_of
 from iptm_validation.readers.folder import files_of

@@ -8,10 +8,9 @@ from pathlib import Path
 
 from iptm_studies.campaign import Campaign
 from iptm_studies.laboratory import Laboratory, Session
-from iptm_studies.real_cars.drives import CYCLE, Extent
-from iptm_studies.real_cars.page import Findings, real_cars_page
-from iptm_studies.real_cars.savings import rows_on, savings_study
-from iptm_studies.real_cars.simplifications import losses, simplification_study
+from iptm_studies.real_cars.page import real_cars_page
+from iptm_studies.real_cars.savings import CYCLE, Extent, savings_on, savings_study
+from iptm_studies.real_cars.simplifications import losses, simplification_study, too_large
 from iptm_studies.real_cars.trips import trip_cycles
 
 
@@ -40,19 +39,20 @@ def _work(session: Session) -> bool:
     savings, simplifications = (
         [state for state in campaign.cases if state.study is study] for study in studies
     )
-    found = Findings(
+    lost = losses(simplifications)
+    for name in too_large(lost):
+        print(f"simplification {name} costs more than it may")
+    page = real_cars_page(
         session.command,
         extent,
-        rows_on(extent, savings, [CYCLE]),
-        rows_on(extent, savings, extent.trips),
-        losses(simplifications),
+        savings_on(extent, savings, [CYCLE]),
+        savings_on(extent, savings, extent.trips),
+        lost,
         campaign.failures,
         len(campaign.keys) - campaign.finished - len(campaign.failures),
     )
-    for name in found.too_large():
-        print(f"simplification {name} costs more than it may")
-    session.write(real_cars_page(found))
-    return not (found.failures or found.too_large())
+    session.write(page)
+    return not (campaign.failures or too_large(lost))
 
 
 if __name__ == "__main__":

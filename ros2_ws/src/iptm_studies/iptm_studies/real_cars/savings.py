@@ -2,49 +2,113 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from iptm_core.metrics import RunMetrics
-from iptm_core.parameters import load_parameters
+import numpy as np
+import pandas as pd
+
+from iptm_core.metrics import RunMetrics, at_equal_end
+from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_studies.campaign import CaseState
-from iptm_studies.real_cars.drives import (
-    CYCLE,
-    DEFAULT,
-    HEADWAY,
-    ROLES,
-    Extent,
-    Saving,
-    Totals,
-    drive,
-)
+from iptm_studies.drives import DEFAULT, STRATEGIES, drive
+from iptm_studies.run_spec import SolverSpec
 from iptm_studies.study import Case, Study
 
+ROLES = tuple(STRATEGIES)
+OTHERS = tuple(role for role in ROLES if role != DEFAULT)
+CYCLE = "wltc_class3b"
+CARS = (DEFAULT_SET, "bmw_i3", "chevrolet_bolt", "tesla_model_3")
+CLIMATES_C = (-10.0, 10.0, 25.0, 35.0)
+HEADWAY = "gap.max_time_headway_s"
 SHIPPED_GAP, SHORT_HEADWAY = 0.0, 3.0
 """Largest time headways in s; 0 is none, the largest gap counts alone."""
 
 
 @dataclass(frozen=True)
-class Row:
-    """A line of a table: one car in one climate under one limit of the gap, on one trip or several.
+class Extent:
+    """How much is driven.
 
     Attributes:
-        car: parameter set.
-        ambient_c: temperature of the air.
-        headway_s: largest time headway, 0 for none.
-        consumption_kwh_100_km: of the default strategy.
-        savings: of the default strategy by what it is compared with.
-        by_trip: saving in aging on each trip.
+        trips: measured trips, as paths of drive files.
+        cars: parameter sets.
+        climates_c: temperatures of the air.
+        simplifications: number of the simplifications that are tried.
+        duration_s: where all trips are cut, None for their ends.
+        compile_code: whether controllers are compiled.
     """
 
-    car: str
-    ambient_c: float
-    headway_s: float
-    consumption_kwh_100_km: float
-    savings: Mapping[str, Saving]
-    by_trip: Mapping[str, tuple[float, ...]]
+    trips: tuple[str, ...]
+    cars: tuple[str, ...] = CARS
+    climates_c: tuple[float, ...] = CLIMATES_C
+    simplifications: int | None = None
+    duration_s: float | None = None
+    compile_code: bool = True
+
+    @classmethod
+    def short(cls, trips: Sequence[str]) -> Extent:
+        """Return a little of everything, in seconds."""
+        car, climate = CARS[1:2], CLIMATES_C[-1:]
+        return cls(tuple(trips[:2]), car, climate, 1, 20.0, compile_code=False)
+
+    def solver(self, smoothing_factor: float = 1.0) -> SolverSpec:
+        """Return the solver of a run."""
+        return SolverSpec(compile_code=self.compile_code, smoothing_factor=smoothing_factor)
+
+
+def totals(runs: Sequence[RunMetrics]) -> dict[str, float]:
+    """Return sums over runs.
+
+    Returns:
+        ``aging``, the capacity loss of both cells; energies in J of ``cooling`` (compressor and
+        auxiliaries) and ``traction``; ``consumption``, battery energy in kWh/100 km.
+    """
+    battery_j = math.fsum(run.energy.battery_j for run in runs)
+    distance_m = math.fsum(run.distance_m for run in runs)
+    return {
+        "aging": math.fsum(run.degradation.total for run in runs),
+        "cooling": math.fsum(run.energy.cooling_j for run in runs),
+        "traction": math.fsum(run.energy.traction_j for run in runs),
+        "consumption": battery_j / 3.6e6 / (distance_m / 1e5),
+    }
+
+
+def saving(
+    own: Sequence[RunMetrics], others: Sequence[RunMetrics], parameters: ModelParameters
+) -> dict[str, float]:
+    """Return what runs save against others of the same trips, in percent of those.
+
+    Args:
+        own: the runs.
+        others: those they are compared with, in the same order of trips.
+        parameters: of the vehicle.
+
+    Returns:
+        The savings of `totals`, and ``equal_end``: that of ageing with both packs at the temperature of
+        the cooler one, NaN where that is below the lower limit of the temperature.
+    """
+    mine, theirs = totals(own), totals(others)
+    found = {name: _percent(value, theirs[name]) for name, value in mine.items()}
+    ends = [at_equal_end(*pair, parameters) for pair in zip(own, others, strict=True)]
+    warm = [
+        end
+        for end in ends
+        if end is not None and end.temperature_k >= parameters.limits.min_temperature_k
+    ]
+    found["equal_end"] = math.nan
+    if len(warm) == len(ends):
+        found["equal_end"] = _percent(
+            sum(end.own.capacity_loss for end in warm),
+            sum(end.other.capacity_loss for end in warm),
+        )
+    return found
+
+
+def _percent(own: float, other: float) -> float:
+    return 100.0 * (1.0 - own / other)
 
 
 def savings_study(extent: Extent) -> Study:
@@ -91,51 +155,48 @@ def _labels(
     }
 
 
-def rows_on(extent: Extent, states: Sequence[CaseState], trips: Sequence[str]) -> list[Row]:
-    """Return the rows on some trips, as far as all of their runs are there."""
+def savings_on(extent: Extent, states: Sequence[CaseState], trips: Sequence[str]) -> pd.DataFrame:
+    """Return the savings on some trips, as far as all of their runs are there.
+
+    Returns:
+        A row per ``car``, ``ambient_c`` and limit of the ``gap``, with the ``consumption`` of the
+        default strategy, its savings by what it is compared with (``reference_aging`` and so on, see
+        `saving`), and of the saving in ageing on single trips ``_least``, ``_median`` and ``_most``.
+    """
     runs = {tuple(state.case.labels.values()): state.metrics for state in states}
     rows = []
     for car in extent.cars:
         parameters = load_parameters(car).values
         for ambient_c in extent.climates_c:
             for headway_s in (SHIPPED_GAP, SHORT_HEADWAY):
-                driven = {
-                    role: [
+                driven: dict[str, list[RunMetrics]] = {}
+                for role in ROLES:
+                    limit_s = headway_s if headway_s in _headways(role) else SHIPPED_GAP
+                    found = [
                         runs.get(tuple(_labels(car, ambient_c, trip, role, limit_s).values()))
                         for trip in trips
                     ]
-                    for role in ROLES
-                    for limit_s in [headway_s if headway_s in _headways(role) else SHIPPED_GAP]
-                }
-                there = {
-                    role: [run for run in found if run is not None]
-                    for role, found in driven.items()
-                }
-                if trips and all(len(found) == len(trips) for found in there.values()):
-                    rows.append(_row(car, ambient_c, headway_s, there, parameters))
-    return rows
+                    driven[role] = [run for run in found if run is not None]
+                if trips and all(len(found) == len(trips) for found in driven.values()):
+                    gap = f"{headway_s:g} s" if headway_s else "120 m"
+                    labels = {"car": car, "ambient_c": ambient_c, "gap": gap}
+                    rows.append(labels | _savings(driven, parameters))
+    return pd.DataFrame(rows)
 
 
-def _row(
-    car: str,
-    ambient_c: float,
-    headway_s: float,
-    runs: Mapping[str, list[RunMetrics]],
-    parameters: ModelParameters,
-) -> Row:
+def _savings(
+    runs: Mapping[str, Sequence[RunMetrics]], parameters: ModelParameters
+) -> dict[str, float]:
     own = runs[DEFAULT]
-    others = {role: found for role, found in runs.items() if role != DEFAULT}
-    return Row(
-        car,
-        ambient_c,
-        headway_s,
-        Totals.of(own).consumption_kwh_100_km,
-        {role: Saving.of(own, found, parameters) for role, found in others.items()},
-        {
-            role: tuple(
-                Saving.of([mine], [other], parameters).aging
-                for mine, other in zip(own, found, strict=True)
-            )
-            for role, found in others.items()
-        },
-    )
+    found = {"consumption": totals(own)["consumption"]}
+    for role in OTHERS:
+        of_all = saving(own, runs[role], parameters)
+        pairs = zip(own, runs[role], strict=True)
+        of_each = [saving([mine], [other], parameters)["aging"] for mine, other in pairs]
+        of_all |= {
+            "least": min(of_each),
+            "median": float(np.median(of_each)),
+            "most": max(of_each),
+        }
+        found |= {f"{role}_{name}": value for name, value in of_all.items()}
+    return found

@@ -1,18 +1,23 @@
 """What the controller loses by a model that is simpler than the vehicle.
 
-The vehicle has all laws that the measurements ask for. Some of them the controller's model leaves out: there
-the loss is that of the shipped controller against one that has them, or has the number that they would give
-it. The others it shares with the vehicle: there the loss is that of a controller without them.
+The vehicle has all laws that the measurements ask for. Some of them the controller's model leaves out:
+there the loss is that of the shipped controller against one that has them, or has the number that they
+would give it. The others it shares with the vehicle: there the loss is that of a controller without
+them.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import pandas as pd
+
 from iptm_core.settings import ThermalModel
 from iptm_studies.campaign import CaseState
-from iptm_studies.real_cars.drives import DEFAULT, PRODUCTION, Extent, Totals, drive
+from iptm_studies.drives import DEFAULT, PRODUCTION, drive
+from iptm_studies.real_cars.savings import CYCLE, Extent, totals
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import Case, Study
 
@@ -49,7 +54,8 @@ class Side:
             role,
             CAR,
             ambient_c,
-            overrides=dict(self.vehicle),
+            cycle=CYCLE,
+            overrides=self.vehicle,
             controller_overrides=() if shipped else tuple(self.model.items()),
             solver=extent.solver(1.0 if shipped else self.smoothing_factor),
             duration_s=extent.duration_s,
@@ -168,19 +174,6 @@ SIMPLIFICATIONS = (
 )
 
 
-@dataclass(frozen=True)
-class Loss:
-    """Loss in saving that a simplification causes at one temperature, in percentage points.
-
-    Attributes:
-        aging: of the saving in capacity loss.
-        consumption: of the saving in battery energy per distance.
-    """
-
-    aging: float
-    consumption: float
-
-
 _RUNS = (("simple", DEFAULT), ("refined", DEFAULT), ("refined", PRODUCTION))
 """Side and role of the runs of one simplification at one temperature."""
 
@@ -206,34 +199,46 @@ def simplification_study(extent: Extent) -> Study:
     )
 
 
-def losses(states: Sequence[CaseState]) -> dict[str, dict[float, Loss]]:
-    """Return the losses by simplification and temperature, as far as all runs are there."""
+def losses(states: Sequence[CaseState]) -> pd.DataFrame:
+    """Return what simplifications cost, as far as all runs are there.
+
+    Returns:
+        A row per ``simplification`` and ``ambient_c``, with the loss in saving in percentage points: of
+        capacity loss (``aging``) and of battery energy per distance (``consumption``), both against the
+        same run of the production-like controller.
+    """
     runs = {state.case.name: state.metrics for state in states}
-    found: dict[str, dict[float, Loss]] = {}
+    rows = []
     for simplification in SIMPLIFICATIONS:
         for ambient_c in CLIMATES_C:
-            three = [runs.get(_name(simplification, *run, ambient_c)) for run in _RUNS]
-            totals = [Totals.of([run]) for run in three if run is not None]
-            if len(totals) == len(_RUNS):
-                found.setdefault(simplification.name, {})[ambient_c] = _loss(*totals)
-    return found
+            found = [runs.get(_name(simplification, *run, ambient_c)) for run in _RUNS]
+            there = [totals([run]) for run in found if run is not None]
+            if len(there) == len(_RUNS):
+                simple, refined, production = there
+                row = {"simplification": simplification.name, "ambient_c": ambient_c}
+                rows.append(
+                    row
+                    | {
+                        name: 100.0 * (simple[name] - refined[name]) / production[name]
+                        for name in ("aging", "consumption")
+                    }
+                )
+    return pd.DataFrame(rows, columns=["simplification", "ambient_c", "aging", "consumption"])
+
+
+def worst_losses(found: pd.DataFrame) -> dict[str, float]:
+    """Return the largest loss in the saving of ageing by simplification, infinite where it was not driven."""
+    worst = found.groupby("simplification").aging.max()
+    return {each.name: float(worst.get(each.name, math.inf)) for each in SIMPLIFICATIONS}
+
+
+def too_large(found: pd.DataFrame) -> list[str]:
+    """Return the shipped simplifications that cost more than they may."""
+    worst = worst_losses(found)
+    return [
+        each.name for each in SIMPLIFICATIONS if each.shipped and worst[each.name] > LARGEST_LOSS
+    ]
 
 
 def _name(simplification: Simplification, side: str, role: str, ambient_c: float) -> str:
     return f"{simplification.name}/{side}/{role}/{ambient_c:g}"
-
-
-def _loss(simple: Totals, refined: Totals, production: Totals) -> Loss:
-    """Return the loss in savings that are both against the same run of the production-like controller."""
-
-    def points(simple: float, refined: float, production: float) -> float:
-        return 100.0 * (simple - refined) / production
-
-    return Loss(
-        points(simple.capacity_loss, refined.capacity_loss, production.capacity_loss),
-        points(
-            simple.consumption_kwh_100_km,
-            refined.consumption_kwh_100_km,
-            production.consumption_kwh_100_km,
-        ),
-    )

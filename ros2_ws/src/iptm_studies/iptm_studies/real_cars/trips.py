@@ -11,7 +11,7 @@ import numpy as np
 
 from iptm_core.errors import MeasurementError
 from iptm_core.state import FloatArray
-from iptm_studies.drive_files import write_drive
+from iptm_studies.drives import write_drive
 from iptm_validation.measurements import Trip
 from iptm_validation.models.i3_vehicle import road_slope_rad
 from iptm_validation.readers.folder import files_of, read_files

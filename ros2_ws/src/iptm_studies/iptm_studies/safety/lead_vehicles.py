@@ -13,7 +13,7 @@ import numpy as np
 from iptm_core.errors import IptmError
 from iptm_core.routes.user_csv import read_user_trip
 from iptm_core.state import FloatArray
-from iptm_studies.drive_files import write_drive
+from iptm_studies.drives import write_drive
 from iptm_validation.measurements import Drive, Driver
 from iptm_validation.readers.folder import files_of, read_files
 
