@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -232,19 +233,28 @@ class Peer:
         return heard
 
 
+@contextmanager
+def joined_peer(domain: int, name: str = "test_peer", *arguments: str) -> Iterator[Peer]:
+    """Take part in a domain with a node of the test; the arguments are those of ROS, such as `-r`."""
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = SuiteNode(name, context=context, cli_args=["--ros-args", *arguments])
+    executor = EventsExecutor(context=context)
+    executor.add_node(node)
+    try:
+        yield Peer(node, executor)
+    finally:
+        executor.remove_node(node)
+        node.destroy_node()
+        executor.shutdown()
+        context.try_shutdown()
+
+
 @pytest.fixture
 def peer(ros_environment: dict[str, str]) -> Iterator[Peer]:
     """Take part in the graph of the test with a node called `test_peer`."""
-    context = Context()
-    rclpy.init(context=context, domain_id=int(ros_environment["ROS_DOMAIN_ID"]))
-    node = SuiteNode("test_peer", context=context)
-    executor = EventsExecutor(context=context)
-    executor.add_node(node)
-    yield Peer(node, executor)
-    executor.remove_node(node)
-    node.destroy_node()
-    executor.shutdown()
-    context.try_shutdown()
+    with joined_peer(int(ros_environment["ROS_DOMAIN_ID"])) as joined:
+        yield joined
 
 
 @pytest.fixture

@@ -1,127 +1,108 @@
 """A recorder killed at a random moment: at most one tick may be missing from what it leaves.
 
-The peer stands in for plant, bridge and controller: it publishes every topic of the suite tick by tick, at a
-pace that the recorder follows; every other time in a namespace with its clock elsewhere. The kill comes in
-the middle of a tick. The long version (`scripts/test -m slow`) kills 100 recorders.
+The kill comes in the middle of a tick, wherever vehicle and clock are in the graph. The long version
+(`scripts/test -m slow`) kills 100 recorders.
 """
 
 from __future__ import annotations
 
 import random
 import signal
-import struct
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
-import rclpy
-from rclpy.context import Context
-from rclpy.experimental import EventsExecutor
 from rosgraph_msgs.msg import Clock
-from tests.integration.conftest import Peer
+from sensor_msgs.msg import Temperature
+from tests.integration.conftest import joined_peer
+from tests.integration.recorded_suite import RECORDER, TICK, RecordedSuite, S
 
-from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs import time_from_ns
-from iptm_interfaces.diagnostics import status_values
-from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.recover import recover
 
-TICK = tuple(topic for topic in TOPICS if topic not in (Topic.SLOPE, Topic.DIAGNOSTICS))
-STAMPED = tuple(
-    topic
-    for topic in TICK
-    if topic is Topic.CLOCK or "header" in TOPICS[topic].message_type.get_fields_and_field_types()
-)
-CLOCK_ELSEWHERE = "/clock_of_9"
-ELSEWHERE = ("-r", "__ns:=/car_9", "-r", f"clock:={CLOCK_ELSEWHERE}")
 MOST_TICKS = 60
-TIMEOUT_S = 120.0
-
-
-def stamped(topic: Topic, tick: int) -> Any:
-    """Return an empty message of a topic with the stamp of a tick."""
-    message = TOPICS[topic].message_type()
-    if isinstance(message, Clock):
-        message.clock = time_from_ns(tick * NS_PER_S)
-    elif hasattr(message, "header"):
-        message.header.stamp = time_from_ns(tick * NS_PER_S)
-    return message
-
-
-def beginning(tick: int) -> bytes:
-    """Return how a stamped message of a tick begins in the file: publication time, CDR, stamp."""
-    return struct.pack("<Q4siI", tick * NS_PER_S, b"\0\1\0\0", tick, 0)
-
-
-def record_and_kill(
-    launcher: Any, peer: Peer, bag: Path, arguments: Sequence[str], seed: int
-) -> int:
-    """Return the last tick, in the middle of which the recorder was killed."""
-    rng = random.Random(seed)  # noqa: S311
-    last = rng.randrange(2, MOST_TICKS)
-    publishers = {topic: peer.node.advertise(topic) for topic in TOPICS}
-    statuses = peer.statuses(f"{peer.node.get_namespace().rstrip('/')}/recorder")
-    publishers[Topic.SLOPE].publish(stamped(Topic.SLOPE, 0))
-    recorder = launcher.start_module(
-        "iptm_recording.recorder_cli", str(bag), "--ros-args", *arguments
-    )
-    peer.wait_until(
-        lambda: (
-            statuses
-            and status_values(statuses[-1])["subscriptions_matched"] == str(len(TOPICS))
-            and all(one.get_subscription_count() for one in publishers.values())
-        ),
-        TIMEOUT_S,
-        "the recorder to subscribe",
-    )
-    file = bag / f"{bag.name}_0.mcap"
-
-    def is_written(tick: int) -> bool:
-        return file.read_bytes().count(beginning(tick)) >= len(STAMPED)
-
-    for tick in range(last):
-        for topic in TICK:
-            publishers[topic].publish(stamped(topic, tick))
-        if tick:  # a tick is written when the next one begins
-            peer.wait_until(lambda tick=tick: is_written(tick - 1), TIMEOUT_S, f"tick {tick - 1}")  # type: ignore[misc]
-    for topic in TICK[: rng.randrange(len(TICK))]:
-        publishers[topic].publish(stamped(topic, last))
-    time.sleep(rng.random() * 0.02)  # somewhere inside of the tick
-    recorder.send(signal.SIGKILL)
-    recorder.wait()
-    return last
+CAR = ("-r", "__ns:=/car_9")
+CLOCK_ELSEWHERE = ("-r", "clock:=/clock_of_9")
+RENAMED = tuple(
+    part
+    for topic in TOPICS
+    if topic is not Topic.DIAGNOSTICS
+    for part in ("-r", f"/{topic.value.lstrip('/')}:=/car_9/{topic.value.lstrip('/')}")
+)
+PLACES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "no namespace": ((), ()),
+    "names as of the launch file": (CAR, (*CAR, "-r", "clock:=clock", "-r", "/clock:=clock")),
+    "a clock elsewhere": ((*CAR, *CLOCK_ELSEWHERE), (*CAR, *CLOCK_ELSEWHERE)),
+    "everything from outside": (CAR, ("--all",)),
+    "without a namespace": (CAR, RENAMED),
+}
+"""ROS arguments of the vehicle, and arguments of its recorder, by where they are."""
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 100))]
+    "seed", [*range(5), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(5, 100))]
 )
 def test_a_killed_recorder_loses_at_most_one_tick(
     seed: int, launcher: Any, ros_environment: dict[str, str], tmp_path: Path
 ) -> None:
-    elsewhere = bool(seed % 2)
-    arguments = ELSEWHERE if elsewhere else ()
-    context = Context()
-    rclpy.init(context=context, domain_id=int(ros_environment["ROS_DOMAIN_ID"]))
-    node = SuiteNode("stand_in", context=context, cli_args=["--ros-args", *arguments])
-    executor = EventsExecutor(context=context)
-    executor.add_node(node)
-    try:
-        last = record_and_kill(launcher, Peer(node, executor), tmp_path / "bag", arguments, seed)
-    finally:
-        executor.remove_node(node)
-        node.destroy_node()
-        executor.shutdown()
-        context.try_shutdown()
-    with BagReader(recover(tmp_path / "bag").output) as reader:
-        for topic in TICK:
-            name = f"{'/car_9' if elsewhere else ''}/{topic.value.lstrip('/')}"
-            if elsewhere and topic is Topic.CLOCK:
-                name = CLOCK_ELSEWHERE
+    place = list(PLACES)[seed % len(PLACES)]
+    of_vehicle, of_recorder = PLACES[place]
+    rng = random.Random(seed)  # noqa: S311
+    last = rng.randrange(2, MOST_TICKS)
+    bag = tmp_path / "bag"
+    options = of_recorder if of_recorder[:1] == ("--all",) else ("--ros-args", *of_recorder)
+    domain = int(ros_environment["ROS_DOMAIN_ID"])
+    with joined_peer(domain, "stand_in", *of_vehicle) as peer:
+        suite = RecordedSuite(peer)
+        recorder = launcher.start_module(RECORDER, bag, *options)
+        suite.start("/car_9/recorder" if "__ns:=/car_9" in of_recorder else "/recorder")
+        suite.publish(0, TICK)
+        if place == "everything from outside":
+            choice = "the bag follows /car_9/clock"
+            peer.wait_until(lambda: choice in recorder.stderr, what="the choice of the clock")
+        suite.drive(range(1, last), bag / "bag_0.mcap")
+        suite.publish(last, TICK[: rng.randrange(len(TICK))])
+        time.sleep(rng.random() * 0.02)  # somewhere inside of the tick
+        recorder.send(signal.SIGKILL)
+        recorder.wait()
+        names = [suite.name(topic) for topic in TICK]
+        slope = suite.name(Topic.SLOPE)
+    assert not (bag / "metadata.yaml").exists()
+    with BagReader(recover(bag).output) as reader:
+        assert reader.topics[slope].is_latched
+        assert last - 2 <= reader.end_ns / S <= last  # in the time of the trip
+        for name in names:
             # Between topics the middleware promises no order, so a log time may be that of the next tick.
-            ticks = [message.publish_time_ns // NS_PER_S for message in reader.raw_messages([name])]
+            ticks = [message.publish_time_ns // S for message in reader.raw_messages([name])]
             assert ticks == list(range(len(ticks))), f"{name} has a gap or lacks its first tick"
             assert len(ticks) >= last - 1, f"{name}: {last - len(ticks)} ticks lost"
+
+
+def test_a_kill_without_a_clock_loses_nothing(launcher: Any, peer: Any, tmp_path: Path) -> None:
+    """Two vehicles: none of their clocks is that of the recorder, which warns and writes at once."""
+    cars = ("/car_8", "/car_9")
+    states = [peer.node.create_publisher(Temperature, f"{car}/state", 10) for car in cars]
+    clocks = [peer.node.create_publisher(Clock, f"{car}/clock", 10) for car in cars]
+    recorder = launcher.start_module(RECORDER, tmp_path / "bag", "--all")
+    peer.wait_until(
+        lambda: all(each.get_subscription_count() for each in (*states, *clocks)),
+        60.0,
+        "subscriptions",
+    )
+    file, ticks = tmp_path / "bag" / "bag_0.mcap", 40
+    for tick in range(ticks):
+        size = file.stat().st_size
+        for state, clock in zip(states, clocks, strict=True):
+            state.publish(Temperature(temperature=float(tick)))
+            clock.publish(Clock(clock=time_from_ns(tick * S)))
+        peer.wait_until(lambda size=size: file.stat().st_size > size, what="growth of the bag")
+    warning = "2 clocks on the graph (/car_8/clock, /car_9/clock)"
+    peer.wait_until(lambda: warning in recorder.stderr, what="the warning")
+    recorder.send(signal.SIGKILL)
+    recorder.wait()
+    with BagReader(recover(tmp_path / "bag").output) as reader:
+        for car in cars:
+            assert reader.topics[f"{car}/state"].message_count >= ticks - 1

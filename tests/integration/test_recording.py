@@ -1,144 +1,38 @@
-"""The recorder as a real process: nothing lost, killed and recovered, played and recorded again."""
+"""The recorder as a real process: nothing lost, played and recorded again, choice of topics, control."""
 
 from __future__ import annotations
 
+import re
 import signal
-import struct
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from rclpy.publisher import Publisher
+import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState, Temperature
+from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float64
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from std_srvs.srv import Trigger
+from tests.integration.recorded_suite import RECORDER, TICK, RecordedSuite, S
 
-from iptm_interfaces.codecs import time_from_ns
 from iptm_interfaces.diagnostics import status_values
+from iptm_interfaces.services import Service
 from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.bag_reader import BagReader
+from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.compare_bags import compare_bags
-from iptm_recording.recover import recover
 
-S = 10**9
-RECORDER = "iptm_recording.recorder_cli"
-# In the order in which a tick publishes them: the state, the clock, the answers to it.
-TICK = (
-    *(topic for topic in TOPICS if topic.name.startswith("PLANT")),
-    Topic.CLOCK,
-    Topic.LEADER,
-    Topic.LEADER_PREVIEW,
-    Topic.PLAN,
-    Topic.SOLVE,
-    Topic.ACCELERATION_COMMAND,
-    Topic.COMPRESSOR_POWER_COMMAND,
-    Topic.COMMAND,
-)
-
-
-# A real trip goes at the pace of its solver. Publishing flat out would overrun the publishers' queues
-# of ten messages on a busy machine, so the tests wait for the recorder every few ticks.
-PACE_TICKS = 5
-TAIL_BYTES = 200_000
-
-
-class Suite:
-    """Stands for plant, bridge and controller: publishes every topic of the table, tick by tick."""
-
-    def __init__(self, peer: Any) -> None:
-        self.peer = peer
-        self.publishers: dict[Topic, Publisher] = {
-            topic: peer.node.advertise(topic) for topic in TOPICS
-        }
-        self.next_tick = 0
-        self.recorder = peer.statuses("/recorder")
-
-    def start(self) -> None:
-        expected = str(len(TOPICS))
-        self.publishers[Topic.SLOPE].publish(TOPICS[Topic.SLOPE].message_type())
-        # Both sides must know of each other: a busy machine may take a while between the two.
-        self.peer.wait_until(
-            lambda: (
-                self.recorder
-                and status_values(self.recorder[-1])["subscriptions_matched"] == expected
-                and all(p.get_subscription_count() for p in self.publishers.values())
-            ),
-            60.0,
-            "recorder to subscribe to everything",
-        )
-
-    def publish(self, ticks: int, file: Path | None = None) -> None:
-        """Publish ticks; with the file of the recorder, at the pace at which they arrive there."""
-        for tick in range(self.next_tick, self.next_tick + ticks):
-            for topic in TICK:
-                self.publishers[topic].publish(message_of(topic, tick))
-            if file is not None and tick % PACE_TICKS == PACE_TICKS - 1:
-                # Log and publication time of a message follow each other in the file. A tick is
-                # written when the next one begins.
-                times = struct.pack("<QQ", (tick - 1) * S, (tick - 1) * S)
-                self.peer.wait_until(
-                    lambda times=times: tail(file).count(times) >= len(TICK),
-                    what=f"tick {tick - 1} in the bag",
-                )
-        self.next_tick += ticks
-
-    def leave(self) -> None:
-        """Stop publishing, so that only a replay is heard."""
-        for publisher in self.publishers.values():
-            self.peer.node.destroy_publisher(publisher)
-        # The executor holds on to a publisher's events until it spins.
-        names = [self.peer.node.resolve_topic_name(topic.value) for topic in self.publishers]
-        self.peer.wait_until(
-            lambda: not any(map(self.peer.node.count_publishers, names)), what="publishers to end"
-        )
-
-    @property
-    def published_count(self) -> int:
-        """Messages published so far, the slope included."""
-        return self.next_tick * len(TICK) + 1
-
-
-def tail(path: Path) -> bytes:
-    with path.open("rb") as file:
-        file.seek(max(0, path.stat().st_size - TAIL_BYTES))
-        return file.read()
-
-
-def message_of(topic: Topic, tick: int) -> Any:
-    spec = TOPICS[topic]
-    message = spec.message_type()
-    if isinstance(message, JointState):
-        message.name = list(spec.fields)
-        message.position = [tick + 0.1 * k for k in range(len(message.name))]
-    elif isinstance(message, JointTrajectory):
-        message.joint_names = list(spec.fields)
-        numbers = [float(tick)] * len(message.joint_names)
-        message.points = [JointTrajectoryPoint(positions=numbers, velocities=numbers)] * 16
-    elif isinstance(message, Temperature):
-        message.temperature = 20.0 + tick
-    elif isinstance(message, Float64):
-        message.data = float(tick)
-    if isinstance(message, Clock):
-        message.clock = time_from_ns(tick * S)
-    elif hasattr(message, "header"):
-        message.header.stamp = time_from_ns(tick * S)
-    return message
-
-
-@pytest.fixture
-def suite(peer: Any) -> Suite:
-    return Suite(peer)
+CAR = ("-r", "__ns:=/car_9")
+STATE, CLOCK = Topic.PLANT_CELL_1_TEMPERATURE, Topic.CLOCK
 
 
 @pytest.fixture
 def record(launcher: Any, wait_until: Callable[..., None], tmp_path: Path) -> Callable[..., Any]:
     """Start a recorder and wait until it is ready."""
 
-    def start(name: str, *arguments: str) -> Any:
+    def start(name: str, *arguments: str | Path) -> Any:
         process = launcher.start_module(RECORDER, tmp_path / name, *arguments)
         wait_until(
             lambda: "recorder ready" in process.stdout or not process.is_running,
@@ -155,58 +49,52 @@ def counts_of(bag: Path) -> dict[str, int]:
         return {topic.name: topic.message_count for topic in reader.topics.values()}
 
 
-def absolute(topic: Topic) -> str:
-    return "/" + topic.value.lstrip("/")
+def times_of(bag: Path) -> list[tuple[str, int]]:
+    with BagReader(bag) as reader:
+        return [
+            (m.topic, m.log_time_ns) for m in reader.raw_messages() if m.topic != "/diagnostics"
+        ]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_nothing_is_lost_and_the_bag_is_in_simulated_time(
-    suite: Suite, record: Callable[..., Any], tmp_path: Path, number: signal.Signals
+def test_nothing_is_lost_and_a_replay_is_recorded_alike(
+    peer: Any, record: Callable[..., Any], launcher: Any, tmp_path: Path
 ) -> None:
-    recorder = record("bag")
+    """In the time of the trip; stopped by SIGINT and by SIGTERM."""
+    ticks, first = 40, tmp_path / "first"
+    suite = RecordedSuite(peer)
+    recorder = record("first")
     suite.start()
-    suite.publish(300, tmp_path / "bag" / "bag_0.mcap")
-    assert recorder.stop(number) == 0
-    counts = counts_of(tmp_path / "bag")
+    suite.drive(range(ticks), first / "first_0.mcap")
+    assert recorder.stop(signal.SIGINT) == 0
+    names = {topic: suite.name(topic) for topic in TICK}
+    counts = counts_of(first)
     assert counts.pop("/diagnostics") > 0
     assert counts.pop("/v2x/slope") == 1
-    assert counts == {absolute(topic): 300 for topic in TICK}
-    with BagReader(tmp_path / "bag") as reader:
-        assert (reader.start_ns, reader.end_ns) == (0, 299 * S)
-        for topic in TICK:
-            name = absolute(topic)
-            times = [m.log_time_ns for m in reader.raw_messages([name])]
-            assert times == [tick * S for tick in range(300)], name
+    assert counts == dict.fromkeys(names.values(), ticks)
+    with BagReader(first) as reader:
+        assert (reader.start_ns, reader.end_ns) == (0, (ticks - 1) * S)
+        for topic, name in names.items():
+            times = [message.log_time_ns for message in reader.raw_messages([name])]
+            assert times == [tick * S for tick in range(ticks)], name
             assert reader.topics[name].type_name == TOPICS[topic].type_name
             assert reader.topics[name].offered_qos[0].depth == TOPICS[topic].qos.depth
-        # Between topics the middleware promises no order, so only what is in the tick counts.
-        first = [m.topic for m in reader.raw_messages(end_ns=S) if m.topic != "/diagnostics"]
-        assert sorted(first) == sorted(["/v2x/slope", *(absolute(topic) for topic in TICK)])
         assert reader.run_information().versions["python"]
 
-
-def test_killed_recorder_loses_at_most_a_handful(
-    suite: Suite, record: Callable[..., Any], tmp_path: Path
-) -> None:
-    recorder = record("bag")
-    suite.start()
-    suite.publish(300, tmp_path / "bag" / "bag_0.mcap")
-    suite.publish(3)
-    recorder.send(signal.SIGKILL)
-    recorder.wait()
-    assert not (tmp_path / "bag" / "metadata.yaml").exists()
-    report = recover(tmp_path / "bag")
-    with BagReader(report.output) as reader:
-        saved = sum(t.message_count for t in reader.topics.values() if t.name != "/diagnostics")
-        # The last three ticks were published flat out until the moment of the kill: what is missing
-        # was still on its way, but for one tick in memory.
-        assert suite.published_count - saved <= 5 * len(TICK)
-        for topic in TICK:
-            stamps = [m.log_time_ns for m in reader.raw_messages([absolute(topic)])]
-            assert stamps == [tick * S for tick in range(len(stamps))], "a gap before the end"
+    suite.leave()
+    recorder = record("second")
+    wanted = str(len(counts_of(first)))
+    arguments = ("--rate", "50", "--wait-for-subscribers", wanted)
+    player = launcher.start_module("iptm_recording.player_cli", first, *arguments)
+    assert player.wait(60.0) == 0, player.stderr
+    assert "played" in player.stdout
+    assert recorder.stop(signal.SIGTERM) == 0
+    comparison = compare_bags(first, tmp_path / "second")
+    assert [entry.topic for entry in comparison if not entry.agrees] == []
+    assert len(comparison) == len(TICK) + 1
+    assert times_of(first) == times_of(tmp_path / "second")
 
 
-def test_recorder_is_counted_as_peer_only_when_it_hears_everybody(
+def test_the_recorder_is_counted_as_peer_only_when_it_hears_everybody(
     peer: Any, record: Callable[..., Any]
 ) -> None:
     """Else the plant could start a trip whose first commands are not recorded."""
@@ -222,24 +110,21 @@ def test_recorder_is_counted_as_peer_only_when_it_hears_everybody(
     assert all(publishers[topic].get_subscription_count() == 1 for topic in TOPICS)
 
 
-def test_namespace_and_diagnostics(peer: Any, record: Callable[..., Any], tmp_path: Path) -> None:
-    texts: list[str] = []
-    peer.node.listen(
-        Topic.DIAGNOSTICS, lambda m: texts.extend(s.name + s.message for s in m.status)
-    )
+def test_topics_of_a_namespace_are_chosen_and_the_clock_with_them(
+    peer: Any, record: Callable[..., Any], tmp_path: Path
+) -> None:
+    statuses = peer.statuses("/car_1/recorder")
     recorder = record("bag", "--topics", "/car_1/*", "--ros-args", "-r", "__ns:=/car_1")
     publisher = peer.node.create_publisher(Float64, "/car_1/controller/acceleration_command", 10)
     clock = peer.node.create_publisher(Clock, "/car_1/clock", 10)
     foreign = peer.node.create_publisher(Float64, "/car_2/x", 10)
     peer.wait_until(publisher.get_subscription_count, what="subscription to the command")
-    publisher.publish(Float64(data=1.0))  # tells the recorder that the trip is running
+    publisher.publish(Float64(data=1.0))  # the trip is running
     peer.wait_until(clock.get_subscription_count, what="subscription to the clock")
     clock.publish(Clock())
     foreign.publish(Float64(data=1.0))
-    expected = "/car_1/recorder: recordingrecording"
-    peer.wait_until(lambda: expected in texts, what="diagnostics")
+    peer.wait_until(lambda: statuses and statuses[-1].message == "recording", what="diagnostics")
     assert recorder.stop() == 0
-    # The clock is recorded although it was not asked for: the times come from it.
     command = "/car_1/controller/acceleration_command"
     assert counts_of(tmp_path / "bag") == {command: 1, "/car_1/clock": 1}
 
@@ -278,27 +163,115 @@ def test_existing_bag_and_missing_information_are_mistakes_of_the_user(
         launcher.start_module(RECORDER, *arguments).assert_refused(message)
 
 
-def test_recorded_run_played_and_recorded_again_is_the_same(
-    suite: Suite, record: Callable[..., Any], launcher: Any, tmp_path: Path
+def test_a_run_started_by_hand_keeps_its_parameters(
+    launcher: Any, record: Callable[..., Any], tmp_path: Path
 ) -> None:
-    recorder = record("first")
-    suite.start()
-    suite.publish(100, tmp_path / "first" / "first_0.mcap")
-    recorder.stop()
-    suite.leave()
-    recorder = record("second")
-    wanted = str(len(counts_of(tmp_path / "first")))
-    arguments = ("--rate", "50", "--wait-for-subscribers", wanted)
-    player = launcher.start_module("iptm_recording.player_cli", tmp_path / "first", *arguments)
-    assert player.wait(60.0) == 0, player.stderr
-    assert "played" in player.stdout
+    recorder = record("bag", "--ros-args", *CAR)
+    trip = {"cycle": "nycc", "duration_s": 10.0, "parameter_overrides": "body.mass_kg=1777"}
+    solver = {"horizon": "3x1", "solver": "ipopt", "compile_code": False}
+    peers = {"expected_peers": 2}
+    plant = launcher.start_node("iptm_plant_sim.node", *CAR, parameters={**trip, **peers})
+    launcher.start_node("iptm_v2x_bridge.node", *CAR, parameters={"cycle": "nycc", **peers})
+    launcher.start_node("iptm_controller.node", *CAR, parameters=solver)
+    assert plant.wait(120.0) == 0, plant.stderr
     assert recorder.stop() == 0
-    comparison = compare_bags(tmp_path / "first", tmp_path / "second")
-    assert [entry.topic for entry in comparison if not entry.agrees] == []
-    assert len(comparison) == len(TICK) + 1
-    with BagReader(tmp_path / "first") as one, BagReader(tmp_path / "second") as two:
-        times = [
-            [(m.topic, m.log_time_ns) for m in reader.raw_messages() if m.topic != "/diagnostics"]
-            for reader in (one, two)
-        ]
-    assert times[0] == times[1]
+    with BagReader(tmp_path / "bag") as reader:
+        assert reader.duration_s == pytest.approx(10.0)
+        assert reader.topics["/car_9/clock"].message_count == 11
+        assert "horizon: 3x1" in reader.run_information().parameters
+    parameters, is_stored = read_model_parameters(tmp_path / "bag")
+    assert is_stored
+    assert parameters.body.mass_kg == 1777.0
+
+
+def test_messages_that_a_frozen_recorder_missed_are_counted(
+    peer: Any, record: Callable[..., Any], tmp_path: Path
+) -> None:
+    """The nodes do not wait for a recorder; a publisher keeps ten messages for it."""
+    recorder = record("bag")
+    state, clock = peer.node.advertise(STATE), peer.node.advertise(CLOCK)
+    peer.wait_until(state.get_subscription_count, 60.0, "subscription to the state")
+    state.publish(Temperature())
+    peer.wait_until(clock.get_subscription_count, 60.0, "subscription to the clock")
+    clock.publish(Clock())
+    file = tmp_path / "bag" / "bag_0.mcap"
+    recorder.send(signal.SIGSTOP)
+    sent = 6000  # more than the sockets in between hold
+    for _ in range(sent):
+        state.publish(Temperature())
+    recorder.send(signal.SIGCONT)
+    for _ in range(5):  # the following messages reveal the missing ones
+        size = file.stat().st_size
+        state.publish(Temperature())
+        peer.wait_until(lambda size=size: file.stat().st_size > size, what="growth of the bag")
+    assert recorder.stop() == 0
+    reported = sum(int(number) for number in re.findall(r"(\d+) of /", recorder.stderr))
+    with BagReader(tmp_path / "bag") as reader:
+        assert reader.topics[f"/{STATE.value}"].message_count + reported == sent + 6
+        assert reported > 0
+        assert "lost_messages" in reader.run_information().extra
+
+
+def call(peer: Any, name: str) -> Trigger.Response:
+    """Call a service of a recorder."""
+    client = peer.node.create_client(Trigger, name)
+    peer.wait_until(client.service_is_ready, 60.0, name)
+    future = client.call_async(Trigger.Request())
+    peer.wait_until(future.done, 60.0, f"answer of {name}")
+    return future.result()
+
+
+def test_pause_resume_and_split_of_one_of_two_recorders(
+    record: Callable[..., Any], peer: Any, tmp_path: Path
+) -> None:
+    """It starts paused; the quality of service of a topic is given to it."""
+    suite = RecordedSuite(peer)
+    qos = tmp_path / "qos.yaml"
+    qos.write_text("/spare: {reliability: best_effort}\n/else: {depth: 3}\n")
+    topics = [suite.name(topic) for topic in (STATE, CLOCK, Topic.SLOPE)]
+    chosen = ("--topics", *topics, "/spare", "--qos-profile-overrides-path", qos)
+    other = record("other", "--topics", *topics, "--ros-args", "-r", "__node:=other")
+    recorder = record("bag", "--start-paused", *chosen)
+    statuses = peer.statuses("/recorder")
+    suite.publishers[Topic.SLOPE].publish(TOPICS[Topic.SLOPE].message_type())
+    peer.wait_until(lambda: suite.publishers[STATE].get_subscription_count() == 2, 60.0, "state")
+    suite.publish(0, (STATE,))  # the trip is running: the clock is subscribed to, too
+    peer.wait_until(lambda: suite.publishers[CLOCK].get_subscription_count() == 2, 60.0, "clock")
+    heard = 2
+
+    def drive(*ticks: int) -> None:
+        nonlocal heard
+        for tick in ticks:
+            suite.publish(tick, (STATE, CLOCK))
+            heard += 2
+            peer.wait_until(
+                lambda count=str(heard): (
+                    statuses and status_values(statuses[-1])["messages"] == count
+                ),
+                60.0,
+                f"tick {tick} at the recorder",
+            )
+
+    drive(1)
+    assert call(peer, Service.RECORDER_RESUME.value).success
+    drive(2, 3)
+    assert call(peer, Service.RECORDER_SPLIT.value).message == "goes on in bag_1.mcap"
+    assert not call(peer, Service.RECORDER_SPLIT.value).success  # nothing to split yet
+    drive(4)
+    assert call(peer, Service.RECORDER_PAUSE.value).success
+    drive(5)
+    assert statuses[-1].message == "paused: nothing is recorded"
+    spare = peer.node.create_publisher(Temperature, "/spare", 10)  # reliable
+    peer.wait_until(spare.get_subscription_count, 60.0, "subscription to the spare topic")
+    (endpoint,) = peer.node.get_subscriptions_info_by_topic("/spare")
+    assert endpoint.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
+    assert recorder.stop() == other.stop() == 0
+    assert "quality of service of /else was not used" in recorder.stderr
+    with BagReader(tmp_path / "bag") as reader:
+        kept = [message.message.temperature for message in reader.messages([topics[0]])]
+        assert kept == [22.0, 23.0, 24.0]
+        assert [reader.topics[name].message_count for name in topics] == [3, 3, 1]
+        pauses = yaml.safe_load(reader.run_information().extra["pauses"])
+    assert [(pause["after_s"], pause["until_s"]) for pause in pauses] == [(None, 1.0), (4.0, None)]
+    assert (tmp_path / "bag" / "bag_1.mcap").is_file()
+    assert counts_of(tmp_path / "other")[topics[1]] == 5
