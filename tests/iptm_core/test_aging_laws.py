@@ -18,7 +18,7 @@ from iptm_core.aging_laws.cells import (
     NMC622,
     outside_experiments,
 )
-from iptm_core.aging_laws.law import AgingLaw, Load, ThroughputAging, aged, new_cell, paper_law
+from iptm_core.aging_laws.law import AgingLaw, Load, paper_law
 from iptm_core.aging_laws.mechanisms import anode_potential_v
 from iptm_core.parameters import load_parameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
@@ -37,17 +37,12 @@ def stored(law: AgingLaw, days: float, temperature_k: float, charge: float) -> f
 
 @given(current_a=st.floats(-15.0, 15.0), kelvin=st.floats(273.0, 323.0), loss=st.floats(1e-4, 0.3))
 def test_the_law_of_the_paper_is_its_equation(current_a: float, kelvin: float, loss: float) -> None:
-    """Bit by bit through the interface, and to rounding where damage takes the place of the loss."""
+    """To rounding, where damage takes the place of the loss: dQ/dt = z Q^(1 - 1/z) du/dt."""
     cell_ah, z = VALUES.cell.nominal_capacity_ah, VALUES.aging.throughput_exponent
-    load = Load(kelvin, current_a / cell_ah)
-    expected = capacity_loss_rate_1_s(
-        load.c_rate_1_h * cell_ah, kelvin, loss, VALUES.aging, VALUES.cell
-    )
-    law = paper_law(VALUES)
-    part = law.mechanisms[0]
-    assert isinstance(part, ThroughputAging)
-    assert part.loss_rate_1_s(load, loss) == expected
-    assert law.loss_rate_1_s(load, [loss ** (1.0 / z)]) == pytest.approx(expected, rel=1e-12)
+    expected = capacity_loss_rate_1_s(current_a, kelvin, loss, VALUES.aging, VALUES.cell)
+    (part,) = paper_law(VALUES).mechanisms
+    rate = part.damage_rate_1_s(Load(kelvin, current_a / cell_ah))
+    assert z * loss ** (1.0 - 1.0 / z) * rate == pytest.approx(expected, rel=1e-12)
 
 
 def test_storage_of_nca_by_hand() -> None:
@@ -120,43 +115,15 @@ def test_the_anode_potential_falls_with_charge() -> None:
 def test_the_slope_is_the_derivative(
     law: AgingLaw, kelvin: float, c_rate: float, charge: float, depth: float
 ) -> None:
-    damage = [0.01] * len(law.mechanisms)
-
-    def rate(at_k: float) -> float:
-        load = Load(at_k, c_rate, charge, depth, 0.1, 0.2)
-        return float(law.loss_rate_1_s(load, damage))
-
-    numeric = (rate(kelvin + 0.01) - rate(kelvin - 0.01)) / 0.02
-    slope = law.loss_slope_1_s_k(Load(kelvin, c_rate, charge, depth, 0.1, 0.2), damage)
-    assert slope == pytest.approx(numeric, rel=1e-5, abs=1e-9 * rate(kelvin))
-    assert rate(kelvin) >= 0.0
-
-
-@each_law
-def test_damage_does_not_depend_on_the_order(law: AgingLaw) -> None:
-    """Hot first or cold first: the same loss, as temperature enters the rate of damage only."""
-    hours = [(308.15, 0.5, 0.5), (283.15, -0.25, 0.5), (298.15, 0.0, 0.5)]
-    losses = []
-    for order in (hours, hours[::-1]):
-        state = new_cell(law)
-        for kelvin, c_rate, charge in order:
-            state = aged(law, state, 3600.0, kelvin, c_rate, charge)
-        losses.append(float(law.capacity_loss(state.damage)))
-    assert losses[0] == pytest.approx(losses[1], rel=1e-12)
-
-
-def test_a_day_ages_by_the_depth_of_the_day_before() -> None:
-    """The state carries depth and mean C-rate; 12 h down by 0.05C and 12 h up again."""
-    state, charge = new_cell(LFP.law), 0.9
-    for hour in range(24):
-        c_rate = 0.05 if hour < 12 else -0.05
-        state = aged(LFP.law, state, 3600.0, 298.15, c_rate, charge - c_rate / 2.0)
-        charge -= c_rate
-    assert state.depth == pytest.approx(0.55)
-    assert state.mean_c_rate_1_h == pytest.approx(0.05)
-    assert state.charging_c_rate_1_h == pytest.approx(0.05)
-    assert state.day_s == 0.0
-    assert all(damage > 0.0 for damage in state.damage)
+    for part in law.mechanisms:
+        below, here, above = (
+            Load(kelvin + step_k, c_rate, charge, depth, 0.1, 0.2) for step_k in (-0.01, 0.0, 0.01)
+        )
+        rate = part.damage_rate_1_s(here)
+        numeric = (part.damage_rate_1_s(above) - part.damage_rate_1_s(below)) / 0.02
+        slope = part.damage_slope_1_s_k(here)
+        assert slope == pytest.approx(numeric, rel=1e-4, abs=1e-6 * rate + 1e-40)
+        assert rate >= 0.0
 
 
 def test_a_use_outside_the_experiments_is_flagged() -> None:

@@ -21,7 +21,6 @@ from iptm_core.physics.charge import (
     charge_rate_1_s,
     nominal_charge_parameters,
     pack_capacity_ah,
-    relaxation_rate_a_s,
 )
 from iptm_core.physics.power_thermal import electric_traction_power_w
 
@@ -58,7 +57,6 @@ def test_charge_transfer_is_ohmic_for_small_and_logarithmic_for_large_currents()
 
 
 def test_rates_by_hand() -> None:
-    assert relaxation_rate_a_s(2.0, 12.0, 100.0) == pytest.approx(0.1)
     assert charge_rate_1_s(36.0, 10.0) == pytest.approx(-0.001)
     rate = ambient_temperature_rate_k_s(500.0, 300.0, 290.0, 100_000.0, 20.0)
     assert rate == pytest.approx((500.0 - 200.0) / 100_000.0)

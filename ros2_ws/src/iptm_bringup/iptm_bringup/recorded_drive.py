@@ -23,7 +23,7 @@ from iptm_core.program import refused
 from iptm_core.routes import build_route
 from iptm_core.routes.can_log import CAN_COLUMNS, can_log_csv
 from iptm_core.routes.road_line import RoadLine, east_north_m
-from iptm_core.routes.track import RecordedDrive
+from iptm_core.routes.track import RecordedDrive, steps_m
 from iptm_core.routes.user_csv import USER_FILES, UserTrip, read_user_trip
 from iptm_core.state import FloatArray
 
@@ -117,7 +117,11 @@ def draw(trip: UserTrip, path: Path) -> None:
         track = drive.track
         raw = track.speeds_m_s
         moments = track.times_s if raw is not None else track.times_s[1:]
-        raw = raw if raw is not None else track.steps_m() / np.diff(track.times_s)
+        raw = (
+            raw
+            if raw is not None
+            else steps_m(track.latitudes_deg, track.longitudes_deg) / np.diff(track.times_s)
+        )
         # A launch ramp in front of the trip moves it.
         shift_s = trip.cycle.duration_s - np.floor(track.times_s[-1])
         speed.plot(

@@ -8,8 +8,8 @@ loads in any order adds up, and the loss is the sum of ``u^p`` over the mechanis
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
 from iptm_core.declaration import TextEnum
 from iptm_core.parameters.model import AgingParameters, CellParameters, ModelParameters
@@ -84,126 +84,25 @@ class AgingLaw:
         """Return the loss as a share of nominal capacity."""
         return sum(u**law.exponent for u, law in zip(damage, self.mechanisms, strict=True))
 
-    def loss_rate_1_s(self, load: Load, damage: Sequence[Scalar]) -> Scalar:
-        """Return the rate of capacity loss at an age.
-
-        Args:
-            damage: present damage of each mechanism, positive where its exponent is below 1.
-        """
-        return sum(
-            law.exponent * u ** (law.exponent - 1.0) * law.damage_rate_1_s(load)
-            for u, law in zip(damage, self.mechanisms, strict=True)
-        )
-
-    def loss_slope_1_s_k(self, load: Load, damage: Sequence[Scalar]) -> Scalar:
-        """Return the derivative of ``loss_rate_1_s`` with respect to temperature."""
-        return sum(
-            law.exponent * u ** (law.exponent - 1.0) * law.damage_slope_1_s_k(load)
-            for u, law in zip(damage, self.mechanisms, strict=True)
-        )
-
-
-@dataclass(frozen=True)
-class AgingState:
-    """Age of a cell, with what sequence-dependent laws remember of the present day.
-
-    Cycles are days: depth and mean C-rate of a day become known at its end, and the next day ages by them.
-
-    Attributes:
-        damage: damage of each mechanism of the law.
-        day_s: time since the present day began.
-        throughput_c_s: integral of the magnitude of the C-rate over that day, in s/h.
-        depth: depth of discharge of the last complete day.
-        mean_c_rate_1_h: mean magnitude of the C-rate of the last complete day.
-        charged_c_s: integral of the C-rate while charging over the present day, in s/h.
-        charging_c_rate_1_h: mean C-rate while charging of the last complete day.
-    """
-
-    damage: tuple[float, ...]
-    day_s: float = 0.0
-    lowest_charge: float = 1.0
-    highest_charge: float = 0.0
-    throughput_c_s: float = 0.0
-    depth: float = 0.0
-    mean_c_rate_1_h: float = 0.0
-    charged_c_s: float = 0.0
-    charging_s: float = 0.0
-    charging_c_rate_1_h: float = 0.0
-
-
-def new_cell(law: AgingLaw) -> AgingState:
-    """Return the state of a cell without age."""
-    return AgingState((0.0,) * len(law.mechanisms))
-
-
-def aged(
-    law: AgingLaw,
-    state: AgingState,
-    duration_s: float,
-    temperature_k: float,
-    c_rate_1_h: float,
-    charge: float,
-) -> AgingState:
-    """Return the state after an interval of constant load, shorter than a day."""
-    load = Load(
-        temperature_k,
-        c_rate_1_h,
-        charge,
-        state.depth,
-        state.mean_c_rate_1_h,
-        state.charging_c_rate_1_h,
-    )
-    grown = tuple(
-        u + duration_s * float(one.damage_rate_1_s(load))
-        for u, one in zip(state.damage, law.mechanisms, strict=True)
-    )
-    after = replace(
-        state,
-        damage=grown,
-        day_s=state.day_s + duration_s,
-        lowest_charge=min(state.lowest_charge, charge),
-        highest_charge=max(state.highest_charge, charge),
-        throughput_c_s=state.throughput_c_s + duration_s * float(absolute(c_rate_1_h)),
-        charged_c_s=state.charged_c_s - duration_s * min(c_rate_1_h, 0.0),
-        charging_s=state.charging_s + (duration_s if c_rate_1_h < 0.0 else 0.0),
-    )
-    if after.day_s < SECONDS_PER_DAY:
-        return after
-    return AgingState(
-        grown,
-        depth=after.highest_charge - after.lowest_charge,
-        mean_c_rate_1_h=after.throughput_c_s / after.day_s,
-        charging_c_rate_1_h=after.charged_c_s / after.charging_s if after.charging_s else 0.0,
-    )
-
 
 @dataclass(frozen=True)
 class ThroughputAging:
-    """Loss over throughput, eq. (11); ``physics.aging.capacity_loss_rate_1_s`` is its equation."""
+    """Loss over throughput, eq. (11); ``capacity_loss_rate_1_s`` is its equation."""
 
+    mechanism: ClassVar = Mechanism.CYCLIC
     aging: AgingParameters
     cell: CellParameters
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """Cyclic."""
-        return Mechanism.CYCLIC
 
     @property
     def exponent(self) -> float:
         """Exponent z of the throughput."""
         return self.aging.throughput_exponent
 
-    def loss_rate_1_s(self, load: Load, capacity_loss: Scalar) -> Scalar:
-        """Return eq. (12) divided by the time step, at a capacity loss."""
-        current_a = load.c_rate_1_h * self.cell.nominal_capacity_ah
-        return capacity_loss_rate_1_s(
-            current_a, load.temperature_k, capacity_loss, self.aging, self.cell
-        )
-
     def damage_rate_1_s(self, load: Load) -> Scalar:
-        """Return the rate of u = Q^(1/z)."""
-        return self.loss_rate_1_s(load, 1.0) / self.exponent
+        """Return the rate of u = Q^(1/z): eq. (12) at a loss of 1, divided by time step and z."""
+        current_a = load.c_rate_1_h * self.cell.nominal_capacity_ah
+        rate = capacity_loss_rate_1_s(current_a, load.temperature_k, 1.0, self.aging, self.cell)
+        return rate / self.exponent
 
     def damage_slope_1_s_k(self, load: Load) -> Scalar:
         """Return the derivative of that rate with respect to temperature."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 from iptm_core.aging_laws.law import SECONDS_PER_DAY, SECONDS_PER_HOUR, Load, Mechanism
 from iptm_core.physics.charge import ChargeTable
@@ -59,17 +60,13 @@ class CalendarAging:
         scale: state of charge to a factor of k; None for 1.
     """
 
+    mechanism: ClassVar = Mechanism.CALENDAR
     factor: float
     activation_k: float
     slope_k: float
     exponent: float
     stress: Callable[[Scalar], Scalar]
     scale: ChargeTable | None = None
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """Calendar."""
-        return Mechanism.CALENDAR
 
     def damage_rate_1_s(self, load: Load) -> Scalar:
         """Return the rate of u = Q^(1/p)."""
@@ -99,14 +96,10 @@ class CyclicAging:
         exponents_k: a_1 and a_2; one alone leaves the other term out, with none k does not depend on T.
     """
 
+    mechanism: ClassVar = Mechanism.CYCLIC
     intensity: Callable[[Load], Scalar]
     exponents_k: tuple[float, ...]
     exponent: float
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """Cyclic."""
-        return Mechanism.CYCLIC
 
     def damage_rate_1_s(self, load: Load) -> Scalar:
         """Return the rate of u = Q^(1/p)."""
@@ -224,12 +217,8 @@ def _cracking(load: Load) -> tuple[Scalar, Scalar]:
 class FilmGrowth:
     """Calendar part; the exponent of time is a half."""
 
+    mechanism: ClassVar = Mechanism.CALENDAR
     exponent: float = 0.5
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """Calendar."""
-        return Mechanism.CALENDAR
 
     def damage_rate_1_s(self, load: Load) -> Scalar:
         """Return the rate of u = Q^2."""
@@ -246,12 +235,8 @@ class FilmGrowth:
 class CrackedFilmGrowth:
     """Cyclic part; the exponent of the throughput is a half."""
 
+    mechanism: ClassVar = Mechanism.CYCLIC
     exponent: float = 0.5
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """Cyclic."""
-        return Mechanism.CYCLIC
 
     def damage_rate_1_s(self, load: Load) -> Scalar:
         """Return the rate of u = Q^2."""

@@ -84,13 +84,6 @@ class ChargeTransfer:
         return self.share.at(charge) * thermal_v * asinh(ratio)
 
 
-def relaxation_rate_a_s(
-    branch_current_a: Scalar, current_a: Scalar, time_constant_s: float
-) -> Scalar:
-    """Rate of the current through the resistor of an RC branch, in A/s."""
-    return (current_a - branch_current_a) / time_constant_s
-
-
 def charge_rate_1_s(current_a: Scalar, capacity_ah: float) -> Scalar:
     """Rate of the state of charge, negative when discharging, in 1/s."""
     return -current_a / (3600.0 * capacity_ah)

@@ -12,7 +12,12 @@ from numpy.typing import ArrayLike
 from iptm_core.errors import RouteError
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.routes.csv_table import parse_csv_table
-from iptm_core.routes.piecewise import cumulative_integral, integral_at, read_only_nodes
+from iptm_core.routes.piecewise import (
+    cumulative_integral,
+    integral_at,
+    read_only_nodes,
+    refuse_where,
+)
 from iptm_core.state import FloatArray, LeaderState
 
 SPEED_COLUMNS_M_S = {"speed_m_s": 1.0, "speed_kmh": 1.0 / KM_H_PER_M_S, "speed_mph": 0.44704}
@@ -63,11 +68,10 @@ class DrivingCycle:
                 f"cycle {self.name}: {times.size} samples from {times[0]} s to {times[-1]} s; "
                 "at least two samples at 0, 1, 2, ... s are needed"
             )
-        if np.any(speeds < 0.0):
-            bad = int(np.flatnonzero(speeds < 0.0)[0])
-            raise RouteError(
-                f"cycle {self.name}: speed {speeds[bad]} m/s at {times[bad]} s; allowed: >= 0"
-            )
+        refuse_where(
+            speeds < 0.0,
+            lambda k: f"cycle {self.name}: speed {speeds[k]} m/s at {times[k]} s; allowed: >= 0",
+        )
         object.__setattr__(self, "times_s", times)
         object.__setattr__(self, "speeds_m_s", speeds)
 
@@ -175,11 +179,10 @@ class LeaderMotion:
 
     def __post_init__(self) -> None:
         times, speeds = read_only_nodes(self.times_s, self.speeds_m_s, "motion of the leader")
-        if np.any(speeds < 0.0):
-            bad = int(np.flatnonzero(speeds < 0.0)[0])
-            raise RouteError(
-                f"motion of the leader: speed {speeds[bad]} m/s at {times[bad]} s; allowed: >= 0"
-            )
+        refuse_where(
+            speeds < 0.0,
+            lambda k: f"motion of the leader: speed {speeds[k]} m/s at {times[k]} s; allowed: >= 0",
+        )
         if speeds[-1] != 0.0:
             raise RouteError(f"motion of the leader: it ends at {speeds[-1]} m/s; allowed: 0")
         if not np.isfinite(self.start_position_m):

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from iptm_core.errors import RouteError
 from iptm_core.state import FloatArray
+
+
+def refuse_where(wrong: NDArray[np.bool_], message: Callable[[int], str]) -> None:
+    """Raise a `RouteError` for the first index at which something is wrong."""
+    if wrong.any():
+        raise RouteError(message(int(np.argmax(wrong))))
 
 
 def read_only_nodes(
@@ -30,17 +38,16 @@ def read_only_nodes(
         raise RouteError(
             f"{what}: shapes {x.shape} and {y.shape}; two equally long, non-empty rows are needed"
         )
-    if not (np.all(np.isfinite(x)) and np.all(np.isfinite(y))):
-        bad = int(np.flatnonzero(~(np.isfinite(x) & np.isfinite(y)))[0])
-        raise RouteError(
-            f"{what}: node {bad} is ({x[bad]}, {y[bad]}); only finite values are allowed"
-        )
-    steps = np.diff(x)
-    if np.any(steps <= 0.0):
-        bad = int(np.flatnonzero(steps <= 0.0)[0]) + 1
-        raise RouteError(
-            f"{what}: node {bad} at {x[bad]} follows {x[bad - 1]}; nodes must strictly increase"
-        )
+    refuse_where(
+        ~(np.isfinite(x) & np.isfinite(y)),
+        lambda k: f"{what}: node {k} is ({x[k]}, {y[k]}); only finite values are allowed",
+    )
+    refuse_where(
+        np.diff(x) <= 0.0,
+        lambda k: (
+            f"{what}: node {k + 1} at {x[k + 1]} follows {x[k]}; nodes must strictly increase"
+        ),
+    )
     x.setflags(write=False)
     y.setflags(write=False)
     return x, y

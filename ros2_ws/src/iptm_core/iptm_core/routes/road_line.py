@@ -81,6 +81,18 @@ def _east_north(
     return east, meridian * (latitude - origin) * _RADIANS_PER_DEGREE
 
 
+def check_places(
+    latitudes_deg: FloatArray, longitudes_deg: FloatArray, what: str, first: int = 1
+) -> None:
+    """Refuse places off the Earth, or not a number; they are counted from ``first`` on."""
+    limits = ((latitudes_deg, MAX_LATITUDE_DEG, "latitude"), (longitudes_deg, 180.0, "longitude"))
+    for values, limit, name in limits:
+        for k in np.flatnonzero(~(np.abs(values) <= limit)):
+            raise RouteError(
+                f"{what} {k + first}: {name} is {values[k]:g}; allowed: -{limit:g} to {limit:g} degrees"
+            )
+
+
 def _apart_deg(first_deg: float, second_deg: float) -> float:
     """Return the angle between two headings, 0 to 180 degrees."""
     return abs((first_deg - second_deg + 180.0) % 360.0 - 180.0)
@@ -147,15 +159,7 @@ class RoadLine:
             raise RouteError(
                 f"road line: heights of shape {self.heights_m.shape}; allowed: {latitudes.shape}"
             )
-        limits = ((latitudes, MAX_LATITUDE_DEG, "latitude"), (longitudes, 180.0, "longitude"))
-        for values, limit, name in limits:
-            bad = ~(np.abs(values) <= limit)
-            if bad.any():
-                first = int(np.flatnonzero(bad)[0])
-                raise RouteError(
-                    f"road line: {name} is {values[first]} at vertex {first}; allowed: "
-                    f"-{limit:g} to {limit:g} degrees"
-                )
+        check_places(latitudes, longitudes, "road line, vertex", first=0)
         before = (latitudes[:-1], longitudes[:-1])
         east, north = east_north_m(latitudes[1:], longitudes[1:], before)
         lengths = np.hypot(east, north)

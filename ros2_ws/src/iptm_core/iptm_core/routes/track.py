@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.piecewise import cumulative_integral
-from iptm_core.routes.road_line import RoadLine, east_north_m
+from iptm_core.routes.piecewise import cumulative_integral, refuse_where
+from iptm_core.routes.road_line import RoadLine, check_places, east_north_m
 from iptm_core.routes.slope import ELEVATION_SPACING_M, SlopeProfile
 from iptm_core.state import FloatArray
 
@@ -95,37 +95,30 @@ class Track:
         steps = np.diff(self.times_s)
         if self.times_s.size < 3:
             raise RouteError(f"{self.source}: {self.times_s.size} points; allowed: 3 or more")
-        bad = (steps <= 0.0) | (steps > MAX_GAP_S)
-        if bad.any():
-            first = int(np.flatnonzero(bad)[0])
-            raise RouteError(
-                f"{self.source}, point {first + 2}: {steps[first]:g} s after the one before; "
+        point = f"{self.source}, point"
+        refuse_where(
+            (steps <= 0.0) | (steps > MAX_GAP_S),
+            lambda k: (
+                f"{point} {k + 2}: {steps[k]:g} s after the one before; "
                 f"allowed: more than 0 and up to {MAX_GAP_S:g} s, or a pause at one place"
-            )
-        places = ((self.latitudes_deg, 85.0, "latitude"), (self.longitudes_deg, 180.0, "longitude"))
-        for values, limit, name in places:
-            off = np.abs(values) > limit
-            if off.any():
-                first = int(np.flatnonzero(off)[0])
-                raise RouteError(
-                    f"{self.source}, point {first + 1}: {name} is {values[first]:g}; allowed: "
-                    f"-{limit:g} to {limit:g} degrees"
-                )
-        leaps = self.steps_m() / steps
-        if (leaps > MAX_SPEED_M_S).any():
-            first = int(np.argmax(leaps > MAX_SPEED_M_S))
-            raise RouteError(
-                f"{self.source}, point {first + 2}: {leaps[first]:.0f} m/s from the point before; "
+            ),
+        )
+        check_places(self.latitudes_deg, self.longitudes_deg, point)
+        leaps = steps_m(self.latitudes_deg, self.longitudes_deg) / steps
+        refuse_where(
+            leaps > MAX_SPEED_M_S,
+            lambda k: (
+                f"{point} {k + 2}: {leaps[k]:.0f} m/s from the point before; "
                 f"allowed: up to {MAX_SPEED_M_S:g} m/s"
-            )
-        if self.speeds_m_s is not None:
-            bad = (self.speeds_m_s < 0.0) | (self.speeds_m_s > MAX_SPEED_M_S)
-            if bad.any():
-                first = int(np.flatnonzero(bad)[0])
-                raise RouteError(
-                    f"{self.source}, point {first + 1}: speed is {self.speeds_m_s[first]:g} m/s; "
-                    f"allowed: 0 to {MAX_SPEED_M_S:g} m/s"
-                )
+            ),
+        )
+        speeds = np.zeros(0) if self.speeds_m_s is None else self.speeds_m_s
+        refuse_where(
+            (speeds < 0.0) | (speeds > MAX_SPEED_M_S),
+            lambda k: (
+                f"{point} {k + 1}: speed is {speeds[k]:g} m/s; allowed: 0 to {MAX_SPEED_M_S:g} m/s"
+            ),
+        )
 
     @classmethod
     def without_pauses(
@@ -142,7 +135,7 @@ class Track:
         A device that stops recording while the car stands leaves a gap. In one that is longer than the
         window of the speeds and in which the car was slower than walking, points at standstill are added.
         """
-        steps, moved_m = np.diff(times_s), _steps_m(latitudes_deg, longitudes_deg)
+        steps, moved_m = np.diff(times_s), steps_m(latitudes_deg, longitudes_deg)
         kept = np.minimum(steps, MAX_GAP_S)
         stands = (steps > 2.0 * SPEED_WINDOW_S) & (moved_m <= STANDSTILL_M_S * kept)
         cut = np.where(stands, steps - kept, 0.0)
@@ -164,16 +157,13 @@ class Track:
             None if speeds_m_s is None else np.insert(speeds_m_s, at + 1, 0.0),
         )
 
-    def steps_m(self) -> FloatArray:
-        """Return the distances from point to point, shape (n - 1,)."""
-        return _steps_m(self.latitudes_deg, self.longitudes_deg)
-
 
 _Heights = tuple[FloatArray, FloatArray]
 """Positions along the road, and the smoothed heights there."""
 
 
-def _steps_m(latitudes_deg: FloatArray, longitudes_deg: FloatArray) -> FloatArray:
+def steps_m(latitudes_deg: FloatArray, longitudes_deg: FloatArray) -> FloatArray:
+    """Return the distances from point to point, shape (n - 1,)."""
     before = (latitudes_deg[:-1], longitudes_deg[:-1])
     steps: FloatArray = np.hypot(*east_north_m(latitudes_deg[1:], longitudes_deg[1:], before))
     return steps
@@ -247,7 +237,7 @@ def road_through(
     Raises:
         RouteError: places off the Earth, or a road of less than `LINE_SPACING_M`.
     """
-    steps = _steps_m(latitudes_deg, longitudes_deg)
+    steps = steps_m(latitudes_deg, longitudes_deg)
     distances: FloatArray = np.concatenate([[0.0], np.cumsum(steps)])
     if distances[-1] < LINE_SPACING_M:
         raise RouteError(
