@@ -125,8 +125,10 @@ class SourceTag(TextEnum):
     OVERRIDE = "override"
 
 
-FILE_TAGS = tuple(tag for tag in SourceTag if tag is not SourceTag.OVERRIDE)
-"""Tags that a parameter file may use; an override is tagged by the loader."""
+def read_tag(written: StrictMapping) -> SourceTag:
+    """Return the source that an entry of a parameter file states; overrides are tagged by the loader."""
+    tags = [tag.value for tag in SourceTag if tag is not SourceTag.OVERRIDE]
+    return SourceTag(written.choice("source", tags))
 
 
 @dataclass(frozen=True)

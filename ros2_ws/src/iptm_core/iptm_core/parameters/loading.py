@@ -8,6 +8,12 @@ from importlib import resources
 from pathlib import Path
 
 from iptm_core.errors import ParameterError
+from iptm_core.parameters.chiller_table import (
+    AMBIENT_KEY,
+    COEFFICIENT_KEYS,
+    ChillerTable,
+    read_chiller_table,
+)
 from iptm_core.parameters.flat import (
     Source,
     SourceTag,
@@ -15,16 +21,18 @@ from iptm_core.parameters.flat import (
     field_specs,
     flat_to_parameters,
     neutral_values,
+    read_tag,
     to_flat_dict,
 )
-from iptm_core.parameters.layers import AMBIENT_KEY, ChillerTable, Layer, read_layer
 from iptm_core.parameters.model import FieldSpec, ModelParameters
-from iptm_core.parameters.strict_yaml import YAML_SUFFIXES
-from iptm_core.user_input import StrictMapping, number, shown, suggestion
+from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, read_yaml
+from iptm_core.user_input import StrictMapping, check_known, number, shown, suggestion
 
 DEFAULT_SET = "paper_calibrated"
 _MAX_LAYERS = 8
 _NEUTRAL = "changes nothing: the paper's equations count"
+_TABLE_KEY = "chiller.by_ambient_temperature"
+_HEADINGS = ("description", "base")
 
 
 @dataclass(frozen=True)
@@ -49,6 +57,16 @@ class ParameterRow(FieldSpec):
     value: float
     source: str
     note: str
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """What one file states, each value checked; a file with a base need not state every parameter."""
+
+    description: str
+    base: str | None
+    entries: Mapping[str, Source]
+    chiller_table: ChillerTable | None
 
 
 def available_parameter_sets() -> tuple[str, ...]:
@@ -77,30 +95,37 @@ def load_parameters(
     """
     path = _find(name_or_path)
     layers = _read_layers(path)
+    specs = field_specs()
     sources: dict[str, Source] = {
-        key: Source(value, field_specs()[key].unit, SourceTag.CHOSEN, _NEUTRAL)
+        key: Source(value, specs[key].unit, SourceTag.CHOSEN, _NEUTRAL)
         for key, value in neutral_values().items()
     }
     table: ChillerTable | None = None
     for layer in layers:
         if layer.chiller_table is not None:
             table = layer.chiller_table
-            sources = {
-                key: source for key, source in sources.items() if key not in table.coefficients
-            }
+            sources = {key: sources[key] for key in sources if key not in table.coefficients}
         sources.update(layer.entries)
-    sources.update(_override_sources(overrides))
+    if overrides is not None:
+        written = StrictMapping(
+            overrides, "overrides", specs, kind="parameter", error=ParameterError
+        )
+        for key, value in written.content.items():
+            checked = checked_number(value, specs[key], "overrides")
+            sources[key] = Source(checked, specs[key].unit, SourceTag.OVERRIDE)
     origin = str(path) if not overrides else f"{path} with overrides"
+
+    def in_model_unit(key: str) -> float:
+        return checked_number(sources[key].value, specs[key], origin, sources[key].unit)
+
     if table is not None:
-        sources = {**_interpolated(table, sources, origin), **sources}
-    flat = {
-        key: checked_number(source.value, field_specs()[key], origin, source.unit)
-        for key, source in sources.items()
-    }
+        if AMBIENT_KEY not in sources:
+            raise ParameterError(f"{origin}: missing {AMBIENT_KEY}")
+        sources = {**table.at(in_model_unit(AMBIENT_KEY)), **sources}
     return ParameterSet(
         name=path.stem,
-        values=flat_to_parameters(flat, origin),
-        sources={key: sources[key] for key in field_specs()},
+        values=flat_to_parameters({key: in_model_unit(key) for key in sources}, origin),
+        sources={key: sources[key] for key in specs},
         description=layers[-1].description,
     )
 
@@ -108,8 +133,7 @@ def load_parameters(
 def parse_overrides(text: str) -> dict[str, float]:
     """Read ``key=value`` pairs separated by commas, such as ``body.mass_kg=1600, gap.max_gap_m=80``.
 
-    Args:
-        text: the pairs; empty for none. Whether the keys exist is checked by ``load_parameters``.
+    Whether the keys exist is checked by ``load_parameters``.
 
     Raises:
         ParameterError: an entry is not such a pair or a key appears twice.
@@ -131,11 +155,7 @@ def parse_overrides(text: str) -> dict[str, float]:
 
 
 def describe_parameters(parameter_set: ParameterSet | None = None) -> tuple[ParameterRow, ...]:
-    """Describe every parameter, for generated documentation and tables.
-
-    Args:
-        parameter_set: set whose values and sources to show; None loads the default set.
-    """
+    """Describe every parameter of a set (None: the default one), for documentation and tables."""
     shown_set = load_parameters() if parameter_set is None else parameter_set
     values, sources = to_flat_dict(shown_set.values), shown_set.sources
     return tuple(
@@ -163,27 +183,23 @@ def _find(name_or_path: str | Path, base_of: Path | None = None) -> Path:
     if str(name_or_path) in names:
         return _sets_folder() / f"{name_or_path}.yaml"
     path = Path(name_or_path) if base_of is None else base_of.parent / name_or_path
-    if path.suffix in YAML_SUFFIXES or _exists(path):
-        return path
-    raise ParameterError(
-        f"{asked} is {shown(str(name_or_path))}, no shipped set and no file; "
-        f"{suggestion(name_or_path, names)}, or the path of a .yaml file"
-    )
-
-
-def _exists(path: Path) -> bool:
     try:
-        return path.exists()
+        found = path.suffix in YAML_SUFFIXES or path.exists()
     except OSError:  # a name too long for the file system
-        return False
+        found = False
+    if not found:
+        raise ParameterError(
+            f"{asked} is {shown(str(name_or_path))}, no shipped set and no file; "
+            f"{suggestion(name_or_path, names)}, or the path of a .yaml file"
+        )
+    return path
 
 
-def _read_layers(path: Path) -> list[Layer]:
+def _read_layers(path: Path) -> list[_Layer]:
     """Read a file and its bases, the innermost base first."""
-    layers = [read_layer(path)]
+    layers = [_read_layer(path)]
     seen = [path.resolve()]
-    base = layers[0].base
-    while base is not None:
+    while (base := layers[-1].base) is not None:
         base_path = _find(base, path)
         if base_path.resolve() in seen or len(seen) >= _MAX_LAYERS:
             raise ParameterError(
@@ -192,32 +208,46 @@ def _read_layers(path: Path) -> list[Layer]:
             )
         seen.append(base_path.resolve())
         path = base_path
-        layers.append(read_layer(path))
-        base = layers[-1].base
+        layers.append(_read_layer(path))
     return layers[::-1]
 
 
-def _override_sources(overrides: Mapping[str, float] | None) -> dict[str, Source]:
-    if overrides is None:
-        return {}
-    specs = field_specs()
-    written = StrictMapping(
-        overrides, "overrides", specs, kind="parameter", error=ParameterError
-    ).content
-    return {
-        key: Source(
-            value=checked_number(value, specs[key], "overrides"),
-            unit=specs[key].unit,
-            tag=SourceTag.OVERRIDE,
+def _read_layer(path: Path) -> _Layer:
+    origin = str(path)
+    groups = dict.fromkeys(key.split(".")[0] for key in field_specs())
+    document = StrictMapping(
+        read_yaml(path), origin, (*groups, *_HEADINGS), kind="group", error=ParameterError
+    )
+    entries: dict[str, Source] = {}
+    table: ChillerTable | None = None
+    for group in (name for name in document if name not in _HEADINGS):
+        for name, entry in document.section(group, kind="parameter").content.items():
+            key = f"{group}.{name}"
+            if key == _TABLE_KEY:
+                table = read_chiller_table(entry, key, origin)
+                continue
+            check_known(key, field_specs(), origin, "parameter")
+            entries[key] = _read_entry(entry, field_specs()[key], origin)
+    stated = [key for key in COEFFICIENT_KEYS if key in entries]
+    if table is not None and stated:
+        raise ParameterError(
+            f"{origin}: {', '.join(stated)} and {_TABLE_KEY} both state the chiller; "
+            "allowed: one of the two in one file"
         )
-        for key, value in written.items()
-    }
+    base = document.text("base") if "base" in document else None
+    return _Layer(document.text("description", ""), base, entries, table)
 
 
-def _interpolated(
-    table: ChillerTable, sources: Mapping[str, Source], origin: str
-) -> dict[str, Source]:
-    if AMBIENT_KEY not in sources:
-        raise ParameterError(f"{origin}: missing {AMBIENT_KEY}")
-    ambient = sources[AMBIENT_KEY]
-    return table.at(checked_number(ambient.value, field_specs()[AMBIENT_KEY], origin, ambient.unit))
+def _read_entry(entry: object, spec: FieldSpec, origin: str) -> Source:
+    where = f"{origin}: {spec.key}"
+    if not isinstance(entry, Mapping):
+        raise ParameterError(
+            f"{where} is {shown(entry)}; allowed: {{value: ..., unit: {spec.unit}, source: ...}}, "
+            f"{spec.allowed}"
+        )
+    known = ("value", "unit", "source", "note")
+    written = StrictMapping(entry, where, known, kind="entry", error=ParameterError)
+    written.require("value", "unit", allowed=f"{spec.unit}, {spec.allowed}")
+    unit = written.text("unit")
+    checked_number(entry["value"], spec, origin, unit)
+    return Source(entry["value"], unit, read_tag(written), written.text("note", ""))
