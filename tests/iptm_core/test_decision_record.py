@@ -55,7 +55,7 @@ def test_series_holds_what_the_records_say() -> None:
 
 
 def test_columns_of_unequal_length_are_refused() -> None:
-    with pytest.raises(StateError, match="allowed: one value per decision"):
+    with pytest.raises(StateError, match="allowed: one value per row"):
         DecisionSeries.from_records([0.0], RECORDS)
 
 

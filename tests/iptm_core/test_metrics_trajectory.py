@@ -55,7 +55,7 @@ def test_a_column_may_be_unknown_throughout_but_not_the_motion(name: str) -> Non
 
 
 def test_empty_and_two_dimensional_runs_are_refused() -> None:
-    with pytest.raises(StateError, match="at least one"):
+    with pytest.raises(StateError, match="0 rows; allowed: at least one"):
         Trajectory.from_arrays(_columns(0))
     with pytest.raises(StateError, match=r"time_s has shape \(1, 4\)"):
         Trajectory.from_arrays({name: values[None, :] for name, values in _columns().items()})

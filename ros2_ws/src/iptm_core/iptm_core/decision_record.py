@@ -6,16 +6,15 @@ Controller, topic ``controller/solve``, bags, stored studies and tables speak of
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_core.errors import StateError
-from iptm_core.state import FloatArray
+from iptm_core.state import Columns, FloatArray
 
 
 class SolveStatus(IntEnum):
@@ -91,12 +90,14 @@ class DecisionRecord:
 
 
 @dataclass(frozen=True, eq=False)
-class DecisionSeries:
-    """The decisions of a run: the fields of `DecisionRecord` as arrays, each of shape (n,).
+class DecisionSeries(Columns):
+    """The decisions of a run: the fields of `DecisionRecord` as arrays, and instants of their states."""
 
-    Attributes:
-        time_s: instants of the states that were answered.
-    """
+    table = "decisions"
+    types: ClassVar = {
+        **dict.fromkeys(("status", "iterations", "rung"), np.int64),
+        "limiter_active": np.bool_,
+    }
 
     time_s: FloatArray
     status: NDArray[np.int64]
@@ -118,17 +119,6 @@ class DecisionSeries:
     command_delay_s: FloatArray
     brake_share: FloatArray
 
-    def __post_init__(self) -> None:
-        for name in DECISION_COLUMNS:
-            values: NDArray[Any] = np.array(getattr(self, name), dtype=_TYPES.get(name, np.float64))
-            if values.shape != np.shape(self.time_s) or values.ndim != 1:
-                raise StateError(
-                    f"decisions: {name} has shape {values.shape}; allowed: one value per decision, "
-                    f"{np.shape(self.time_s)}"
-                )
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
-
     @classmethod
     def from_records(
         cls, times_s: Sequence[float], records: Sequence[DecisionRecord]
@@ -140,29 +130,9 @@ class DecisionSeries:
         }
         return cls.from_arrays({"time_s": times_s, **columns})
 
-    @classmethod
-    def from_arrays(cls, columns: Mapping[str, Iterable[float]]) -> DecisionSeries:
-        """Build a series from columns named as in `DECISION_COLUMNS`."""
-        return cls(**{name: np.asarray(columns[name]) for name in DECISION_COLUMNS})
 
-    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Return the columns by name, in the order of `DECISION_COLUMNS`."""
-        return {name: getattr(self, name) for name in DECISION_COLUMNS}
-
-    def __len__(self) -> int:
-        """Number of decisions."""
-        return int(self.time_s.size)
-
-
-DECISION_COLUMNS = tuple(entry.name for entry in fields(DecisionSeries))
+DECISION_COLUMNS = DecisionSeries.names()
 """Names of the columns of a `DecisionSeries`."""
-
-_TYPES: Mapping[str, type] = {
-    "status": np.int64,
-    "iterations": np.int64,
-    "rung": np.int64,
-    "limiter_active": np.bool_,
-}
 
 
 @dataclass(frozen=True)

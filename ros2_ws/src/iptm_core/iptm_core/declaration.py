@@ -93,11 +93,7 @@ def parameter(
 
 
 def declared(owner: type[Any], name: str, default: Any = MISSING, **bounds: float) -> Any:
-    """Declare a dataclass field by the declaration of another class.
-
-    Args:
-        default: another default; None makes the parameter optional.
-    """
+    """Declare a field by the declaration of another class; a default of None makes it optional."""
     (entry,) = (entry for entry in fields(owner) if entry.name == name)
     spec: ParameterSpec = replace(entry.metadata["spec"], optional=default is None, **bounds)
     if default is MISSING:
@@ -121,11 +117,7 @@ Group = TypeVar("Group", bound="Settings")
 
 @dataclass(frozen=True)
 class Settings:
-    """Base of dataclasses of parameters: every value is checked, and brought to its type.
-
-    Raises:
-        ParameterError: a value has the wrong type, is not finite or out of range.
-    """
+    """Base of dataclasses of parameters: each value is checked (`ParameterError`), brought to its type."""
 
     def __post_init__(self) -> None:
         for spec in parameter_specs(type(self)):

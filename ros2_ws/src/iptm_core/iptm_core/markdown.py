@@ -14,11 +14,7 @@ _NEGATIVE_ZERO = re.compile(r"(?<![\w.])-(0(?:\.0+)?)(?![\w.])")
 
 
 def markdown_table(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    """Return a table without a line end behind its last row.
-
-    Args:
-        heads: headings; a colon at the end aligns the column to the right and is not shown.
-    """
+    """Return a table without a final line end; a heading with a colon at its end aligns to the right."""
     heads = list(heads)
     lines = [
         f"| {' | '.join(head.removesuffix(':') for head in heads)} |",

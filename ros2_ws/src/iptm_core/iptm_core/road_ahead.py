@@ -170,13 +170,7 @@ class RoadAhead:
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A motion in equal steps, its first node the present.
-
-    Attributes:
-        times_s: times, shape (n,).
-        positions_m: front of the vehicle, shape (n,).
-        speeds_m_s: speeds, shape (n,).
-    """
+    """A motion in equal steps, its first node the present: arrays of shape (n,)."""
 
     times_s: FloatArray
     positions_m: FloatArray

@@ -56,11 +56,7 @@ def write_state(path: Path, saved: SavedState) -> None:
 
 
 def read_state(path: Path, kind: str, settings: Mapping[str, Scalar]) -> SavedState:
-    """Read a file.
-
-    Raises:
-        StateError: it cannot be read, is none of these files, or was saved under other settings.
-    """
+    """Read a file; one of another kind, or saved under other settings, is refused."""
     try:
         found = json.loads(read_bounded(path, _MOST_BYTES))
     except (OSError, ValueError, RecursionError) as error:

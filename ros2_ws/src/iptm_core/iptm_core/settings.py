@@ -78,11 +78,7 @@ class RoadSettings(Settings):
     )
 
     def route(self, initial_gap_m: float, duration_s: float = 0.0) -> Route:
-        """Build the route.
-
-        Args:
-            duration_s: length of the trip, 0 for the whole cycle.
-        """
+        """Build the route; a duration of 0 s is the whole cycle."""
         return build_route(
             self.cycle, self.slope, initial_gap_m=initial_gap_m, duration_s=duration_s or None
         )
@@ -191,11 +187,7 @@ class TickSettings(ClockSettings, SamplingSettings):
     """Ticks, and the times published between them."""
 
     def is_tick(self, time_ns: int) -> bool:
-        """Return whether a time of the clock is a tick, which is to be answered.
-
-        Args:
-            time_ns: trip time, integer nanoseconds.
-        """
+        """Return whether a trip time (ns) of the clock is a tick, which is to be answered."""
         return self.clock_hz == 0.0 or time_ns % round(self.period_s * NS_PER_S) == 0
 
 

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from iptm_core.errors import StateError
-from iptm_core.state import FloatArray, LeaderState, PlantObservation
+from iptm_core.state import Columns, FloatArray, LeaderState, PlantObservation
 
 _ALWAYS_KNOWN = frozenset({"time_s", "position_m", "speed_m_s"})
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Columns):
     """Everything that happened in a run, as arrays of equal length, shape (n,), read-only.
 
     Row k holds the state at t_k and what happened over the interval that ended at t_k: the
@@ -41,6 +41,7 @@ class Trajectory:
             that do not increase.
     """
 
+    table = "trajectory"
     time_s: FloatArray
     position_m: FloatArray
     speed_m_s: FloatArray
@@ -63,35 +64,21 @@ class Trajectory:
     state_of_charge: FloatArray
 
     def __post_init__(self) -> None:
-        rows = np.size(self.time_s)
-        for name in TRAJECTORY_COLUMNS:
-            values = np.array(getattr(self, name), dtype=np.float64)
-            if values.ndim != 1 or values.size != rows or rows == 0:
-                raise StateError(
-                    f"trajectory: {name} has shape {values.shape}; allowed: one value per "
-                    f"instant, ({rows},), and at least one"
-                )
+        super().__post_init__()
+        if not len(self):
+            raise StateError("trajectory: 0 rows; allowed: at least one")
+        for name, values in self.to_arrays().items():
             unknown = np.isnan(values)
             allowed = name not in _ALWAYS_KNOWN and (name in _OF_LEADER or bool(np.all(unknown)))
-            wrong = np.flatnonzero(~np.isfinite(values) & ~(unknown & allowed))
-            if wrong.size:
-                row = int(wrong[0])
+            for row in np.flatnonzero(~np.isfinite(values) & ~(unknown & allowed)):
                 raise StateError(
                     f"trajectory: {name} is {values[row]} in row {row}; allowed: a finite value"
                 )
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
-        steps = np.diff(self.time_s)
-        if np.any(steps <= 0.0):
-            row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
+        for row in np.flatnonzero(np.diff(self.time_s) <= 0.0) + 1:
             raise StateError(
                 f"trajectory: time_s is {self.time_s[row]} in row {row} after "
                 f"{self.time_s[row - 1]}; allowed: increasing times"
             )
-
-    def __len__(self) -> int:
-        """Number of rows."""
-        return int(self.time_s.size)
 
     @property
     def has_leader(self) -> NDArray[np.bool_]:
@@ -124,38 +111,11 @@ class Trajectory:
         """Length of the intervals that end at rows 1 to n - 1, shape (n - 1,)."""
         return np.diff(self.time_s)
 
-    def to_arrays(self) -> dict[str, FloatArray]:
-        """Columns by name, in the order of `TRAJECTORY_COLUMNS`."""
-        return {name: getattr(self, name) for name in TRAJECTORY_COLUMNS}
-
     @classmethod
     def from_ticks(cls, ticks: Iterable[tuple[PlantObservation, LeaderState | None]]) -> Trajectory:
-        """Build a trajectory from what was observed tick by tick; the one way into it from a loop or a bag.
-
-        Args:
-            ticks: plant and leader, if measured, at every instant, in order of time.
-        """
+        """Build a trajectory from plant and leader, if measured, tick by tick."""
         rows = [_row(observed, leader) for observed, leader in ticks]
         return cls(**{name: np.array([row[name] for row in rows]) for name in TRAJECTORY_COLUMNS})
-
-    @classmethod
-    def from_arrays(cls, columns: Mapping[str, ArrayLike]) -> Trajectory:
-        """Build a trajectory from named columns.
-
-        Args:
-            columns: exactly the names of `TRAJECTORY_COLUMNS`, each of shape (n,).
-
-        Raises:
-            StateError: missing or unknown names, or as for the constructor.
-        """
-        missing = [name for name in TRAJECTORY_COLUMNS if name not in columns]
-        unknown = [name for name in columns if name not in TRAJECTORY_COLUMNS]
-        if missing or unknown:
-            raise StateError(
-                f"trajectory: columns missing {missing}, unknown {unknown}; "
-                f"needed are exactly {', '.join(TRAJECTORY_COLUMNS)}"
-            )
-        return cls(**{name: np.asarray(columns[name], dtype=np.float64) for name in columns})
 
 
 def _row(observed: PlantObservation, leader: LeaderState | None) -> dict[str, float]:
@@ -177,5 +137,5 @@ def _row(observed: PlantObservation, leader: LeaderState | None) -> dict[str, fl
 
 _OF_LEADER = frozenset(("leader_position_m", "leader_speed_m_s", "smallest_gap_m"))
 
-TRAJECTORY_COLUMNS = tuple(entry.name for entry in fields(Trajectory))
+TRAJECTORY_COLUMNS = Trajectory.names()
 """Names of the columns of a `Trajectory`."""

@@ -85,14 +85,7 @@ class StrictMapping:
         kind: str = "key",
         error: type[IptmError] = ScenarioError,
     ) -> None:
-        """Check that it is a mapping of known names.
-
-        Args:
-            known: permitted keys, None for any text.
-
-        Raises:
-            IptmError: (of class ``error``) not a mapping, or a key that is not text or unknown.
-        """
+        """Check that it is a mapping of known names; None permits any text."""
         self.where = where
         self._error = error
         if not isinstance(content, Mapping):
@@ -184,12 +177,7 @@ class StrictMapping:
 
 
 def read_bounded(path: Path, most_bytes: int) -> bytes:
-    """Return the content of a regular file.
-
-    Raises:
-        OSError: the file does not exist, cannot be read, is not a regular file (a pipe would never end, a
-            device neither) or is too large.
-    """
+    """Return the content of a regular file; others, such as pipes, and larger ones raise an `OSError`."""
     # Non-blocking: opening a pipe would wait for a writer.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
@@ -205,11 +193,7 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
 
 
 def is_path(text: str, suffixes: tuple[str, ...]) -> bool:
-    """Return whether a text that may be a name is a path: with a folder in it, or with one of the suffixes.
-
-    Args:
-        text: input of the user; a part after ``#`` selects a part of the file.
-    """
+    """Return whether a text (without a part after ``#``) is a path: with a folder, or one of the suffixes."""
     lower = text.lower()
     return "/" in text or lower.endswith(suffixes) or lower.partition("#")[0].endswith(suffixes)
 

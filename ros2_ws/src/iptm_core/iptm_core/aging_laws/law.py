@@ -48,11 +48,7 @@ class Load:
 
 
 class MechanismLaw(Protocol):
-    """One mechanism of a law.
-
-    Attributes:
-        exponent: p of the loss over time or throughput.
-    """
+    """One mechanism of a law; ``exponent`` is the p of its loss over time or throughput."""
 
     @property
     def mechanism(self) -> Mechanism: ...  # noqa: D102
@@ -71,11 +67,7 @@ class MechanismLaw(Protocol):
 
 @dataclass(frozen=True)
 class AgingLaw:
-    """Capacity loss of a cell as the sum of its mechanisms.
-
-    Attributes:
-        mechanisms: mechanisms; damage is given in their order.
-    """
+    """Capacity loss of a cell as the sum of its mechanisms; damage is given in their order."""
 
     name: str
     mechanisms: tuple[MechanismLaw, ...]
@@ -83,6 +75,20 @@ class AgingLaw:
     def capacity_loss(self, damage: Sequence[Scalar]) -> Scalar:
         """Return the loss as a share of nominal capacity."""
         return sum(u**law.exponent for u, law in zip(damage, self.mechanisms, strict=True))
+
+    def loss_rate_1_s(self, load: Load, damage: Sequence[Scalar]) -> Scalar:
+        """Return the rate of capacity loss at a damage, positive where its exponent is below 1."""
+        return sum(
+            law.exponent * u ** (law.exponent - 1.0) * law.damage_rate_1_s(load)
+            for u, law in zip(damage, self.mechanisms, strict=True)
+        )
+
+    def loss_slope_1_s_k(self, load: Load, damage: Sequence[Scalar]) -> Scalar:
+        """Return the derivative of ``loss_rate_1_s`` with respect to temperature."""
+        return sum(
+            law.exponent * u ** (law.exponent - 1.0) * law.damage_slope_1_s_k(load)
+            for u, law in zip(damage, self.mechanisms, strict=True)
+        )
 
 
 @dataclass(frozen=True)

@@ -147,11 +147,7 @@ class ParkedAging:
         return self._tau_s * total
 
     def calendar_1_s(self, temperature_k: float, charge: float) -> tuple[float, float, float]:
-        """Return the rate of the calendar loss while driving, its slope and its curvature over temperature.
-
-        Args:
-            charge: state of charge; NaN takes that of the parked pack.
-        """
+        """Return the calendar loss rate, its slope and curvature over temperature; charge NaN: parked."""
         if math.isnan(charge):
             charge = self._use.parked_charge
         rate = slope = curvature = 0.0

@@ -43,11 +43,7 @@ class Concern(Enum):
 
 @dataclass(frozen=True)
 class Situation:
-    """What is watched, at one instant (floats) or at all of a run (arrays of shape (n,)).
-
-    Attributes:
-        warmest_cell_k: temperature of the warmer one of cell 1 and cell N.
-    """
+    """What is watched, at one instant (floats) or at all of a run (arrays of shape (n,))."""
 
     gap_m: Scalar
     speed_m_s: Scalar
@@ -109,10 +105,7 @@ class Streak:
         self._last_s = float("-inf")
 
     def update(self, time_s: float, *, holds: bool) -> float:
-        """Take an instant into account; returns the time since which the condition has held, in s.
-
-        An instant before the last one begins a new trip.
-        """
+        """Return for how long the condition has held, in s; an earlier instant begins a new trip."""
         if not holds or time_s < self._last_s:
             self._since_s = None
         self._last_s = time_s

@@ -115,11 +115,7 @@ def check_constraints(
 
 
 def gap_margins_m(trajectory: Trajectory, parameters: ModelParameters) -> FloatArray:
-    """Return the distance between the gap and its lower limit s_min at every instant.
-
-    Returns:
-        Margins in m, shape (n,); negative where the limit is violated, NaN without a leader.
-    """
+    """Return gap less s_min at every instant, shape (n,); negative where violated, NaN without a leader."""
     smallest = minimum_gap_m(
         trajectory.speed_m_s, trajectory.leader_speed_m_s, parameters.gap, parameters.limits
     )
@@ -128,11 +124,7 @@ def gap_margins_m(trajectory: Trajectory, parameters: ModelParameters) -> FloatA
 
 
 def cold_compressor_energies_j(trajectory: Trajectory, parameters: ModelParameters) -> FloatArray:
-    """Return what the compressor took in each interval that began with both cells below T_b,min.
-
-    Returns:
-        Energies in J, shape (n,), each in the row that ends its interval; 0 where a cell is warm.
-    """
+    """Return what the compressor took in intervals begun with both cells below T_b,min, J, shape (n,)."""
     warmest_k = np.maximum(trajectory.cell_1_temperature_k, trajectory.cell_n_temperature_k)
     energies: FloatArray = np.zeros(warmest_k.size)
     cold = warmest_k[:-1] < parameters.limits.min_temperature_k

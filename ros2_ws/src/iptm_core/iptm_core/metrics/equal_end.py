@@ -38,11 +38,7 @@ POWER_STEP_W = 10.0
 
 @dataclass(frozen=True)
 class CoolDown:
-    """What it takes to bring a pack to a lower temperature at standstill.
-
-    Attributes:
-        capacity_loss: of the first and the last cell together.
-    """
+    """What it takes to cool a pack down at standstill; the capacity loss is of both cells together."""
 
     energy_j: float
     capacity_loss: float
@@ -54,11 +50,7 @@ NO_COOLING = CoolDown(0.0, 0.0, 0.0, 0.0)
 
 
 def cool_down(end: EndState, temperature_k: float, parameters: ModelParameters) -> CoolDown | None:
-    """Return what it takes to bring the pack to a temperature after a run; see the module.
-
-    Returns:
-        The cost, zero if the pack is not warmer; None where no compressor power cools it that far.
-    """
+    """Return what cooling the pack down takes, zero if it is not warmer; None where it cannot be."""
     warmer_k = end.temperature_k - temperature_k
     if warmer_k <= 0.0:
         return NO_COOLING
@@ -118,11 +110,7 @@ class CorrectedFigures:
 
 @dataclass(frozen=True)
 class EqualEnd:
-    """Two runs corrected for their ends.
-
-    Attributes:
-        temperature_k: final temperature of both packs, that of the cooler one.
-    """
+    """Two runs corrected for their ends; the temperature of both is that of the cooler one."""
 
     temperature_k: float
     own: CorrectedFigures

@@ -88,11 +88,7 @@ class ValueRange:
 
 @dataclass(frozen=True)
 class TemperatureMetrics:
-    """Temperatures of a run in kelvin.
-
-    Attributes:
-        spread_k: last minus first cell, which drives the inconsistency of degradation.
-    """
+    """Temperatures of a run in kelvin; the spread is that of the last less that of the first cell."""
 
     cell_1_k: ValueRange
     cell_n_k: ValueRange
@@ -181,11 +177,7 @@ def compute_metrics(
     parameters: ModelParameters,
     decisions: DecisionSeries | None = None,
 ) -> RunMetrics:
-    """Work out what a run achieved.
-
-    Raises:
-        StateError: the run has a single row.
-    """
+    """Work out what a run of two rows or more achieved."""
     if len(trajectory) < 2:
         raise StateError(f"run of {len(trajectory)} row; allowed: at least 2 rows")
     return RunMetrics(

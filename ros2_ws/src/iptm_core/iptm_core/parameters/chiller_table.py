@@ -32,11 +32,7 @@ class ChillerTable:
     note: str
 
     def at(self, ambient_k: float) -> dict[str, Source]:
-        """Interpolate every coefficient linearly; a row of the table is met to the last digit.
-
-        Raises:
-            ParameterError: outside of the table.
-        """
+        """Interpolate the coefficients; a row is met to the last digit, beyond the table is refused."""
         nodes_k = self.ambient_k
         if not nodes_k[0] - _EDGE_K <= ambient_k <= nodes_k[-1] + _EDGE_K:
             raise ParameterError(

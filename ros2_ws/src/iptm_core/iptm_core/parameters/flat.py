@@ -201,11 +201,7 @@ def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None
 
 
 def to_flat_dict(values: ModelParameters) -> dict[str, float]:
-    """Write parameters as dotted key -> number (int for whole-number parameters).
-
-    Returns:
-        A new dict in the order of declaration; ``flat_to_parameters`` undoes it bit by bit.
-    """
+    """Write parameters as dotted key -> number (int for whole ones), in the order of declaration."""
     flat: dict[str, float] = {}
     for key in field_specs():
         group, name = key.split(".")

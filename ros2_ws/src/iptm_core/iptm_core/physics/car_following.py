@@ -68,11 +68,7 @@ class BrakeBuildUp:
 def brake_build_up(
     speed_m_s: Scalar, acceleration_m_s2: Scalar, limits: LimitParameters
 ) -> BrakeBuildUp:
-    """Motion while the acceleration falls to its lower bound at the largest jerk.
-
-    Args:
-        acceleration_m_s2: acceleration at the start, not below its lower bound.
-    """
+    """Motion while the acceleration, not below its lower bound, falls to it at the largest jerk."""
     jerk = limits.max_jerk_m_s3
     duration = (acceleration_m_s2 - limits.min_acceleration_m_s2) / jerk
     end_speed = speed_m_s + duration * (acceleration_m_s2 - 0.5 * jerk * duration)
@@ -83,11 +79,7 @@ def brake_build_up(
 def stopping_distance_m(
     speed_m_s: Scalar, acceleration_m_s2: Scalar, limits: LimitParameters
 ) -> Scalar:
-    """Way to standstill when the brakes build up to the hardest deceleration and stay there.
-
-    Returns:
-        Distance in m; too short by up to 1.4 m where the vehicle halts during the build-up.
-    """
+    """Way to standstill, build-up included; too short by up to 1.4 m for a halt during the build-up."""
     build_up = brake_build_up(speed_m_s, acceleration_m_s2, limits)
     return build_up.distance_m + halting_distance_m(build_up.end_speed_m_s, limits)
 

@@ -39,12 +39,7 @@ class ChannelWeights:
 
 @dataclass(frozen=True)
 class Channel:
-    """The two-cell reduction of one coolant channel.
-
-    Attributes:
-        last_cell: weights of the coolant temperature that the last cell meets (T_c,Nc).
-        outlet: weights of the outlet temperature (T_c,out).
-    """
+    """The two-cell reduction of a channel: coolant at the last cell (T_c,Nc) and at the outlet (T_c,out)."""
 
     last_cell: ChannelWeights
     outlet: ChannelWeights
@@ -75,11 +70,7 @@ def _weights_behind(passed: int, cells: int, ratio: float) -> ChannelWeights:
 
 @dataclass(frozen=True)
 class FullChannel:
-    """One coolant channel.
-
-    Attributes:
-        ratio: share of the temperature difference that the coolant takes up at one cell, r.
-    """
+    """One coolant channel; at each cell the coolant takes up the share ``ratio`` of the difference."""
 
     cells: int
     ratio: float

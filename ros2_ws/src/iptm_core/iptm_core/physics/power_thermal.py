@@ -137,11 +137,7 @@ def power_thermal_rates(
     channel: Channel,
     smoothing: Smoothing = EXACT,
 ) -> PowerThermalRates:
-    """Evaluate the coupled electrical, thermal and ageing model at one instant of a motion.
-
-    Args:
-        compressor_power_w: compressor power P_cp, negative where the heater runs.
-    """
+    """Evaluate the coupled model at one instant of a motion; a negative power is that of the heater."""
     traction = electric_traction_power_w(
         speed_m_s, acceleration_m_s2, slope_rad, parameters, smoothing
     )
@@ -159,11 +155,7 @@ def rates_at_traction_power(
     channel: Channel,
     smoothing: Smoothing = EXACT,
 ) -> PowerThermalRates:
-    """Evaluate the model where the traction power is known and the motion behind it is not.
-
-    Args:
-        traction: traction power P_tra in W.
-    """
+    """Evaluate the model where the traction power P_tra (W) is known and the motion behind it is not."""
     pack, cell = parameters.pack, parameters.cell
     actuation = thermal_actuation(compressor_power_w, parameters, smoothing.actuator_w)
     terminal = battery_power_w(

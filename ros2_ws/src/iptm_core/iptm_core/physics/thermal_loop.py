@@ -146,11 +146,7 @@ def solve_coolant_loop(
 def most_efficient_cooling(
     temperature_k: float, parameters: ModelParameters
 ) -> tuple[float, float]:
-    """Return where the chiller cools most for its power, at 10 m/s.
-
-    Returns:
-        Compressor power in W and coefficient of performance Q_co / P_cp there, zero if it cannot cool.
-    """
+    """Return the most efficient chiller power (W) at 10 m/s, and its COP; zero if it cannot cool."""
     powers_w, rates_w = _cooling_rates_w(temperature_k, parameters)
     performance = rates_w / powers_w
     best = int(np.argmax(performance))

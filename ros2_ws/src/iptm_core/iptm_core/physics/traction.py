@@ -107,12 +107,7 @@ def brake_release(
 def drag_loss_w(
     motor_speed_rad_s: Scalar, linear_w_s_rad: float, quadratic_w_s2_rad2: float
 ) -> Scalar:
-    """Loss of a turning motor without torque: bearings and hysteresis (linear), eddy currents (quadratic).
-
-    Args:
-        linear_w_s_rad: coefficient c_1 in W s/rad.
-        quadratic_w_s2_rad2: coefficient c_2 in W s^2/rad^2.
-    """
+    """Loss of a turning motor without torque, bearings and hysteresis (c_1), eddy currents (c_2), in W."""
     speed = absolute(motor_speed_rad_s)
     return speed * (linear_w_s_rad + quadratic_w_s2_rad2 * speed)
 
@@ -154,14 +149,7 @@ def regenerative_torque_nm(
 def traction_power_w(
     speed_m_s: Scalar, motor_torque: Scalar, powertrain: PowertrainParameters
 ) -> Scalar:
-    """Electric power of the motor (P_tra, eq. 5), negative when it feeds back.
-
-    Args:
-        motor_torque: motor torque T_m in N m.
-
-    Returns:
-        Power in W: shaft power plus copper loss ``sigma T_m^2``.
-    """
+    """Electric power of the motor (P_tra, eq. 5), shaft and copper loss; negative when it feeds back."""
     ratio_1_m = (
         powertrain.transmission_ratio * powertrain.final_drive_ratio / powertrain.wheel_radius_m
     )

@@ -110,11 +110,7 @@ def composition_names() -> tuple[str, ...]:
 
 @cache
 def load_composition(name: str) -> RouteComposition:
-    """Load a shipped composition.
-
-    Raises:
-        RouteError: no such composition, or its file is not as it should be.
-    """
+    """Load a shipped composition."""
     if name not in composition_names():
         raise RouteError(f"unknown composition {name!r}; allowed: {', '.join(composition_names())}")
     return read_composition(compositions_folder() / f"{name}{_SUFFIX}")
@@ -164,12 +160,7 @@ class RouteSegment:
 
 @dataclass(frozen=True)
 class ComprehensiveCycle:
-    """The joined speed trace and its segments with their designed slope.
-
-    Attributes:
-        cycle: 10001 samples, 0 to 10000 s.
-        segments: segments in driving order, ten with five parts.
-    """
+    """The joined speed trace (0 to 10000 s) and its segments, in driving order, with their designed slope."""
 
     cycle: DrivingCycle
     segments: tuple[RouteSegment, ...]

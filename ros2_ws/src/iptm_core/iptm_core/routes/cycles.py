@@ -97,11 +97,7 @@ class DrivingCycle:
 
 @cache
 def load_cycle(name: str) -> DrivingCycle:
-    """Load a published driving cycle.
-
-    Args:
-        name: one of `CYCLE_NAMES`.
-    """
+    """Load a published driving cycle, one of `CYCLE_NAMES`."""
     if name not in _SOURCES:
         raise RouteError(f"unknown driving cycle {name!r}; allowed: {', '.join(CYCLE_NAMES)}")
     file = resources.files("iptm_core.routes") / "data" / f"{name}.csv"

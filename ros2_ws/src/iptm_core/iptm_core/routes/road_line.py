@@ -55,11 +55,7 @@ class RoadFix:
 def east_north_m(
     latitude_deg: ArrayLike, longitude_deg: ArrayLike, origin_deg: tuple[ArrayLike, ArrayLike]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how far points lie east and north of an origin.
-
-    Returns:
-        East and north in m, shape of the points.
-    """
+    """Return how far east and north of an origin points lie, in m, shape of the points."""
     latitude, longitude, origin, meridian_deg = (
         np.asarray(values, dtype=np.float64)
         for values in (latitude_deg, longitude_deg, *origin_deg)

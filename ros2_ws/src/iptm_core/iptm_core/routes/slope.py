@@ -82,11 +82,7 @@ class Hills:
         return tuple(round(lowest * ratio) for ratio in _HARMONIC_RATIOS)
 
     def slope_at(self, position_m: ArrayLike) -> FloatArray:
-        """Evaluate the smooth slope.
-
-        Returns:
-            Slope in rad, positive uphill, same shape; 0 outside the stretch.
-        """
+        """Return the slope in rad, positive uphill, shape of the positions; 0 outside the stretch."""
         x = (np.asarray(position_m, dtype=np.float64) - self.start_m) / self.length_m
         return self._scale_rad * self._shape(np.clip(x, 0.0, 1.0))
 
@@ -145,14 +141,7 @@ class SlopeProfile:
 
     @classmethod
     def from_hills(cls, stretches: Sequence[Hills], mean_climb: float = 0.0) -> SlopeProfile:
-        """Sample generated hills on their own grids and join them.
-
-        Args:
-            stretches: hills in the order of the road; each starts where the one before ends.
-
-        Returns:
-            The profile; the road climbs evenly before the first and after the last stretch.
-        """
+        """Join generated hills, in the order of the road; before and after them the road climbs evenly."""
         positions: FloatArray = np.zeros(0)
         slopes: FloatArray = np.zeros(0)
         for hills in stretches:
@@ -188,11 +177,7 @@ class SlopeProfile:
         return cls(0.5 * (grid[1:] + grid[:-1]), slopes)
 
     def slope_at(self, position_m: ArrayLike) -> FloatArray:
-        """Interpolate the slope.
-
-        Returns:
-            Slope in rad, positive uphill, same shape.
-        """
+        """Return the interpolated slope in rad, positive uphill, shape of the positions."""
         return np.interp(
             np.asarray(position_m, dtype=np.float64), self.positions_m, self.slopes_rad
         )

@@ -191,11 +191,7 @@ class RecordedDrive:
 
 
 def read_out(track: Track) -> RecordedDrive:
-    """Return the trip in a track.
-
-    Raises:
-        RouteError: it hardly moves, or is shorter than two seconds.
-    """
+    """Return the trip in a track; one that hardly moves or lasts less than two seconds is refused."""
     seconds = np.arange(np.floor(track.times_s[-1]) + 1.0)
     if seconds.size < 3:
         raise RouteError(f"{track.source}: it lasts {track.times_s[-1]:g} s; allowed: 2 s or more")

@@ -89,11 +89,7 @@ def read_user_trip(path: Path) -> UserTrip:
 
 
 def trip_from_columns(columns: Mapping[str, ArrayLike], name: str = "own drive") -> UserTrip:
-    """Return the trip of a table in memory, such as a pandas DataFrame.
-
-    Args:
-        columns: numbers by the names of a CSV file's columns, each of shape (n,).
-    """
+    """Return the trip of a table in memory: columns as in a CSV file, each of shape (n,)."""
     arrays: dict[str, FloatArray] = {}
     for column, values in columns.items():
         check_known(column, _COLUMNS, name, "column", RouteError)

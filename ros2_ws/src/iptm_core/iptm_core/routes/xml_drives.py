@@ -94,11 +94,7 @@ def read_gpx(path: Path) -> Track:
 
 
 def read_gpx_road(path: Path) -> tuple[RoadLine, SlopeProfile | None]:
-    """Read the road of a recorded drive, or of a plan without times: its tracks, or its routes.
-
-    Returns:
-        Course and slope; None for the latter where a point has no height.
-    """
+    """Read the road of a recorded drive or a plan without times; no slope where a point has no height."""
     rows = _rows(path)
     if np.isfinite(rows[:, 0]).any():
         drive = read_out(_track(path, rows))
@@ -218,12 +214,7 @@ _DEGREES_PER_M = 1e-3
 
 
 class _Vehicle(PlainXml):
-    """Keeps the rows of one vehicle, and the names of all.
-
-    Attributes:
-        name: of the vehicle; the first one where none was named.
-        rows: attributes of the vehicle and the time, in the order of the file.
-    """
+    """Keeps the rows of one vehicle (the first one where none was named), and the names of all."""
 
     def __init__(self, name: str) -> None:
         self.name = name
