@@ -11,12 +11,11 @@ As for two cells, a step is unrolled once into an expression graph of the functi
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import lru_cache
 
 import casadi as ca
-import numpy as np
 
+from iptm_core.buffered import BufferedFunction, named_function
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import (
     capacity_loss_rate_1_s,
@@ -34,17 +33,21 @@ from iptm_core.physics.electrical import (
     pack_resistance_ohm,
 )
 from iptm_core.physics.ops import Scalar, maximum
-from iptm_core.physics.power_thermal import CellPair, electric_traction_power_w
+from iptm_core.physics.power_thermal import electric_traction_power_w
 from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop, thermal_actuation
 from iptm_core.state import ChannelCells, FloatArray
-from iptm_plant_sim.integrator import IntervalResult, PackedFunction, cell_voltage_v
+from iptm_plant_sim.integrator import (
+    INTEGRALS,
+    IntervalResult,
+    cell_voltage_v,
+    motion_symbols,
+)
 from iptm_plant_sim.motion import Motion
 
 SUB_STEPS_PER_CELL_STEP = 20
 """One second at the default integration step, a hundredth of the time constant of a cell."""
 
 _SIMPSON = ca.DM([1.0, 4.0, 1.0]) / 6.0
-_QUADRATURES = 6
 
 
 class ChannelIntegrator:
@@ -57,8 +60,7 @@ class ChannelIntegrator:
             parameters: the model parameters.
         """
         self._parameters = parameters
-        self._cells = parameters.pack.cells_per_channel
-        self._steps: dict[int, PackedFunction] = {}
+        self._steps: dict[int, BufferedFunction] = {}
 
     def integrate(
         self,
@@ -77,68 +79,61 @@ class ChannelIntegrator:
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
             charge: state of charge at the start; NaN where nothing depends on it.
         """
-        both = 2 * self._cells
-        state: FloatArray = np.concatenate((cells.temperatures_k, cells.capacity_losses))
-        quadratures: FloatArray = np.zeros(_QUADRATURES)
-        end: FloatArray = np.empty(0)
+        temperatures_k, capacity_losses = cells.temperatures_k, cells.capacity_losses
+        totals = dict.fromkeys(INTEGRALS, 0.0)
+        end: dict[str, float] = {}
         for first in range(0, motion.lengths_s.size, SUB_STEPS_PER_CELL_STEP):
             cut = slice(first, first + SUB_STEPS_PER_CELL_STEP)
             lengths_s = motion.lengths_s[cut]
             step = self._step(lengths_s.size)
-            np.concatenate(
-                (
-                    state,
-                    (compressor_power_w,),
-                    lengths_s,
-                    motion.accelerations_m_s2[cut],
-                    slopes_rad[2 * first : 2 * (first + lengths_s.size) + 1],
-                    motion.speeds_m_s[cut].ravel(),
-                    (charge,),
-                ),
-                out=step.arguments,
-            )
-            values = step()
-            state = values[:both].copy()
-            quadratures += values[both : both + _QUADRATURES]
-            end = values[both + _QUADRATURES :]
-        temperatures, losses = state[: self._cells], state[self._cells :]
-        ends = CellPair(
-            *(float(values[place]) for values in (temperatures, losses) for place in (0, -1))
+            given, results = step.arguments, step.results
+            given["start_temperatures_k"][:] = temperatures_k
+            given["start_capacity_losses"][:] = capacity_losses
+            given["compressor_power_w"][0] = compressor_power_w
+            given["lengths_s"][:] = lengths_s
+            given["accelerations_m_s2"][:] = motion.accelerations_m_s2[cut]
+            given["slopes_rad"][:] = slopes_rad[2 * first : 2 * (first + lengths_s.size) + 1]
+            given["speeds_m_s"][:] = motion.speeds_m_s[cut].ravel()
+            given["charge"][0] = charge
+            step()
+            temperatures_k = results["temperatures_k"].copy()
+            capacity_losses = results["capacity_losses"].copy()
+            end = {name: float(value[0]) for name, value in results.items() if value.size == 1}
+            totals = {name: total + end[name] for name, total in totals.items()}
+        return IntervalResult(
+            cell_1_temperature_k=float(temperatures_k[0]),
+            cell_n_temperature_k=float(temperatures_k[-1]),
+            cell_1_capacity_loss=float(capacity_losses[0]),
+            cell_n_capacity_loss=float(capacity_losses[-1]),
+            **(end | totals),
+            channel=ChannelCells(temperatures_k, capacity_losses),
         )
-        result = IntervalResult(ends, *quadratures.tolist(), *end.tolist())
-        return replace(result, channel=ChannelCells(temperatures, losses))
 
-    def _step(self, sub_steps: int) -> PackedFunction:
+    def _step(self, sub_steps: int) -> BufferedFunction:
         if sub_steps not in self._steps:
-            self._steps[sub_steps] = PackedFunction(_build(self._parameters, sub_steps))
+            self._steps[sub_steps] = BufferedFunction(_build(self._parameters, sub_steps))
         return self._steps[sub_steps]
 
 
 @lru_cache(maxsize=16)
 def _build(parameters: ModelParameters, n: int) -> ca.Function:
-    """One step of the cells over n sub-steps, on packed arguments and results.
-
-    Arguments: temperatures and capacity losses of all cells, compressor power, and lengths (n,),
-    accelerations (n,), slopes (2 n + 1,) and speeds (3 n,) of the sub-steps, and the state of charge.
-    Results: cells, quadratures and values at the end, in the order of `IntervalResult`.
-    """
+    """Return one step of all cells over n sub-steps, which also answers the fields of `IntervalResult`."""
     cooling = parameters.cooling
     channel = FullChannel.of(cooling, parameters.pack)
     count = channel.cells
-    arguments = ca.SX.sym("arguments", 2 * count + 3 + 7 * n)
-    before, losses_before, compressor, lengths, accelerations, slopes, speeds, charge = (
-        ca.vertsplit(arguments, np.cumsum([0, count, count, 1, n, n, 2 * n + 1, 3 * n, 1]).tolist())
-    )
-    parameters = at_charge(parameters, charge)
+    before, losses_before = ca.SX.sym("temperatures_k", count), ca.SX.sym("capacity_losses", count)
+    given = motion_symbols(n)
+    lengths, speeds = given["lengths_s"], given["speeds_m_s"]
+    parameters = at_charge(parameters, given["charge"])
     pack, cell = parameters.pack, parameters.cell
     instants = [(step, stage) for step in range(n) for stage in range(3)]
     traction = electric_traction_power_w(
         speeds,
-        ca.vertcat(*(accelerations[step] for step, _ in instants)),
-        ca.vertcat(*(slopes[2 * step + stage] for step, stage in instants)),
+        ca.vertcat(*(given["accelerations_m_s2"][step] for step, _ in instants)),
+        ca.vertcat(*(given["slopes_rad"][2 * step + stage] for step, stage in instants)),
         parameters,
     )
-    actuation = thermal_actuation(compressor, parameters)
+    actuation = thermal_actuation(given["compressor_power_w"], parameters)
     battery = battery_power_w(
         traction, actuation.drawn_w, cooling.auxiliary_power_w, pack, parameters.powertrain
     )
@@ -199,21 +194,22 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
     current = pack_currents(temperatures, losses, battery[-1])
     loop = coolant_loop(temperatures)
     voltages = cell_voltage_v(cell_current_a(current, pack), temperatures, losses, parameters)
-    results = [
-        temperatures,
-        losses,
-        ca.dot(weights, traction),
-        ca.dot(weights, traction - maximum(traction, 0.0)),
-        ca.dot(weights, battery),
-        length * cooling_rate,
-        length * mean_of(heat) * (pack.cells_in_series * pack.parallel),
-        ca.dot(weights, currents),
-        current,
-        cell_current_a(current, pack),
-        loop.inlet_k[-1],
-        loop.outlet_k[-1],
-        voltages[0],
-        voltages[-1],
-        mean_of(voltages) * pack.cells_in_series,
-    ]
-    return ca.Function("channel_step", [arguments], [ca.vertcat(*results)], {"cse": True})
+    results = {
+        "temperatures_k": temperatures,
+        "capacity_losses": losses,
+        "traction_energy_j": ca.dot(weights, traction),
+        "regenerated_energy_j": ca.dot(weights, traction - maximum(traction, 0.0)),
+        "battery_energy_j": ca.dot(weights, battery),
+        "chiller_heat_j": length * cooling_rate,
+        "battery_heat_j": length * mean_of(heat) * (pack.cells_in_series * pack.parallel),
+        "charge_c": ca.dot(weights, currents),
+        "pack_current_a": current,
+        "cell_current_a": cell_current_a(current, pack),
+        "coolant_inlet_k": loop.inlet_k[-1],
+        "coolant_outlet_k": loop.outlet_k[-1],
+        "cell_1_voltage_v": voltages[0],
+        "cell_n_voltage_v": voltages[-1],
+        "pack_voltage_v": mean_of(voltages) * pack.cells_in_series,
+    }
+    cells = {"start_temperatures_k": before, "start_capacity_losses": losses_before}
+    return named_function("channel_step", cells | given, results, cse=True)

@@ -16,6 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from iptm_core.buffered import BufferedFunction, named_function
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm
 from iptm_core.physics.charge import at_charge
@@ -25,7 +26,20 @@ from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_t
 from iptm_core.state import ChannelCells, FloatArray
 from iptm_plant_sim.motion import Motion
 
-_CELLS = 4
+STATES = (
+    "cell_1_temperature_k",
+    "cell_n_temperature_k",
+    "cell_1_capacity_loss",
+    "cell_n_capacity_loss",
+)
+INTEGRALS = (
+    "traction_energy_j",
+    "regenerated_energy_j",
+    "battery_energy_j",
+    "chiller_heat_j",
+    "battery_heat_j",
+    "charge_c",
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +47,10 @@ class IntervalResult:
     """Cell states and electrics at the end of an interval, and energies over it.
 
     Attributes:
-        cells: temperatures (K) and capacity losses of cell 1 and cell N_c at the end.
+        cell_1_temperature_k: of cell 1 at the end.
+        cell_n_temperature_k: of cell N_c at the end.
+        cell_1_capacity_loss: of cell 1 at the end.
+        cell_n_capacity_loss: of cell N_c at the end.
         traction_energy_j: electric traction energy, regeneration counted negative.
         regenerated_energy_j: its negative part, before the regenerative efficiency.
         battery_energy_j: energy at the terminals, positive when discharging.
@@ -50,7 +67,10 @@ class IntervalResult:
         channel: all cells of a channel at the end; None where only two are integrated.
     """
 
-    cells: CellPair
+    cell_1_temperature_k: float
+    cell_n_temperature_k: float
+    cell_1_capacity_loss: float
+    cell_n_capacity_loss: float
     traction_energy_j: float
     regenerated_energy_j: float
     battery_energy_j: float
@@ -72,41 +92,11 @@ class IntervalResult:
         return bool(np.isfinite(self.battery_energy_j + self.charge_c + self.pack_current_a))
 
 
-class PackedFunction:
-    """A CasADi function of one vector to one vector, on memory of its own.
-
-    Attributes:
-        arguments: write the values of the next call into it.
-    """
-
-    def __init__(self, function: ca.Function) -> None:
-        self.arguments = np.zeros(function.size1_in(0))
-        self._results = np.zeros(function.size1_out(0))
-        # CasADi's stubs lack the overload for a memoryview, which carries its own size.
-        buffer: Any
-        buffer, self._evaluate = function.buffer()
-        buffer.set_arg(0, self.arguments.data)
-        buffer.set_res(0, self._results.data)
-        self._buffer = buffer
-
-    def __call__(self) -> FloatArray:
-        """Evaluate; the next call overwrites what is returned."""
-        self._evaluate()
-        return self._results
-
-
 class IntervalIntegrator:
     """Integrates intervals of a fixed number of sub-steps for one parameter set."""
 
     def __init__(self, parameters: ModelParameters, sub_steps: int) -> None:
-        """Build the expression graph.
-
-        Args:
-            parameters: the model parameters.
-            sub_steps: number of Runge-Kutta steps n per interval.
-        """
-        self._n = sub_steps
-        self._function = PackedFunction(_build(parameters, sub_steps))
+        self._function = BufferedFunction(_build(parameters, sub_steps))
 
     def integrate(
         self,
@@ -121,107 +111,124 @@ class IntervalIntegrator:
         Args:
             cells: cell states at the start.
             compressor_power_w: compressor power, held over the interval.
-            motion: the motion, laid out for the same number of sub-steps.
+            motion: the motion, laid out for the same number of sub-steps n.
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
             charge: state of charge at the start; NaN where nothing depends on it.
         """
-        n, x = self._n, self._function.arguments
-        x[0] = cells.cell_1_temperature_k
-        x[1] = cells.cell_n_temperature_k
-        x[2] = cells.cell_1_capacity_loss
-        x[3] = cells.cell_n_capacity_loss
-        x[4] = compressor_power_w
-        x[5 : 5 + n] = motion.lengths_s
-        x[5 + n : 5 + 2 * n] = motion.accelerations_m_s2
-        x[5 + 2 * n : 6 + 4 * n] = slopes_rad
-        x[6 + 4 * n : 6 + 7 * n] = motion.speeds_m_s.ravel()
-        x[6 + 7 * n] = charge
-        values = self._function().tolist()
-        return IntervalResult(CellPair(*values[:_CELLS]), *values[_CELLS:])
+        given = self._function.arguments
+        for name in STATES:
+            given[f"start_{name}"][0] = getattr(cells, name)
+        given["compressor_power_w"][0] = compressor_power_w
+        given["lengths_s"][:] = motion.lengths_s
+        given["accelerations_m_s2"][:] = motion.accelerations_m_s2
+        given["slopes_rad"][:] = slopes_rad
+        given["speeds_m_s"][:] = motion.speeds_m_s.ravel()
+        given["charge"][0] = charge
+        self._function()
+        found: dict[str, Any] = {
+            name: float(value[0]) for name, value in self._function.results.items()
+        }
+        return IntervalResult(**found)
+
+
+def motion_symbols(n: int) -> dict[str, ca.SX]:
+    """Return the symbols of compressor power, charge and motion of an interval of n sub-steps."""
+    sizes = {
+        "compressor_power_w": 1,
+        "lengths_s": n,
+        "accelerations_m_s2": n,
+        "slopes_rad": 2 * n + 1,
+        "speeds_m_s": 3 * n,
+        "charge": 1,
+    }
+    return {name: ca.SX.sym(name, size) for name, size in sizes.items()}
 
 
 @lru_cache(maxsize=16)
 def _build(parameters: ModelParameters, n: int) -> ca.Function:
-    """One function from the packed arguments of ``integrate`` to the packed ``IntervalResult``.
+    """Return the function from the cells and `motion_symbols` to the fields of `IntervalResult`.
 
     Kept for the next vehicle with the same parameters, because building takes much longer than a step.
     """
     channel = reduce_channel(parameters.cooling, parameters.pack)
-    arguments = ca.SX.sym("arguments", 7 + 7 * n)
-    parameters = at_charge(parameters, arguments[6 + 7 * n])
-    state = [arguments[i] for i in range(_CELLS)]
-    compressor = arguments[4]
-    lengths = arguments[5 : 5 + n]
-    accelerations = arguments[5 + n : 5 + 2 * n]
-    slopes = arguments[5 + 2 * n : 6 + 4 * n]
-    speeds = arguments[6 + 4 * n : 6 + 7 * n]
+    given = motion_symbols(n)
+    parameters = at_charge(parameters, given["charge"])
+    start = {name: ca.SX.sym(f"start_{name}") for name in STATES}
 
-    def rates_at(step: int, stage: int, cells: list[Scalar]) -> PowerThermalRates:
+    def rates_at(step: int, stage: int, cells: CellPair) -> PowerThermalRates:
         return power_thermal_rates(
-            speeds[3 * step + stage],
-            accelerations[step],
-            slopes[2 * step + stage],
-            compressor,
-            CellPair(*cells),
+            given["speeds_m_s"][3 * step + stage],
+            given["accelerations_m_s2"][step],
+            given["slopes_rad"][2 * step + stage],
+            given["compressor_power_w"],
+            cells,
             parameters,
             channel,
         )
 
-    def derivatives(step: int, stage: int, cells: list[Scalar]) -> list[Scalar]:
+    def derivatives(step: int, stage: int, cells: CellPair) -> dict[str, Scalar]:
         rates = rates_at(step, stage, cells)
-        return [
-            rates.cell_1_temperature_rate_k_s,
-            rates.cell_n_temperature_rate_k_s,
-            rates.cell_1_capacity_loss_rate_1_s,
-            rates.cell_n_capacity_loss_rate_1_s,
-            rates.traction_power_w,
-            rates.traction_power_w - maximum(rates.traction_power_w, 0.0),
-            rates.battery_power_w,
-            rates.coolant.cooling_rate_w,
-            _pack_heat_w(rates.cell_current_a, cells, parameters),
-            rates.pack_current_a,
-        ]
+        return {
+            "cell_1_temperature_k": rates.cell_1_temperature_rate_k_s,
+            "cell_n_temperature_k": rates.cell_n_temperature_rate_k_s,
+            "cell_1_capacity_loss": rates.cell_1_capacity_loss_rate_1_s,
+            "cell_n_capacity_loss": rates.cell_n_capacity_loss_rate_1_s,
+            "traction_energy_j": rates.traction_power_w,
+            "regenerated_energy_j": rates.traction_power_w - maximum(rates.traction_power_w, 0.0),
+            "battery_energy_j": rates.battery_power_w,
+            "chiller_heat_j": rates.coolant.cooling_rate_w,
+            "battery_heat_j": _pack_heat_w(rates.cell_current_a, cells, parameters),
+            "charge_c": rates.pack_current_a,
+        }
 
-    quadratures: list[Scalar] = [ca.SX(0.0)] * 6
+    values: dict[str, Scalar] = start | dict.fromkeys(INTEGRALS, ca.SX(0.0))
     for step in range(n):
-        h = lengths[step]
+        h = given["lengths_s"][step]
+        now = CellPair(**{name: values[name] for name in STATES})
 
-        def moved(slope: list[Scalar], by: Scalar, origin: list[Scalar] = state) -> list[Scalar]:
-            return [value + by * rate for value, rate in zip(origin, slope, strict=False)]
+        def moved(slope: dict[str, Scalar], by: Scalar, origin: CellPair = now) -> CellPair:
+            return CellPair(**{name: getattr(origin, name) + by * slope[name] for name in STATES})
 
-        k1 = derivatives(step, 0, state)
+        k1 = derivatives(step, 0, now)
         k2 = derivatives(step, 1, moved(k1, 0.5 * h))
         k3 = derivatives(step, 1, moved(k2, 0.5 * h))
         k4 = derivatives(step, 2, moved(k3, h))
-        mean = [(a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
-        state = moved(mean, h)
-        quadratures = [
-            value + h * rate for value, rate in zip(quadratures, mean[_CELLS:], strict=True)
-        ]
+        for name, value in values.items():
+            mean = (k1[name] + 2.0 * (k2[name] + k3[name]) + k4[name]) / 6.0
+            values[name] = value + h * mean
 
-    end = rates_at(n - 1, 2, state)
-    voltage_1, voltage_n = (
-        cell_voltage_v(end.cell_current_a, state[i], state[2 + i], parameters) for i in (0, 1)
+    cells = CellPair(**{name: values[name] for name in STATES})
+    end = rates_at(n - 1, 2, cells)
+    current = end.cell_current_a
+    voltage_1 = cell_voltage_v(
+        current, cells.cell_1_temperature_k, cells.cell_1_capacity_loss, parameters
     )
-    outputs = [
-        *state,
-        *quadratures,
-        end.pack_current_a,
-        end.cell_current_a,
-        end.coolant.inlet_k,
-        end.coolant.outlet_k,
-        voltage_1,
-        voltage_n,
-        0.5 * (voltage_1 + voltage_n) * parameters.pack.cells_in_series,
-    ]
-    return ca.Function("interval", [arguments], [ca.vertcat(*outputs)], {"cse": True})
+    voltage_n = cell_voltage_v(
+        current, cells.cell_n_temperature_k, cells.cell_n_capacity_loss, parameters
+    )
+    at_end = {
+        "pack_current_a": end.pack_current_a,
+        "cell_current_a": current,
+        "coolant_inlet_k": end.coolant.inlet_k,
+        "coolant_outlet_k": end.coolant.outlet_k,
+        "cell_1_voltage_v": voltage_1,
+        "cell_n_voltage_v": voltage_n,
+        "pack_voltage_v": 0.5 * (voltage_1 + voltage_n) * parameters.pack.cells_in_series,
+    }
+    starts = {f"start_{name}": symbol for name, symbol in start.items()}
+    return named_function("interval", starts | given, values | at_end, cse=True)
 
 
-def _pack_heat_w(current_a: Scalar, cells: list[Scalar], parameters: ModelParameters) -> Scalar:
+def _pack_heat_w(current_a: Scalar, cells: CellPair, parameters: ModelParameters) -> Scalar:
     """Heat of all cells, taken as evenly spread between the two modelled ones."""
     cell, pack = parameters.cell, parameters.pack
-    heat_1 = cell_heat_w(current_a, cell_resistance_ohm(cells[0], cells[2], cell), cells[0], cell)
-    heat_n = cell_heat_w(current_a, cell_resistance_ohm(cells[1], cells[3], cell), cells[1], cell)
+
+    def heat_w(temperature_k: Scalar, capacity_loss: Scalar) -> Scalar:
+        ohm = cell_resistance_ohm(temperature_k, capacity_loss, cell)
+        return cell_heat_w(current_a, ohm, temperature_k, cell)
+
+    heat_1 = heat_w(cells.cell_1_temperature_k, cells.cell_1_capacity_loss)
+    heat_n = heat_w(cells.cell_n_temperature_k, cells.cell_n_capacity_loss)
     return 0.5 * (heat_1 + heat_n) * (pack.cells_in_series * pack.parallel)
 
 

@@ -296,17 +296,16 @@ class Plant:
         duration_s: float,
     ) -> PlantStep:
         compressor = report.actuated.compressor_power_w
-        cells = result.cells
         end = VehicleState(
             time_s=state.time_s + duration_s,
             position_m=motion.end_position_m,
             speed_m_s=motion.end_speed_m_s,
             acceleration_m_s2=motion.end_acceleration_m_s2,
             compressor_power_w=compressor,
-            cell_1_temperature_k=cells.cell_1_temperature_k,
-            cell_n_temperature_k=cells.cell_n_temperature_k,
-            cell_1_capacity_loss=cells.cell_1_capacity_loss,
-            cell_n_capacity_loss=cells.cell_n_capacity_loss,
+            cell_1_temperature_k=result.cell_1_temperature_k,
+            cell_n_temperature_k=result.cell_n_temperature_k,
+            cell_1_capacity_loss=result.cell_1_capacity_loss,
+            cell_n_capacity_loss=result.cell_n_capacity_loss,
             state_of_charge=charge_after(
                 state.state_of_charge, result.charge_c, self._capacity_ah(state)
             ),

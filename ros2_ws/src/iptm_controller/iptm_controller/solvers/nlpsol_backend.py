@@ -20,7 +20,6 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.oracle import OracleSignature, oracle_expressions, oracle_functions
 from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
 from iptm_controller.ocp.transcription import transcribe
-from iptm_controller.solvers.buffered import BufferedFunction
 from iptm_controller.solvers.interface import (
     FEASIBILITY_TOLERANCE,
     STATUS_TEXT,
@@ -28,6 +27,7 @@ from iptm_controller.solvers.interface import (
     SolverOptions,
     broken,
 )
+from iptm_core.buffered import BufferedFunction
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray

@@ -25,8 +25,8 @@ from iptm_controller.ocp.compilation import compile_functions, find_compiler
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex, StepIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.buffered import BufferedFunction, named_function
 from iptm_controller.solvers.interface import SolverBackend, SolveResult
+from iptm_core.buffered import BufferedFunction, named_function
 from iptm_core.physics.thermal_loop import most_efficient_cooling
 from iptm_core.state import FloatArray
 

@@ -12,7 +12,6 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import compile_functions, find_compiler
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.buffered import BufferedFunction
 from iptm_controller.solvers.interface import (
     FEASIBILITY_TOLERANCE,
     RICCATI,
@@ -22,6 +21,7 @@ from iptm_controller.solvers.interface import (
 )
 from iptm_controller.solvers.riccati.method import MethodResult, RiccatiMethod, Termination
 from iptm_controller.solvers.riccati.program import ITERATE, STEP, RiccatiProgram, build_program
+from iptm_core.buffered import BufferedFunction
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray

@@ -14,11 +14,11 @@ from enum import Enum
 
 import numpy as np
 
-from iptm_controller.solvers.buffered import BufferedFunction
 from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolverOptions
 from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter
 from iptm_controller.solvers.riccati.program import ITERATE
 from iptm_controller.solvers.riccati.step_summary import StepSummary
+from iptm_core.buffered import BufferedFunction
 from iptm_core.state import FloatArray
 
 COLD_START_BARRIER = 10.0

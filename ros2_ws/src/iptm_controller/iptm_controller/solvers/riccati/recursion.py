@@ -13,8 +13,8 @@ from __future__ import annotations
 import casadi as ca
 
 from iptm_controller.ocp import layout
-from iptm_controller.solvers.buffered import named_function
 from iptm_controller.solvers.riccati.stage_system import StageSparsity
+from iptm_core.buffered import named_function
 
 SMALLEST_PIVOT = 1e-6
 LOWER = ca.Sparsity.lower(layout.STATES)

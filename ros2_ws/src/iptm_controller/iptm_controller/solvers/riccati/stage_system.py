@@ -17,7 +17,7 @@ import numpy as np
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.problem import stage_bounds
 from iptm_controller.ocp.stage import StageExpressions
-from iptm_controller.solvers.buffered import named_function
+from iptm_core.buffered import named_function
 from iptm_core.parameters.model import ModelParameters
 
 

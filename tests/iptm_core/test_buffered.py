@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from iptm_controller.solvers.buffered import BufferedFunction
+from iptm_core.buffered import BufferedFunction
 
 
 def test_results_are_those_of_the_usual_call_every_time() -> None:
