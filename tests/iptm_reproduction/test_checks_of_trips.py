@@ -1,5 +1,6 @@
-"""Checks on whole trips and what they read off a trajectory, against trips made by hand."""
+"""Checks on whole trips and the payback of cooling, against trips and laws written out by hand."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -10,30 +11,22 @@ from iptm_controller.strategy import STRATEGIES
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_reproduction.aging import cooling_payback
-from iptm_reproduction.check import Check, Finding, Verdict
-from iptm_reproduction.checks.aging_model import aging_exponential, aging_falls
-from iptm_reproduction.checks.trips import (
-    cooled_before_demand,
-    cools_off_peak,
-    heats_in_demand,
-    last_cell_falls_slower,
-    lower_peaks,
-    power_regions,
-    settles_near,
-    traction_dominates,
-)
-from iptm_reproduction.quantities import (
+from iptm_reproduction.aging import cooling_payback, printed_cooling
+from iptm_reproduction.claims import make_check
+from iptm_reproduction.names import PROPOSED, REFERENCE
+from iptm_reproduction.results import ReportRun, Results
+from iptm_reproduction.trips import (
     PowerRegions,
     busiest_window,
     share_while_braking,
     thinned,
     time_to_fall_s,
 )
-from iptm_reproduction.runs import PROPOSED, REFERENCE, ReportRun, Results
+from iptm_reproduction.verdict import Finding, Verdict
 
 REPRODUCED, SIGN_ONLY, NOT, _ = Verdict
 PARAMETERS = load_parameters().values
+KELVIN = 299.15
 ROUTE = build_route("us06", initial_gap_m=15.0, duration_s=60.0)
 
 
@@ -59,7 +52,8 @@ def run(address: str, trajectory: Trajectory, **values: float) -> ReportRun:
     return ReportRun(address, values, PARAMETERS, ROUTE, STRATEGIES["aging"], lambda: trajectory)
 
 
-def found(check: Check, **trips: Trajectory) -> Finding:
+def found(trips: dict[str, Trajectory], kind: str, /, **arguments: Any) -> Finding:
+    check = make_check(kind, **arguments)
     assert "eproduced" in check.rule
     finding = check.apply(Results(run(f"strategies/{name}", trip) for name, trip in trips.items()))
     assert finding.found
@@ -85,31 +79,30 @@ def test_power_regions_hold_their_share_of_time() -> None:
     [(2.0, REPRODUCED), (60.0, SIGN_ONLY), (95.0, NOT)],
 )
 def test_power_regions(power_kw: float, expected: Verdict) -> None:
-    check = power_regions(PROPOSED, (REFERENCE,), REFERENCE)
-    reference = drawing(np.arange(1.0, 101.0))
-    finding = found(check, reference=reference, aging=drawing(np.full(100, power_kw)))
-    assert finding.verdict is expected
+    trips = {"reference": drawing(np.arange(1.0, 101.0)), "aging": drawing(np.full(100, power_kw))}
+    arguments = {"run": PROPOSED, "others": REFERENCE, "reference": REFERENCE}
+    assert found(trips, "power_regions", **arguments).verdict is expected
 
 
 @pytest.mark.parametrize(("peak_kw", "expected"), [(5.0, REPRODUCED), (9.0, NOT)])
 def test_lower_peaks(peak_kw: float, expected: Verdict) -> None:
-    check = lower_peaks(PROPOSED, (REFERENCE,), percentile=99.0)
-    finding = found(check, reference=drawing([1.0, 9.0]), aging=drawing([1.0, peak_kw]))
-    assert finding.verdict is expected
+    trips = {"reference": drawing([1.0, 9.0]), "aging": drawing([1.0, peak_kw])}
+    arguments = {"run": PROPOSED, "others": REFERENCE, "percentile": 99.0}
+    assert found(trips, "lower_peaks", **arguments).verdict is expected
 
 
 @pytest.mark.parametrize(
     ("compressor", "expected"), [(900.0, REPRODUCED), (3000.0, SIGN_ONLY), (9000.0, NOT)]
 )
 def test_traction_dominates(compressor: float, expected: Verdict) -> None:
-    check = traction_dominates(PROPOSED, factor=5.0)
     power = np.tile([-6000.0, 6000.0], 6)
     trajectory = trip(
         traction_power_w=power,
         compressor_power_w=np.full(12, compressor),
         auxiliary_power_w=np.full(12, 100.0),
     )
-    assert found(check, aging=trajectory).verdict is expected
+    finding = found({"aging": trajectory}, "traction_dominates", run=PROPOSED, factor=5.0)
+    assert finding.verdict is expected
 
 
 @pytest.mark.parametrize(
@@ -117,12 +110,11 @@ def test_traction_dominates(compressor: float, expected: Verdict) -> None:
     [(500.0, 0.0, 600.0, REPRODUCED), (500.0, 100.0, 50.0, SIGN_ONLY), (0.0, 500.0, 0.0, NOT)],
 )
 def test_cooling_off_peak(at_low: float, at_high: float, braking: float, expected: Verdict) -> None:
-    check = cools_off_peak(PROPOSED)
     traction = np.concatenate([[0.0], np.full(20, -1e3), np.full(60, 1e3), np.full(20, 2e4)])
     traction[-5:] = 3e4
     compressor = np.select([traction < 0.0, traction >= 2e4], [braking, at_high], default=at_low)
     trajectory = trip(traction_power_w=traction, compressor_power_w=compressor)
-    assert found(check, aging=trajectory).verdict is expected
+    assert found({"aging": trajectory}, "cools_off_peak", run=PROPOSED).verdict is expected
 
 
 def warm(cell_1_c: Any, cell_n_c: Any, traction_w: Any = 0.0) -> Trajectory:
@@ -137,29 +129,30 @@ def warm(cell_1_c: Any, cell_n_c: Any, traction_w: Any = 0.0) -> Trajectory:
     ("end_c", "expected"), [(31.0, REPRODUCED), (33.5, SIGN_ONLY), (36.0, NOT), (27.0, NOT)]
 )
 def test_settling_temperature(end_c: float, expected: Verdict) -> None:
-    check = settles_near(PROPOSED, printed_c=30.0, tolerance_k=2.0, last_share=0.5)
     values = np.concatenate([np.full(10, 35.0), np.full(10, end_c)])
-    assert found(check, aging=warm(values, values)).verdict is expected
+    arguments = {"run": PROPOSED, "printed_c": 30.0, "tolerance_k": 2.0, "last_share": 0.5}
+    assert found({"aging": warm(values, values)}, "settles_near", **arguments).verdict is expected
 
 
 def test_last_cell_falls_slower() -> None:
-    check = last_cell_falls_slower(REFERENCE, share=0.63)
+    arguments = {"run": REFERENCE, "share": 0.63}
     times = np.arange(100.0)
     quick, slow = 25.0 + 10.0 * np.exp(-times / 5.0), 25.0 + 10.0 * np.exp(-times / 20.0)
-    finding = found(check, reference=warm(quick, slow))
+    finding = found({"reference": warm(quick, slow)}, "last_cell_falls_slower", **arguments)
     assert (finding.verdict, finding.found) == (REPRODUCED, "cell 1 5 s, cell N 20 s")
-    assert found(check, reference=warm(slow, quick)).verdict is NOT
+    swapped = found({"reference": warm(slow, quick)}, "last_cell_falls_slower", **arguments)
+    assert swapped.verdict is NOT
 
 
 @pytest.mark.parametrize(
     ("after_c", "expected"), [(33.0, REPRODUCED), (30.2, SIGN_ONLY), (29.0, NOT)]
 )
 def test_demand_heats_the_pack(after_c: float, expected: Verdict) -> None:
-    check = heats_in_demand((PROPOSED,), length_s=10.0, least_rise_k=1.0)
+    arguments = {"runs": PROPOSED, "length_s": 10.0, "least_rise_k": 1.0}
     demand = np.zeros(40)
     demand[21:31] = 1e4
     values = np.interp(np.arange(40.0), [0.0, 20.0, 30.0, 39.0], [35.0, 30.0, after_c, 28.0])
-    finding = found(check, aging=warm(values, values, demand))
+    finding = found({"aging": warm(values, values, demand)}, "heats_in_demand", **arguments)
     assert finding.verdict is expected
     assert "from 20 s on" in finding.found
 
@@ -168,18 +161,20 @@ def test_demand_heats_the_pack(after_c: float, expected: Verdict) -> None:
     ("before_c", "expected"), [(30.0, REPRODUCED), (34.0, SIGN_ONLY), (35.0, NOT)]
 )
 def test_pack_is_cooled_before_demand(before_c: float, expected: Verdict) -> None:
-    check = cooled_before_demand((PROPOSED,), length_s=10.0, least_drop_k=2.0)
+    arguments = {"runs": PROPOSED, "length_s": 10.0, "least_drop_k": 2.0}
     demand = np.zeros(40)
     demand[21:31] = 1e4
     values = np.interp(np.arange(40.0), [0.0, 20.0], [35.0, before_c])
-    assert found(check, aging=warm(values, values, demand)).verdict is expected
+    finding = found({"aging": warm(values, values, demand)}, "cooled_before_demand", **arguments)
+    assert finding.verdict is expected
 
 
 def test_aging_model_is_as_the_paper_says() -> None:
-    assert found(aging_falls()).verdict is REPRODUCED
-    assert found(aging_exponential(temperature_c=30.0, least_excess=0.5)).verdict is REPRODUCED
+    assert found({}, "aging_falls").verdict is REPRODUCED
     # Doubling the current does not multiply the loss by 20.
-    assert found(aging_exponential(temperature_c=30.0, least_excess=9.0)).verdict is SIGN_ONLY
+    for least_excess, expected in ((0.5, REPRODUCED), (9.0, SIGN_ONLY)):
+        arguments = {"temperature_c": 30.0, "least_excess": least_excess}
+        assert found({}, "aging_exponential", **arguments).verdict is expected
 
 
 def test_busiest_window_is_found_wherever_it_lies() -> None:
@@ -237,3 +232,38 @@ def test_cooling_that_never_ran_pays_never() -> None:
     power = np.array([0.0, 100.0, 300.0])
     trajectory = trip(compressor_power_w=power, traction_power_w=np.array([0.0, 5.0, -5.0]))
     assert share_while_braking(trajectory) == pytest.approx(0.75)
+
+
+def test_figures_follow_from_the_printed_tables_by_hand() -> None:
+    found = printed_cooling(load_parameters("paper_identified").values, KELVIN)
+    gas = 0.824 * 8.314462618
+    power_w = 187082.68e3 / 1e4
+    c_rate = mean_c_rate_1_h()
+    per_kelvin = (15162.0 - 1516.0 * c_rate) / (gas * KELVIN**2)
+    differ_k = math.log(1.3718 / 1.2789) / per_kelvin
+    assert found.cells_differ_k == pytest.approx(differ_k, rel=1e-3)
+    assert found.heat_w == pytest.approx(0.144 * 3330.0 * differ_k, rel=1e-3)
+    assert found.compressor_power_w == pytest.approx(8049.01e3 / 1e4 - 200.0)
+    assert found.cop == pytest.approx(found.heat_w / found.compressor_power_w)
+    # A joule more raises the aging by (1 + b c) / P, a kelvin less lowers it by alpha.
+    costs_1_j = (1.0 + 1516.0 * c_rate / (gas * KELVIN)) / power_w
+    kelvin_1_j = found.cop / (16 * 228 * 45.0)
+    assert found.pays_after_s == pytest.approx(costs_1_j / (per_kelvin * kelvin_1_j), rel=1e-3)
+    assert found.cop_to_pay_within(found.pays_after_s) == pytest.approx(found.cop)
+
+
+def test_braking_gives_back_less_than_the_energy_term_charges() -> None:
+    found = printed_cooling(load_parameters("paper_identified").values, KELVIN)
+    gas_k = 0.824 * 8.314462618 * 313.15
+    c_rate = mean_c_rate_1_h()
+    loss_1_ah = 0.824 * 0.0032 ** (1 / 0.824) * 0.001 ** (1 - 1 / 0.824)
+    rate_1_ah = loss_1_ah * math.exp((1516.0 * c_rate - 15162.0) / gas_k)
+    slope_1_ah = rate_1_ah * (1.0 + 1516.0 * c_rate / gas_k)
+    refund = 5e12 * 2.0 * slope_1_ah / 3600.0 / (380.0 * 38.0)
+    assert found.braking_refund == pytest.approx(refund, rel=1e-3)
+    assert found.braking_refund < 1.0
+
+
+def mean_c_rate_1_h() -> float:
+    """Mean C-rate of the printed reference."""
+    return 187082.68e3 / 1e4 / (380.0 * 38.0) / 5.019

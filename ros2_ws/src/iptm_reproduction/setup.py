@@ -17,6 +17,7 @@ setup(
         "jinja2>=3.1",
         "matplotlib>=3.8",
         "numpy>=1.24",
+        "pandas>=2.1",
         "PyYAML>=6.0",
         "rich>=13",
     ],

@@ -1,23 +1,85 @@
-"""From a store to the finished pages: HTML with everything inside, and Markdown with a folder of figures."""
+"""The page from a store: the parts of ``page.yaml``, as one HTML file and as Markdown with figures."""
 
 from __future__ import annotations
 
 import base64
 import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import jinja2
+import pandas as pd
+import yaml
+from markupsafe import Markup, escape
 
 from iptm_core.errors import StoreError
-from iptm_reproduction.chapters import compose
-from iptm_reproduction.check import Verdict
-from iptm_reproduction.document import Document
-from iptm_reproduction.gathering import gather
+from iptm_reproduction import paper_tables, study_tables, tables
+from iptm_reproduction.aging import HORIZON_S, cooling_payback
+from iptm_reproduction.claims import check_claims, claims_by_topic
+from iptm_reproduction.identification.spread import determined_numbers
+from iptm_reproduction.names import expanded, studies_of
+from iptm_reproduction.plots import drawn
+from iptm_reproduction.printed import PAPER
+from iptm_reproduction.results import Gathered, gather
+from iptm_reproduction.tables import strong, table_of
+from iptm_reproduction.texts import number_texts, rendered
+from iptm_reproduction.verdict import Verdict
 from iptm_studies.campaign import Campaign
 from iptm_studies.store import ResultStore
 
 NAME = "paper-reproduction"
 """Name of the pages, and of the folder of their figures."""
+_HERE = Path(__file__).parent
+_PAGE: dict[str, Any] = yaml.safe_load((_HERE / "page.yaml").read_text(encoding="utf-8"))
+LEGEND = "Marks: " + ", ".join(f"{verdict.symbol} {verdict.value}" for verdict in Verdict)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A part of a chapter.
+
+    Attributes:
+        kind: text, table, picture, claims, or missing for a table or picture whose runs are not there.
+        key: identifier of a table or picture: anchor, and file name without suffix.
+        title: heading of a table or picture.
+        paper: where it stands in the paper; empty for one beyond it.
+        text: the text, the note under a table, the caption of a picture, or which runs are missing and why.
+        content: rows of a table, PNG file of a picture, or checked claims.
+        command: what computes the missing runs.
+    """
+
+    kind: str
+    key: str = ""
+    title: str = ""
+    paper: str = ""
+    text: str = ""
+    content: Any = field(default=None, repr=False)
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A chapter of the page."""
+
+    key: str
+    title: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Document:
+    """The whole page: title, what is reproduced, and chapters in order."""
+
+    title: str
+    subtitle: str
+    sections: tuple[Section, ...]
+
+    def blocks(self, *kinds: str) -> Iterator[Block]:
+        """Return the blocks of some kinds, in order."""
+        blocks = (block for section in self.sections for block in section.blocks)
+        return (block for block in blocks if block.kind in kinds)
 
 
 def build_report(store: ResultStore, campaign: Campaign, output_dir: Path) -> tuple[Path, ...]:
@@ -54,7 +116,7 @@ def write_report(document: Document, output_dir: Path) -> tuple[Path, ...]:
         output_dir / f"{NAME}.html": render_html(document).encode(),
         output_dir / f"{NAME}.md": render_markdown(document, NAME).encode(),
     }
-    figures = {folder / f"{picture.key}.png": picture.png for picture in document.pictures}
+    figures = {folder / f"{block.key}.png": block.content for block in document.blocks("picture")}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for old in set(folder.glob("*.png")) - set(figures):
@@ -66,26 +128,136 @@ def write_report(document: Document, output_dir: Path) -> tuple[Path, ...]:
     return tuple(pages)
 
 
-_TEMPLATES = Path(__file__).parent / "templates"
-_SYMBOLS = {
-    Verdict.REPRODUCED: "✓",
-    Verdict.SIGN_ONLY: "≈",
-    Verdict.NOT_REPRODUCED: "✗",
-    Verdict.NOT_TESTED: "–",
-}
-LEGEND = "Marks: " + ", ".join(f"{symbol} {verdict.value}" for verdict, symbol in _SYMBOLS.items())
+def compose(gathered: Gathered) -> Document:
+    """Check every statement and put the page together; parts that cannot be built state the reason."""
+    page = _Page(gathered)
+    sections = (
+        Section(
+            chapter["key"],
+            chapter["title"],
+            tuple(block for part in chapter["parts"] if (block := page.block(part)) is not None),
+        )
+        for chapter in _PAGE["chapters"]
+    )
+    return Document(_PAGE["title"], PAPER, tuple(sections))
+
+
+class _Page:
+    """Builds parts from what was gathered."""
+
+    def __init__(self, gathered: Gathered) -> None:
+        self._gathered = gathered
+        self._results = gathered.results
+        self._checked = {
+            topic: check_claims(claims, self._results)
+            for topic, claims in claims_by_topic().items()
+        }
+        self._context = {
+            **number_texts(self._results),
+            "origin": gathered.origin,
+            "command": gathered.command,
+            "studies_of": studies_of,
+            "determined_numbers": determined_numbers,
+            "cooling_payback": cooling_payback,
+            "PERCENTILES": tables.PERCENTILES,
+            "LONG_STEP_PRICE": tables.LONG_STEP_PRICE,
+            "HORIZON_S": HORIZON_S,
+            "ranking_text": paper_tables.ranking_text,
+            "conclusions_text": study_tables.conclusions_text,
+        }
+
+    def block(self, part: Mapping[str, Any]) -> Block | None:
+        """Return a part; None for a text that is empty."""
+        kind, key = next(iter(part.items()))
+        if kind == "text":
+            text = self._text(key)
+            return Block(kind, text=text) if text else None
+        if kind == "claims":
+            return Block(kind, content=self._checked[key])
+        lacking = self._results.lacking(_runs(part, "needs"))
+        any_of = _runs(part, "any_of")
+        if any_of and self._results.lacking(any_of) == any_of:
+            lacking = (*lacking, *any_of)
+        if lacking:
+            return Block(
+                "missing",
+                key,
+                part["title"],
+                text=self._results.missing_text(lacking),
+                command=f"{self._gathered.command} {' '.join(studies_of(lacking))}",
+            )
+        text = self._text(part.get("note") or part.get("caption", ""))
+        if kind == "table":
+            content: Any = self._table(key, part)
+        else:
+            content = drawn(key, self._results)
+            left_out = self._results.lacking(_runs(part, "wanted"))
+            text += f" Left out: {self._results.missing_text(left_out)}." if left_out else ""
+        return Block(kind, key, part["title"], part.get("paper", ""), text, content)
+
+    def _text(self, template: str) -> str:
+        return rendered(template, **self._context)
+
+    def _table(self, key: str, part: Mapping[str, Any]) -> pd.DataFrame:
+        if "cells" in part:
+            rows = [[self._text(cell) for cell in row] for row in part["cells"]]
+            return table_of(part["head"], rows)
+        if "columns" in part:
+            names = ("runs", "columns", "base", "without", "needs_base")
+            given = {name: part[name] for name in names if name in part}
+            return tables.run_table(self._results, **given)
+        name = part.get("rows", key.replace("-", "_"))
+        if name == "verdicts":
+            return self._verdicts()
+        if name == "origin":
+            return self._origin()
+        modules = (paper_tables, study_tables, tables)
+        build = next(found for module in modules if (found := getattr(module, name, None)))
+        return build(self._results, **part.get("with", {}))
+
+    def _verdicts(self) -> pd.DataFrame:
+        """Return the number of statements by topic and verdict."""
+        checked = pd.DataFrame(
+            [
+                (topic, entry.verdict.value)
+                for topic, entries in self._checked.items()
+                for entry in entries
+            ],
+            columns=["topic", "verdict"],
+        )
+        counts = pd.crosstab(checked["topic"], checked["verdict"]).reindex(
+            index=list(self._checked), columns=[verdict.value for verdict in Verdict], fill_value=0
+        )
+        counts.insert(0, "number", counts.sum(axis=1))
+        counts.loc[strong("all statements")] = counts.sum()
+        return counts.astype(str).rename_axis("statements about").reset_index()
+
+    def _origin(self) -> pd.DataFrame:
+        """Return the origin of the runs."""
+        origin = self._gathered.origin
+        runs = f"{origin.runs} ({origin.cases} cases)"
+        rows = [("trip", origin.trip), ("runs", runs), *origin.details.items()]
+        return table_of(("", ""), rows)
+
+
+def _runs(part: Mapping[str, Any], name: str) -> tuple[str, ...]:
+    given = part.get(name, ())
+    return expanded(*([given] if isinstance(given, str) else given))
+
+
 _NUMBER = re.compile(r"[+\-−]?[\d. ]+(?: %)?(?: \(.*\))?|–")
+_MARKED = re.compile(
+    rf"(.*) ([{''.join(verdict.symbol for verdict in Verdict if verdict.symbol != '–')}])"
+)
+_STRONG = re.compile(r"\*\*(.*)\*\*")
 _RUNS = "|-"
 """First characters of lines that form one block: table rows and list entries."""
 
 
 def render_html(document: Document) -> str:
     """Return the page; figures are embedded, so that the one file is all."""
-    return (
-        _environment(escape=True)
-        .get_template("report.html.j2")
-        .render(document=document, legend=LEGEND)
-    )
+    template = _environment(escapes=True).get_template("report.html.j2")
+    return template.render(document=document, legend=LEGEND)
 
 
 def render_markdown(document: Document, folder: str) -> str:
@@ -95,9 +267,8 @@ def render_markdown(document: Document, folder: str) -> str:
         document: the report.
         folder: where its figures lie, relative to the file.
     """
-    template = _environment(escape=False).get_template("report.md.j2")
-    text = template.render(folder=folder, document=document, legend=LEGEND)
-    return spaced(text)
+    template = _environment(escapes=False).get_template("report.md.j2")
+    return spaced(template.render(folder=folder, document=document, legend=LEGEND))
 
 
 def spaced(text: str) -> str:
@@ -113,26 +284,43 @@ def spaced(text: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _environment(*, escape: bool) -> jinja2.Environment:
+def _environment(*, escapes: bool) -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_TEMPLATES),
+        loader=jinja2.FileSystemLoader(_HERE / "templates"),
         # Markdown is not HTML; what goes into it comes from this package and its own data files.
-        autoescape=escape,  # noqa: S701
+        autoescape=escapes,  # noqa: S701
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(cell_text=_cell_text)
+    environment.filters.update(cell_text=_cell_text, html_cell=_html_cell)
     environment.globals.update(
-        kind=lambda block: type(block).__name__,
-        symbol=_SYMBOLS.__getitem__,
-        css=lambda verdict: verdict.name.lower().replace("_", "-"),
-        encoded=lambda content: base64.b64encode(content).decode("ascii"),
-        is_number=lambda text: _NUMBER.fullmatch(text) is not None,
+        css=_css, encoded=lambda content: base64.b64encode(content).decode("ascii")
     )
     return environment
+
+
+def _css(verdict: Verdict) -> str:
+    return verdict.name.lower().replace("_", "-")
 
 
 def _cell_text(text: str) -> str:
     """Return a text that keeps a Markdown table whole."""
     return " ".join(text.replace("|", "\\|").split())
+
+
+def _html_cell(text: str) -> Markup:
+    """Return a cell of a table, given as in Markdown."""
+    mark = Markup("")
+    if found := _MARKED.fullmatch(text):
+        text = found[1]
+        verdict = next(verdict for verdict in Verdict if verdict.symbol == found[2])
+        mark = Markup(' <span class="{}" title="{}">{}</span>').format(
+            _css(verdict), verdict.value, verdict.symbol
+        )
+    shown = escape(text)
+    if found := _STRONG.fullmatch(text):
+        text = found[1]
+        shown = Markup("<strong>{}</strong>").format(text)
+    kind = Markup(' class="number"') if _NUMBER.fullmatch(text) else Markup("")
+    return Markup("<td{}>{}{}</td>").format(kind, shown, mark)

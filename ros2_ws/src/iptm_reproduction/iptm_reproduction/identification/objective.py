@@ -11,11 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from iptm_core.metrics.figures import Figure
 from iptm_reproduction import figures as fig
-from iptm_reproduction.check import CHANGE_SHARE, accepted_deviation
+from iptm_reproduction.names import REFERENCE, STRATEGIES, STRATEGY_NAMES
 from iptm_reproduction.printed import printed_change, printed_value
-from iptm_reproduction.runs import REFERENCE, STRATEGIES, STRATEGY_NAMES
+from iptm_reproduction.verdict import CHANGE_SHARE, accepted_deviation
 
 ABSOLUTE_TOLERANCE = CHANGE_SHARE
 """Unit of the deviation of an absolute figure, in its logarithm: the tolerance of the verdicts."""
@@ -37,18 +36,18 @@ def deviations(runs: Mapping[str, Figures]) -> dict[tuple[str, str], float]:
     for figure in fig.TABLE_FIGURES:
         printed = printed_value(REFERENCE, figure)
         if printed is not None:
-            ratio = reference[figure.key] / printed
-            found["reference", figure.key] = math.log(ratio) / ABSOLUTE_TOLERANCE
+            ratio = reference[figure] / printed
+            found["reference", figure] = math.log(ratio) / ABSOLUTE_TOLERANCE
     for name, address in zip(STRATEGY_NAMES, STRATEGIES, strict=True):
         if name == "reference" or name not in runs:
             continue
         for figure in fig.TABLE_FIGURES:
-            found[name, figure.key] = _relative(runs[name], reference, address, figure)
+            found[name, figure] = _relative(runs[name], reference, address, figure)
     return found
 
 
-def _relative(run: Figures, reference: Figures, address: str, figure: Figure) -> float:
-    change = run[figure.key] / reference[figure.key] - 1.0
+def _relative(run: Figures, reference: Figures, address: str, figure: str) -> float:
+    change = run[figure] / reference[figure] - 1.0
     printed = printed_change(address, figure)
     return (change - printed) / accepted_deviation(printed)
 

@@ -23,7 +23,7 @@ from iptm_reproduction.identification.evaluations import (
 )
 from iptm_reproduction.identification.objective import misfit
 from iptm_reproduction.identification.unknowns import Candidate, Unknowns
-from iptm_reproduction.runs import STRATEGY_NAMES
+from iptm_reproduction.names import STRATEGY_NAMES
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.workers import Failed, OnProgress, perform_all
 

@@ -7,22 +7,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from iptm_core.state import FloatArray
+from iptm_reproduction.names import PROPOSED, REFERENCE, STRATEGY_NAMES, name_of
 from iptm_reproduction.plots.style import (
     LINE,
     STRATEGY_COLOURS,
     labelled,
     legend_below,
     new_figure,
-    plot,
     wrapped,
 )
-from iptm_reproduction.quantities import (
+from iptm_reproduction.results import Results
+from iptm_reproduction.trips import (
     PowerRegions,
     battery_power_kw,
     busiest_window,
     traction_power_kw,
 )
-from iptm_reproduction.runs import PROPOSED, REFERENCE, STRATEGIES, STRATEGY_NAMES, VICE, Results
 
 COMPARED = ("reference", "energy_aging", "aging")
 """The proposed strategy and the two benchmarks, as in the paper's figure."""
@@ -32,25 +32,19 @@ _MOST_COLUMNS = 700
 _ZOOM_S = 300.0
 
 
-@plot(
-    "Total power distributions",
-    "Distribution over time of the power at the terminals of the pack, by strategy.",
-    needs=(REFERENCE, PROPOSED),
-    wanted=STRATEGIES,
-)
 def power_distribution(results: Results) -> Figure:
     """Draw distribution of the battery power of each strategy, with mean and extremes."""
     figure, (panel,) = new_figure(3.6)
-    present = results.strategies()
-    for index, (strategy, run) in enumerate(present.items()):
-        power = battery_power_kw(run.trajectory)
+    present = results.matching("strategies/*")
+    for index, address in enumerate(present):
+        power = battery_power_kw(results[address].trajectory)
         # A density needs spread.
         if np.ptp(power) > 0.0:
             shape = panel.violinplot(
                 power, positions=[index], widths=0.85, showextrema=False, points=200
             )
             for body in shape["bodies"]:  # type: ignore[attr-defined]
-                body.set_facecolor(STRATEGY_COLOURS[strategy])
+                body.set_facecolor(STRATEGY_COLOURS[address.partition("/")[2]])
                 body.set_alpha(0.55)
         for value, marker, place in (
             (float(np.max(power)), "v", (0, 4)),
@@ -66,23 +60,20 @@ def power_distribution(results: Results) -> Figure:
                 fontsize=7.5,
                 ha="left" if marker == "D" else "center",
             )
-    panel.set_xticks(range(len(present)), [wrapped(STRATEGY_NAMES[name]) for name in present])
+    panel.set_xticks(range(len(present)), [wrapped(name_of(run)) for run in present])
     panel.tick_params(axis="x", labelsize=8)
     panel.margins(y=0.12)
     labelled(panel, "", "battery power [kW]", "▼ largest   ◆ mean   ▲ smallest")
     return figure
 
 
-@plot(
-    "Statistical power distributions",
-    "Share of time by power for the proposed strategy and both benchmarks. The dotted lines part low, "
-    "medium and high power: median and percentile 90 of the reference, for the paper gives no values.",
-    needs=(REFERENCE, PROPOSED),
-    wanted=(VICE,),
-)
 def power_statistics(results: Results) -> Figure:
     """Draw share of time by battery power, and by low, medium and high power."""
-    trips = {name: run.trajectory for name, run in results.strategies().items() if name in COMPARED}
+    trips = {
+        name: results[f"strategies/{name}"].trajectory
+        for name in COMPARED
+        if f"strategies/{name}" in results
+    }
     powers = {name: battery_power_kw(trip) for name, trip in trips.items()}
     regions = PowerRegions.of_reference(results[REFERENCE].trajectory)
     low = min(float(np.min(power)) for power in powers.values())
@@ -112,11 +103,6 @@ def power_statistics(results: Results) -> Figure:
     return figure
 
 
-@plot(
-    "Traction and cooling power of the proposed strategy",
-    "Left the whole trip, right the minutes with the most cooling (shaded on the left).",
-    needs=(PROPOSED,),
-)
 def power_profiles(results: Results) -> Figure:
     """Draw traction and compressor power of the proposed strategy, over the trip and where it cools most."""
     run = results[PROPOSED].trajectory

@@ -1,10 +1,9 @@
-"""What a figure of the report is, and one look for all of them: sizes, colours, and small files."""
+"""One look for all pictures of the report: sizes, colours, and small files."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from iptm_core.errors import StoreError
-from iptm_reproduction.runs import Results
+from iptm_reproduction.names import DEFAULT_CONTROLLER
 
 WIDTH_INCH = 7.6
 DPI = 105
@@ -29,6 +28,12 @@ STRATEGY_COLOURS = {
 }
 """Okabe-Ito inspired; the proposed strategy is green, the reference grey, everywhere."""
 
+CONTROLLER_COLOURS = {
+    **STRATEGY_COLOURS,
+    "multi_horizon": "#0b4d1a",
+    DEFAULT_CONTROLLER: "#08306b",
+}
+
 SERIES_COLOURS = ("#08306b", "#2171b5", "#41ab5d", "#e08214", "#a50f15")
 """For a few values of one quantity, from small to large."""
 
@@ -40,52 +45,10 @@ OPTIMUM_COLOUR = "#111111"
 LINE = 1.1
 
 
-@dataclass(frozen=True)
-class Plot:
-    """A figure that can be drawn from stored runs.
-
-    Attributes:
-        key: file name without suffix, and key of the figure of the paper that it stands for.
-        title: heading.
-        caption: what is shown, in one or two sentences.
-        needs: runs without which it cannot be drawn.
-        wanted: runs that it shows if they are there.
-        draw: draws it.
-    """
-
-    key: str
-    title: str
-    caption: str
-    needs: tuple[str, ...]
-    wanted: tuple[str, ...]
-    draw: Callable[[Results], Figure]
-
-
-def plot(
-    title: str, caption: str, needs: tuple[str, ...] = (), wanted: tuple[str, ...] = ()
-) -> Callable[[Callable[[Results], Figure]], Plot]:
-    """Make a plot of a drawing function; its name becomes the key. See `Plot` for the arguments."""
-
-    def declare(draw: Callable[[Results], Figure]) -> Plot:
-        return Plot(draw.__name__, title, caption, needs, wanted, draw)
-
-    return declare
-
-
 def new_figure(
     height_inch: float, rows: int = 1, columns: int = 1, **options: Any
 ) -> tuple[Figure, list[Axes]]:
-    """Start a figure of page width.
-
-    Args:
-        height_inch: height.
-        rows: rows of panels.
-        columns: columns of panels.
-        options: for ``Figure.subplots``.
-
-    Returns:
-        The figure and its panels, row by row.
-    """
+    """Return a figure of page width and its panels, row by row; options are those of ``Figure.subplots``."""
     figure = Figure(figsize=(WIDTH_INCH, height_inch), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     panels = np.atleast_1d(np.asarray(figure.subplots(rows, columns, **options)))
@@ -143,14 +106,7 @@ def wrapped(name: str) -> str:
 
 
 def png_bytes(figure: Figure, name: str) -> bytes:
-    """Draw a figure as a PNG file.
-
-    Args:
-        figure: the figure.
-        name: what to call it in an error.
-
-    Returns:
-        Content of the file.
+    """Return a figure as a PNG file.
 
     Raises:
         StoreError: the file would be larger than what the documentation takes.

@@ -1,4 +1,4 @@
-"""Figures over the time of a trip: temperatures, degradation, spacing."""
+"""Figures over the time of a trip: temperatures, degradation, spacing, prices, and the driving cycle."""
 
 from __future__ import annotations
 
@@ -10,10 +10,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from iptm_core.metrics import gap_margins_m
-from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.state import FloatArray
-from iptm_core.trajectory import Trajectory
+from iptm_reproduction.figures import SMALLEST_MARGIN
+from iptm_reproduction.names import (
+    COST_TO_GO_OPTIMUM,
+    DEFAULT_CONTROLLER,
+    OPTIMUM,
+    PROPOSED,
+    REFERENCE,
+    controller_name,
+    name_of,
+)
 from iptm_reproduction.plots.style import (
+    CONTROLLER_COLOURS,
     LIMIT_COLOUR,
     LINE,
     OPTIMUM_COLOUR,
@@ -23,52 +33,32 @@ from iptm_reproduction.plots.style import (
     labelled,
     legend_below,
     new_figure,
-    plot,
+    tidy,
 )
-from iptm_reproduction.printed import SMALLEST_MARGIN_M
-from iptm_reproduction.quantities import celsius, thinned
-from iptm_reproduction.runs import (
-    HORIZONS_S,
-    OPTIMUM,
-    PROPOSED,
-    REFERENCE,
-    STRATEGIES,
-    STRATEGY_NAMES,
-    ReportRun,
-    Results,
-    horizons,
-)
+from iptm_reproduction.printed import printed_value
+from iptm_reproduction.results import ReportRun, Results
+from iptm_reproduction.trips import celsius, mean_cell_temperature_c, thinned
 
 _MOST_POINTS = 600
 _DASHED: dict[str, Any] = {"linestyle": "--", "linewidth": 1.0}
+_SLOPE_SHADES = {"large": "#f6d5c5", "small": "#dcebd7"}
 
 
-@plot(
-    "Temperatures under the six strategies",
-    "Temperature of the first and the last cell of a coolant channel; dashed: limits. The line of the "
-    "reference is drawn broad because others run over it.",
-    needs=(REFERENCE, PROPOSED),
-    wanted=STRATEGIES,
-)
+def _colour(run: str) -> str:
+    return OPTIMUM_COLOUR if run == OPTIMUM else STRATEGY_COLOURS[run.partition("/")[2]]
+
+
 def temperature_comparison(results: Results) -> Figure:
     """Draw temperature of both cells under each strategy."""
-    lines = {
-        STRATEGY_NAMES[name]: (run, STRATEGY_COLOURS[name])
-        for name, run in results.strategies().items()
-    }
+    lines = {name_of(run): (results[run], _colour(run)) for run in results.matching("strategies/*")}
     return _temperature_figure(lines, 3)
 
 
-@plot(
-    "Temperatures by prediction horizon",
-    "Temperature of the first and the last cell under the proposed strategy; dashed: limits.",
-    needs=horizons(*HORIZONS_S),
-)
 def horizon_temperatures(results: Results) -> Figure:
     """Draw temperature of both cells of the proposed strategy by prediction horizon."""
     lines = {
         f"{length} s": (results[f"prediction_horizon/{length}"], colour)
-        for length, colour in zip(HORIZONS_S, SERIES_COLOURS[1:], strict=True)
+        for length, colour in zip((5, 10, 15, 20), SERIES_COLOURS[1:], strict=True)
     }
     return _temperature_figure(lines, 4)
 
@@ -82,7 +72,7 @@ def _temperature_figure(lines: Mapping[str, tuple[ReportRun, str]], columns: int
         ):
             # The benchmark is drawn broad, for its line often lies under others.
             width = 3.0 * LINE if run.address == REFERENCE else LINE
-            _mean_line(panel, run.trajectory, celsius(values), colour, name, width)
+            _mean_line(panel, run, celsius(values), colour, name, width)
     limits = next(iter(lines.values()))[0].parameters.limits
     for panel in (left, right):
         for bound in (limits.min_temperature_k, limits.max_temperature_k):
@@ -94,32 +84,26 @@ def _temperature_figure(lines: Mapping[str, tuple[ReportRun, str]], columns: int
 
 
 def _mean_line(
-    panel: Axes, run: Trajectory, values: FloatArray, colour: str, name: str, width: float = LINE
+    panel: Axes, run: ReportRun, values: FloatArray, colour: str, name: str, width: float = LINE
 ) -> None:
     """Draw a quantity over time with few enough points: the mean of each block."""
-    times, means = thinned(run, values, _MOST_POINTS)
+    times, means = thinned(run.trajectory, values, _MOST_POINTS)
     panel.plot(times, means, color=colour, linewidth=width, label=name)
 
 
-@plot(
-    "Degradation under the six strategies",
-    "Capacity loss of both cells since the start, and its difference to that under the reference.",
-    needs=(REFERENCE, PROPOSED),
-    wanted=STRATEGIES,
-)
 def degradation_comparison(results: Results) -> Figure:
     """Draw capacity loss of both cells under each strategy, and its difference to the reference."""
     figure, panels = new_figure(4.6, 2, 2, sharex=True, sharey="row")
-    runs = {name: run.trajectory for name, run in results.strategies().items()}
     base = results[REFERENCE].trajectory
     for column, cell in enumerate(("cell_1_capacity_loss", "cell_n_capacity_loss")):
         reference = getattr(base, cell) - getattr(base, cell)[0]
-        for strategy, run in runs.items():
-            loss = 1e5 * (getattr(run, cell) - getattr(run, cell)[0])
+        for address in results.matching("strategies/*"):
+            run = results[address]
+            found = getattr(run.trajectory, cell)
+            loss = 1e5 * (found - found[0])
             difference = loss - 1e5 * reference if loss.size == reference.size else np.nan * loss
             for panel, values in ((panels[column], loss), (panels[2 + column], difference)):
-                colour, name = STRATEGY_COLOURS[strategy], STRATEGY_NAMES[strategy]
-                _mean_line(panel, run, values, colour, name)
+                _mean_line(panel, run, values, _colour(address), name_of(address))
     labelled(panels[0], "", "capacity loss [10⁻⁵]", "cell 1")
     labelled(panels[1], "", "", "cell N")
     labelled(panels[2], "time [s]", "minus reference [10⁻⁵]")
@@ -128,12 +112,6 @@ def degradation_comparison(results: Results) -> Figure:
     return figure
 
 
-@plot(
-    "Spacing of the proposed strategy",
-    "Gap between the limits for safety and traffic efficiency, and its margin to the lower limit. Where "
-    "the line is thinned, the smallest value is kept.",
-    needs=(PROPOSED,),
-)
 def spacing(results: Results) -> Figure:
     """Draw gap of the proposed strategy between its limits, and its margin to the lower one."""
     run = results[PROPOSED]
@@ -149,7 +127,8 @@ def spacing(results: Results) -> Figure:
     _lowest_line(bottom, run, margins, STRATEGY_COLOURS["aging"], "gap − s_min")
     lowest = int(np.argmin(margins))
     bottom.plot(trip.time_s[lowest], margins[lowest], "v", color="black", markersize=5)
-    bottom.axhline(SMALLEST_MARGIN_M, color=PAPER_COLOUR, label="paper, smallest", **_DASHED)
+    printed_m = printed_value(PROPOSED, SMALLEST_MARGIN) or 0.0
+    bottom.axhline(printed_m, color=PAPER_COLOUR, label="paper, smallest", **_DASHED)
     bottom.axhline(0.0, color=LIMIT_COLOUR, linewidth=0.8)
     smallest = f"smallest margin {margins[lowest]:.3f} m at {trip.time_s[lowest]:.0f} s"
     labelled(bottom, "time [s]", "margin [m]", smallest)
@@ -171,27 +150,78 @@ def _lowest_line(panel: Axes, run: ReportRun, values: FloatArray, colour: str, n
     )
 
 
-@plot(
-    "What the optimum does differently",
-    "Mean cell temperature, gap and capacity loss of both cells.",
-    needs=(REFERENCE, PROPOSED, OPTIMUM),
-)
 def optimum(results: Results) -> Figure:
     """Draw how the whole-trip optimum differs from the proposed strategy and the reference, over the trip."""
     figure, panels = new_figure(4.4, 3, 1, sharex=True)
-    lines = {
-        "Reference": (REFERENCE, STRATEGY_COLOURS["reference"]),
-        "Aging (proposed)": (PROPOSED, STRATEGY_COLOURS["aging"]),
-        "whole-trip optimum": (OPTIMUM, OPTIMUM_COLOUR),
-    }
-    for name, (address, colour) in lines.items():
-        run = results[address].trajectory
-        mean = celsius(0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k))
-        loss = run.cell_1_capacity_loss + run.cell_n_capacity_loss
-        for panel, values in zip(panels, (mean, run.gap_m, 1e5 * (loss - loss[0])), strict=True):
-            _mean_line(panel, run, values, colour, name)
+    for address in (REFERENCE, PROPOSED, OPTIMUM):
+        trip = results[address].trajectory
+        loss = trip.cell_1_capacity_loss + trip.cell_n_capacity_loss
+        series = (mean_cell_temperature_c(trip), trip.gap_m, 1e5 * (loss - loss[0]))
+        for panel, values in zip(panels, series, strict=True):
+            _mean_line(panel, results[address], values, _colour(address), name_of(address))
     labelled(panels[0], "", "mean of cells [°C]")
     labelled(panels[1], "", "gap [m]")
     labelled(panels[2], "time [s]", "loss, both [10⁻⁵]")
     legend_below(figure, panels[0], 3)
     return figure
+
+
+def temperature_price(results: Results) -> Figure:
+    """Draw the price of both cell temperatures and the costates of the whole trip, over the trip."""
+    figure, panels = new_figure(5.2, 3, 1, sharex=True)
+    decisions = results[f"cost_to_go/comprehensive/{DEFAULT_CONTROLLER}/perfect"].decisions
+    record = results[COST_TO_GO_OPTIMUM].whole_trip
+    if decisions is not None:
+        prices = (decisions.cell_1_marginal_cost_1_k, decisions.cell_n_marginal_cost_1_k)
+        name = f"price, {controller_name(DEFAULT_CONTROLLER)}"
+        colour = CONTROLLER_COLOURS[DEFAULT_CONTROLLER]
+        for panel, values in zip(panels, (prices[0] + prices[1], *prices), strict=True):
+            panel.plot(decisions.time_s, values, color=colour, linewidth=LINE, label=name)
+    if record is not None:
+        found, name = record.costates, "costate, whole-trip optimum"
+        costates = (np.array(found.cell_1_1_k), np.array(found.cell_n_1_k))
+        for panel, values in zip(panels, (costates[0] + costates[1], *costates), strict=True):
+            panel.plot(found.times_s, values, color=OPTIMUM_COLOUR, linewidth=0.8, label=name)
+    for panel, title in zip(panels, ("both cells", "cell 1", "cell N"), strict=True):
+        labelled(panel, "", "cost [1/K]", title)
+        panel.axhline(0.0, color="black", linewidth=0.7)
+    labelled(panels[-1], "time [s]", "cost [1/K]")
+    legend_below(figure, panels[0], 2)
+    return figure
+
+
+def driving_cycle(results: Results) -> Figure:
+    """Draw speed of the leader and the slope where it drives, over time."""
+    route = results[REFERENCE].route
+    step_s = max(1.0, round(route.duration_s / 5000.0))
+    times = np.arange(0.0, route.duration_s + 0.5, step_s, dtype=np.float64)
+    figure, (top, bottom) = new_figure(3.6, 2, 1, sharex=True, height_ratios=[2, 1])
+    top.plot(times, KM_H_PER_M_S * route.leader.speeds_at(times), color="#333333", linewidth=0.7)
+    labelled(top, "", "speed [km/h]")
+    driven = route.leader.positions_at(times) - route.leader.start_position_m
+    grades = 100.0 * np.tan(route.slope.slope_at(driven))
+    bottom.plot(times, grades, color="#8c4a2f", linewidth=0.9)
+    labelled(bottom, "time [s]", "slope [%]")
+    for segment in route.segments:
+        if segment.start_s >= route.duration_s:
+            continue
+        end = min(segment.end_s, route.duration_s)
+        shade = _SLOPE_SHADES.get(segment.slope_kind, "#eeeeee")
+        for panel in (top, bottom):
+            tidy(panel)
+            panel.axvspan(segment.start_s, end, color=shade, linewidth=0.0, zorder=0)
+        kind = segment.slope_kind[0].upper() if segment.slope_kind in _SLOPE_SHADES else ""
+        top.annotate(
+            f"{_short(segment.cycle)}\n{kind}".strip(),
+            (0.5 * (segment.start_s + end), 1.01),
+            xycoords=("data", "axes fraction"),
+            fontsize=7,
+            ha="center",
+            va="bottom",
+        )
+    top.set_xlim(0.0, route.duration_s)
+    return figure
+
+
+def _short(cycle: str) -> str:
+    return {"wltc_class3b": "WLTC"}.get(cycle, cycle.upper() if len(cycle) <= 5 else cycle)

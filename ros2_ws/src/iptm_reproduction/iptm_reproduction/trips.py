@@ -10,7 +10,7 @@ from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 
-LOW_PERCENTILE, HIGH_PERCENTILE = 50.0, 90.0
+LOW_PERCENTILE, HIGH_PERCENTILE = 50, 90
 """Up to the one, power counts as low, from the other on as high; the paper draws regions without values."""
 
 

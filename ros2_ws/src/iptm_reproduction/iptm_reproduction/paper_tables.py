@@ -1,0 +1,248 @@
+"""The tables of the paper with this project's numbers next to the printed ones, and what was identified."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from iptm_controller.strategy import STRATEGIES as COST_TERMS
+from iptm_core.metrics.figures import FIGURES
+from iptm_core.parameters import describe_parameters, load_parameters
+from iptm_core.parameters.model import to_model_unit
+from iptm_reproduction.figures import (
+    CELL_1,
+    CELL_N,
+    CELL_N_MAX,
+    CELL_N_MEAN,
+    COMPUTING_TIME,
+    COOLING,
+    DASH,
+    DEGRADATION,
+    HEADLINE_FIGURES,
+    INCONSISTENCY,
+    SMALLEST_MARGIN,
+    TABLE_FIGURES,
+    TOTAL,
+    TRACTION,
+    change_text,
+)
+from iptm_reproduction.identification.spread import determined_numbers
+from iptm_reproduction.identification.unknowns import read_unknowns, shipped_unknowns
+from iptm_reproduction.names import (
+    FIRST_MULTI_HORIZON,
+    FIRST_REFERENCE,
+    MULTI_HORIZON,
+    REFERENCE,
+    STRATEGIES,
+    name_of,
+)
+from iptm_reproduction.printed import (
+    FORMULATIONS,
+    PARAMETER_TABLES,
+    printed_change,
+    printed_value,
+)
+from iptm_reproduction.results import Results
+from iptm_reproduction.tables import (
+    SAVING,
+    figure_text,
+    marked,
+    share_text,
+    strong,
+    table_of,
+    weight_text,
+)
+from iptm_reproduction.verdict import compared, graded
+from iptm_studies.run_spec import REPRODUCED_SET
+
+_SAME = 1e-9
+_FURTHER_ROWS = (
+    "traction_energy",
+    "total_energy_printed",
+    DEGRADATION,
+    "cell_1_temperature_mean",
+    CELL_N_MEAN,
+    CELL_N_MAX,
+    SMALLEST_MARGIN,
+    "mean_gap",
+    COMPUTING_TIME,
+    "gap_violations",
+    "hard_violations",
+    "soft_violations",
+    "fallbacks",
+    "failed_solves",
+)
+
+
+def parameters(_: Results, table: str) -> pd.DataFrame:
+    """Return a printed table of parameters with the values of the set of the reproduction."""
+    used = load_parameters(REPRODUCED_SET)
+    ours = {row.key: row for row in describe_parameters(used)}
+    rows = []
+    for key, (printed, unit) in PARAMETER_TABLES[table].items():
+        row, source = ours[key], used.sources[key]
+        wanted = to_model_unit(printed, unit, row.unit)
+        same = abs(row.value - wanted) <= _SAME * max(1.0, abs(wanted))
+        found = marked(_with_unit(source.value, source.unit), graded(same))
+        rows.append((row.symbol, key, _with_unit(printed, unit), found))
+    return table_of(("symbol", "parameter", "printed", "used"), rows)
+
+
+def omitted_parameters(_: Results) -> pd.DataFrame:
+    """Return every parameter that the paper's tables do not state, and where its value comes from."""
+    stated = {key for table in PARAMETER_TABLES.values() for key in table}
+    return table_of(
+        ("symbol", "parameter", "used", "source", "remark"),
+        [
+            (row.symbol, row.key, _with_unit(row.value, row.unit), row.source, row.note or DASH)
+            for row in describe_parameters(load_parameters(REPRODUCED_SET))
+            if row.key not in stated
+        ],
+    )
+
+
+def _with_unit(value: float, unit: str, text: str = ".10g") -> str:
+    return format(value, text) if unit == "1" else f"{format(value, text)} {unit}"
+
+
+def formulations(_: Results) -> pd.DataFrame:
+    """Return the cost terms of the six formulations, printed and used."""
+    rows = []
+    for strategy, (name, printed) in FORMULATIONS.items():
+        weights = COST_TERMS[strategy].weights.values()
+        used = [number for number, weight in enumerate(weights, start=1) if weight > 0.0]
+        printed_text, text = (
+            " + ".join(f"J{term}" for term in numbers) for numbers in (printed, used)
+        )
+        rows.append((name, printed_text, marked(text, graded(used == printed))))
+    return table_of(("formulation", "printed", "used"), rows)
+
+
+def strategies(results: Results) -> pd.DataFrame:
+    """Return the results table: found above printed, with the change against the reference."""
+    rows: list[tuple[str, ...]] = [
+        ("weights λ_P, λ_Q", "used", *(_weights(results, run) for run in STRATEGIES))
+    ]
+    for figure in TABLE_FIGURES:
+        found = (_with_change(results, run, figure) for run in STRATEGIES)
+        rows.append((strong(FIGURES[figure].title), "found", *found))
+        rows.append(("", "printed", *(_printed(run, figure) for run in STRATEGIES)))
+    for figure in _FURTHER_ROWS:
+        found = (figure_text(results, run, figure) for run in STRATEGIES)
+        rows.append((FIGURES[figure].title, "found", *found))
+    rows.append((SAVING, "found", *(share_text(results, run) for run in STRATEGIES)))
+    return table_of(("figure", "", *(name for name, _ in FORMULATIONS.values())), rows)
+
+
+def _with_change(results: Results, run: str, figure: str) -> str:
+    text = figure_text(results, run, figure)
+    change = results.change(run, REFERENCE, figure)
+    if run == REFERENCE or change is None:
+        return text
+    verdict = compared(change, printed_change(run, figure))
+    return marked(f"{text} ({change_text(change)})", verdict)
+
+
+def _printed(run: str, figure: str) -> str:
+    text = FIGURES[figure].text(printed_value(run, figure))
+    return text if run == REFERENCE else f"{text} ({change_text(printed_change(run, figure))})"
+
+
+def _weights(results: Results, run: str) -> str:
+    if run not in results:
+        return DASH
+    strategy = results[run].strategy
+    return ", ".join(map(weight_text, (strategy.energy_weight_1_j, strategy.aging_weight)))
+
+
+def _compared_change(results: Results, run: str, base: str, figure: str) -> str:
+    """Return a change with the mark that compares it with the headline's."""
+    change = results.change(run, base, figure)
+    verdict = None if change is None else compared(change, printed_change(MULTI_HORIZON, figure))
+    return marked(change_text(change), verdict)
+
+
+def headline(results: Results) -> pd.DataFrame:
+    """Return the headline comparison: values of both runs, the change found and the printed one."""
+    both = (REFERENCE, MULTI_HORIZON)
+    rows = [
+        (
+            FIGURES[figure].title,
+            *(figure_text(results, run, figure) for run in both),
+            _compared_change(results, MULTI_HORIZON, REFERENCE, figure),
+            change_text(printed_change(MULTI_HORIZON, figure)),
+        )
+        for figure in HEADLINE_FIGURES
+    ]
+    rows.append((SAVING, *(share_text(results, run) for run in both), DASH, DASH))
+    return table_of(
+        ("figure", "Reference, SH 15", "Aging, MH 3+5", "change found", "change printed"), rows
+    )
+
+
+def ranking_text(results: Results) -> str:
+    """Return the strategies in the order of a few figures, best first, in words."""
+    sentences = []
+    for figure in (DEGRADATION, TOTAL, COOLING, INCONSISTENCY):
+        shown = FIGURES[figure]
+        known = {
+            run: value for run in STRATEGIES if (value := results.find(run, figure)) is not None
+        }
+        order = ", ".join(
+            f"{name_of(run)} ({shown.text(known[run])})"
+            for run in sorted(known, key=known.__getitem__)
+        )
+        sentences += [f"{shown.title}: {order}."] if order else []
+    return f"The strategies in order, lowest first. {' '.join(sentences)}"
+
+
+def determined(_: Results) -> pd.DataFrame:
+    """Return every number that was searched for: its bounds, the value, and the spread of the good fits."""
+    return table_of(
+        ("number", "bounds", "identified", "left open", "of the prior", "good fits", "pinned down"),
+        [
+            (
+                number.unknown.key,
+                f"{number.unknown.low:g} to "
+                + _with_unit(number.unknown.high, number.unknown.unit, "g"),
+                f"{number.value:g}",
+                f"± {number.deviation:.2g}",
+                f"{100.0 * number.share:.0f} %",
+                f"{number.low:g} to {number.high:g}",
+                number.judgement,
+            )
+            for number in determined_numbers().numbers
+        ],
+    )
+
+
+def settled(_: Results) -> pd.DataFrame:
+    """Return what the search left alone, and why."""
+    return table_of(
+        ("number", "value", "reason"),
+        [
+            (entry.key, _with_unit(entry.value, entry.unit, "g"), entry.reason)
+            for entry in read_unknowns(shipped_unknowns()).settled
+        ],
+    )
+
+
+def first_composition(results: Results) -> pd.DataFrame:
+    """Return the headline on the identified trip against that on the composition used before."""
+    pairs = ((MULTI_HORIZON, REFERENCE), (FIRST_MULTI_HORIZON, FIRST_REFERENCE))
+    rows = [
+        (
+            FIGURES[figure].label,
+            *(_compared_change(results, *pair, figure) for pair in pairs),
+            change_text(printed_change(MULTI_HORIZON, figure)),
+        )
+        for figure in HEADLINE_FIGURES
+    ]
+    rows += [
+        (
+            f"Reference: {FIGURES[figure].title}",
+            *(figure_text(results, run, figure) for _, run in pairs),
+            FIGURES[figure].text(printed_value(REFERENCE, figure)),
+        )
+        for figure in (TRACTION, CELL_1, CELL_N, COOLING)
+    ]
+    return table_of(("figure", "identified", "own composition", "printed"), rows)

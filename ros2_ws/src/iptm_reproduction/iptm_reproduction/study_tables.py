@@ -1,0 +1,207 @@
+"""Tables of what was found over whole studies: conclusions, reliability, every cell of the channel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from statistics import fmean
+from typing import NamedTuple
+
+import pandas as pd
+import yaml
+
+from iptm_core.metrics.figures import FIGURES
+from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_reproduction.figures import DASH, change_text, relative_change
+from iptm_reproduction.names import STUDIES, controller_name, name_of, words
+from iptm_reproduction.results import Results
+from iptm_reproduction.tables import marked, table_of
+from iptm_reproduction.verdict import graded
+from iptm_studies.channel_record import ChannelRecord, HottestCell
+
+
+class Conclusion(NamedTuple):
+    """A comparison that should hold whatever varies: ``better`` is lower than ``worse`` in all figures."""
+
+    text: str
+    better: str
+    worse: str
+    figures: list[str]
+
+    def holds(self, results: Results, case: str) -> bool | None:
+        """Return whether it holds in a case, the address without controller; None where a run is missing."""
+        pairs = [
+            [results.find(f"{case}/{name}", figure) for name in (self.better, self.worse)]
+            for figure in self.figures
+        ]
+        known = [(low, high) for low, high in pairs if low is not None and high is not None]
+        return all(low < high for low, high in known) if len(known) == len(pairs) else None
+
+
+@cache
+def _conclusions() -> dict[str, list[Conclusion]]:
+    source = Path(__file__).with_name("conclusions.yaml").read_text(encoding="utf-8")
+    return {
+        study: [Conclusion(*entry) for entry in entries]
+        for study, entries in yaml.safe_load(source).items()
+    }
+
+
+def _outcomes(results: Results, study: str) -> dict[str, dict[str, bool | None]]:
+    """Return whether each conclusion holds in each case, except those that no run can decide."""
+    cases = dict.fromkeys(run.split("/")[1] for run in results.matching(f"{study}/*"))
+    table = {
+        conclusion.text: {case: conclusion.holds(results, f"{study}/{case}") for case in cases}
+        for conclusion in _conclusions()[study]
+    }
+    return {text: marks for text, marks in table.items() if set(marks.values()) - {None}}
+
+
+def conclusions(results: Results, study: str) -> pd.DataFrame:
+    """Return the conclusions of a study as rows, its cases as columns."""
+    outcomes = _outcomes(results, study)
+    cases = dict.fromkeys(case for marks in outcomes.values() for case in marks)
+    rows = []
+    for text, marks in outcomes.items():
+        known = [mark for mark in marks.values() if mark is not None]
+        cells = (
+            DASH if holds is None else marked("yes" if holds else "no", graded(holds))
+            for holds in marks.values()
+        )
+        rows.append((text, *cells, f"{sum(known)} of {len(known)}"))
+    return table_of(("conclusion", *map(words, cases), "holds in"), rows)
+
+
+def conclusions_text(results: Results, study: str) -> str:
+    """Return which conclusions hold throughout and which do not, in words."""
+    throughout, others = [], []
+    for text, marks in _outcomes(results, study).items():
+        failing = [words(name) for name, mark in marks.items() if mark is False]
+        if failing:
+            others.append(f"{text} (not with: {', '.join(failing)})")
+        else:
+            throughout.append(text)
+    sentences = []
+    if throughout:
+        sentences.append(f"Hold in every case that was run: {'; '.join(throughout)}.")
+    if others:
+        sentences.append(f"Depend on the case: {'; '.join(others)}.")
+    return " ".join(sentences) or "Nothing to conclude from yet."
+
+
+_RELIABILITY = (
+    "gap_violations",
+    "hard_violations",
+    "soft_violations",
+    "fallbacks",
+    "failed_solves",
+    "solves_feasible",
+    "limiter_ticks",
+)
+_LONGEST_SOLVE = "solve_max"
+
+
+def reliability(results: Results) -> pd.DataFrame:
+    """Return what went wrong in any run, by study: sums and the worst run."""
+    rows = []
+    for study, title in STUDIES.items():
+        runs = results.matching(f"{study}/*")
+        missing = sum(address.startswith(f"{study}/") for address in results.missing)
+        if not runs and not missing:
+            continue
+        longest = max(_values(results, runs, _LONGEST_SOLVE).values(), default=None)
+        rows.append(
+            (
+                title,
+                str(len(runs)),
+                str(missing),
+                *(_sum_and_worst(_values(results, runs, figure)) for figure in _RELIABILITY),
+                FIGURES[_LONGEST_SOLVE].text(longest),
+            )
+        )
+    labels = (FIGURES[figure].label for figure in _RELIABILITY)
+    return table_of(("study", "runs", "missing", *labels, "longest solve [ms]"), rows)
+
+
+def _values(results: Results, runs: Sequence[str], figure: str) -> dict[str, float]:
+    found = {run: results.find(run, figure) for run in runs}
+    return {run: value for run, value in found.items() if value is not None}
+
+
+def _sum_and_worst(values: dict[str, float]) -> str:
+    if not values:
+        return DASH
+    total = sum(values.values())
+    if total == 0.0:
+        return "0"
+    worst = max(values, key=values.__getitem__)
+    return f"{total:.0f} ({name_of(worst)}: {values[worst]:.0f})"
+
+
+def channel_records(results: Results) -> dict[str, ChannelRecord]:
+    """Return what all cells went through, by controller."""
+    runs = results.matching("full_channel/full_channel/*")
+    records = {run.split("/")[2]: results[run].channel for run in runs}
+    return {name: record for name, record in records.items() if record is not None}
+
+
+def channel(results: Results) -> pd.DataFrame:
+    """Return what all cells of a channel go through, and what the two-cell reduction makes of it."""
+    records = channel_records(results)
+    return table_of(
+        ("", *map(controller_name, records)),
+        [(name, *map(show, records.values())) for name, show in _CHANNEL_ROWS.items()],
+    )
+
+
+def _place(value: str, found: HottestCell) -> str:
+    return f"{value} (cell {found.cell}, {found.time_s:.0f} s)"
+
+
+def _excess(found: HottestCell) -> str:
+    return _place(f"{found.excess_k:.3f}", found) if found.excess_k > 0.0 else "0"
+
+
+def _worst_cell(record: ChannelRecord) -> str:
+    losses = record.capacity_losses
+    return f"{1e5 * max(losses):.4f} (cell {losses.index(max(losses)) + 1})"
+
+
+def _against_two(value: Callable[[tuple[float, ...]], float]) -> Callable[[ChannelRecord], str]:
+    def write(record: ChannelRecord) -> str:
+        two = value(record.two_cell_losses)
+        change = relative_change(two, value(record.capacity_losses))
+        return f"{1e5 * two:.4f} ({change_text(change)})"
+
+    return write
+
+
+def _error(name: str) -> Callable[[ChannelRecord], str]:
+    return lambda record: f"{getattr(record, name).rms_k:.3f} / {getattr(record, name).max_k:.3f}"
+
+
+def _loss(value: Callable[[tuple[float, ...]], float]) -> Callable[[ChannelRecord], str]:
+    return lambda record: f"{1e5 * value(record.capacity_losses):.4f}"
+
+
+_CHANNEL_ROWS: dict[str, Callable[[ChannelRecord], str]] = {
+    "hottest cell of the trip [°C]": lambda record: _place(
+        f"{record.peak.temperature_k - CELSIUS_ZERO_K:.2f}", record.peak
+    ),
+    "part of the time in which cell N is the hottest": lambda record: (
+        f"{100.0 * record.hottest_shares[-1]:.1f} %"
+    ),
+    "part in which cell 1 is": lambda record: f"{100.0 * record.hottest_shares[0]:.1f} %",
+    "most by which a cell exceeds cells 1 and N [K]": lambda record: _excess(record.largest_excess),
+    "line against every cell, RMS / largest [K]": _error("line"),
+    "two-cell model, cell 1, RMS / largest [K]": _error("two_cell_1"),
+    "two-cell model, cell N, RMS / largest [K]": _error("two_cell_n"),
+    "degradation of cell 1 [10⁻⁵]": _loss(lambda losses: losses[0]),
+    "degradation of cell N [10⁻⁵]": _loss(lambda losses: losses[-1]),
+    "largest degradation of a cell [10⁻⁵]": _worst_cell,
+    "mean degradation of all cells [10⁻⁵]": _loss(fmean),
+    "spread over all cells [10⁻⁵]": _loss(lambda losses: max(losses) - min(losses)),
+    "two-cell model, mean of cells 1 and N [10⁻⁵]": _against_two(fmean),
+    "two-cell model, larger of cells 1 and N [10⁻⁵]": _against_two(max),
+}
