@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from iptm_controller.controller import Controller
@@ -16,8 +17,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import ClosedLoopRun
-from iptm_studies.string_figures import Deviations, deviations_along
-from iptm_studies.vehicle_string import run_string
+from iptm_studies.vehicle_string import RATIOS, amplification, deviations_along, run_string
 
 MODEL = load_parameters().values
 GAP_M = MODEL.gap.initial_gap_m
@@ -71,24 +71,22 @@ def test_who_drives_behind_changes_nothing(string: list[ClosedLoopRun]) -> None:
 
 def test_deviations_are_those_of_the_curves(string: list[ClosedLoopRun]) -> None:
     trajectories = [run.trajectory for run in string]
-    cycle, *vehicles = deviations_along(trajectories, MODEL)
+    found = deviations_along(trajectories, MODEL)
+    cycle, last = found.iloc[0], found.iloc[-1]
     assert math.isnan(cycle.gap_m)
     # us06 is sampled once a second.
     accelerations = np.diff(trajectories[0].leader_speed_m_s)
     assert cycle.peak_acceleration_m_s2 == pytest.approx(np.abs(accelerations).max())
-    last = trajectories[-1]
-    assert vehicles[-1].speed_m_s == pytest.approx(np.std(last.speed_m_s))
-    assert vehicles[-1].largest_gap_m == last.gap_m.max()
-    assert vehicles[-1].smallest_margin_m == gap_margins_m(last, MODEL).min()
+    run = trajectories[-1]
+    assert last.speed_m_s == pytest.approx(np.std(run.speed_m_s))
+    assert last.largest_gap_m == run.gap_m.max()
+    assert last.smallest_margin_m == gap_margins_m(run, MODEL).min()
 
 
 def test_amplification_is_the_ratio_to_the_member_ahead() -> None:
-    ratios = Deviations(1.0, 0.5, 3.0, 2.0).amplification(Deviations(2.0, 0.5, 1.5, 8.0))
-    assert (ratios.speed_m_s, ratios.acceleration_m_s2) == (0.5, 1.0)
-    assert (ratios.peak_acceleration_m_s2, ratios.gap_m) == (2.0, 0.25)
-
-
-def test_a_ratio_to_a_member_that_stands_still_does_not_exist() -> None:
-    ratios = Deviations(1.0, 0.5, 3.0, 2.0).amplification(Deviations(0.0, 0.5, 0.0, 0.0))
-    assert ratios.acceleration_m_s2 == 1.0
-    assert np.isnan([ratios.speed_m_s, ratios.peak_acceleration_m_s2, ratios.gap_m]).all()
+    """There is none to a member that stands still, or has no gap."""
+    rows = [(2.0, 0.5, 1.5, math.nan), (1.0, 0.5, 3.0, 8.0), (0.0, 0.0, 1.5, 2.0), (1.0,) * 4]
+    ratios = amplification(pd.DataFrame(rows, columns=RATIOS))
+    expected = [(math.nan,) * 4, (0.5, 1.0, 2.0, math.nan), (0.0, 0.0, 0.5, 0.25)]
+    expected.append((math.nan, math.nan, 1 / 1.5, 0.5))
+    np.testing.assert_allclose(ratios, expected)

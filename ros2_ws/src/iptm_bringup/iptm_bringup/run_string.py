@@ -18,7 +18,7 @@ from iptm_bringup.run_closed_loop import parsed_options, prepared_from
 from iptm_bringup.run_folder import LOGS, RunFolder
 from iptm_bringup.runner import EXIT_RUN_FAILED
 from iptm_bringup.scenario import PreparedScenario
-from iptm_bringup.string_page import StringRun, print_string, write_page
+from iptm_bringup.string_page import StringRun, report_string
 from iptm_bringup.string_run import VehicleResult, drive_string
 from iptm_bringup.tables import TABLES_WIDTH
 from iptm_bringup.viewer import live_view
@@ -138,7 +138,7 @@ def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
         asked, own = prepared.scenario.domain, prepared.scenario.full_namespace
         domain = stack.enter_context(domain_of_run(asked, own))
         output = RunFolder.of_run(parsed.output, "string").output
-        heading = f"{len(vehicles)} vehicles; to watch: export ROS_DOMAIN_ID={domain.number}"
+        heading = f"{count} vehicles; to watch: export ROS_DOMAIN_ID={domain.number}"
         console.print(heading, highlight=False)
         stay_open = None
         if parsed.view:
@@ -157,42 +157,22 @@ def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
         results = drive_string(vehicles, rest, length_m, output, domain, stop, console)
         if stop.number is not None:
             return EXIT_SIGNAL + int(stop.number)
-        code = _report(parsed, prepared, results, length_m, output, console)
+        complaints = [result for result in results if result.complaint]
+        for result in complaints:
+            print_error(PROGRAM, f"{result.vehicle.name}: {result.complaint}")
+        if all(result.results for result in results):
+            code = EXIT_RUN_FAILED if complaints else EXIT_OK
+            with console.status("driving the strings to compare with ..."):
+                run = _evaluated(prepared, results, parsed.against, parsed.late, length_m)
+            report_string(run, parsed.page or output / PAGE, console)
+            console.print(str(output), highlight=False, soft_wrap=True)
+        else:
+            codes = {result.end.code for result in complaints}
+            code = EXIT_USER_ERROR if EXIT_USER_ERROR in codes else EXIT_RUN_FAILED
+            print(f"logs: {output / LOGS}", file=sys.stderr)
         if stay_open is not None:
             stay_open(stop)
         return code
-
-
-def _report(
-    parsed: argparse.Namespace,
-    prepared: PreparedScenario,
-    results: Sequence[VehicleResult],
-    length_m: float,
-    output: Path,
-    console: Console,
-) -> int:
-    """Report what the vehicles did; return the exit code."""
-    complaints = [result for result in results if result.complaint]
-    for result in complaints:
-        print_error(PROGRAM, f"{result.vehicle.name}: {result.complaint}")
-    if not all(result.results for result in results):
-        codes = {result.end.code for result in complaints}
-        print(f"logs: {output / LOGS}", file=sys.stderr)
-        return EXIT_USER_ERROR if EXIT_USER_ERROR in codes else EXIT_RUN_FAILED
-    run = _evaluated(prepared, results)
-    with console.status("driving the strings to compare with ..."):
-        if parsed.against != NO_COMPARISON:
-            others = _headless(prepared, len(results), length_m, parsed.against, SINGLE_HORIZON)
-            run = replace(run, against=parsed.against, others=others)
-        late = {
-            late_s: _headless(_later(prepared, late_s), len(results), length_m)
-            for late_s in parsed.late
-        }
-        run = replace(run, late=late)
-    write_page(parsed.page or output / PAGE, run)
-    print_string(run, console)
-    console.print(str(output), highlight=False, soft_wrap=True)
-    return EXIT_RUN_FAILED if complaints else EXIT_OK
 
 
 def _prepared(rest: list[str]) -> PreparedScenario:
@@ -212,42 +192,44 @@ def _prepared(rest: list[str]) -> PreparedScenario:
     return prepared
 
 
-def _evaluated(prepared: PreparedScenario, results: Sequence[VehicleResult]) -> StringRun:
-    """Read the bags."""
+def _evaluated(
+    prepared: PreparedScenario,
+    results: Sequence[VehicleResult],
+    against: str,
+    late: Sequence[float],
+    length_m: float,
+) -> StringRun:
+    """Read the bags, and drive the strings to compare with without ROS."""
+    scenario = prepared.scenario
+
+    def headless(
+        strategy: str, horizon: Horizon, preview: PreviewSettings
+    ) -> tuple[ClosedLoopRun, ...]:
+        return tuple(
+            run_string(
+                prepared.route,
+                len(results),
+                plant_for(prepared),
+                lambda: controller_for(prepared, strategy, horizon),
+                preview,
+                length_m,
+            )
+        )
+
     places = [(result.folder, result.vehicle.namespace) for result in results]
+    preview = PreviewSettings.of(scenario)
+    own = scenario.strategy, Horizon.parse(scenario.horizon)
+    is_compared = against != NO_COMPARISON
     return StringRun(
         prepared=prepared,
         trajectories=tuple(read_trajectory(*place) for place in places),
         decisions=tuple(read_decisions(*place) for place in places),
         wall_time_s=max(float(result.results["wall_time_s"]) for result in results),
         cores=len(os.sched_getaffinity(0)),
+        against=against,
+        others=headless(against, SINGLE_HORIZON, preview) if is_compared else (),
+        late={late_s: headless(*own, replace(preview, latency_s=late_s)) for late_s in late},
     )
-
-
-def _headless(
-    prepared: PreparedScenario,
-    vehicles: int,
-    length_m: float,
-    strategy: str = "",
-    horizon: Horizon | None = None,
-) -> tuple[ClosedLoopRun, ...]:
-    """Drive a string without ROS, with the scenario's own strategy and horizon where none are given."""
-    scenario = prepared.scenario
-    chosen = strategy or scenario.strategy, horizon or Horizon.parse(scenario.horizon)
-    return tuple(
-        run_string(
-            prepared.route,
-            vehicles,
-            plant_for(prepared),
-            lambda: controller_for(prepared, *chosen),
-            PreviewSettings.of(prepared.scenario),
-            length_m,
-        )
-    )
-
-
-def _later(prepared: PreparedScenario, late_s: float) -> PreparedScenario:
-    return replace(prepared, scenario=replace(prepared.scenario, latency_s=late_s))
 
 
 if __name__ == "__main__":

@@ -1,43 +1,33 @@
-"""The page of a string: how disturbances travel along it, what each vehicle saves, how fast it was driven."""
+"""What is reported of a string: disturbances along it, what each vehicle saves, how fast it was driven."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+from matplotlib import colormaps, rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from rich.console import Console
 from rich.table import Table
 
+from iptm.picture import GREY, STYLE
 from iptm_bringup.comparison import NO_COMPARISON, relative_changes
 from iptm_bringup.scenario import PreparedScenario
-from iptm_bringup.string_picture import save_string_picture
 from iptm_core.decision_record import DecisionSeries, Rung
-from iptm_core.markdown import markdown_table
-from iptm_core.metrics import compute_metrics
-from iptm_core.metrics.figures import NO_VALUE
+from iptm_core.markdown import cells_of, render_page
+from iptm_core.metrics import compute_metrics, gap_margins_m
+from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.trajectory import Trajectory
 from iptm_studies.closed_loop import ClosedLoopRun
-from iptm_studies.string_figures import Deviations, deviations_along
+from iptm_studies.vehicle_string import amplification, deviations_along
 
-Rows = Sequence[Sequence[str]]
-
-NOTICE = "<!-- Made by scripts/run_string --page; do not edit. -->"
-INTRODUCTION = """\
-`car_1` follows the driving cycle, every other vehicle follows the one before: it measures how far away and
-how fast that is, and takes its published plan for the preview of its motion. Each vehicle has nodes, clock,
-frames and a bag of its own (`scripts/run_string`, or `string.launch.py`).
-
-**Timing of information.** The tick of a vehicle at *t* uses the state of the vehicle ahead at *t* and
-the plan that it made at *t*, matched by stamp: what arrives first plays no part, and repeats are bit-
-identical. So a tick passes along the string from front to rear, while the front is at the next tick
-already; a vehicle is never more than one tick ahead of the one behind. That stands for a radio that is fast
-against a tick; `--latency-s 1` is the plan of the tick before. A plan ends where its horizon does, and
-beyond that the controller keeps its braking reserve, as behind any preview that ends.
-"""
+_SIZE_INCHES = (12.0, 8.0)
+_DOTS_PER_INCH = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,189 +55,180 @@ class StringRun:
     late: Mapping[float, tuple[ClosedLoopRun, ...]] = field(default_factory=dict)
 
     @property
-    def speed_up(self) -> float:
-        """Trip time per wall time, all vehicles at once."""
-        return self.prepared.route.duration_s / self.wall_time_s
+    def pace(self) -> str:
+        """How fast the string was driven, in one sentence."""
+        duration_s = self.prepared.route.duration_s
+        return (
+            f"{len(self.trajectories)} vehicles, {duration_s:g} s, {self.wall_time_s:.1f} s of wall time "
+            f"on {self.cores} processors: {duration_s / self.wall_time_s:.1f} × real time, every vehicle "
+            "recorded."
+        )
 
-    @cached_property
-    def deviations(self) -> tuple[Deviations, ...]:
-        """Of the driving cycle and of every vehicle."""
-        return deviations_along(self.trajectories, self.prepared.model.values)
-
-    def deviations_of(self, runs: Sequence[ClosedLoopRun]) -> tuple[Deviations, ...]:
-        """Return the deviations along another string of the same vehicles."""
-        return deviations_along([run.trajectory for run in runs], self.prepared.model.values)
-
-    def changes(self, place: int) -> dict[str, float]:
-        """Return the relative change of every figure of a vehicle against the other string's in its place."""
-        parameters = self.prepared.model.values
-        other, here = self.others[place], self.trajectories[place]
-        metrics = compute_metrics(other.trajectory, parameters, other.decisions)
-        own = compute_metrics(here, parameters, self.decisions[place])
-        return relative_changes(own, metrics)
+    def deviations(self, runs: Sequence[Trajectory | ClosedLoopRun]) -> pd.DataFrame:
+        """Return the deviations along this string or another one of the same vehicles."""
+        trajectories = [run if isinstance(run, Trajectory) else run.trajectory for run in runs]
+        return deviations_along(trajectories, self.prepared.model.values)
 
 
-_NO_RATIOS = Deviations(*[math.nan] * 3)
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A table of the report: heading, text above it, format of the cells by heading, rows."""
+
+    heading: str
+    about: str
+    columns: Mapping[str, str]
+    rows: pd.DataFrame
+
+
+def _parts(run: StringRun) -> list[_Part]:
+    parts = [_along_the_string(run)]
+    if run.others:
+        parts.append(_savings(run))
+    if run.late:
+        parts.append(_late_plans(run))
+    return parts
 
 
 def _fallbacks(decisions: DecisionSeries) -> int:
     return int(np.count_nonzero(decisions.rung != Rung.OPTIMAL))
 
 
-DEVIATION_COLUMNS = (
-    "", "speed, std (m/s)", "acceleration, rms (m/s²)", "acceleration, peak (m/s²)", "gap, std (m)",
-    "least gap − s_min (m)", "largest gap (m)", "fallbacks",
-)  # fmt: skip
-
-
-def deviation_rows(run: StringRun) -> Rows:
-    """Return the cells of the table of deviations, with the ratio to the member ahead in brackets."""
-    rows = []
-    for place, own in enumerate(run.deviations):
-        name = f"car_{place}" if place else "driving cycle"
-        ratios = own.amplification(run.deviations[place - 1]) if place else _NO_RATIOS
-        cells = [
-            name,
-            _with_ratio(own.speed_m_s, ratios.speed_m_s),
-            _with_ratio(own.acceleration_m_s2, ratios.acceleration_m_s2, 3),
-            _with_ratio(own.peak_acceleration_m_s2, ratios.peak_acceleration_m_s2),
-            _with_ratio(own.gap_m, ratios.gap_m),
-        ]
-        cells += [_number(own.smallest_margin_m), _number(own.largest_gap_m, 1)]
-        cells.append(str(_fallbacks(run.decisions[place - 1])) if place else NO_VALUE)
-        rows.append(cells)
-    return rows
-
-
-SAVING_COLUMNS = (
-    "", "aging saved while driving", "cooling energy", "traction energy", "acceleration, rms (m/s²)",
-    "of the other string (m/s²)",
-)  # fmt: skip
-
-
-def saving_rows(run: StringRun) -> Rows:
-    """Return the cells of the table of what each vehicle saves; none without a comparison."""
-    if not run.others:
-        return ()
-    others = run.deviations_of(run.others)
-    rows = []
-    for place in range(len(run.trajectories)):
-        changes = run.changes(place)
-        rows.append(
-            [
-                f"car_{place + 1}",
-                f"{-100.0 * changes['total_degradation']:.1f} %",
-                *(
-                    f"{100.0 * changes[key]:+.1f} %"
-                    for key in ("cooling_energy", "traction_energy")
-                ),
-                _number(run.deviations[place + 1].acceleration_m_s2, 3),
-                _number(others[place + 1].acceleration_m_s2, 3),
-            ]
-        )
-    return rows
-
-
-LATE_COLUMNS = (
-    "plans arrive after", "acceleration of the last car, rms (m/s²)", "least gap − s_min (m)",
-    "largest gap (m)", "fallbacks",
-)  # fmt: skip
-
-
-def late_rows(run: StringRun) -> Rows:
-    """Return the cells of the table of late plans; the worst of all vehicles unless stated otherwise."""
-    rows = []
-    for late_s, runs in run.late.items():
-        own = run.deviations_of(runs)[1:]
-        rows.append(
-            [
-                f"{late_s:g} s",
-                _number(own[-1].acceleration_m_s2, 3),
-                _number(min(entry.smallest_margin_m for entry in own)),
-                _number(max(entry.largest_gap_m for entry in own), 1),
-                str(sum(_fallbacks(each.decisions) for each in runs)),
-            ]
-        )
-    return rows
-
-
-def _number(value: float, digits: int = 2) -> str:
-    return NO_VALUE if np.isnan(value) else f"{value:.{digits}f}"
-
-
-def _with_ratio(value: float, ratio: float, digits: int = 2) -> str:
-    suffix = "" if np.isnan(ratio) else f" (× {ratio:.2f})"
-    return _number(value, digits) + suffix
-
-
-def pace(run: StringRun) -> str:
-    """Return how fast the string was driven, in one sentence."""
-    count = len(run.trajectories)
-    return (
-        f"{count} vehicles, {run.prepared.route.duration_s:g} s, {run.wall_time_s:.1f} s of wall time on "
-        f"{run.cores} processors: {run.speed_up:.1f} × real time, every vehicle recorded."
+def _along_the_string(run: StringRun) -> _Part:
+    rows = run.deviations(run.trajectories)
+    for name, ratios in amplification(rows).items():
+        rows[f"{name}_ratio"] = ["" if np.isnan(each) else f" (× {each:.2f})" for each in ratios]
+    rows["name"] = ["driving cycle", *(f"car_{place}" for place in rows.index[1:])]
+    rows["fallbacks"] = [np.nan, *map(_fallbacks, run.decisions)]
+    return _Part(
+        "From vehicle to vehicle",
+        "In brackets: the ratio to the member ahead; below 1 a disturbance fades.",
+        {
+            "": "{name}",
+            "speed, std (m/s):": "{speed_m_s:.2f}{speed_m_s_ratio}",
+            "acceleration, rms (m/s²):": "{acceleration_m_s2:.3f}{acceleration_m_s2_ratio}",
+            "acceleration, peak (m/s²):": "{peak_acceleration_m_s2:.2f}{peak_acceleration_m_s2_ratio}",
+            "gap, std (m):": "{gap_m:.2f}{gap_m_ratio}",
+            "least gap − s_min (m):": "{smallest_margin_m:.2f}",
+            "largest gap (m):": "{largest_gap_m:.1f}",
+            "fallbacks:": "{fallbacks:.0f}",
+        },
+        rows,
     )
 
 
-def print_string(run: StringRun, console: Console) -> None:
-    """Print the tables."""
-    for columns, rows in (
-        (DEVIATION_COLUMNS, deviation_rows(run)),
-        (SAVING_COLUMNS, saving_rows(run)),
-        (LATE_COLUMNS, late_rows(run)),
-    ):
-        if rows:
-            table = Table(*columns)
-            for row in rows:
-                table.add_row(*row)
-            console.print(table)
-    console.print(pace(run), highlight=False)
+def _savings(run: StringRun) -> _Part:
+    """Compare each vehicle with the one in its place in the other string."""
+    parameters = run.prepared.model.values
+    changes = []
+    for own, decisions, other in zip(run.trajectories, run.decisions, run.others, strict=True):
+        others = compute_metrics(other.trajectory, parameters, other.decisions)
+        changes.append(relative_changes(compute_metrics(own, parameters, decisions), others))
+    rows = 100.0 * pd.DataFrame(changes)
+    rows["name"] = [f"car_{place + 1}" for place in rows.index]
+    for name, runs in (("own_m_s2", run.trajectories), ("other_m_s2", run.others)):
+        rows[name] = run.deviations(runs).acceleration_m_s2[1:].to_numpy()
+    rows["aging_saved"] = -rows.total_degradation
+    return _Part(
+        "What each vehicle saves",
+        f"Against a string that drives by `{run.against}`, each vehicle against the one in its place.",
+        {
+            "": "{name}",
+            "aging saved while driving:": "{aging_saved:.1f} %",
+            "cooling energy:": "{cooling_energy:+.1f} %",
+            "traction energy:": "{traction_energy:+.1f} %",
+            "acceleration, rms (m/s²):": "{own_m_s2:.3f}",
+            "of the other string (m/s²):": "{other_m_s2:.3f}",
+        },
+        rows,
+    )
 
 
-def write_page(page: Path, run: StringRun) -> None:
-    """Write the page and its picture.
+def _late_plans(run: StringRun) -> _Part:
+    rows = []
+    for late_s, runs in run.late.items():
+        vehicles = run.deviations(runs)[1:]
+        row = {
+            "late_s": late_s,
+            "last_m_s2": vehicles.acceleration_m_s2.iloc[-1],
+            "smallest_margin_m": vehicles.smallest_margin_m.min(),
+            "largest_gap_m": vehicles.largest_gap_m.max(),
+            "fallbacks": sum(_fallbacks(each.decisions) for each in runs),
+        }
+        rows.append(row)
+    return _Part(
+        "How late the plans may be",
+        "The same string without ROS, with `latency_s`; the extremes of all vehicles.",
+        {
+            "plans arrive after": "{late_s:g} s",
+            "acceleration of the last car, rms (m/s²):": "{last_m_s2:.3f}",
+            "least gap − s_min (m):": "{smallest_margin_m:.2f}",
+            "largest gap (m):": "{largest_gap_m:.1f}",
+            "fallbacks:": "{fallbacks}",
+        },
+        pd.DataFrame(rows),
+    )
+
+
+def report_string(run: StringRun, page: Path, console: Console) -> None:
+    """Write the page and its picture, and print the tables.
 
     Args:
-        page: Markdown file; the picture has the same name, in a folder `images` next to it if that exists.
         run: the string.
+        page: Markdown file; the picture has the same name, in a folder `images` next to it if that exists.
+        console: for the tables.
     """
     images = page.parent / "images"
     picture = (images if images.is_dir() else page.parent) / f"{page.stem}.png"
-    save_string_picture(picture, run.trajectories, run.prepared.model.values)
-    scenario = run.prepared.scenario
-    title = f"# A string of {len(run.trajectories)} vehicles"
-    conditions = (
-        f"{run.prepared.route.name}, strategy `{scenario.strategy}`, horizon `{scenario.horizon}`, over "
-        f"ROS 2. {pace(run)}"
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    _save_picture(picture, run)
+    parts = _parts(run)
+    text = render_page(
+        "iptm_bringup",
+        "string_page.md.j2",
+        vehicles=len(run.trajectories),
+        route=run.prepared.route.name,
+        scenario=run.prepared.scenario,
+        pace=run.pace,
+        picture=picture.relative_to(page.parent),
+        parts=parts,
     )
-    parts = [
-        title,
-        NOTICE,
-        INTRODUCTION,
-        conditions,
-        f"![Speeds and gaps of the string]({picture.relative_to(page.parent)})",
-    ]
-    parts += [
-        "## From vehicle to vehicle",
-        "In brackets: the ratio to the member ahead; below 1 a disturbance fades.",
-    ]
-    parts.append(_markdown(DEVIATION_COLUMNS, deviation_rows(run)))
-    if run.others:
-        parts += [
-            "## What each vehicle saves",
-            f"Against a string that drives by `{run.against}`, each vehicle against the one in its place.",
-        ]
-        parts.append(_markdown(SAVING_COLUMNS, saving_rows(run)))
-    if run.late:
-        parts += [
-            "## How late the plans may be",
-            "The same string without ROS, with `latency_s`; the extremes of all vehicles.",
-        ]
-        parts.append(_markdown(LATE_COLUMNS, late_rows(run)))
-    page.parent.mkdir(parents=True, exist_ok=True)
-    page.write_text("\n\n".join(part.strip() for part in parts) + "\n", encoding="utf-8")
+    page.write_text(text, encoding="utf-8")
+    for part in parts:
+        table = Table(*(head.removesuffix(":") for head in part.columns))
+        for cells in cells_of(part.rows, part.columns):
+            table.add_row(*cells)
+        console.print(table)
+    console.print(run.pace, highlight=False)
 
 
-def _markdown(columns: Sequence[str], rows: Rows) -> str:
-    first, *others = columns
-    return markdown_table((first, *(f"{column}:" for column in others)), rows)
+def _save_picture(path: Path, run: StringRun) -> None:
+    """Draw speeds, gaps, and margins to the lower limit of the gap."""
+    with rc_context(STYLE):
+        layout = ConstrainedLayoutEngine(h_pad=0.06, hspace=0.03)
+        figure = Figure(figsize=_SIZE_INCHES, dpi=_DOTS_PER_INCH, layout=layout)
+        FigureCanvasAgg(figure)
+        speed, gap, margin = figure.subplots(3, 1, sharex=True)
+        first = run.trajectories[0]
+        speed.plot(
+            first.time_s, KM_H_PER_M_S * first.leader_speed_m_s, color=GREY, label="driving cycle"
+        )
+        count = len(run.trajectories)
+        for place, each in enumerate(run.trajectories):
+            colour = colormaps["viridis"](place / count)
+            name = f"car_{place + 1}"
+            speed.plot(each.time_s, KM_H_PER_M_S * each.speed_m_s, color=colour, label=name)
+            gap.plot(each.time_s, each.gap_m, color=colour)
+            margins_m = gap_margins_m(each, run.prepared.model.values)
+            margin.plot(each.time_s, margins_m, color=colour)
+        margin.axhline(0.0, color=GREY, linestyle="--")
+        for axes, title, unit in (
+            (speed, "speed", "km/h"),
+            (gap, "gap to the vehicle ahead", "m"),
+            (margin, "gap above its lower limit", "m"),
+        ):
+            axes.set_title(title)
+            axes.set_ylabel(unit)
+            axes.margins(x=0.0)
+        speed.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=count + 1)
+        margin.set_xlabel("time (s)")
+        figure.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})

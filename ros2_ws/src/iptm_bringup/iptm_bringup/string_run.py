@@ -7,7 +7,7 @@ import math
 import re
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,11 @@ from iptm_bringup.environment import RunDomain, environment_of_run
 from iptm_bringup.run_folder import LOGS, RESULTS
 from iptm_bringup.supervisor import ProcessEnd, Supervisor
 from iptm_core.errors import ScenarioError
+from iptm_core.settings import LeaderSource
 from iptm_core.vehicle_string import VehicleInString
 from iptm_interfaces.process import StopRequest
 from iptm_interfaces.topics import BRIDGE, PLANT
 
-LEADER_IS_A_VEHICLE = "vehicle"
-"""Value of the bridge's parameter `leader_source` with which it follows another vehicle of the graph."""
 STOP_PATIENCE_S = 30.0
 """For as long the run of a vehicle may take to end its own processes."""
 BEGIN_PATIENCE_S = 10.0
@@ -58,34 +57,21 @@ class VehicleResult:
         return "; ".join(self.results.get("problems", ())) or _reason(self.end)
 
 
-def vehicle_options(vehicle: VehicleInString, length_m: float) -> list[str]:
-    """Return the options that make a run of one vehicle that of a vehicle in a string.
-
-    Args:
-        vehicle: which one.
-        length_m: of the vehicle ahead.
-    """
-    nodes: dict[str, dict[str, object]] = {
-        PLANT: {
-            "start_position_m": vehicle.start_position_m,
-            "vehicle_ahead": vehicle.vehicle_ahead,
-            "vehicle_behind": vehicle.vehicle_behind,
-        },
-        BRIDGE: {},
+def _vehicle_options(vehicle: VehicleInString, length_m: float) -> list[str]:
+    """Return the options that make a run of one vehicle that of a vehicle in a string."""
+    settings: dict[str, object] = {
+        f"{PLANT}.start_position_m": vehicle.start_position_m,
+        f"{PLANT}.vehicle_ahead": vehicle.vehicle_ahead,
+        f"{PLANT}.vehicle_behind": vehicle.vehicle_behind,
     }
     if vehicle.vehicle_ahead:
-        nodes[BRIDGE] = {
-            "leader_source": LEADER_IS_A_VEHICLE,
-            "vehicle_ahead": vehicle.vehicle_ahead,
-            "leader_length_m": length_m,
+        settings |= {
+            f"{BRIDGE}.leader_source": LeaderSource.VEHICLE,
+            f"{BRIDGE}.vehicle_ahead": vehicle.vehicle_ahead,
+            f"{BRIDGE}.leader_length_m": length_m,
         }
-    settings = [
-        ("--set", f"{node}.{name}={value}")
-        for node, parameters in nodes.items()
-        for name, value in parameters.items()
-        if value != ""
-    ]
-    return [f"--namespace={vehicle.namespace}", *(part for pair in settings for part in pair)]
+    given = [f"--set={name}={value}" for name, value in settings.items() if value != ""]
+    return [f"--namespace={vehicle.namespace}", *given]
 
 
 def drive_string(
@@ -115,7 +101,7 @@ def drive_string(
     supervisor = Supervisor(environment, lambda name: logs / f"{name}.log", STOP_PATIENCE_S)
     try:
         for vehicle in vehicles:
-            own = [*vehicle_options(vehicle, length_m), "--output", str(output / vehicle.name)]
+            own = [*_vehicle_options(vehicle, length_m), "--output", str(output / vehicle.name)]
             command = [sys.executable, "-m", _RUN, *arguments, *own]
             supervisor.start(vehicle.name, [*command, f"--domain={domain.number}"])
         _watch(supervisor, stop, console)
@@ -144,27 +130,20 @@ def _watch(supervisor: Supervisor, stop: StopRequest, console: Console) -> None:
                 failed_s = min(failed_s, now_s)
                 text = f"{end.name}: {_reason(end)}"
                 console.print(text, markup=False, highlight=False, soft_wrap=True)
-        driving = set(supervisor.names) - {end.name for end in ends}
-        waiting = [name for name in driving if not _WHERE.search(supervisor.log_text(name))]
+        driving = sorted(set(supervisor.names) - {end.name for end in ends})
+        places = {name: _WHERE.findall(supervisor.log_text(name)) for name in driving}
+        waiting = [name for name, found in places.items() if not found]
         if waiting and now_s - failed_s > BEGIN_PATIENCE_S:
             return  # a vehicle that waits for one that has failed waits for ever
         if now_s - shown_s >= _SHOW_PERIOD_S:
             shown_s = now_s
-            text = _progress(supervisor, driving, now_s - began_s)
+            text = f"starting: {', '.join(waiting)}"
+            if not waiting:
+                at_s, of_s = min((int(at), int(of)) for at, of in (f[-1] for f in places.values()))
+                share, wall_s = at_s / max(of_s, 1), now_s - began_s
+                text = f"{at_s} of {of_s} s ({share:.0%}), {wall_s:.0f} s since the start"
             console.print(text, highlight=False, soft_wrap=True)
         time.sleep(_POLL_S)
-
-
-def _progress(supervisor: Supervisor, driving: Iterable[str], wall_s: float) -> str:
-    """Return where the slowest vehicle is that still drives."""
-    found = {name: _WHERE.findall(supervisor.log_text(name)) for name in sorted(driving)}
-    waiting = [name for name, entries in found.items() if not entries]
-    if waiting:
-        return f"starting: {', '.join(waiting)}"
-    at_s, of_s = min((entries[-1] for entries in found.values()), key=lambda entry: int(entry[0]))
-    return (
-        f"{at_s} of {of_s} s ({int(at_s) / max(int(of_s), 1):.0%}), {wall_s:.0f} s since the start"
-    )
 
 
 def _reason(end: ProcessEnd) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from string import Formatter
 from typing import Any
 
@@ -37,12 +37,19 @@ def table_of(
             a format that asks for one (``+``).
         numbers: further columns under their own names, aligned to the right.
     """
-    if hasattr(records, "to_dict"):
-        records = records.to_dict("records")
     pairs = list(columns.items() if isinstance(columns, Mapping) else columns)
     pairs += [(f"{name}:", f"{{{name}}}") for name in numbers]
-    rows = ([_cell(text, record) for _, text in pairs] for record in records)
-    return markdown_table((head for head, _ in pairs), rows)
+    return markdown_table((head for head, _ in pairs), cells_of(records, pairs))
+
+
+def cells_of(
+    records: Any, columns: Mapping[str, str] | Iterable[tuple[str, str]]
+) -> Iterator[list[str]]:
+    """Yield the cells of each row of a table, see `table_of`."""
+    if hasattr(records, "to_dict"):
+        records = records.to_dict("records")
+    formats = columns.values() if isinstance(columns, Mapping) else [text for _, text in columns]
+    return ([_cell(text, record) for text in formats] for record in records)
 
 
 def _cell(text: str, record: Mapping[str, Any]) -> str:
