@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from tests.iptm_core.made_runs import PARAMETERS, make_run
 
 from iptm_core.errors import StateError
@@ -47,25 +43,6 @@ def test_energies_sum_interval_means_and_ignore_row_0() -> None:
 
 def test_compressor_that_never_ran_has_no_cop() -> None:
     assert _metrics(make_run()).energy.mean_cop is None
-
-
-@given(
-    arrays(np.float64, 6, elements=st.floats(-1e5, 1e5)),
-    arrays(np.float64, 5, elements=st.floats(0.1, 10.0)),
-    st.integers(1, 4),
-)
-def test_energy_of_a_run_is_the_sum_of_its_parts(
-    power: np.ndarray, steps: np.ndarray, cut: int
-) -> None:
-    times = np.concatenate([[0.0], np.cumsum(steps)])
-
-    def part(rows: slice) -> float:
-        count = len(times[rows])
-        run = make_run(count, time_s=times[rows], traction_power_w=power[rows])
-        return _metrics(run).energy.traction_j
-
-    whole = part(slice(0, 6))
-    assert part(slice(0, cut + 1)) + part(slice(cut, 6)) == pytest.approx(whole, abs=1e-6)
 
 
 def test_degradation_is_the_increment_of_each_cell() -> None:
@@ -224,10 +201,3 @@ def test_gap_violations_count_collisions_and_short_gaps() -> None:
     metrics = compute_metrics(make_run(leader_position_m=gaps), PARAMETERS)
     assert metrics.gap_violations == 3, "one row breaks both limits"
     assert metrics.hard_violations == 1
-
-
-def test_limits_come_from_the_parameters() -> None:
-    run = make_run(leader_position_m=np.full(4, 90.0))
-    tight = replace(PARAMETERS, gap=replace(PARAMETERS.gap, max_gap_m=80.0))
-    assert compute_metrics(run, PARAMETERS).soft_violations == 0
-    assert compute_metrics(run, tight).soft_violations == 4

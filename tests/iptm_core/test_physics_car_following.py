@@ -7,7 +7,6 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
@@ -41,18 +40,6 @@ def test_by_hand() -> None:
     assert gap(20.0, 10.0) == pytest.approx(35.0 + 50.0, rel=1e-12)
     assert gap(20.0, 0.0) == pytest.approx(35.0 + 100.0, rel=1e-12)
     assert gap(20.0, 25.0) == pytest.approx(35.0 - 25.0, rel=1e-12)
-
-
-@given(speed=SPEEDS, leader=SPEEDS)
-def test_the_gap_shrinks_with_the_leaders_speed(speed: float, leader: float) -> None:
-    assert gap(speed, leader + 1.0) <= gap(speed, leader)
-    assert gap(speed, speed) == pytest.approx(5.0 + 1.5 * speed, rel=1e-12)
-
-
-@given(speed=SPEEDS, leader=SPEEDS)
-def test_approaching_needs_more_than_the_headway_gap(speed: float, leader: float) -> None:
-    beyond_headway = gap(speed, leader) - (5.0 + 1.5 * speed)
-    assert beyond_headway * (speed - leader) >= -1e-9
 
 
 def test_all_backends_agree(parameters: ModelParameters, agree_in_all_backends: Agree) -> None:
@@ -131,19 +118,6 @@ def test_reserve_is_the_smallest_excess_ahead(parameters: ModelParameters) -> No
     assert min(errors) > -0.3
     assert max(errors) < 5.0
     assert np.median(errors) < 0.1
-
-
-def test_reserve_grows_with_the_gap_and_with_what_the_brakes_have_built_up(
-    parameters: ModelParameters,
-) -> None:
-    def reserve(gap_m: float, acceleration: float) -> float:
-        return float(
-            braking_reserve_m(gap_m, 20.0, acceleration, 15.0, parameters.gap, parameters.limits)
-        )
-
-    assert reserve(80.0, 0.0) - reserve(50.0, 0.0) == pytest.approx(30.0)
-    built_up = [reserve(80.0, a) for a in (2.0, 1.0, 0.0, -1.0, -2.0)]
-    assert built_up == sorted(built_up)
 
 
 def test_reserve_is_smooth(parameters: ModelParameters) -> None:

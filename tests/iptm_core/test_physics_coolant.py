@@ -53,22 +53,6 @@ def test_the_exchange_ratio_is_a_ratio_of_heat_capacity_rates() -> None:
     assert exchange_ratio(COOLING, PACK) == pytest.approx(0.016353, abs=5e-7)
 
 
-def test_the_weights_of_two_and_three_cells_by_hand() -> None:
-    # r = 1/4; two cells: T_c,2 = 3/4 T_in + 1/4 T_1; T_out = 9/16 T_in + 3/16 T_1 + 1/4 T_2
-    two, _, _ = channel_of(2, 0.25)
-    assert (two.last_cell.inlet, two.last_cell.cell_1, two.last_cell.cell_n) == pytest.approx(
-        (0.75, 0.25, 0.0), abs=1e-15
-    )
-    assert (two.outlet.inlet, two.outlet.cell_1, two.outlet.cell_n) == pytest.approx(
-        (0.5625, 0.1875, 0.25), abs=1e-15
-    )
-    # three cells, the middle one half of each: T_c,3 = 9/16 T_in + 3/16 T_1 + 1/4 (T_1 + T_3) / 2
-    three, _, _ = channel_of(3, 0.25)
-    assert (three.last_cell.inlet, three.last_cell.cell_1, three.last_cell.cell_n) == pytest.approx(
-        (0.5625, 0.3125, 0.125), abs=1e-15
-    )
-
-
 @given(
     count=st.integers(2, 500),
     ratio=st.floats(1e-4, 0.95),
@@ -86,24 +70,6 @@ def test_the_reduction_holds_for_every_number_of_cells(
         assert weights.temperature_k(inlet, cell_1, cell_n) == pytest.approx(expected, rel=1e-12)
         assert weights.inlet + weights.cell_1 + weights.cell_n == pytest.approx(1.0, abs=1e-12)
         assert min(weights.inlet, weights.cell_1, weights.cell_n) >= 0.0
-
-
-@pytest.mark.parametrize("heat_w", [0.05, 0.3, 1.0])
-def test_in_steady_state_the_linear_profile_is_exact(heat_w: float) -> None:
-    """Cells that heat alike sit heat / h above the coolant, so the coolant warms by equal steps."""
-    ratio = exchange_ratio(COOLING, PACK)
-    above = heat_w / 0.4901
-    coolant, cells = 295.0, []
-    for _ in range(228):
-        cells.append(coolant + above)
-        coolant += ratio * above
-    channel = reduce_channel(COOLING, PACK)
-    assert channel.outlet.temperature_k(295.0, cells[0], cells[-1]) == pytest.approx(
-        coolant, rel=1e-13
-    )
-    assert channel.last_cell.temperature_k(295.0, cells[0], cells[-1]) == pytest.approx(
-        cells[-1] - above, rel=1e-13
-    )
 
 
 COOLING, PACK = VALUES.cooling, VALUES.pack

@@ -58,16 +58,6 @@ def test_one_convex_kink_is_the_two_printed_cases(
     )
 
 
-def test_full_regeneration_by_a_lossless_battery_has_no_kink() -> None:
-    powertrain = replace(VALUES.powertrain, regenerative_efficiency=1.0)
-    for traction in (-5000.0, 0.0, 5000.0):
-        for width in (0.0, 500.0):
-            power = battery_power_w(
-                traction, 0.0, 200.0, VALUES.pack, powertrain, power_smoothing_w=width
-            )
-            assert power == traction + 200.0
-
-
 @given(traction=TRACTION, width=st.floats(1.0, 1000.0))
 def test_the_smoothed_power_errs_by_a_known_amount(traction: float, width: float) -> None:
     """Above the exact power by at most (1/eta_b - eta_b zeta) width / 2, less away from zero."""
@@ -133,13 +123,6 @@ def test_small_powers_lose_no_digits(power: float) -> None:
     current = pack_current_a(power, 0.15, 300.0, CELL, PACK)
     first_order = power / 368.48
     assert current == pytest.approx(first_order, rel=1e-12)
-
-
-def test_the_entropic_term_draws_on_discharge_and_gives_on_charge() -> None:
-    for power in (20e3, -20e3):
-        with_entropy = pack_current_a(power, 0.15, 300.0, CELL, PACK)
-        without = pack_current_a(power, 0.15, 300.0, ISOTHERMAL_OCV, PACK)
-        assert abs(with_entropy) > abs(without)
 
 
 def test_more_than_the_pack_can_deliver_is_refused_with_the_limit() -> None:

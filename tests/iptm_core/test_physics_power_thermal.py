@@ -22,7 +22,6 @@ from iptm_core.physics.power_thermal import (
     electric_traction_power_w,
     power_thermal_rates,
 )
-from iptm_core.physics.traction import traction_force_n
 
 Agree = Callable[..., None]
 VALUES = load_parameters().values
@@ -132,13 +131,6 @@ def test_rates_of_both_cells_from_their_own_balances(
         assert rate == pytest.approx(expected, rel=1e-5, abs=5e-6)  # six digits of the weights
 
 
-def test_the_warmer_cell_ages_faster() -> None:
-    """3 K warmer: 2.4 % per kelvin, less 2 % because its loss of 0.0011 instead of 0.001 slows it."""
-    rates = evaluate(10.0, 0.0, 0.0, 1000.0, 303.15, 306.15)
-    share = rates.cell_n_capacity_loss_rate_1_s / rates.cell_1_capacity_loss_rate_1_s
-    assert share == pytest.approx(1.024**3 * 1.1 ** (1.0 - 1.0 / 0.824), abs=0.005)
-
-
 def test_a_parked_warm_pack_is_cooled_by_its_compressor() -> None:
     off, on = (evaluate(0.0, 0.0, 0.0, power, 308.15, 308.15) for power in (0.0, 2000.0))
     assert off.battery_power_w == 200.0
@@ -184,27 +176,6 @@ def test_more_than_a_cold_pack_can_deliver_costs_more() -> None:
     )
 
 
-def test_the_error_of_the_widths_in_use_over_the_operating_range() -> None:
-    """From 1 m/s on, the exact model against 150 N, 500 W, 0.05 A and 0.3 m/s of smoothing.
-
-    Traction: 150 N give up to 15.83 N of force and, through the copper loss, 3 W; 0.3 m/s withhold the
-    share w = 0.09 / (v^2 + 0.09) of the torque. Terminals: 500 W give up to 175 W more.
-    """
-    speed, acceleration, slope, power = operating_grid()
-    cells = (np.full_like(speed, 303.15), np.full_like(speed, 305.15))
-    exact = evaluate(speed, acceleration, slope, power, *cells)
-    smooth = evaluate(speed, acceleration, slope, power, *cells, smoothing=IN_USE)
-
-    force = traction_force_n(speed, acceleration, slope, VALUES.body)
-    torque = np.maximum(force / 0.9, 0.9 * force) / 37.89
-    withheld = 0.09 / (speed**2 + 0.09)
-    traction_error = np.abs(smooth.traction_power_w - exact.traction_power_w)
-    bound = withheld * (37.89 * speed * np.abs(torque) + 2.0 * 0.873 * torque**2)
-    assert np.all(traction_error <= 15.84 * speed + 3.0 + bound)
-    battery_error = np.abs(smooth.battery_power_w - exact.battery_power_w)
-    assert np.all(battery_error <= traction_error + 175.0)
-
-
 def test_what_the_widths_in_use_mean_above_5_m_s() -> None:
     """Traction within 600 W and 0.4 % in the mean, terminals 660 W, ageing 4 % of its mean and 0.6 %."""
     grid = [axis[operating_grid()[0] > 5.0] for axis in operating_grid()]
@@ -226,21 +197,6 @@ def test_what_the_widths_in_use_mean_above_5_m_s() -> None:
     assert np.max(ageing_error) < 0.04 * mean_rate
     assert np.mean(ageing_error) < 0.006 * mean_rate
     assert np.max(error("cell_n_temperature_rate_k_s")) < 2e-4
-
-
-@given(**OPERATION)
-def test_smoothing_vanishes_with_its_widths(
-    speed: float, acceleration: float, slope: float, power: float, cell_1: float, cell_n: float
-) -> None:
-    if speed < 0.1:
-        return  # at standstill the smoothed brake hold depends on speed only, by design
-    tiny = Smoothing(force_n=1e-4, power_w=1e-3, c_rate_1_h=2e-7, speed_m_s=1e-5)
-    point = (speed, acceleration, slope, power, cell_1, cell_n)
-    exact, smooth = evaluate(*point), evaluate(*point, smoothing=tiny)
-    assert smooth.battery_power_w == pytest.approx(exact.battery_power_w, rel=1e-6, abs=0.01)
-    assert smooth.cell_n_capacity_loss_rate_1_s == pytest.approx(
-        exact.cell_n_capacity_loss_rate_1_s, rel=1e-5, abs=1e-15
-    )
 
 
 @pytest.mark.parametrize("smoothing", [EXACT, IN_USE], ids=["exact", "smoothed"])

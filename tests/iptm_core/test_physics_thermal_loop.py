@@ -66,17 +66,6 @@ def test_the_chiller_takes_what_the_cells_give(
     assert loop.cooling_rate_w == pytest.approx(given_off, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", SETS)
-@given(cell_1=TEMPERATURES, cell_n=TEMPERATURES, speed=st.floats(0.0, 37.5))
-def test_without_compressor_the_coolant_settles_between_the_cells(
-    name: str, cell_1: float, cell_n: float, speed: float
-) -> None:
-    loop = solve(SETS[name], cell_1, cell_n, 0.0, speed)
-    assert loop.cooling_rate_w == 0.0
-    assert loop.inlet_k == loop.outlet_k
-    assert min(cell_1, cell_n) - 1e-9 <= loop.outlet_k <= max(cell_1, cell_n) + 1e-9
-
-
 def test_by_hand_with_round_numbers() -> None:
     """w = (0.2, 0.3, 0.5), cells at 30 and 40 degC, chiller of 47.952 W/K: a tenth of the flow.
 
@@ -187,12 +176,6 @@ def test_without_heater_and_radiator_the_loop_is_that_of_the_paper(
     outlet = reduce_channel(PAPER.cooling, PAPER.pack).outlet
     given_all = solve_coolant_loop(cell_k, cell_k, line, outlet, PAPER.cooling, actuation=actuation)
     assert given_all == solve_coolant_loop(cell_k, cell_k, line, outlet, PAPER.cooling)
-
-
-def test_a_radiator_in_warmer_air_takes_nothing() -> None:
-    with_radiator, without = (with_all(radiator_w_k=each) for each in (150.0, 0.0))
-    at = 2000.0, (303.15, 303.15), 313.15
-    assert loop_at(with_radiator, *at) == loop_at(without, *at)
 
 
 @pytest.mark.parametrize("power_w", [-3000.0, -200.0, -20.0, 0.0, 20.0, 200.0, 3000.0])

@@ -78,15 +78,6 @@ def test_the_smooth_part_keeps_its_speeds() -> None:
     assert np.max(speeds) == pytest.approx(110.0, abs=0.1)
 
 
-def test_shorter_hills_change_sign_more_often() -> None:
-    def turns(length_m: float) -> int:
-        road = comprehensive_cycle(replace(STEEP, hill_length_m=length_m)).slope_profile()
-        slopes = road.slope_at(np.linspace(0.0, 100_000.0, 50_000)) - np.arctan(0.02)
-        return int(np.sum(np.diff(np.sign(slopes)) != 0))
-
-    assert turns(1500.0) > 1.5 * turns(4000.0)
-
-
 def test_a_route_can_be_built_from_a_composition_of_ones_own() -> None:
     route = build_route(STEEP, initial_gap_m=15.0, duration_s=100.0)
     assert route.name == "steep, slope as_designed"

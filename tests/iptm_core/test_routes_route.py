@@ -42,25 +42,11 @@ def test_every_cycle_can_be_driven_on_every_slope(cycle: str, slope: str) -> Non
     assert peak == pytest.approx(expected, rel=5e-3)
 
 
-def test_default_is_the_whole_wltc_on_level_road() -> None:
-    route = build_route(initial_gap_m=15.0)
-    assert route.duration_s == 1800.0
-    np.testing.assert_array_equal(route.slope.slopes_rad, [0.0])
-    assert [segment.slope_kind for segment in route.segments] == ["flat"]
-    assert "UN Global Technical Regulation" in route.source
-
-
 def test_slope_choice_replaces_the_designed_one_in_every_segment() -> None:
     route = build_route("comprehensive", "small", initial_gap_m=15.0)
     assert {segment.slope_kind for segment in route.segments} == {"small"}
     designed = build_route("comprehensive", initial_gap_m=15.0)
     assert designed.segments == comprehensive_cycle().segments
-
-
-def test_road_does_not_depend_on_the_gap() -> None:
-    near, far = (build_route("comprehensive", initial_gap_m=gap) for gap in (5.0, 50.0))
-    np.testing.assert_array_equal(near.slope.positions_m, far.slope.positions_m)
-    np.testing.assert_array_equal(near.slope.slopes_rad, far.slope.slopes_rad)
 
 
 def test_a_cut_trip_keeps_the_motion_beyond_its_end() -> None:

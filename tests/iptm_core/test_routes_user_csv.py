@@ -143,32 +143,24 @@ GOOD = ("0,0", "1,1", "2,0")
 
 BAD_FILES = [
     ("", "the file is empty; a header line"),
-    ("# nothing\n\n", "the file is empty"),
     ("time_s,speed_m_s\n", "no rows after the header"),
     (_csv("speed_m_s,slope_rad", *GOOD), "column time_s is missing"),
     (_csv("time_s,slope_rad", *GOOD), "exactly one of speed_m_s, speed_kmh, speed_mph is required"),
     (_csv("time_s,speed_m_s,speed_kmh", "0,0,0"), r"speed columns \['speed_m_s', 'speed_kmh'\]"),
     (_csv("time_s,speed_m_s,slope_rad,elevation_m", "0,0,0,0"), "at most one of slope_percent"),
     (_csv("time_s,speed", *GOOD), "line 1: unknown column 'speed'; allowed: time_s, speed_m_s"),
-    (_csv("time_s;speed_m_s", "0;0"), "line 1: unknown column 'time_s;speed_m_s'"),
     (_csv("time_s,speed_m_s,time_s", "0,0,0"), "line 1: column 'time_s' appears 2 times"),
     (
         _csv("# c", "time_s,speed_m_s", "0,0", "1,x"),
         "line 4, column speed_m_s: 'x' is not a number",
     ),
-    (_csv("time_s,speed_m_s", "0,", "1,1"), "line 2, column speed_m_s: '' is not a number"),
     (_csv("time_s,speed_m_s", "0,0", "1_0,1"), "line 3, column time_s: '1_0' is not a number"),
     (_csv("time_s,speed_m_s", "0,0", "1,nan"), "line 3, column speed_m_s: 'nan' is not finite"),
-    (_csv("time_s,speed_m_s", "inf,0", "1,0"), "line 2, column time_s: 'inf' is not finite"),
     (_csv("time_s,speed_m_s", "0,0", "1"), "line 3: 1 values; allowed: one per column, 2"),
-    (_csv("time_s,speed_m_s", "0,0", "1,2,3"), "line 3: 3 values; allowed: one per column, 2"),
     (_csv("time_s,speed_m_s", "0,0", "1,-0.1"), "line 3, column speed_m_s: value -0.1; .*0 to 70"),
-    (_csv("time_s,speed_m_s", "0,0", "1,101"), "line 3, column speed_m_s: value 101; .*0 to 70"),
     (_csv("time_s,speed_kmh", "0,0", "1,361"), "line 3, column speed_kmh: value 361; .*0 to 252"),
     (_csv("time_s,speed_m_s", "0,0", "0,1"), "line 3, column time_s: value 0; .*more than in the"),
-    (_csv("time_s,speed_m_s", "5,0", "4,1"), "line 3, column time_s: value 4; .*more than in the"),
     (_csv("time_s,speed_m_s", "0,0", "61,1"), "line 3, column time_s: value 61; .*at most 60 s"),
-    (_csv("time_s,speed_m_s", "0,0"), "the trip lasts 0 s in 1 rows; at least 2 s"),
     (_csv("time_s,speed_m_s", "0,0", "1,0"), "the trip lasts 1 s in 2 rows; at least 2 s"),
     (
         _csv("time_s,speed_m_s", "0,0", "1,0", "2,13"),
@@ -191,7 +183,6 @@ BAD_FILES = [
         "at 1 Hz the trip covers 0.0 m instead of 5.0 m",
     ),
     (b"time_s,speed_m_s\n0,0\n1,1\xff\n", "line 3: byte 0xff is not UTF-8"),
-    ("time_s,speed_m_s\n0,0\n".encode("utf-16"), "line 1: byte 0xff is not UTF-8"),
 ]
 
 
