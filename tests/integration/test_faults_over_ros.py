@@ -8,19 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm_bringup.fault_table.catalogue import DriveMode, Entry, PlannedTrip, ReportPolicy
-from iptm_bringup.fault_table.headless import PARAMETERS, HeadlessDriver
-from iptm_bringup.fault_table.judge import judge_trip
-from iptm_bringup.fault_table.observed import ObservedTrip
-from iptm_bringup.fault_table.over_ros import drive_over_ros
-from iptm_core.routes import build_route
+from iptm_bringup.fault_table.catalogue import DriveMode, Entry, Trial
+from iptm_bringup.fault_table.driving import DrivenTrial, drive_headless, drive_over_ros
+from iptm_bringup.fault_table.judge import judge_trial
+from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
 from iptm_interfaces.process import StopRequest
 
 TRIP_S = 120.0
-OverRos = Callable[[PlannedTrip], ObservedTrip]
+PARAMETERS = load_parameters().values
+OverRos = Callable[[Trial], DrivenTrial]
 
 OF_TOPICS = (
     Fault(FaultKind.LEADER_CUT_IN, 20.0, 8.0, size=8.0),
@@ -42,34 +41,24 @@ OF_TOPICS = (
 )
 
 
-def planned(
-    *faults: Fault, reported: ReportPolicy = ReportPolicy.NEVER, within: int = 60
-) -> PlannedTrip:
-    route = build_route(
-        "us06", "as_designed", initial_gap_m=PARAMETERS.gap.initial_gap_m, duration_s=TRIP_S
-    )
-    entries = tuple((Entry(fault, reported, normal_within=within), fault) for fault in faults)
-    return PlannedTrip(DriveMode.LOCK_STEP, "us06", entries, route)
+def planned(*faults: Fault, mode: DriveMode = DriveMode.LOCK_STEP) -> Trial:
+    entries = ((Entry(fault, normal_within=60), fault) for fault in faults)
+    return Trial.on("us06", TRIP_S, mode, entries)
 
 
 @pytest.fixture
 def over_ros(tmp_path: Path) -> OverRos:
-    return lambda plan: drive_over_ros(plan, tmp_path, StopRequest())
+    return lambda trial: drive_over_ros(trial, tmp_path, StopRequest())
 
 
-@pytest.fixture(scope="module")
-def headless() -> HeadlessDriver:
-    return HeadlessDriver()
-
-
-def columns(trip: ObservedTrip, names: Sequence[str]) -> dict[str, np.ndarray]:
+def columns(trip: DrivenTrial, names: Sequence[str]) -> dict[str, np.ndarray]:
     return {name: trip.trajectory.to_arrays()[name] for name in names}
 
 
-def test_faults_over_ros_are_those_without(over_ros: OverRos, headless: HeadlessDriver) -> None:
+def test_faults_over_ros_are_those_without(over_ros: OverRos) -> None:
     """Lock-step with faults gives the very numbers of the loop without ROS, so it repeats as well."""
-    plan = planned(*OF_TOPICS)
-    with_ros, without = over_ros(plan), headless.drive(plan)
+    with_ros = over_ros(planned(*OF_TOPICS))
+    without = drive_headless(planned(*OF_TOPICS, mode=DriveMode.HEADLESS))
     assert with_ros.ended == ""
     names = ("time_s", "position_m", "acceleration_m_s2", "leader_position_m")
     for name, values in columns(without, names).items():
@@ -79,8 +68,8 @@ def test_faults_over_ros_are_those_without(over_ros: OverRos, headless: Headless
 def test_the_safety_monitor_brakes_alike_with_and_without_ros(over_ros: OverRos) -> None:
     """A lead vehicle that brakes with 8 m/s^2 against its previews: same bits, a reason, and no collision."""
     surprise = Fault(FaultKind.LEADER_SURPRISE, 60.0, 20.0, size=8.0)
-    plan = planned(surprise)
-    with_ros, without = over_ros(plan), HeadlessDriver().drive(plan)
+    with_ros = over_ros(planned(surprise))
+    without = drive_headless(planned(surprise, mode=DriveMode.HEADLESS))
     assert with_ros.ended == ""
     for name in TRAJECTORY_COLUMNS:
         here, there = (getattr(trip.trajectory, name) for trip in (without, with_ros))
@@ -100,13 +89,12 @@ def test_the_safety_monitor_brakes_alike_with_and_without_ros(over_ros: OverRos)
 
 
 def test_foreign_messages_and_a_restart_are_reported_and_survived(
-    over_ros: OverRos, headless: HeadlessDriver
+    over_ros: OverRos,
 ) -> None:
-    plan = planned(
+    trial = planned(
         Fault(FaultKind.FOREIGN_CLOCK, 20.0, 3.0),
         Fault(FaultKind.FOREIGN_LEADER, 30.0, 3.0, size=-1e6),
         Fault(FaultKind.PROCESS_RESTARTED, 50.0, target="v2x_bridge"),
-        reported=ReportPolicy.NEVER,
     )
-    verdicts = judge_trip(over_ros(plan), headless.drive(plan, ()))
-    assert [verdict.problems for verdict in verdicts] == [(), (), ()]
+    verdicts = judge_trial(over_ros(trial), drive_headless(planned(mode=DriveMode.HEADLESS)))
+    assert [verdict.problem_text for verdict in verdicts] == ["", "", ""]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,30 +15,28 @@ from iptm_bringup.fault_table.catalogue import (
     FIRST_S,
     DriveMode,
     Entry,
-    PlannedTrip,
     ReportPolicy,
-    plan_trips,
+    Trial,
+    plan_trials,
     read_catalogue,
 )
-from iptm_bringup.fault_table.cli import EXIT_RED, main
-from iptm_bringup.fault_table.judge import TrialOutcome, judge_trip
-from iptm_bringup.fault_table.observed import FaultInterval, ObservedTrip, StatusReport, TripTime
-from iptm_bringup.fault_table.page import faults_page
-from iptm_bringup.fault_table.store import VerdictStore
+from iptm_bringup.fault_table.cli import faults_page, main, store_verdict, stored_verdicts
+from iptm_bringup.fault_table.driving import DrivenTrial, StatusReport, TripTime
+from iptm_bringup.fault_table.judge import judge_trial, verdict_of
 from iptm_core.decision_record import Rung
-from iptm_core.errors import ScenarioError, StoreError
+from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
-from iptm_core.routes import build_route
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
 from iptm_interfaces.diagnostics import Level
+from iptm_studies.judging import Judged
+from iptm_studies.store import ResultStore
 
-PARAMETERS = load_parameters().values
 LOST = Fault(FaultKind.PREVIEW_LOST, 10.0, 10.0)
 ROWS = 60
 S = 1_000_000_000
-Observe = Callable[..., ObservedTrip]
+Observe = Callable[..., DrivenTrial]
 
 
 def trip_of(**columns: object) -> Trajectory:
@@ -56,33 +55,38 @@ def trip_of(**columns: object) -> Trajectory:
 
 @pytest.fixture
 def observe() -> Observe:
-    """Return an observed trip with one fault from 10 s to 20 s."""
-    route = build_route("us06", "flat", initial_gap_m=15.0, duration_s=ROWS - 1)
+    """Return an observed trial with one fault from 10 s to 20 s."""
+    spec, parameters = SimpleNamespace(cycle="us06"), load_parameters().values
 
     def made(
         *reports: tuple[float, Level, str],
         fault: Fault = LOST,
-        reported: ReportPolicy = ReportPolicy.ALWAYS,
         rungs: dict[float, Rung] | None = None,
+        ends: bool = False,
+        reported: ReportPolicy = ReportPolicy.ALWAYS,
         apart: int = ROWS,
         **columns: object,
-    ) -> ObservedTrip:
-        plan = PlannedTrip(DriveMode.LOCK_STEP, "us06", ((Entry(fault, reported), fault),), route)
-        return ObservedTrip(
-            plan,
-            PARAMETERS,
-            trip_of(**columns),
-            np.arange(ROWS) >= apart,
+    ) -> DrivenTrial:
+        entry, run = Entry(fault, reported, ends=ends), trip_of(**columns)
+        # From a row on, the effective leader is not where that of the route is.
+        own_m = run.leader_position_m + (np.arange(ROWS) >= apart)
+        leader = SimpleNamespace(positions_at=lambda _: own_m)
+        inputs = SimpleNamespace(
+            spec=spec, parameters=parameters, route=SimpleNamespace(leader=leader)
+        )
+        return DrivenTrial(
+            Trial(DriveMode.LOCK_STEP, ((entry, fault),), inputs),
+            run,
             rungs or {},
             [StatusReport(time_s, "controller", level, text) for time_s, level, text in reports],
-            [FaultInterval(fault.start_s, fault.end_s)],
+            [(fault.start_s, fault.end_s)],
         )
 
     return made
 
 
-def verdict_on(trip: ObservedTrip, observe: Observe) -> TrialOutcome:
-    (verdict,) = judge_trip(trip, observe())
+def verdict_on(trip: DrivenTrial, observe: Observe) -> Judged:
+    (verdict,) = judge_trial(trip, observe())
     return verdict
 
 
@@ -92,51 +96,52 @@ CALM_AGAIN = (20.0, Level.OK, "optimal plans")
 
 def test_a_fault_that_is_told_and_gone_is_green(observe: Observe) -> None:
     verdict = verdict_on(observe(*WARNED, CALM_AGAIN), observe)
-    assert verdict.problems == ()
-    assert verdict.normal_after == 0.0
-    assert verdict.reasons == ("controller: no preview",)
-    assert verdict.level is Level.WARN
-    assert verdict.smallest_gap_m == pytest.approx(30.0)
+    assert verdict.problem_text == ""
+    assert verdict.figures["normal_after"] == 0.0
+    assert list(verdict.counts) == ["controller: no preview"]
+    assert verdict.labels["level"] == "WARN"
+    assert verdict.figures["smallest_gap_m"] == pytest.approx(30.0)
 
 
 def test_silence_is_red(observe: Observe) -> None:
     silent = (0.0, Level.OK, "optimal plans")
-    assert "without a report" in verdict_on(observe(silent), observe).problems[0]
-    assert verdict_on(observe(silent, reported=ReportPolicy.ONCE), observe).problems == (
-        "no report",
+    assert "without a report" in verdict_on(observe(silent), observe).problem_text
+    assert (
+        verdict_on(observe(silent, reported=ReportPolicy.ONCE), observe).problem_text == "no report"
     )
-    assert verdict_on(observe(silent, reported=ReportPolicy.NEVER), observe).problems == ()
+    assert verdict_on(observe(silent, reported=ReportPolicy.NEVER), observe).problem_text == ""
 
 
 def test_where_a_run_may_end_its_last_word_is_one(observe: Observe) -> None:
-    silent = observe((0.0, Level.OK, "optimal plans"))
-    ((entry, fault),) = silent.plan.entries
-    plan = replace(silent.plan, entries=((replace(entry, ends=True), fault),))
-    assert verdict_on(replace(silent, plan=plan), observe).problems != ()
-    ended = replace(silent, plan=plan, ended="recorder ended with exit code 2")
+    silent = observe((0.0, Level.OK, "optimal plans"), ends=True)
+    assert verdict_on(silent, observe).problems
+    ended = replace(silent, ended="recorder ended with exit code 2")
     verdict = verdict_on(ended, observe)
-    assert verdict.problems == ()
-    assert verdict.reasons == ("recorder ended with exit code 2",)
+    assert verdict.problem_text == ""
+    assert list(verdict.counts) == ["recorder ended with exit code 2"]
 
 
 def test_a_word_in_between_is_enough_only_where_one_is_asked_for(observe: Observe) -> None:
     words = (*WARNED, (13.0, Level.OK, "optimal plans"))
-    assert verdict_on(observe(*words), observe).problems == ("7 of 10 ticks without a report",)
-    assert verdict_on(observe(*words, reported=ReportPolicy.ONCE), observe).problems == ()
+    assert verdict_on(observe(*words), observe).problem_text == "7 of 10 ticks without a report"
+    assert verdict_on(observe(*words, reported=ReportPolicy.ONCE), observe).problem_text == ""
 
 
 def test_a_fallback_or_a_warning_that_stays_is_not_normal(observe: Observe) -> None:
     late = verdict_on(observe(*WARNED, (28.0, Level.OK, "optimal plans")), observe)
-    assert late.problems == ("normal after 8 ticks",)
+    assert late.problem_text == "normal after 8 ticks"
     rungs = {float(second): Rung.SAFE_LAW for second in range(10, 27)}
-    assert verdict_on(observe(*WARNED, CALM_AGAIN, rungs=rungs), observe).normal_after == 7.0
-    assert "not normal again" in verdict_on(observe(*WARNED), observe).problems[0]
+    assert (
+        verdict_on(observe(*WARNED, CALM_AGAIN, rungs=rungs), observe).figures["normal_after"]
+        == 7.0
+    )
+    assert "not normal again" in verdict_on(observe(*WARNED), observe).problem_text
 
 
 def test_reports_of_the_fault_free_trip_do_not_count(observe: Observe) -> None:
     fault_free = observe((0.0, Level.WARN, "gap above s_max for long"))
-    (verdict,) = judge_trip(observe(*WARNED), fault_free)
-    assert verdict.problems == ()
+    (verdict,) = judge_trial(observe(*WARNED), fault_free)
+    assert verdict.problem_text == ""
 
 
 def test_a_collision_counts_where_full_braking_avoids_it(observe: Observe) -> None:
@@ -148,19 +153,19 @@ def test_a_collision_counts_where_full_braking_avoids_it(observe: Observe) -> No
         leader_speed_m_s=np.where(np.arange(ROWS) > 13, 0.0, 10.0),
     )  # fmt: skip
     verdict = verdict_on(avoidable, observe)
-    assert verdict.braking_gap_m > 0.0 > verdict.smallest_gap_m
-    assert any("collision that brakes avoid" in problem for problem in verdict.problems)
+    assert verdict.figures["braking_gap_m"] > 0.0 > verdict.figures["smallest_gap_m"]
+    assert "collision that brakes avoid" in verdict.problem_text
     # A stop three metres ahead is impossible, but braking less than possible is a failure.
     near = leader - 27.0
     late = observe(fault=stop, reported=ReportPolicy.NEVER, apart=14, leader_position_m=near)
-    assert any("worse than full braking" in what for what in verdict_on(late, observe).problems)
+    assert "worse than full braking" in verdict_on(late, observe).problem_text
 
 
 def test_a_command_beyond_its_bounds_is_red(observe: Observe) -> None:
     acceleration = np.zeros(ROWS)
     acceleration[12:15] = [0.4, 3.5, 0.4]
     verdict = verdict_on(observe(*WARNED, CALM_AGAIN, acceleration_m_s2=acceleration), observe)
-    assert any("acceleration beyond its limit" in problem for problem in verdict.problems)
+    assert "acceleration beyond its limit" in verdict.problem_text
 
 
 def test_what_was_heard_is_put_where_it_belongs_in_the_last_trip() -> None:
@@ -181,12 +186,12 @@ def test_a_restart_of_the_plant_is_judged_by_the_trip_that_it_begins(observe: Ob
     trip = observe(
         *begun, (3.0, Level.OK, "optimal plans"), fault=fault, reported=ReportPolicy.ONCE
     )
-    verdict = verdict_on(replace(trip, intervals=[FaultInterval(-1.0, -1.0)]), observe)
-    assert verdict.problems == ()
-    assert verdict.normal_after == 4.0
+    verdict = verdict_on(replace(trip, intervals=[(-1.0, -1.0)]), observe)
+    assert verdict.problem_text == ""
+    assert verdict.figures["normal_after"] == 4.0
     silent = observe((0.0, Level.OK, "optimal plans"), fault=fault, reported=ReportPolicy.ONCE)
-    verdict = verdict_on(replace(silent, intervals=[FaultInterval(-1.0, -1.0)]), observe)
-    assert verdict.problems == ("no report",)
+    verdict = verdict_on(replace(silent, intervals=[(-1.0, -1.0)]), observe)
+    assert verdict.problem_text == "no report"
 
 
 # --- catalogue and trips
@@ -216,8 +221,8 @@ def test_faults_over_ros_follow_one_another_with_calm_between() -> None:
     long = {name: np.resize(column, rows) for name, column in sound.to_arrays().items()}
     long["time_s"] = np.arange(float(rows))
     whole = Trajectory.from_arrays(long)
-    over_ros = plan_trips(entries, DriveMode.LOCK_STEP, "us06", whole)
-    headless = plan_trips(entries, DriveMode.HEADLESS, "us06", whole)
+    over_ros = plan_trials(entries, DriveMode.LOCK_STEP, "us06", whole)
+    headless = plan_trials(entries, DriveMode.HEADLESS, "us06", whole)
     assert sum(len(trip.entries) for trip in over_ros) == len(entries)
     assert len(over_ros) < len(entries) / 2
     assert all(len(trip.entries) == 1 for trip in headless)
@@ -233,32 +238,41 @@ def test_faults_over_ros_follow_one_another_with_calm_between() -> None:
 
 
 def test_verdicts_are_kept_and_replaced(tmp_path: Path) -> None:
-    _, entries = read_catalogue()
-    store = VerdictStore(tmp_path)
-    red = replace(TrialOutcome(entries[0], DriveMode.HEADLESS, "us06"), problems=("no report",))
-    other = TrialOutcome(
-        entries[1], DriveMode.REAL_TIME, "us06", ("controller: x",), Level.WARN, 2, 1.0, 9.0, 9.5
+    cycles, entries = read_catalogue()
+    store = ResultStore(tmp_path)
+    red = verdict_of(entries[0], DriveMode.HEADLESS, "us06", report="no report")
+    other = replace(
+        verdict_of(entries[1], DriveMode.REAL_TIME, "us06"),
+        figures={"normal_after": 1.0},
+        counts={"v2x_bridge: z": 1, "controller: a": 1},
     )
-    store.add(entries, [red, other])
-    store.add(entries, [replace(red, problems=())])
-    assert [verdict.problems for verdict in store.load(entries)] == [(), ()]
-    assert store.load(entries)[1] == other
-    (tmp_path / "verdicts.json").write_text("[{}]")
-    with pytest.raises(StoreError, match=r"verdicts\.json cannot be read"):
-        store.load(entries)
+    for verdict in (red, other, replace(red, problems={})):
+        store_verdict(store, verdict)
+    found = stored_verdicts(store, entries, cycles)
+    assert found == [replace(red, problems={}), other]
+    assert list(found[1].counts) == list(other.counts)
 
 
-def test_the_page_says_what_did_not_hold() -> None:
+def test_the_page_shows_what_did_not_hold() -> None:
     _, entries = read_catalogue()
-    good = TrialOutcome(entries[0], DriveMode.HEADLESS, "us06", (), Level.OK, 0, 0.0, 9.0, 9.5)
-    bad = replace(good, mode=DriveMode.LOCK_STEP, problems=("no report",))
-    page = faults_page("scripts/faults", [good, bad])
+    good = verdict_of(entries[0], DriveMode.HEADLESS, "us06")
+    bad = verdict_of(entries[0], DriveMode.LOCK_STEP, "us06", report="no report")
+    page = faults_page("scripts/faults", entries, [good, bad])
     assert "✓ 1 of 1 | ✗ 0 of 1" in page
     assert f"| {entries[0].name} | lock-step | us06 | no report |" in page
 
 
 def test_the_command_makes_a_green_row_without_ros(tmp_path: Path) -> None:
-    arguments = ["--mode", "headless", "--cycle", "nycc", "--folder", str(tmp_path)]
+    arguments = [
+        "--mode",
+        "headless",
+        "--cycle",
+        "nycc",
+        "--store",
+        str(tmp_path),
+        "--workers",
+        "1",
+    ]
     assert main([*arguments, "--only", "preview_nan"]) == 0
     assert "preview_nan" in (tmp_path / "faults.md").read_text()
 
@@ -266,8 +280,17 @@ def test_the_command_makes_a_green_row_without_ros(tmp_path: Path) -> None:
 def test_the_command_tells_red_from_green(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text("cycles: [nycc]\nfaults: [{kind: slope_step, size: 0.001, reported: always}]\n")
-    arguments = ["--mode", "headless", "--folder", str(tmp_path), "--catalogue", str(mine)]
-    assert main(arguments) == EXIT_RED
+    arguments = [
+        "--mode",
+        "headless",
+        "--store",
+        str(tmp_path),
+        "--workers",
+        "1",
+        "--catalogue",
+        str(mine),
+    ]
+    assert main(arguments) == 1
     assert "without a report" in (tmp_path / "faults.md").read_text()
 
 

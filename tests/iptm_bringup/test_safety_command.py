@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from iptm_bringup.safety_trials.cli import PAGE, main
+from iptm_bringup.safety_trials import PAGE, main
 
 
 def test_the_short_version_drives_every_part_and_goes_on_from_what_is_stored(

@@ -18,15 +18,15 @@ from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_faults.kinds import FaultKind
-from iptm_studies.campaign import Campaign
-from iptm_studies.execution import admit
-from iptm_studies.random_cars import draws
-from iptm_studies.random_cars.bounds import (
+from iptm_studies.bounds import (
     avoidable_collisions,
     avoidably_below_s_min,
     below_s_min,
     fully_cooled_k,
 )
+from iptm_studies.campaign import Campaign
+from iptm_studies.execution import admit
+from iptm_studies.random_cars import draws
 from iptm_studies.random_cars.cli import PAGE, main
 from iptm_studies.random_cars.draws import (
     ALWAYS,

@@ -14,20 +14,21 @@ from iptm_core.routes import build_route
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
+from iptm_studies.judging import Judged
 from iptm_studies.run import VEHICLE, WEAK_BRAKES, Report, Run, perform_run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
-from iptm_studies.safety.braking import BrakingResults, braking_trials
+from iptm_studies.safety.braking import braking_outcomes, braking_trials
 from iptm_studies.safety.emergency_stop import (
     StatedBrakes,
     braking_leads,
     emergency_stops,
 )
-from iptm_studies.safety.findings import Driven, Findings, JudgedTrial, energy_percent
+from iptm_studies.safety.findings import BEFORE, Findings, energy_percent, read_before
 from iptm_studies.safety.judging import judge_trial
 from iptm_studies.safety.lead_vehicles import lead_cycles
 from iptm_studies.safety.page import safety_page
-from iptm_studies.safety.performing import BEFORE, read_before
 from iptm_studies.safety.trials import Extent, default_spec, disturbed_study
+from iptm_studies.store import ResultStore
 
 PARAMETERS = load_parameters().values
 AT_ONCE = StatedBrakes(8.0, 1e9, 0.0)
@@ -101,50 +102,51 @@ COLLISION = trip(
 )
 
 
+def judged(trip: Trajectory, *faults: Fault, report: Report | None = None) -> Judged:
+    trial = Judged("0001", "us06", {"disturbed": "leader_surprise, preview", "brake_share": 1.0})
+    return judge_trial(trial, trip, PARAMETERS, faults, [report] if report else [])
+
+
 def test_a_collision_that_brakes_avoid_is_a_problem_and_stands_beside_its_bound() -> None:
-    verdict = judge_trial(COLLISION, PARAMETERS, (), ())
-    assert verdict.collided_at_s == 5.0
-    assert verdict.impact_m_s == pytest.approx(10.0)
-    assert verdict.bound_m > 0.0
-    assert verdict.problems == ("avoidable collision",)
+    verdict = judged(COLLISION)
+    assert verdict.figures["collided_at_s"] == 5.0
+    assert verdict.figures["impact_m_s"] == pytest.approx(10.0)
+    assert verdict.figures["bound_m"] > 0.0
+    assert verdict.problem_text == "avoidable collision"
 
 
 def test_a_lead_vehicle_that_cuts_in_too_close_cannot_be_avoided() -> None:
     run = trip([20.0] * 6, [60.0, 60.0, 0.5, -14.5, -30.0, -50.0], [20, 20, 5, 5, 5, 5])
     event = Fault(FaultKind.LEADER_CUT_IN, 2.0, 10.0, size=0.5)
-    verdict = judge_trial(run, PARAMETERS, (event,), ())
-    assert verdict.problems == ()
-    assert verdict.bound_m < 0.0
+    verdict = judged(run, event)
+    assert verdict.problem_text == ""
+    assert verdict.figures["bound_m"] < 0.0
     weak = Fault(FaultKind.BRAKES_WEAK, size=0.8, duration_s=100.0)
     report = Report(1.0, VEHICLE, f"{WEAK_BRAKES} 80 %")
-    assert judge_trial(run, PARAMETERS, (event, weak), (report,)).problems == ()
+    assert judged(run, event, weak, report=report).problem_text == ""
 
 
 def test_weak_brakes_may_touch_gently_and_have_to_be_noticed() -> None:
     weak = Fault(FaultKind.BRAKES_WEAK, size=0.6, duration_s=100.0)
-    hard = judge_trial(COLLISION, PARAMETERS, (weak,), ())
-    assert hard.problems == ("impact at 10.0 m/s with weak brakes",)
+    hard = judged(COLLISION, weak)
+    assert hard.problem_text == "impact at 10.0 m/s with weak brakes"
     braking = trip([20.0, 18.0, 16.0, 14.0, 12.0], [50.0] * 5, [20.0] * 5)
-    silent = judge_trial(braking, PARAMETERS, (weak,), ())
-    assert silent.problems == ("weak brakes not reported within 1 s of braking",)
-    judged = judge_trial(
-        braking, PARAMETERS, (weak,), (Report(1.0, VEHICLE, f"{WEAK_BRAKES} 62 %"),)
-    )
-    assert (judged.noticed_s, judged.problems) == (1.0, ())
+    silent = judged(braking, weak)
+    assert silent.problem_text == "weak brakes not reported within 1 s of braking"
+    verdict = judged(braking, weak, report=Report(1.0, VEHICLE, f"{WEAK_BRAKES} 62 %"))
+    assert (verdict.figures["noticed_s"], verdict.problem_text) == (1.0, "")
     # In the interval in which the fault begins, the brakes are sound.
     later = Fault(FaultKind.BRAKES_WEAK, start_s=0.7, size=0.6, duration_s=100.0)
     report = Report(2.0, VEHICLE, f"{WEAK_BRAKES} 62 %")
-    verdict = judge_trial(braking, PARAMETERS, (later,), (report,))
-    assert (verdict.noticed_s, verdict.problems) == (1.0, ())
+    verdict = judged(braking, later, report=report)
+    assert (verdict.figures["noticed_s"], verdict.problem_text) == (1.0, "")
 
 
 def test_service_braking_has_to_be_reported_by_the_vehicle() -> None:
     braked = trip([20.0, 15.0, 10.0], [20.0] * 3, [20.0] * 3, service_braking_s=0.5)
-    assert judge_trial(braked, PARAMETERS, (), ()).problems == (
-        "service braking not reported in time",
-    )
-    in_time = (Report(2.0, VEHICLE, "service braking: gap 3 m"),)
-    assert judge_trial(braked, PARAMETERS, (), in_time).report_ticks == 2.0
+    assert judged(braked).problem_text == "service braking not reported in time"
+    in_time = Report(2.0, VEHICLE, "service braking: gap 3 m")
+    assert judged(braked, report=in_time).figures["report_ticks"] == 2.0
 
 
 # --- what is driven
@@ -198,9 +200,9 @@ def test_the_monitor_alone_avoids_what_brakes_avoid(short_drive: tuple[RunInputs
 
 def test_braking_trials_are_driven_once(short_drive: tuple[RunInputs, Run], tmp_path: Path) -> None:
     inputs, run = short_drive
-    results, driven = BrakingResults(tmp_path), list[str]()
+    store, driven = ResultStore(tmp_path), list[str]()
     drives = {"nycc": (inputs, run.trajectory)}
-    first, second = (results.complete(drives, 2, 1, 1, driven.append) for _ in range(2))
+    first, second = (braking_outcomes(store, drives, 2, 1, 1, driven.append) for _ in range(2))
     assert driven == ["nycc"]
     assert np.array_equal(first["nycc"].smallest_gap_m, second["nycc"].smallest_gap_m)
 
@@ -209,9 +211,9 @@ def test_energies_are_compared_with_equal_ends(short_drive: tuple[RunInputs, Run
     metrics = short_drive[1].metrics
     warm = replace(metrics.end, temperature_k=metrics.end.temperature_k + 0.5)
     group = {
-        0: Driven({}, metrics),
-        1: Driven({}, metrics),
-        2: Driven({}, replace(metrics, end=warm)),
+        0: metrics,
+        1: metrics,
+        2: replace(metrics, end=warm),
     }
     assert energy_percent(group, 1) == 0.0
     assert energy_percent(group, 2) > 0.0, "it has yet to be cooled"
@@ -219,9 +221,7 @@ def test_energies_are_compared_with_equal_ends(short_drive: tuple[RunInputs, Run
 
 
 def test_the_page_shows_what_did_not_hold() -> None:
-    verdict = judge_trial(COLLISION, PARAMETERS, (), ())
-    trial = JudgedTrial("0001", "leader_surprise, preview", "us06", (), verdict)
-    findings = Findings({}, [trial], [], [], [], read_before(BEFORE))
+    findings = Findings({}, [judged(COLLISION)], {}, {}, read_before(BEFORE))
     page = safety_page("scripts/safety", "abc", findings)
     assert "- trial 0001: avoidable collision" in page
     assert "| `leader_surprise` | 1 | 1 | 1 |" in page

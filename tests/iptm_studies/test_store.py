@@ -12,10 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from iptm_core.errors import StoreError
-from iptm_studies import store as store_module
 from iptm_studies.run import Run
 from iptm_studies.run_inputs import RunInputs
-from iptm_studies.store import ResultStore, default_store_folder
+from iptm_studies.store import ResultStore, content_key, default_store_folder
 from iptm_studies.whole_trip import TemperatureCostates, WholeTripRecord, WholeTripSolve
 
 MakeRun = Callable[..., Run]
@@ -141,12 +140,12 @@ def test_foreign_and_misnamed_files(store: ResultStore, run: Run) -> None:
 def test_an_interrupted_save_leaves_nothing(
     store: ResultStore, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(path: Path, run: Run) -> None:
-        del run
+    def interrupted(table: object, path: Path, **_: object) -> None:
+        del table
         path.write_bytes(b"PAR1 half a file")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(store_module, "write_run", interrupted)
+    monkeypatch.setattr(pq, "write_table", interrupted)
     with pytest.raises(KeyboardInterrupt):
         store.save(run)
     assert list(store.folder.iterdir()) == []
@@ -206,6 +205,19 @@ def test_prune_keeps_what_is_needed_and_what_is_not_ours(store: ResultStore, run
     assert store.keys() == (run.key, gone.stem)
     assert len(store.prune([run.key])) == 4
     assert sorted(store.folder.iterdir()) == sorted([store.path_of(run.key), mine])
+
+
+def test_plain_values_and_series_come_back(store: ResultStore) -> None:
+    key = content_key("braking", 3)
+    assert store.find_content(key) is None
+    store.save_content(key, {"pairs": [["b", 1], ["a", 2]]}, {"gap_m": np.array([1.5, 0.1])})
+    found = store.find_content(key)
+    assert found is not None
+    assert found[0]["pairs"] == [["b", 1], ["a", 2]]
+    assert found[1]["gap_m"].tolist() == [1.5, 0.1]
+    store.save_content(key, {})
+    with pytest.raises(StoreError, match="no run of this format"):
+        store.load(key)
 
 
 def test_default_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -74,8 +74,7 @@ PURE = {
 MAY_KNOW_THE_NODE_OF = {
     ("iptm_faults.node_controller", "iptm_controller"),
     ("iptm_faults.node_plant", "iptm_plant_sim"),
-    ("iptm_bringup.fault_table.headless", "iptm_controller"),
-    ("iptm_bringup.fault_table.observed", "iptm_controller"),
+    ("iptm_bringup.fault_table.driving", "iptm_controller"),
 }
 
 ROS = {

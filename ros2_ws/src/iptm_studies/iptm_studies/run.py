@@ -129,6 +129,7 @@ def perform_run(
     own_controller: TickController | None = None,
     leader: PreviewSource | None = None,
     own_law: AgingLaw | None = None,
+    on_tick: Callable[[int, Measurements, Decision], None] | None = None,
 ) -> Run:
     """Perform a run.
 
@@ -138,6 +139,7 @@ def perform_run(
         own_controller: drives instead of the specified one; such a run cannot be stored.
         leader: motion and predictions of the leader, where they are not those of the route.
         own_law: ageing law of the controller instead of the specified one; such a run cannot be stored.
+        on_tick: called after every decision with the tick, what was measured and what was decided.
 
     Raises:
         IptmError: the run cannot be set up or leads nowhere.
@@ -149,7 +151,8 @@ def perform_run(
             on_progress()
 
     def note(tick: int, measured: Measurements, decision: Decision) -> None:
-        del measured
+        if on_tick is not None:
+            on_tick(tick, measured, decision)
         if decision.reason != (reports[-1].text if reports else ""):
             reports.append(Report(tick * spec.tick_s, CONTROLLER, decision.reason))
         progress()

@@ -1,8 +1,8 @@
-"""The store of finished runs: a folder with one Parquet file per key.
+"""The store of results: a folder with one Parquet file per key.
 
-Trajectory and decisions are columns, everything else is JSON metadata; any Parquet reader opens the files.
-Parquet's own checksums cover the pages. A digest over columns and metadata is kept inside as well, so that
-damage is found whatever part of the file it hits.
+Series are columns, everything else is JSON metadata; any Parquet reader opens the files. Parquet's own
+checksums cover the pages. A digest over columns and metadata is kept inside as well, so that damage is found
+whatever part of the file it hits.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import logging
 import os
 import re
 import uuid
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -36,7 +36,7 @@ from iptm_studies.whole_trip import WholeTripRecord
 LOGGER = logging.getLogger(__name__)
 DEFAULT_FOLDER = "results"
 ROOT_VARIABLE = "IPTM_ROOT"
-FORMAT = 6
+FORMAT = 7
 _METADATA = b"iptm"
 _DIGEST = b"iptm_digest"
 _DECISION_PREFIX = "decision_"
@@ -46,12 +46,16 @@ _FAILED = ".failed"
 _TEMPORARY = ".unfinished-"
 _KEY = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}")
 
+Content = dict[str, Any]
+Columns = Mapping[str, Any]
+Read = TypeVar("Read")
+
 
 class ResultStore:
-    """Finished runs by key. Several processes may read and write one store at the same time."""
+    """Results by key. Several processes may read and write one store at the same time."""
 
     def __init__(self, folder: Path) -> None:
-        """Open a store; its folder is made with the first run.
+        """Open a store; its folder is made with the first result.
 
         Raises:
             StoreError: the path exists and is not a folder.
@@ -81,23 +85,11 @@ class ResultStore:
         path = self.path_of(key)
         if not path.is_file():
             raise StoreError(f"store {self.folder} has no run {key}")
-        run = read_run(path)
-        if run.key != key:
-            raise StoreError(f"stored run {path.name} is the run of another key, {run.key}")
-        return run
+        return read_run(path)
 
     def find(self, key: str) -> Run | None:
         """Load a run if it is there and sound; a damaged file is reported and put aside."""
-        path = self.path_of(key)
-        if not path.is_file():
-            return None
-        try:
-            return self.load(key)
-        except StoreError as error:
-            LOGGER.warning("%s; it will be recomputed", error)
-            with contextlib.suppress(OSError):
-                path.replace(path.with_suffix(_DAMAGED))
-            return None
+        return self._find(key, read_run)
 
     def save(self, run: Run) -> Path:
         """Store a run, whole or not at all; an older result of the same key is replaced.
@@ -105,13 +97,50 @@ class ResultStore:
         Raises:
             StoreError: the folder cannot be written.
         """
-        target = self.path_of(run.key)
+        columns = {name: pa.array(values) for name, values in run.trajectory.to_arrays().items()}
+        if run.decisions is not None:
+            for name, decided in run.decisions.to_arrays().items():
+                # The last row of a trajectory ends the trip: nothing is decided there.
+                values = pa.array(decided)
+                columns[_DECISION_PREFIX + name] = pa.concat_arrays(
+                    [values, pa.nulls(1, values.type)]
+                )
+        content = {
+            "spec": run.spec.to_dict(),
+            "parameters": to_flat_dict(run.parameters),
+            "whole_trip": None if run.whole_trip is None else asdict(run.whole_trip),
+            "channel": None if run.channel is None else asdict(run.channel),
+            "reports": [asdict(report) for report in run.reports],
+            "record": asdict(run.record),
+            # For other readers of the file; here the figures are recomputed.
+            "figures": figure_values(run.metrics),
+        }
+        return self.save_content(run.key, content, columns)
+
+    def find_content(self, key: str) -> tuple[Content, Columns] | None:
+        """Load what ``save_content`` stored if it is there and sound; a damaged file is put aside."""
+        found = self._find(key, _read)
+        if found is None:
+            return None
+        content, table = found
+        return content, {name: table[name].to_numpy() for name in table.column_names}
+
+    def save_content(self, key: str, content: Content, columns: Columns | None = None) -> Path:
+        """Store plain values and series of one length, whole or not at all.
+
+        Raises:
+            StoreError: the folder cannot be written.
+        """
+        metadata = canonical_json({"format": FORMAT, "key": key, **content})
+        table = pa.table(dict(columns or {}), metadata={_METADATA: metadata})
+        table = table.replace_schema_metadata({**table.schema.metadata, _DIGEST: _digest(table)})
+        target = self.path_of(key)
         with self._writing():
             temporary = self.folder / f"{_TEMPORARY}{uuid.uuid4().hex}{_SUFFIX}"
             try:
-                write_run(temporary, run)
+                pq.write_table(table, temporary, compression="zstd", write_page_checksum=True)
                 # The content is on the disk before the name is; and as renaming is atomic, another process
-                # sees either nothing or the whole run.
+                # sees either nothing or the whole result.
                 with temporary.open("rb") as file:
                     os.fsync(file.fileno())
                 temporary.replace(target)
@@ -137,7 +166,7 @@ class ResultStore:
             return ""
 
     def prune(self, keep: Collection[str]) -> tuple[str, ...]:
-        """Delete every run but those to keep, and what interrupted or damaged runs left.
+        """Delete every result but those to keep, and what interrupted or damaged runs left.
 
         Returns:
             Names of the deleted files.
@@ -156,17 +185,27 @@ class ResultStore:
 
     def _files(self) -> list[Path]:
         """Everything in the folder that is the store's own, sorted."""
-        if not self.folder.is_dir():
-            return []
         return [
             path
-            for path in sorted(self.folder.iterdir())
+            for path in (sorted(self.folder.iterdir()) if self.folder.is_dir() else ())
             if path.name.startswith(_TEMPORARY)
             or (path.suffix in {_SUFFIX, _DAMAGED, _FAILED} and _KEY.fullmatch(path.stem))
         ]
 
+    def _find(self, key: str, read: Callable[[Path], Read]) -> Read | None:
+        path = self.path_of(key)
+        if not path.is_file():
+            return None
+        try:
+            return read(path)
+        except StoreError as error:
+            LOGGER.warning("%s; it will be recomputed", error)
+            with contextlib.suppress(OSError):
+                path.replace(path.with_suffix(_DAMAGED))
+            return None
+
     @contextlib.contextmanager
-    def _writing(self) -> Any:
+    def _writing(self) -> Iterator[None]:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             yield
@@ -180,46 +219,27 @@ def default_store_folder() -> Path:
     return (Path(root) if root else Path.cwd()) / DEFAULT_FOLDER
 
 
-def write_run(path: Path, run: Run) -> None:
-    """Write a run; the caller prevents concurrent reads of the incomplete file.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
-    columns = {name: pa.array(values) for name, values in run.trajectory.to_arrays().items()}
-    if run.decisions is not None:
-        for name, decided in run.decisions.to_arrays().items():
-            # The last row of a trajectory ends the trip: nothing is decided there.
-            values = pa.array(decided)
-            columns[_DECISION_PREFIX + name] = pa.concat_arrays([values, pa.nulls(1, values.type)])
-    content = {
-        "format": FORMAT,
-        "key": run.key,
-        "spec": run.spec.to_dict(),
-        "parameters": to_flat_dict(run.parameters),
-        "whole_trip": None if run.whole_trip is None else asdict(run.whole_trip),
-        "channel": None if run.channel is None else asdict(run.channel),
-        "reports": [asdict(report) for report in run.reports],
-        "record": asdict(run.record),
-        # For other readers of the file; here the figures are recomputed.
-        "figures": figure_values(run.metrics),
-    }
-    table = pa.table(columns, metadata={_METADATA: canonical_json(content)})
-    table = table.replace_schema_metadata({**table.schema.metadata, _DIGEST: _digest(table)})
-    pq.write_table(table, path, compression="zstd", write_page_checksum=True)
+def content_key(*parts: object) -> str:
+    """Return the key of a result that is named by plain values."""
+    return hashlib.sha256(canonical_json(parts).encode()).hexdigest()[:KEY_LENGTH]
 
 
 def read_run(path: Path) -> Run:
-    """Read a run and check it.
+    """Read a run from a file of a store and check it.
 
     Raises:
         StoreError: the file is missing, damaged or not of this format.
     """
+    return _run(path, *_read(path))
+
+
+def _read(path: Path) -> tuple[Content, pa.Table]:
     try:
         table = pq.read_table(path, page_checksum_verification=True, memory_map=False)
         metadata = table.schema.metadata or {}
         sound = metadata[_DIGEST] == _digest(table)
-        run = _run(json.loads(metadata[_METADATA]), table)
+        content: Content = json.loads(metadata[_METADATA])
+        found = content["format"], content["key"]
     except KeyError as error:
         raise StoreError(
             f"stored run {path.name}: {error} is missing; no result of this format"
@@ -227,39 +247,41 @@ def read_run(path: Path) -> Run:
     except (OSError, pa.ArrowException, ValueError, TypeError, AttributeError) as error:
         reason = " ".join(str(error).split())[:200]
         raise StoreError(f"stored run {path.name}: cannot be read: {reason}") from error
-    except IptmError as error:
-        raise StoreError(f"stored run {path.name}: {error}") from error
     if not sound:
         raise StoreError(f"stored run {path.name} is damaged: content and digest disagree")
-    return run
+    if found[0] != FORMAT:
+        raise StoreError(f"stored run {path.name}: format is {found[0]}; allowed: {FORMAT}")
+    if _KEY.fullmatch(path.stem) and found[1] != path.stem:
+        raise StoreError(f"stored run {path.name} is the run of another key, {found[1]}")
+    return content, table
 
 
-def _run(content: dict[str, Any], table: pa.Table) -> Run:
-    if content["format"] != FORMAT:
-        raise StoreError(f"format is {content['format']}; allowed: {FORMAT}")
-    decisions, whole_trip = None, content["whole_trip"]
-    if whole_trip is None:
-        decisions = DecisionSeries.from_arrays(
-            {
-                name: table[_DECISION_PREFIX + name].drop_null().to_numpy()
-                for name in DECISION_COLUMNS
-            }
+def _run(path: Path, content: Content, table: pa.Table) -> Run:
+    try:
+        decisions, whole_trip = None, content["whole_trip"]
+        if whole_trip is None:
+            decisions = DecisionSeries.from_arrays(
+                {
+                    name: table[_DECISION_PREFIX + name].drop_null().to_numpy()
+                    for name in DECISION_COLUMNS
+                }
+            )
+        channel = content["channel"]
+        return Run(
+            key=content["key"],
+            spec=RunSpec.from_dict(content["spec"]),
+            parameters=flat_to_parameters(content["parameters"], "stored parameters"),
+            trajectory=Trajectory.from_arrays(
+                {name: table[name].to_numpy() for name in TRAJECTORY_COLUMNS}
+            ),
+            decisions=decisions,
+            whole_trip=None if whole_trip is None else WholeTripRecord.from_dict(whole_trip),
+            channel=None if channel is None else ChannelRecord.from_dict(channel),
+            record=RunRecord(**content["record"]),
+            reports=tuple(Report(**report) for report in content["reports"]),
         )
-    else:
-        whole_trip = WholeTripRecord.from_dict(whole_trip)
-    return Run(
-        key=content["key"],
-        spec=RunSpec.from_dict(content["spec"]),
-        parameters=flat_to_parameters(content["parameters"], "stored parameters"),
-        trajectory=Trajectory.from_arrays(
-            {name: table[name].to_numpy() for name in TRAJECTORY_COLUMNS}
-        ),
-        decisions=decisions,
-        whole_trip=whole_trip,
-        channel=None if content["channel"] is None else ChannelRecord.from_dict(content["channel"]),
-        record=RunRecord(**content["record"]),
-        reports=tuple(Report(**report) for report in content["reports"]),
-    )
+    except (KeyError, ValueError, TypeError, AttributeError, IptmError) as error:
+        raise StoreError(f"stored run {path.name}: {error}; no run of this format") from error
 
 
 def _digest(table: pa.Table) -> bytes:

@@ -1,22 +1,23 @@
-"""Catalogue of faults and the trips in which they are injected."""
+"""Catalogue of faults and the trials in which they are injected."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
-from iptm_core.parameters import load_parameters
 from iptm_core.parameters.strict_yaml import read_yaml
-from iptm_core.routes import Route, build_route
 from iptm_core.trajectory import Trajectory
 from iptm_core.user_input import StrictMapping
 from iptm_faults.fault import Fault, faults_from, in_order
 from iptm_faults.kinds import FaultPlace
+from iptm_studies.run_inputs import RunInputs, resolve_inputs
+from iptm_studies.safety.trials import default_spec
 
 FIRST_S = 60.0
 """Earliest trip time at which a fault begins."""
@@ -55,17 +56,17 @@ class Entry:
     """One row of the table.
 
     Attributes:
-        fault: the fault; its start time is set by the trip.
+        fault: the fault; its start time is set by the trial.
         reported: when it must be reported.
         silent_in: modes in which no report is required.
         normal_within: ticks after the end of the fault within which operation must be normal.
         ends: whether the fault may end the run.
-        alone: whether it needs its own trip over ROS 2.
+        alone: whether it needs its own trial over ROS 2.
         cycle: the only cycle it is driven on; empty for all cycles of the table.
     """
 
     fault: Fault
-    reported: ReportPolicy
+    reported: ReportPolicy = ReportPolicy.NEVER
     silent_in: tuple[DriveMode, ...] = ()
     normal_within: int = NORMAL_WITHIN
     ends: bool = False
@@ -81,34 +82,60 @@ class Entry:
             else ""
         )
 
+    @property
+    def hits_process(self) -> bool:
+        """Whether it hits a process; then it lasts in wall time."""
+        return self.fault.spec.place is FaultPlace.PROCESS
+
     def supports(self, mode: DriveMode) -> bool:
         """Return whether the fault can be injected in a mode."""
         return mode is not DriveMode.HEADLESS or self.fault.spec.headless
 
-    def report_policy(self, mode: DriveMode) -> ReportPolicy:
-        """Return when the fault must be reported in a mode."""
-        return ReportPolicy.NEVER if mode in self.silent_in else self.reported
+    def settled_s(self, start_s: float) -> float:
+        """Return the trip time by which operation must be normal if the fault begins at another one."""
+        lasts_s = self.fault.duration_s
+        if self.hits_process:
+            wall_s = self.fault.magnitude if self.fault.spec.has_size else 0.0
+            lasts_s = REAL_TIME_RATE * (wall_s + START_UP_S)
+        return start_s + lasts_s + self.normal_within
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedTrip:
-    """A trip with one or more faults in sequence.
+class Trial:
+    """A trip with faults in sequence.
 
     Attributes:
         mode: how it is driven.
-        cycle: what the leader drives.
         entries: rows of the table in order of start time, each with its placed fault.
-        route: leader and road, cut to the duration of the trip.
+        inputs: trip and vehicle; without the faults where it is driven over ROS 2.
     """
 
     mode: DriveMode
-    cycle: str
     entries: tuple[tuple[Entry, Fault], ...]
-    route: Route
+    inputs: RunInputs
+
+    @classmethod
+    def on(
+        cls,
+        cycle: str,
+        duration_s: float | None = None,
+        mode: DriveMode = DriveMode.HEADLESS,
+        entries: Iterable[tuple[Entry, Fault]] = (),
+    ) -> Trial:
+        """Return a trial on the beginning of a cycle, None for all of it."""
+        entries = tuple(entries)
+        faults = tuple(fault for _, fault in entries) if mode is DriveMode.HEADLESS else ()
+        spec = default_spec(cycle, duration_s=duration_s, faults=faults)
+        return cls(mode, entries, resolve_inputs(spec))
+
+    @property
+    def cycle(self) -> str:
+        """What the leader drives."""
+        return self.inputs.spec.cycle
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """All faults of the trip."""
+        """All faults of the trial."""
         return in_order(fault for _, fault in self.entries)
 
     @property
@@ -127,112 +154,71 @@ def read_catalogue(path: Path | None = None) -> tuple[tuple[str, ...], tuple[Ent
     """
     path = path or Path(__file__).parent / "catalogue.yaml"
     written = StrictMapping(read_yaml(path, ScenarioError), path.name, ("cycles", "faults"))
-    cycles = tuple(str(cycle) for cycle in written.entries("cycles"))
-    entries = []
-    for number, content in enumerate(written.entries("faults"), start=1):
-        row = StrictMapping(content, f"{path.name}: row {number}")
-        given = {key: row.content[key] for key in row if key not in _OWN_KEYS}
-        (fault,) = faults_from([given], f"{path.name}: row {number}")
-        modes = StrictMapping({"silent_in": row.content.get("silent_in", [])}, row.where)
-        entries.append(
-            Entry(
-                fault,
-                ReportPolicy(row.choice("reported", [policy.value for policy in ReportPolicy])),
-                tuple(DriveMode(mode) for mode in modes.entries("silent_in", may_be_empty=True)),
-                int(row.number("normal_within")) if "normal_within" in row else NORMAL_WITHIN,
-                ends=bool(row.content.get("ends", False)),
-                alone=bool(row.content.get("alone", False)),
-                cycle=row.text("cycle", ""),
-            )
-        )
-    return cycles, tuple(entries)
+    rows = enumerate(written.entries("faults"), start=1)
+    entries = tuple(_entry(content, f"{path.name}: row {number}") for number, content in rows)
+    return tuple(str(cycle) for cycle in written.entries("cycles")), entries
 
 
-def sound_trip(cycle: str) -> PlannedTrip:
-    """Return a whole cycle without ROS and without faults.
+def _entry(content: Any, where: str) -> Entry:
+    row = StrictMapping(content, where)
+    (fault,) = faults_from([{key: row.content[key] for key in row if key not in _OWN_KEYS}], where)
+    modes = StrictMapping({"silent_in": row.content.get("silent_in", [])}, where)
+    return Entry(
+        fault,
+        ReportPolicy(row.choice("reported", [policy.value for policy in ReportPolicy])),
+        tuple(DriveMode(mode) for mode in modes.entries("silent_in", may_be_empty=True)),
+        int(row.number("normal_within")) if "normal_within" in row else NORMAL_WITHIN,
+        ends=bool(row.content.get("ends", False)),
+        alone=bool(row.content.get("alone", False)),
+        cycle=row.text("cycle", ""),
+    )
 
-    Raises:
-        IptmError: the cycle is not known.
-    """
-    return PlannedTrip(DriveMode.HEADLESS, cycle, (), _route(cycle))
 
-
-def plan_trips(
-    entries: Sequence[Entry], mode: DriveMode, cycle: str, sound: Trajectory
-) -> list[PlannedTrip]:
-    """Return the trips of one mode and cycle: headless one per fault, over ROS 2 as few as possible.
+def plan_trials(
+    entries: Iterable[Entry], mode: DriveMode, cycle: str, fault_free: Trajectory
+) -> list[Trial]:
+    """Return the trials of one mode and cycle: headless one per fault, over ROS 2 as few as possible.
 
     Args:
         entries: rows of the table; those that cannot be injected in the mode are left out.
         mode: how they are driven.
         cycle: what the leader drives.
-        sound: the fault-free run of the whole cycle; faults begin where its time headway is smallest.
+        fault_free: the run of the whole cycle; faults begin where its time headway is smallest.
     """
-    fitting = [entry for entry in entries if entry.supports(mode)]
-    return [
-        PlannedTrip(mode, cycle, tuple(group), _route(cycle, _duration_s(group, mode, sound)))
-        for group in _groups(fitting, mode, sound)
-    ]
-
-
-def _groups(
-    entries: Iterable[Entry], mode: DriveMode, sound: Trajectory
-) -> list[list[tuple[Entry, Fault]]]:
     groups: list[list[tuple[Entry, Fault]]] = []
-    was_alone = False
+    was_alone = True
     for entry in entries:
+        if not entry.supports(mode):
+            continue
         # In lock-step, trip time may advance by an unknown amount while a process starts.
-        of_process = entry.fault.spec.place is FaultPlace.PROCESS
-        alone = (
-            entry.alone
-            or mode is DriveMode.HEADLESS
-            or (of_process and mode is DriveMode.LOCK_STEP)
-        )
-        last = groups[-1] if groups and not was_alone and not alone else None
-        start_s = _closest_s(sound, FIRST_S)
-        if last is not None:
-            earliest_s = _settled_s(*last[-1]) + CALM_S
-            if (
-                _settled_s(entry, replace(entry.fault, start_s=earliest_s + CALM_S))
-                <= sound.time_s[-1]
-            ):
-                start_s = _closest_s(sound, earliest_s, CALM_S)
-            else:
-                last = None
+        uncertain = entry.hits_process and mode is DriveMode.LOCK_STEP
+        alone = entry.alone or mode is DriveMode.HEADLESS or uncertain
+        start_s, follows = _closest_s(fault_free, FIRST_S, LOOK_AHEAD_S), False
+        if not alone and not was_alone:
+            before, fault = groups[-1][-1]
+            earliest_s = before.settled_s(fault.start_s) + CALM_S
+            follows = entry.settled_s(earliest_s + CALM_S) <= fault_free.time_s[-1]
+            if follows:
+                start_s = _closest_s(fault_free, earliest_s, CALM_S)
+        if not follows:
+            groups.append([])
+        groups[-1].append((entry, replace(entry.fault, start_s=start_s)))
         was_alone = alone
-        placed = (entry, replace(entry.fault, start_s=start_s))
-        if last is None:
-            groups.append([placed])
-        else:
-            last.append(placed)
-    return groups
+    return [Trial.on(cycle, _duration_s(group, mode, fault_free), mode, group) for group in groups]
 
 
-def _settled_s(entry: Entry, fault: Fault) -> float:
-    """Return the trip time by which a fault must have settled; process faults last in wall time."""
-    lasts_s = fault.duration_s
-    if fault.spec.place is FaultPlace.PROCESS:
-        wall_s = fault.magnitude if fault.spec.has_size else 0.0
-        lasts_s = REAL_TIME_RATE * (wall_s + START_UP_S)
-    return fault.start_s + lasts_s + entry.normal_within
-
-
-def _closest_s(sound: Trajectory, earliest_s: float, within_s: float = LOOK_AHEAD_S) -> float:
+def _closest_s(fault_free: Trajectory, earliest_s: float, within_s: float) -> float:
     """Return the time of the smallest time headway within a window."""
-    rows = (sound.time_s >= earliest_s) & (sound.time_s < earliest_s + within_s)
-    headway_s = sound.gap_m[rows] / (sound.speed_m_s[rows] + 1.0)
-    return float(sound.time_s[rows][int(np.argmin(headway_s))])
+    rows = (fault_free.time_s >= earliest_s) & (fault_free.time_s < earliest_s + within_s)
+    headway_s = fault_free.gap_m[rows] / (fault_free.speed_m_s[rows] + 1.0)
+    return float(fault_free.time_s[rows][int(np.argmin(headway_s))])
 
 
-def _route(cycle: str, duration_s: float | None = None) -> Route:
-    gap_m = load_parameters().values.gap.initial_gap_m
-    return build_route(cycle, "as_designed", initial_gap_m=gap_m, duration_s=duration_s)
-
-
-def _duration_s(entries: list[tuple[Entry, Fault]], mode: DriveMode, sound: Trajectory) -> float:
+def _duration_s(
+    entries: Sequence[tuple[Entry, Fault]], mode: DriveMode, fault_free: Trajectory
+) -> float:
     entry, fault = entries[-1]
-    whole_s = float(sound.time_s[-1])
-    of_process = fault.spec.place is FaultPlace.PROCESS
-    if mode is DriveMode.LOCK_STEP and of_process and not entry.ends:
+    whole_s = float(fault_free.time_s[-1])
+    if mode is DriveMode.LOCK_STEP and entry.hits_process and not entry.ends:
         return whole_s
-    return min(whole_s, float(np.ceil(_settled_s(entry, fault) + CALM_S)))
+    return min(whole_s, float(np.ceil(entry.settled_s(fault.start_s) + CALM_S)))

@@ -15,7 +15,7 @@ from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_faults.fault import Fault
-from iptm_studies.random_cars.bounds import (
+from iptm_studies.bounds import (
     BoolArray,
     avoidable_collisions,
     avoidably_below_s_min,

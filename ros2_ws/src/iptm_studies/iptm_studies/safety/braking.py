@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.safety.emergency_stop import StatedBrakes, braking_leads, emergency_stops
+from iptm_studies.store import ResultStore, content_key
 from iptm_studies.workers import Failed, OnProgress, perform_all
 
 BoolArray = NDArray[np.bool_]
@@ -153,46 +153,36 @@ def _braking_task(
     return braking_trials(*task[1:])
 
 
-class BrakingResults:
-    """Outcomes on disk, by the key of the drive: what is there is not driven again."""
+def braking_outcomes(
+    store: ResultStore,
+    drives: Mapping[str, tuple[RunInputs, Trajectory]],
+    trials: int,
+    seed: int,
+    workers: int,
+    on_progress: Callable[[str], None],
+) -> dict[str, BrakingOutcomes]:
+    """Return the outcomes of some drives; what is stored is not driven again.
 
-    def __init__(self, folder: Path) -> None:
-        """Name the folder; it is made with the first outcomes."""
-        self._folder = folder
+    Args:
+        store: of the outcomes.
+        drives: undisturbed drives by name.
+        trials: number of trials in all, shared alike.
+        seed: of all draws.
+        workers: number of processes; 0 to drive none, so that only what is stored is returned.
+        on_progress: called with the name of each drive whose trials are done.
 
-    def complete(
-        self,
-        drives: Mapping[str, tuple[RunInputs, Trajectory]],
-        trials: int,
-        seed: int,
-        workers: int,
-        on_progress: Callable[[str], None],
-    ) -> dict[str, BrakingOutcomes]:
-        """Return the outcomes of some drives, and drive those that are missing.
-
-        Args:
-            drives: undisturbed drives by name.
-            trials: number of trials in all, shared alike.
-            seed: of all draws.
-            workers: number of processes; 0 to drive none, so that only what is stored is returned.
-            on_progress: called with the name of each drive whose trials are done.
-        """
-        share = max(1, round(trials / len(drives))) if drives else 0
-        paths = {
-            name: self._folder / f"{inputs.key}_{share}_{seed}.npz"
-            for name, (inputs, _) in drives.items()
-        }
-        missing = {name: drives[name] for name, path in paths.items() if not path.is_file()}
-        if missing and workers:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            tasks = [(name, *drive, share, seed) for name, drive in missing.items()]
-            for (name, *_), outcome in perform_all(_braking_task, tasks, workers):
-                if isinstance(outcome, Failed):
-                    raise StateError(f"braking lead vehicle, {name}: {outcome.cause}")
-                temporary = paths[name].with_suffix(".unfinished.npz")
-                np.savez(temporary, **vars(outcome))
-                temporary.replace(paths[name])
-                on_progress(name)
-        return {
-            name: BrakingOutcomes(**np.load(path)) for name, path in paths.items() if path.is_file()
-        }
+    Raises:
+        StateError: the trials of a drive failed.
+    """
+    share = max(1, round(trials / len(drives))) if drives else 0
+    keys = {name: content_key(inputs.key, share, seed) for name, (inputs, _) in drives.items()}
+    stored = {name: store.find_content(key) for name, key in keys.items()}
+    found = {name: BrakingOutcomes(**one[1]) for name, one in stored.items() if one}
+    tasks = [(name, *drive, share, seed) for name, drive in drives.items() if name not in found]
+    for (name, *_), outcome in perform_all(_braking_task, tasks if workers else [], workers):
+        if isinstance(outcome, Failed):
+            raise StateError(f"braking lead vehicle, {name}: {outcome.cause}")
+        store.save_content(keys[name], {}, vars(outcome))
+        found[name] = outcome
+        on_progress(name)
+    return {name: found[name] for name in drives if name in found}

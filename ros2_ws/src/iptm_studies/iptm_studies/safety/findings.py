@@ -1,19 +1,38 @@
-"""What safety trials found, and what of it must hold."""
+"""What safety trials found, driven or from the store, and what of it must hold."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
+from iptm_core.declaration import TextEnum
+from iptm_core.errors import StoreError
 from iptm_core.metrics import RunMetrics, at_equal_end, figure_values
 from iptm_core.parameters import load_parameters
-from iptm_faults.fault import Fault
-from iptm_studies.safety.braking import BrakingOutcomes
-from iptm_studies.safety.judging import Verdict
-from iptm_studies.safety.trials import NOISE_AND_DELAY, REFERENCE, UNDISTURBED
-from iptm_studies.study import Label
+from iptm_studies.campaign import NOT_COMPUTED, Campaign, CaseState
+from iptm_studies.judging import Judged
+from iptm_studies.laboratory import Session
+from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies.safety.braking import BrakingOutcomes, braking_outcomes
+from iptm_studies.safety.judging import judge_trial, trial_of
+from iptm_studies.safety.trials import (
+    NOISE_AND_DELAY,
+    REFERENCE,
+    UNDISTURBED,
+    Extent,
+    delay_study,
+    disturbed_study,
+    driving_study,
+)
+from iptm_studies.store import ResultStore
 
+BEFORE = Path(__file__).parent / "before.json"
+"""Savings of an earlier version; the file names it."""
 AGING = "total_degradation"
 ALLOWED_FALL_POINTS = {UNDISTURBED: 0.1, NOISE_AND_DELAY: 1.0, "preview errors": 3.0}
 ALLOWED_PER_HOUR = {UNDISTURBED: 0.0, NOISE_AND_DELAY: 1.0}
@@ -21,59 +40,38 @@ ALLOWED_BELOW_M = 0.5
 ALLOWED_NOISE_BELOW_M = 0.3
 ALLOWED_ENERGY_PERCENT = 2.0
 
-
-@dataclass(frozen=True)
-class JudgedTrial:
-    """A disturbed trial and what became of it.
-
-    Attributes:
-        name: of its case, and how it was driven.
-        disturbed: what was disturbed, comma-separated, the event first.
-        what: its specification in words.
-        faults: what went wrong.
-        verdict: on it; None for a trial that failed.
-        failure: why it failed.
-    """
-
-    name: str
-    disturbed: str
-    what: str
-    faults: tuple[Fault, ...]
-    verdict: Verdict | None
-    failure: str = ""
-
-    @property
-    def problems(self) -> tuple[str, ...]:
-        """What did not hold."""
-        return (self.failure,) if self.verdict is None else self.verdict.problems
+Savings = Mapping[str, Mapping[str, float]]
+"""Battery ageing saved in percent, by cycle and setting."""
 
 
-@dataclass(frozen=True)
-class Driven:
-    """A drive without events: its labels and figures."""
+class Part(TextEnum):
+    """A part of the trials."""
 
-    labels: Mapping[str, Label]
-    metrics: RunMetrics
-
-
-@dataclass(frozen=True)
-class Before:
-    """Savings of an earlier version, in percent by cycle and setting, and where they come from."""
-
-    about: str = ""
-    savings: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    DRIVING = "driving"
+    BRAKING = "braking"
+    TRIALS = "trials"
+    DELAYS = "delays"
 
 
 @dataclass(frozen=True)
 class Findings:
-    """Everything that the trials found."""
+    """Everything that the trials found.
+
+    Attributes:
+        braking: trials of the monitor alone, by drive.
+        trials: disturbed trials.
+        driving: drives without events by cycle, setting and whether the lead vehicle was measured.
+        delays: drives with delayed commands by cycle, period and ticks of delay.
+        before: savings of an earlier version, and where they come from.
+        over_ros: disturbed trials over ROS 2.
+    """
 
     braking: Mapping[str, BrakingOutcomes]
-    trials: Sequence[JudgedTrial]
-    over_ros: Sequence[JudgedTrial]
-    driving: Sequence[Driven]
-    delays: Sequence[Driven]
-    before: Before
+    trials: Sequence[Judged]
+    driving: Mapping[tuple[str, str, bool], RunMetrics]
+    delays: Mapping[tuple[str, float, int], RunMetrics]
+    before: tuple[Savings, str] = field(default=({}, ""))
+    over_ros: Sequence[Judged] = ()
 
     def broken(self) -> list[str]:
         """Return what did not hold, one line each."""
@@ -83,48 +81,133 @@ class Findings:
             if found.avoidable.any()
         ]
         lines += [
-            f"trial {trial.name}: {', '.join(trial.problems)}"
+            f"trial {trial.name}: {trial.problem_text}"
             for trial in (*self.trials, *self.over_ros)
             if trial.problems
         ]
-        return lines + _driving_problems(self) + _delay_problems(self)
+        return [*lines, *_driving_problems(self), *_delay_problems(self)]
 
 
-def hours(driven: Iterable[Driven]) -> float:
+def perform(extent: Extent, parts: Collection[Part], session: Session) -> Findings | None:
+    """Drive what is missing of some parts without ROS and return everything that was found.
+
+    Returns:
+        The findings; None if the session was only to show the runs.
+    """
+    studies = {
+        Part.DRIVING: driving_study(extent),
+        Part.TRIALS: disturbed_study(extent),
+        Part.DELAYS: delay_study(extent),
+    }
+    # The monitor brakes from instants of undisturbed drives.
+    needed = {Part.DRIVING if part is Part.BRAKING else part for part in parts}
+    campaign = Campaign([study for part, study in studies.items() if part in needed])
+    if not session.compute(campaign):
+        return None
+    states = {
+        part: [state for state in campaign.cases if state.study is study]
+        for part, study in studies.items()
+    }
+    stored_only = session.options.stored
+    return Findings(
+        _braking(states[Part.DRIVING], extent, session) if Part.BRAKING in parts else {},
+        [
+            _judged(state, session.store)
+            for state in states[Part.TRIALS]
+            if not (stored_only and state.reason == NOT_COMPUTED)
+        ],
+        {
+            (str(label["cycle"]), str(label["setting"]), "measured" in label): metrics
+            for label, metrics in _driven(states[Part.DRIVING])
+            if Part.DRIVING in parts
+        },
+        {
+            (str(label["cycle"]), float(label["period_s"]), int(label["ticks"])): metrics
+            for label, metrics in _driven(states[Part.DELAYS])
+        },
+        # Savings of a part of a cycle compare with nothing.
+        read_before(BEFORE) if math.isinf(extent.longest_s) else ({}, ""),
+    )
+
+
+def _braking(
+    driving: Iterable[CaseState], extent: Extent, session: Session
+) -> dict[str, BrakingOutcomes]:
+    drives = {
+        str(state.case.labels["cycle"]): (
+            resolve_inputs(state.case.spec),
+            session.store.load(str(state.key)).trajectory,
+        )
+        for state in driving
+        if state.case.labels["setting"] == UNDISTURBED and state.metrics is not None
+    }
+    return braking_outcomes(
+        ResultStore(session.store.folder / "braking"),
+        drives,
+        extent.braking_trials,
+        extent.seed,
+        0 if session.options.stored else session.workers,
+        lambda name: session.console.print(f"braking lead vehicle: {name}"),
+    )
+
+
+def _judged(state: CaseState, store: ResultStore) -> Judged:
+    if state.metrics is None:
+        return trial_of(state.case, failure=state.reason)
+    run, faults = store.load(str(state.key)), state.case.spec.faults
+    trial = trial_of(state.case)
+    return judge_trial(trial, run.trajectory, run.parameters, faults, run.reports)
+
+
+def _driven(states: Iterable[CaseState]) -> Iterator[tuple[Mapping[str, Any], RunMetrics]]:
+    for state in states:
+        if state.metrics is not None:
+            yield state.case.labels, state.metrics
+
+
+def read_before(path: Path) -> tuple[Savings, str]:
+    """Read the savings of an earlier version, and where they come from.
+
+    Raises:
+        StoreError: the file cannot be read.
+    """
+    try:
+        content: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return content["savings_percent"], content["about"]
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise StoreError(f"{path} cannot be read: {error}") from None
+
+
+def hours(driven: Iterable[RunMetrics]) -> float:
     """Return the time driven in h."""
-    return sum(one.metrics.duration_s for one in driven) / 3600.0
+    return sum(one.duration_s for one in driven) / 3600.0
 
 
-def _is_measured(one: Driven) -> bool:
-    return bool(one.labels.get("measured"))
-
-
-def by_setting(driving: Iterable[Driven], *, measured: bool) -> dict[str, list[Driven]]:
+def by_setting(findings: Findings, *, measured: bool) -> dict[str, list[RunMetrics]]:
     """Return drives by what is disturbed, those behind measured lead vehicles or the others."""
-    groups: dict[str, list[Driven]] = {}
-    for one in driving:
-        if _is_measured(one) is measured and one.labels["setting"] != REFERENCE:
-            groups.setdefault(str(one.labels["setting"]), []).append(one)
+    groups: defaultdict[str, list[RunMetrics]] = defaultdict(list)
+    for (_, setting, is_measured), metrics in findings.driving.items():
+        if is_measured is measured and setting != REFERENCE:
+            groups[setting].append(metrics)
     return groups
 
 
-def smallest_margin_m(driven: Iterable[Driven]) -> float:
+def smallest_margin_m(driven: Iterable[RunMetrics]) -> float:
     """Return the smallest margin to s_min in m."""
-    return min(figure_values(one.metrics)["smallest_margin"] for one in driven)
+    return min(figure_values(one)["smallest_margin"] for one in driven)
 
 
-def fallbacks(driven: Iterable[Driven]) -> int:
+def fallbacks(driven: Iterable[RunMetrics]) -> int:
     """Return the number of ticks on a fallback."""
-    return sum(one.metrics.decisions.fallbacks for one in driven if one.metrics.decisions)
+    return sum(one.decisions.fallbacks for one in driven if one.decisions)
 
 
-def savings_percent(driving: Iterable[Driven]) -> dict[str, dict[str, float]]:
+def savings_percent(findings: Findings) -> dict[str, dict[str, float]]:
     """Return the battery ageing saved against the undisturbed reference, by cycle and setting."""
-    ageing: dict[str, dict[str, float]] = {}
-    for one in driving:
-        if not _is_measured(one):
-            of_cycle = ageing.setdefault(str(one.labels["cycle"]), {})
-            of_cycle[str(one.labels["setting"])] = figure_values(one.metrics)[AGING]
+    ageing: defaultdict[str, dict[str, float]] = defaultdict(dict)
+    for (cycle, setting, is_measured), metrics in findings.driving.items():
+        if not is_measured:
+            ageing[cycle][setting] = figure_values(metrics)[AGING]
     return {
         cycle: {
             name: 100.0 * (1.0 - value / values[REFERENCE])
@@ -136,47 +219,44 @@ def savings_percent(driving: Iterable[Driven]) -> dict[str, dict[str, float]]:
     }
 
 
-def _driving_problems(findings: Findings) -> list[str]:
-    problems = []
+def _driving_problems(findings: Findings) -> Iterator[str]:
     for measured in (False, True):
-        for setting, group in by_setting(findings.driving, measured=measured).items():
-            count = sum(one.metrics.interventions for one in group)
+        for setting, group in by_setting(findings, measured=measured).items():
+            count = sum(one.interventions for one in group)
             allowed = ALLOWED_PER_HOUR.get(setting, math.inf)
             if count > allowed * hours(group):
-                problems.append(
+                yield (
                     f"{setting}: {count} interventions in {hours(group):.2f} h; allowed: {allowed:g} per hour"
                 )
-    for cycle, savings in savings_percent(findings.driving).items():
-        before = findings.before.savings.get(cycle, {})
+    for cycle, savings in savings_percent(findings).items():
+        before = findings.before[0].get(cycle, {})
         for name, allowed in ALLOWED_FALL_POINTS.items():
             if name in savings and before.get(UNDISTURBED, 0.0) - savings[name] > allowed:
                 alike = (
                     f", {before[name]:.2f} % with the same disturbance" if name in before else ""
                 )
-                problems.append(
+                yield (
                     f"{cycle}, {name}: saving of {savings[name]:.2f} %; before {before[UNDISTURBED]:.2f} % "
                     f"undisturbed{alike}; allowed: {allowed:g} points less than undisturbed"
                 )
-    noisy = by_setting(findings.driving, measured=False).get("noise", [])
+    noisy = by_setting(findings, measured=False).get("noise", [])
     if noisy and fallbacks(noisy):
-        problems.append(f"noise: {fallbacks(noisy)} ticks on a fallback; allowed: none")
+        yield f"noise: {fallbacks(noisy)} ticks on a fallback; allowed: none"
     if noisy and smallest_margin_m(noisy) < -ALLOWED_NOISE_BELOW_M:
-        problems.append(
+        yield (
             f"noise: s_min broken by {-smallest_margin_m(noisy):.2f} m; allowed: {ALLOWED_NOISE_BELOW_M:g} m"
         )
-    return problems
 
 
-def by_period(delays: Iterable[Driven]) -> dict[tuple[str, float], dict[int, Driven]]:
+def by_period(findings: Findings) -> dict[tuple[str, float], dict[int, RunMetrics]]:
     """Return drives with delayed commands by cycle and period, and in these by ticks of delay."""
-    groups: dict[tuple[str, float], dict[int, Driven]] = {}
-    for one in delays:
-        key = str(one.labels["cycle"]), float(one.labels["period_s"])
-        groups.setdefault(key, {})[int(one.labels["ticks"])] = one
+    groups: defaultdict[tuple[str, float], dict[int, RunMetrics]] = defaultdict(dict)
+    for (cycle, period_s, ticks), metrics in findings.delays.items():
+        groups[cycle, period_s][ticks] = metrics
     return groups
 
 
-def energy_percent(group: Mapping[int, Driven], ticks: int) -> float:
+def energy_percent(group: Mapping[int, RunMetrics], ticks: int) -> float:
     """Return the change of battery energy against no delay with equal ends, NaN without such a drive.
 
     The beginnings of cycles end warm and in motion: both packs are cooled to one temperature, and the
@@ -184,26 +264,24 @@ def energy_percent(group: Mapping[int, Driven], ticks: int) -> float:
     """
     if 0 not in group:
         return math.nan
-    ends = at_equal_end(group[ticks].metrics, group[0].metrics, load_parameters().values)
+    ends = at_equal_end(group[ticks], group[0], load_parameters().values)
     return math.nan if ends is None else 100.0 * (ends.own.energy_j / ends.other.energy_j - 1.0)
 
 
-def _delay_problems(findings: Findings) -> list[str]:
-    problems = []
-    for (cycle, period_s), group in by_period(findings.delays).items():
-        for ticks, one in group.items():
+def _delay_problems(findings: Findings) -> Iterator[str]:
+    for (cycle, period_s), group in by_period(findings).items():
+        for ticks, metrics in group.items():
             where = f"{cycle}, {period_s:g} s, {ticks} ticks late"
-            values = figure_values(one.metrics)
+            values = figure_values(metrics)
             if values["smallest_gap"] <= 0.0:
-                problems.append(f"{where}: collision")
+                yield f"{where}: collision"
             if values["smallest_margin"] < -ALLOWED_BELOW_M:
-                problems.append(
+                yield (
                     f"{where}: s_min broken by {-values['smallest_margin']:.2f} m; "
                     f"allowed: {ALLOWED_BELOW_M:g} m"
                 )
             if ticks and not abs(energy_percent(group, ticks)) <= ALLOWED_ENERGY_PERCENT:
-                problems.append(
+                yield (
                     f"{where}: battery energy {energy_percent(group, ticks):+.1f} %; "
                     f"allowed: {ALLOWED_ENERGY_PERCENT:g} %"
                 )
-    return problems

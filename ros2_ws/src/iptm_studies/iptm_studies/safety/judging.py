@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
-from iptm_studies.random_cars.bounds import gaps_when_braking, seen_from
+from iptm_studies.bounds import gaps_when_braking, seen_from
+from iptm_studies.judging import Judged
 from iptm_studies.run import VEHICLE, WEAK_BRAKES, Report
+from iptm_studies.study import Case
 
 REPORTED_WITHIN_TICKS = 2
 NOTICED_WITHIN_S = 1.0
@@ -27,41 +30,34 @@ BRAKING_M_S2 = 0.3
 """Decelerations from this one on show what the brakes deliver."""
 MOVING_M_S = 1.0
 """Below this speed the brakes hold the vehicle, whatever they deliver."""
+AVOIDABLE = "avoidable"
 _OF_THE_GAP = (FaultKind.GAP_NOISE, FaultKind.GAP_BIAS, FaultKind.LEADER_JUMPING)
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """What became of a trial.
-
-    Attributes:
-        smallest_gap_m: over the trip.
-        collided_at_s: end of the interval in which the gap closed first, NaN for never.
-        impact_m_s: largest speed difference around the collision, 0 without one.
-        bound_m: smallest gap of the stated brakes from the best row before a collision, NaN without one.
-        report_ticks: ticks from the first service braking to a report, NaN where it did not brake.
-        noticed_s: time of braking until weak brakes were reported, NaN where they never were or are sound.
-        problems: what did not hold, empty for all well.
-    """
-
-    smallest_gap_m: float
-    collided_at_s: float = np.nan
-    impact_m_s: float = 0.0
-    bound_m: float = np.nan
-    report_ticks: float = np.nan
-    noticed_s: float = np.nan
-    problems: tuple[str, ...] = ()
+def trial_of(case: Case, name: str = "", failure: str = "") -> Judged:
+    """Return a trial that is not judged yet, or that failed, under the name of its case or another one."""
+    faults = case.spec.faults
+    what = ", ".join([Path(case.spec.cycle).stem, *(fault.describe() for fault in faults)])
+    labels = {"disturbed": case.labels["disturbed"], "brake_share": brake_share(faults)}
+    problems = {"failed": failure} if failure else {}
+    return Judged(name or case.name, what, labels, problems=problems)
 
 
 def judge_trial(
+    trial: Judged,
     trip: Trajectory,
     parameters: ModelParameters,
     faults: Sequence[Fault],
     reports: Sequence[Report],
-) -> Verdict:
+) -> Judged:
     """Judge a disturbed trial.
 
+    Its figures are the smallest gap; ``collided_at_s``, the largest speed difference ``impact_m_s`` and the
+    smallest gap ``bound_m`` of the stated brakes from the best row before it, where the gap closed; ticks
+    from the first service braking to a report of it; and the time of braking until weak brakes were reported.
+
     Args:
+        trial: without figures.
         trip: what happened.
         parameters: of the vehicle.
         faults: what was disturbed.
@@ -70,41 +66,35 @@ def judge_trial(
     # Measurements of a faulty sensor between two rows are not distances.
     falsified = any(fault.kind in _OF_THE_GAP for fault in faults)
     gaps_m = trip.gap_m if falsified else trip.closest_m
-    problems: list[str] = []
-    collided_at_s = bound_m = np.nan
-    impact = 0.0
+    figures = {"smallest_gap_m": float(gaps_m.min())}
+    problems: dict[str, str] = {}
     touching = np.flatnonzero(gaps_m <= 0.0)
     if touching.size:
         first = int(touching[0])
         rows = slice(max(first - 1, 0), first + 1)
-        collided_at_s = float(trip.time_s[first])
-        impact = max(float((trip.speed_m_s[rows] - trip.leader_speed_m_s[rows]).max()), 0.0)
-        bound_m = _best_stop(trip, parameters, faults, first)
-        problems += _collision_problems(faults, bound_m, impact)
-    report_ticks = _report_ticks(trip, reports)
-    if report_ticks > REPORTED_WITHIN_TICKS:
-        problems.append("service braking not reported in time")
+        faster_m_s = float((trip.speed_m_s[rows] - trip.leader_speed_m_s[rows]).max())
+        impact_m_s, bound_m = max(faster_m_s, 0.0), _best_stop(trip, parameters, faults, first)
+        figures |= {
+            "collided_at_s": float(trip.time_s[first]),
+            "impact_m_s": impact_m_s,
+            "bound_m": bound_m,
+        }
+        weak = brake_share(faults) < SOUND_SHARE
+        if bound_m > 0.0 and not weak:
+            problems[AVOIDABLE] = "avoidable collision"
+        elif bound_m > 0.0 and impact_m_s > WEAK_IMPACT_M_S:
+            problems["impact"] = f"impact at {impact_m_s:.1f} m/s with weak brakes"
+    braked = np.flatnonzero(trip.service_braking_s > 0.0)
+    if braked.size:
+        figures["report_ticks"] = _report_ticks(trip, float(trip.time_s[braked[0]]), reports)
+        if figures["report_ticks"] > REPORTED_WITHIN_TICKS:
+            problems["report"] = "service braking not reported in time"
     noticed_s, braked_s = _noticed_s(trip, faults, reports)
-    if noticed_s > NOTICED_WITHIN_S or (np.isnan(noticed_s) and braked_s > NOTICED_WITHIN_S):
-        problems.append(f"weak brakes not reported within {NOTICED_WITHIN_S:g} s of braking")
-    return Verdict(
-        float(gaps_m.min()),
-        collided_at_s,
-        impact,
-        bound_m,
-        report_ticks,
-        noticed_s,
-        tuple(problems),
-    )
-
-
-def _collision_problems(faults: Iterable[Fault], bound_m: float, impact_m_s: float) -> list[str]:
-    if bound_m <= 0.0:
-        return []
-    if brake_share(faults) < SOUND_SHARE:
-        hard = impact_m_s > WEAK_IMPACT_M_S
-        return [f"impact at {impact_m_s:.1f} m/s with weak brakes"] if hard else []
-    return ["avoidable collision"]
+    if noticed_s is not None:
+        figures["noticed_s"] = noticed_s
+    if (braked_s if noticed_s is None else noticed_s) > NOTICED_WITHIN_S:
+        problems["weak"] = f"weak brakes not reported within {NOTICED_WITHIN_S:g} s of braking"
+    return replace(trial, figures=figures, problems=problems)
 
 
 def brake_share(faults: Iterable[Fault]) -> float:
@@ -130,12 +120,8 @@ def _best_stop(
     )
 
 
-def _report_ticks(trip: Trajectory, reports: Iterable[Report]) -> float:
+def _report_ticks(trip: Trajectory, since_s: float, reports: Iterable[Report]) -> float:
     """Return the ticks from the end of the first interval with service braking to a report of the vehicle."""
-    braked = np.flatnonzero(trip.service_braking_s > 0.0)
-    if not braked.size:
-        return np.nan
-    since_s = float(trip.time_s[int(braked[0])])
     reported = (
         one.time_s
         for one in reports
@@ -146,23 +132,22 @@ def _report_ticks(trip: Trajectory, reports: Iterable[Report]) -> float:
 
 def _noticed_s(
     trip: Trajectory, faults: Iterable[Fault], reports: Iterable[Report]
-) -> tuple[float, float]:
-    """Return the time of braking before weak brakes were reported, and that of the whole trip."""
+) -> tuple[float | None, float]:
+    """Return the time of braking before weak brakes were reported (None for never), and that of all."""
     weak = [
         fault
         for fault in faults
         if fault.kind is FaultKind.BRAKES_WEAK and fault.magnitude < SOUND_SHARE
     ]
     if not weak:
-        return np.nan, 0.0
+        return None, 0.0
     # A fault of the actuators acts on whole intervals, from the first one that begins with it.
     begins_s = trip.time_s - trip.intervals_s[0]
     acting = (begins_s >= weak[0].start_s - 1e-9) & (trip.time_s <= weak[0].end_s)
     braking = acting & (trip.acceleration_m_s2 < -BRAKING_M_S2) & (trip.speed_m_s >= MOVING_M_S)
     braked_s = np.cumsum(np.where(braking, np.diff(trip.time_s, prepend=trip.time_s[:1]), 0.0))
-    reported = (one.time_s for one in reports if WEAK_BRAKES in one.text)
-    reported_s = min(reported, default=np.inf)
+    reported_s = min((one.time_s for one in reports if WEAK_BRAKES in one.text), default=np.inf)
     if not np.isfinite(reported_s):
-        return np.nan, float(braked_s[-1])
+        return None, float(braked_s[-1])
     row = int(np.searchsorted(trip.time_s, reported_s - 1e-9))
     return float(braked_s[row]), float(braked_s[-1])

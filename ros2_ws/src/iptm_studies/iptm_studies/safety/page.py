@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iptm_core.markdown import markdown_table
+from iptm_core.markdown import markdown_table, render_page
 from iptm_core.metrics import figure_values
 from iptm_faults.kinds import FaultKind
+from iptm_studies.judging import Judged
 from iptm_studies.safety.braking import BrakingOutcomes
 from iptm_studies.safety.findings import (
-    Before,
-    Driven,
     Findings,
-    JudgedTrial,
     by_period,
     by_setting,
     energy_percent,
@@ -24,10 +21,10 @@ from iptm_studies.safety.findings import (
     savings_percent,
     smallest_margin_m,
 )
-from iptm_studies.safety.judging import SOUND_SHARE, brake_share
+from iptm_studies.safety.judging import AVOIDABLE, SOUND_SHARE
 from iptm_studies.safety.trials import SETTINGS
 
-NOTICE = "<!-- Made by scripts/safety; do not edit. -->"
+Rows = list[tuple[object, ...]]
 
 
 def safety_page(command: str, revision: str, findings: Findings) -> str:
@@ -38,66 +35,60 @@ def safety_page(command: str, revision: str, findings: Findings) -> str:
         revision: of the code that was driven.
         findings: what was found.
     """
-    broken = findings.broken()
-    parts = [
-        "# Safety trials",
-        NOTICE,
-        f"Made by `{command}` from revision {revision}. {_summary(findings, broken)}",
-        "## Lead vehicle that brakes\n\n" + _braking_part(findings.braking),
-        "## Disturbed trials\n\n" + _trial_part(findings.trials),
-        "## Over ROS 2\n\n" + _ros_part(findings.over_ros),
-        "## Driving without events\n\n" + _driving_part(findings),
-        "## Delayed commands\n\n" + _delay_part(findings.delays),
-        "## What did not hold\n\n" + ("\n".join(f"- {line}" for line in broken) or "Nothing."),
-    ]
-    return "\n\n".join(parts) + "\n"
-
-
-def _summary(findings: Findings, broken: Sequence[str]) -> str:
-    braking = sum(found.time_s.size for found in findings.braking.values())
-    return (
-        f"{braking} trials with a braking lead vehicle, {len(findings.trials)} disturbed trials, "
-        f"{len(findings.over_ros)} of them over ROS 2 as well, {len(findings.driving)} drives without "
-        f"events, {len(findings.delays)} with delayed commands; {len(broken)} did not hold."
+    return render_page(
+        "iptm_studies.safety",
+        "page.md.j2",
+        table=markdown_table,
+        command=command,
+        revision=revision,
+        findings=findings,
+        braking_count=sum(found.time_s.size for found in findings.braking.values()),
+        broken=findings.broken(),
+        braking=_braking_rows(findings.braking),
+        braking_collisions=_braking_collisions(findings.braking),
+        trials=[_group_row(name, group) for name, group in _groups(findings.trials).items()],
+        collisions=_collisions(findings.trials),
+        over_ros=[
+            (
+                trial.name,
+                trial.what,
+                f"{trial.figures['smallest_gap_m']:.1f}" if trial.figures else "–",
+                trial.problem_text or "✓",
+            )
+            for trial in findings.over_ros
+        ],
+        driving=_driving_rows(findings),
+        settings=[f"{name}:" for name in SETTINGS],
+        savings=[
+            (cycle, *(_saving_text(findings, cycle, name, of_cycle) for name in SETTINGS))
+            for cycle, of_cycle in savings_percent(findings).items()
+        ],
+        delays=_delay_rows(findings),
     )
 
 
-# --- braking
+def _braking_rows(outcomes: Mapping[str, BrakingOutcomes]) -> Rows:
+    named = {name: [found] for name, found in outcomes.items() if name[0].islower()}
+    rows: Rows = []
+    for name, group in (named | ({"**all**": list(outcomes.values())} if outcomes else {})).items():
+        gaps = np.concatenate([one.smallest_gap_m for one in group])
+        rows.append(
+            (
+                name,
+                gaps.size,
+                int(sum(one.braked.sum() for one in group)),
+                int((gaps <= 0.0).sum()),
+                int(sum(one.avoidable.sum() for one in group)),
+                f"{gaps.min():.2f}",
+                f"{min(one.bound_m.min() for one in group):.2f}",
+                f"{max(one.impact_m_s.max() for one in group):.2f}",
+            )
+        )
+    return rows
 
 
-def _braking_part(outcomes: Mapping[str, BrakingOutcomes]) -> str:
-    text = (
-        "From any instant of an undisturbed drive the lead vehicle brakes to a standstill with 2 to 9 m/s^2, "
-        "while the commands go on as in the undisturbed drive: only the safety monitor acts. *Bound* is an "
-        "independent computation of a vehicle that does nothing but brake as hard as stated, one sampling "
-        "period and the delay of the brakes after the lead vehicle."
-    )
-    rows = [_braking_row(name, [found]) for name, found in outcomes.items() if name[0].islower()]
-    if outcomes:
-        rows.append(_braking_row("**all**", list(outcomes.values())))
-    heads = (
-        "drive", "trials:", "monitor braked:", "collisions:", "avoidable:", "smallest gap (m):",
-        "smallest gap of the bound (m):", "largest impact (m/s):",
-    )  # fmt: skip
-    return f"{text}\n\n{markdown_table(heads, rows)}\n\n{_braking_collisions(outcomes)}"
-
-
-def _braking_row(name: str, found: Sequence[BrakingOutcomes]) -> tuple[object, ...]:
-    gaps = np.concatenate([one.smallest_gap_m for one in found])
-    return (
-        name,
-        gaps.size,
-        int(sum(one.braked.sum() for one in found)),
-        int((gaps <= 0.0).sum()),
-        int(sum(one.avoidable.sum() for one in found)),
-        f"{gaps.min():.2f}",
-        f"{min(one.bound_m.min() for one in found):.2f}",
-        f"{max(one.impact_m_s.max() for one in found):.2f}",
-    )
-
-
-def _braking_collisions(outcomes: Mapping[str, BrakingOutcomes]) -> str:
-    rows = [
+def _braking_collisions(outcomes: Mapping[str, BrakingOutcomes]) -> Rows:
+    return [
         (
             name,
             f"{found.time_s[index]:g}",
@@ -109,164 +100,77 @@ def _braking_collisions(outcomes: Mapping[str, BrakingOutcomes]) -> str:
         for name, found in outcomes.items()
         for index in np.flatnonzero(found.smallest_gap_m <= 0.0)
     ]
-    if not rows:
-        return "No collision."
-    heads = (
-        "drive", "at (s):", "lead braked (m/s^2):", "impact (m/s):", "impact of the bound (m/s):",
-        "gap of the bound (m):",
-    )  # fmt: skip
-    return markdown_table(heads, rows)
 
 
-# --- disturbed trials
-
-
-def _groups(trials: Iterable[JudgedTrial]) -> dict[str, list[JudgedTrial]]:
-    groups: dict[str, list[JudgedTrial]] = {}
+def _groups(trials: Sequence[Judged]) -> dict[str, list[Judged]]:
+    groups: dict[str, list[Judged]] = {"all": list(trials)} if trials else {}
     for trial in trials:
-        groups.setdefault("all", []).append(trial)
-        for name in trial.disturbed.split(", "):
-            groups.setdefault(_group(name, trial), []).append(trial)
+        for name in str(trial.labels["disturbed"]).split(", "):
+            if name == "brakes":
+                weak = float(trial.labels["brake_share"]) < SOUND_SHARE
+                name = "brakes of 60 to 85 %" if weak else "brakes of 85 to 100 %"  # noqa: PLW2901
+            groups.setdefault(name, []).append(trial)
     return groups
 
 
-def _group(name: str, trial: JudgedTrial) -> str:
-    if name != "brakes":
-        return name
-    weak = brake_share(trial.faults) < SOUND_SHARE
-    return "brakes of 60 to 85 %" if weak else "brakes of 85 to 100 %"
-
-
-def _trial_part(trials: Sequence[JudgedTrial]) -> str:
-    text = (
-        "Closed-loop trials with an event in traffic and one or two disturbances each. A collision is "
-        "avoidable if the stated brakes would have avoided it from any row between the beginning of the "
-        "event and the collision; with brakes of 60 to 85 % it may have an impact of up to 5 m/s. Service "
-        "braking has to be reported within 2 ticks, weak brakes within 1 s of braking."
-    )
-    rows = []
-    for name, group in _groups(trials).items():
-        judged = [trial.verdict for trial in group if trial.verdict is not None]
-        collided = [verdict for verdict in judged if not math.isnan(verdict.collided_at_s)]
-        rows.append(
-            (
-                f"`{name}`" if name in list(FaultKind) else name,
-                len(group),
-                len(collided),
-                sum("avoidable collision" in verdict.problems for verdict in judged),
-                f"{max((verdict.impact_m_s for verdict in judged), default=0.0):.1f}",
-                sum(not math.isnan(verdict.report_ticks) for verdict in judged),
-                sum(bool(trial.problems) for trial in group),
-            )
-        )
-    heads = (
-        "disturbed", "trials:", "collisions:", "avoidable:", "largest impact (m/s):",
-        "with service braking:", "did not hold:",
-    )  # fmt: skip
-    return f"{text}\n\n{markdown_table(heads, rows)}\n\n{_collision_table(trials)}"
-
-
-def _collision_table(trials: Iterable[JudgedTrial]) -> str:
-    rows = [
-        (
-            trial.name,
-            trial.what,
-            f"{trial.verdict.collided_at_s:g}",
-            f"{trial.verdict.impact_m_s:.1f}",
-            f"{trial.verdict.bound_m:.1f}",
-            ", ".join(trial.problems) or "unavoidable",
-        )
-        for trial in trials
-        if trial.verdict is not None and not math.isnan(trial.verdict.collided_at_s)
-    ]
-    if not rows:
-        return "No collision."
-    heads = (
-        "trial", "what", "at (s):", "impact (m/s):", "gap of the bound (m):", "verdict",
-    )  # fmt: skip
-    return markdown_table(heads, rows)
-
-
-def _ros_part(trials: Sequence[JudgedTrial]) -> str:
-    if not trials:
-        return "None driven."
-    rows = [
-        (
-            trial.name,
-            trial.what,
-            "–" if trial.verdict is None else f"{trial.verdict.smallest_gap_m:.1f}",
-            ", ".join(trial.problems) or "✓",
-        )
-        for trial in trials
-    ]
-    return markdown_table(("trial", "what", "smallest gap (m):", "verdict"), rows)
-
-
-# --- driving without events
-
-
-def _driving_part(findings: Findings) -> str:
-    rows = [
-        (
-            "measured lead vehicles" if measured else "shipped cycles",
-            setting,
-            len(group),
-            f"{hours(group):.2f}",
-            interventions,
-            f"{interventions / hours(group):.2f}",
-            fallbacks(group),
-            f"{smallest_margin_m(group):.2f}",
-        )
-        for measured in (False, True)
-        for setting, group in by_setting(findings.driving, measured=measured).items()
-        for interventions in [sum(one.metrics.interventions for one in group)]
-    ]
-    heads = (
-        "behind", "disturbed", "drives:", "hours:", "interventions:", "per hour:", "ticks on a fallback:",
-        "smallest margin to s_min (m):",
-    )  # fmt: skip
-    savings = savings_percent(findings.driving)
-    saved = [
-        (cycle, *(_saving_text(findings.before, cycle, name, of_cycle) for name in SETTINGS))
-        for cycle, of_cycle in savings.items()
-    ]
-    text = (
-        "Ageing saved while driving (cyclic, by the paper's law; [years of use](life.md) have the capacity) "
-        "against the undisturbed reference strategy, in percent; in brackets the same "
-        f"of the version before. {findings.before.about}"
-    )
+def _group_row(name: str, group: Sequence[Judged]) -> tuple[object, ...]:
     return (
-        f"{markdown_table(heads, rows)}\n\n{text}\n\n"
-        f"{markdown_table(('cycle', *(f'{name}:' for name in SETTINGS)), saved)}"
+        f"`{name}`" if name in list(FaultKind) else name,
+        len(group),
+        sum("collided_at_s" in trial.figures for trial in group),
+        sum(AVOIDABLE in trial.problems for trial in group),
+        f"{max(trial.figures.get('impact_m_s', 0.0) for trial in group):.1f}",
+        sum("report_ticks" in trial.figures for trial in group),
+        sum(bool(trial.problems) for trial in group),
     )
 
 
-def _saving_text(before: Before, cycle: str, name: str, savings: Mapping[str, float]) -> str:
+def _collisions(trials: Sequence[Judged]) -> Rows:
+    return [
+        (
+            trial.name,
+            trial.what,
+            f"{trial.figures['collided_at_s']:g}",
+            f"{trial.figures['impact_m_s']:.1f}",
+            f"{trial.figures['bound_m']:.1f}",
+            trial.problem_text or "unavoidable",
+        )
+        for trial in trials
+        if "collided_at_s" in trial.figures
+    ]
+
+
+def _driving_rows(findings: Findings) -> Rows:
+    rows: Rows = []
+    for measured in (False, True):
+        behind = "measured lead vehicles" if measured else "shipped cycles"
+        for setting, group in by_setting(findings, measured=measured).items():
+            count = sum(one.interventions for one in group)
+            length, rate = f"{hours(group):.2f}", f"{count / hours(group):.2f}"
+            margin = f"{smallest_margin_m(group):.2f}"
+            rows.append(
+                (behind, setting, len(group), length, count, rate, fallbacks(group), margin)
+            )
+    return rows
+
+
+def _saving_text(findings: Findings, cycle: str, name: str, savings: Mapping[str, float]) -> str:
     if name not in savings:
         return "–"
-    earlier = before.savings.get(cycle, {}).get(name)
+    earlier = findings.before[0].get(cycle, {}).get(name)
     return f"{savings[name]:.2f}" + ("" if earlier is None else f" ({earlier:.2f})")
 
 
-# --- delays
-
-
-def _delay_part(delays: Sequence[Driven]) -> str:
-    rows = []
-    for (cycle, period_s), group in by_period(delays).items():
+def _delay_rows(findings: Findings) -> Rows:
+    rows: Rows = []
+    for (cycle, period_s), group in by_period(findings).items():
         row: list[object] = [cycle, f"{period_s:g}"]
         for ticks in sorted(group):
-            values = figure_values(group[ticks].metrics)
+            values = figure_values(group[ticks])
             energy = "" if ticks == 0 else f", {energy_percent(group, ticks):+.1f} %"
             row.append(
                 f"{values['smallest_margin']:+.2f} m, {values['smallest_gap']:.1f} m, "
-                f"{group[ticks].metrics.interventions}{energy}"
+                f"{group[ticks].interventions}{energy}"
             )
-        rows.append(row)
-    text = (
-        "Smallest margin to s_min, smallest gap, interventions, and battery energy against no delay, both "
-        "packs cooled to one temperature and the kinetic energy returned; with a true preview."
-    )
-    return f"{text}\n\n" + markdown_table(
-        ("cycle", "period (s):", "no delay", "1 tick", "2 ticks"), rows
-    )
+        rows.append(tuple(row))
+    return rows

@@ -1,1 +1,0 @@
-"""Command line of the safety trials, and their trials over ROS 2."""
