@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,58 @@ NODE_MODULES = {
     "v2x_bridge": "iptm_v2x_bridge.node",
     "recorder": "iptm_recording.recorder_cli",
 }
+ROOT = Path(__file__).resolve().parents[2]
+# Names and standard types as promised to the outside, written down once more on purpose.
+PROMISED = {
+    "/clock": "rosgraph_msgs/msg/Clock",
+    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+    "/plant/odometry": "nav_msgs/msg/Odometry",
+    "/plant/acceleration": "geometry_msgs/msg/AccelStamped",
+    "/plant/battery": "sensor_msgs/msg/BatteryState",
+    "/plant/cell_1_temperature": "sensor_msgs/msg/Temperature",
+    "/plant/cell_n_temperature": "sensor_msgs/msg/Temperature",
+    "/plant/coolant_inlet_temperature": "sensor_msgs/msg/Temperature",
+    "/plant/coolant_outlet_temperature": "sensor_msgs/msg/Temperature",
+    "/plant/powers": "sensor_msgs/msg/JointState",
+    "/plant/capacity_loss": "sensor_msgs/msg/JointState",
+    "/v2x/leader": "nav_msgs/msg/Odometry",
+    "/v2x/leader_preview": "trajectory_msgs/msg/JointTrajectory",
+    "/v2x/slope": "std_msgs/msg/Float64MultiArray",
+    "/controller/command": "sensor_msgs/msg/JointState",
+    "/controller/acceleration_command": "std_msgs/msg/Float64",
+    "/controller/compressor_power_command": "std_msgs/msg/Float64",
+    "/controller/plan": "trajectory_msgs/msg/JointTrajectory",
+    "/controller/solve": "sensor_msgs/msg/JointState",
+}
+LATCHED = "/v2x/slope"
+# Runs with `-I`-like isolation from the project: it refuses to have any of its modules loaded.
+STRANGER = """
+import importlib, json, sys, time
+import rclpy
+from tests.foreign_readers import content_of
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+topics, latched = json.loads(sys.argv[1]), sys.argv[2]
+rclpy.init()
+node = rclpy.create_node("stranger")
+counts = dict.fromkeys(topics, 0)
+for name, type_name in topics.items():
+    package, _, cls = type_name.split("/")
+    kind = getattr(importlib.import_module(package + ".msg"), cls)
+    qos = QoSProfile(depth=10)
+    if name == latched:
+        qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    def heard(data, name=name, type_name=type_name):
+        content_of(type_name, data)
+        counts[name] += 1
+    node.create_subscription(kind, name, heard, qos, raw=True)
+deadline = time.monotonic() + 100.0
+while not all(counts.values()) and time.monotonic() < deadline:
+    rclpy.spin_once(node, timeout_sec=0.1)
+seen = {name: types for name, types in node.get_topic_names_and_types() if name in topics}
+assert not [name for name in sys.modules if name.startswith("iptm")]
+print(json.dumps({"counts": counts, "seen": seen}), flush=True)
+"""
 Start = Callable[..., Any]
 
 
@@ -186,17 +239,25 @@ def test_a_killed_process_is_named_and_everything_stops(
     assert len(read_trajectory(output)) > 10
 
 
-def test_a_run_keeps_its_domain_and_can_be_interrupted(
-    start: Start, wait_until: Callable[..., None], tmp_path: Path
+def test_a_run_keeps_its_domain_any_ros_program_hears_it_and_it_can_be_interrupted(
+    start: Start, launcher: Any, wait_until: Callable[..., None], tmp_path: Path
 ) -> None:
+    """The other program joins late; constant data are still received."""
     output = tmp_path / "run"
     runner = start(output, "comprehensive")
     processes = wait_for_trip(runner, output, wait_until)
 
+    path = os.pathsep.join((os.environ.get("PYTHONPATH", ""), str(ROOT)))
+    arguments = ("-c", STRANGER, json.dumps(PROMISED), LATCHED)
+    stranger = launcher.start("stranger", sys.executable, *arguments, PYTHONPATH=path)
     intruder = start(tmp_path / "intruder", "demo")
     assert intruder.wait(RUN_TIMEOUT_S) == 2
     assert f"in use by process {runner.popen.pid} (iptm_bringup.run_closed_loop" in intruder.stderr
     assert not (tmp_path / "intruder").exists()
+    assert stranger.wait(RUN_TIMEOUT_S) == 0, stranger.stderr
+    report = json.loads(stranger.stdout)
+    assert [name for name, count in report["counts"].items() if not count] == []
+    assert report["seen"] == {name: [type_name] for name, type_name in PROMISED.items()}
     assert runner.is_running
 
     # A terminal sends Ctrl-C to everybody, and users press it twice.

@@ -42,7 +42,7 @@ pytestmark = pytest.mark.usefixtures("ros_environment")
 
 
 def pure_controller() -> Controller:
-    return ControllerNodeParameters(horizon=str(SMALL["horizon"])).build_controller()
+    return ControllerNodeParameters(**SMALL).build_controller()
 
 
 def newest_record(controller: NodeBench) -> Any:
@@ -145,7 +145,7 @@ def test_what_does_not_arrive_is_named_and_done_without() -> None:
 
 def test_inputs_are_waited_for_in_trip_time_too() -> None:
     """At ten times real time a bridge that is gone must not cost the plant its controller."""
-    with node_bench(ControllerNode, horizon=SMALL["horizon"], input_timeout_s=6.0) as bench:
+    with node_bench(ControllerNode, **{**SMALL, "input_timeout_s": 6.0}) as bench:
         bench.hear({Topic.SLOPE: encode_slope(ROAD)})
         bench.hear(tick_messages(0.0))
         for tick in range(3, 30, 3):

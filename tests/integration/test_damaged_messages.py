@@ -15,7 +15,7 @@ import pytest
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
-from tests.integration.controller_ticks import ROAD, tick_messages
+from tests.integration.controller_ticks import ROAD, SMALL, tick_messages
 
 from iptm_core.state import NS_PER_S, Command
 from iptm_interfaces.codecs import encode_command, encode_slope
@@ -25,7 +25,7 @@ from iptm_interfaces.topics import Topic
 PLANT = {"duration_s": 1e6, "on_lost_controller": "wait", "expected_peers": 1}
 NODES: dict[str, tuple[str, dict[str, object]]] = {
     "plant": ("iptm_plant_sim.node", PLANT),
-    "controller": ("iptm_controller.node", {"horizon": "2x1+2x5", "input_timeout_s": 0.05}),
+    "controller": ("iptm_controller.node", {**SMALL, "input_timeout_s": 0.05}),
     "v2x_bridge": ("iptm_v2x_bridge.node", {"expected_peers": 1}),
 }
 ORDINARY_TICKS = 3

@@ -109,7 +109,7 @@ def test_messages_of_absurd_size_are_refused_unread(driving: NodeBench) -> None:
 
 
 def test_a_dead_plant_and_a_deaf_controller_are_reported() -> None:
-    with node_bench(ControllerNode, horizon=SMALL["horizon"], input_timeout_s=0.3) as bench:
+    with node_bench(ControllerNode, **{**SMALL, "input_timeout_s": 0.3}) as bench:
         assert bench.situation[0] is Level.WARN
         bench.hear({Topic.SLOPE: encode_slope(ROAD)})
         assert_hears(bench, 0)

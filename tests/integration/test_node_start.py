@@ -5,8 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from rosgraph_msgs.msg import Clock
+from tests.integration.controller_ticks import ROAD, SMALL, await_answer, tick_messages
+from tests.integration.driven_plant import driven_plant
+from tests.integration.node_bench import node_bench
 
+from iptm_controller.node import ControllerNode
 from iptm_controller.ocp.compilation import find_compiler
+from iptm_interfaces.codecs import encode_slope
+from iptm_interfaces.topics import Topic
+from iptm_v2x_bridge.node import BridgeNode
 
 CONTROLLER = "iptm_controller.node"
 PLANT = "iptm_plant_sim.node"
@@ -68,3 +76,25 @@ def test_help_names_every_parameter_and_starts_nothing(launcher: Any) -> None:
     for name in ("strategy", "horizon", "solver", "deadline_ms", "input_timeout_s"):
         assert f"  {name} (default: " in process.stdout
     assert process.stderr == ""
+
+
+@pytest.mark.usefixtures("ros_environment")
+def test_frames_have_the_prefix_that_is_asked_for() -> None:
+    taxi = {"frame_prefix": "taxi"}
+    with driven_plant(**taxi) as plant:
+        plant.bench.spin_until(lambda: plant.ticks)
+        heard = plant.bench.received[Topic.PLANT_ODOMETRY][:1]
+    with node_bench(BridgeNode, **taxi) as bench:
+        bench.hear({Topic.CLOCK: Clock()})
+        heard += bench.received[Topic.LEADER]
+    with node_bench(ControllerNode, **SMALL, **taxi) as bench:
+        bench.hear({Topic.SLOPE: encode_slope(ROAD)})
+        bench.hear(tick_messages(0.0))
+        await_answer(bench, 0)
+        heard += bench.received[Topic.PLAN]
+    frames = [(each.header.frame_id, getattr(each, "child_frame_id", "")) for each in heard]
+    assert frames == [
+        ("taxi/odom", "taxi/base_link"),
+        ("taxi/odom", "taxi/leader"),
+        ("taxi/odom", ""),
+    ]

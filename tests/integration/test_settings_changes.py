@@ -30,7 +30,7 @@ from iptm_recording.changed_settings import (
 )
 
 pytestmark = pytest.mark.usefixtures("ros_environment")
-OPTIONS: dict[str, Any] = {**SMALL, "compile_code": False, "strategy": "reference"}
+OPTIONS: dict[str, Any] = {**SMALL, "strategy": "reference"}
 
 
 @pytest.fixture
