@@ -26,7 +26,7 @@ from iptm_controller.plan import PlanShifter
 from iptm_core.routes import build_route
 from iptm_core.routes.road_course import RoadCourse, RoadPoses
 from iptm_core.routes.road_line import RoadLine
-from iptm_core.state import ChannelCells, SlopePreview
+from iptm_core.state import SlopePreview
 from iptm_plant_sim.motion import plan_motion
 
 HORIZON = "3x1+5x5"
@@ -118,11 +118,3 @@ def test_of_routes() -> None:
         check_object(made)
     course = RoadCourse(SlopePreview(np.arange(2.0), np.zeros(2)), line)
     check(RoadPoses, vars(course.poses(np.arange(4.0), 5.0)))
-
-
-def test_of_a_full_channel() -> None:
-    cells = np.full(5, 300.0)
-    state = {"temperatures_k": cells, "capacity_losses": np.zeros(5)}
-    check(ChannelCells, state)
-    with pytest.raises(AssertionError, match="capacity_losses: N_c is 4"):
-        check(ChannelCells, {**state, "capacity_losses": np.zeros(4)})

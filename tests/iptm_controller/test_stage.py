@@ -12,7 +12,8 @@ from tests.iptm_controller.scenes import PARAMETERS, make_state, run_stage
 
 from iptm_controller.ocp.grid import quadrature, sample_count
 from iptm_controller.ocp.layout import LimitIndex, StateIndex
-from iptm_controller.ocp.stage import DEFAULT_PENALTIES, GAP_SMOOTHING_M, INACTIVE_ROW_M
+from iptm_controller.ocp.motion_stage import GAP_SMOOTHING_M
+from iptm_controller.ocp.stage import DEFAULT_PENALTIES, INACTIVE_ROW_M
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
 from iptm_core.state import VehicleState

@@ -43,7 +43,6 @@ class ActuationMemory:
     Attributes:
         issued: commands that may still be under way, oldest first.
         mismatches: weighted sums of squared mismatches for delays of 0, 1, ... ticks in (m/s^2)^2.
-        delay_ticks: delay of the commands.
         delivered: weighted sum of commanded times measured decelerations, in (m/s^2)^2.
         commanded: weighted sum of squared commanded decelerations, in (m/s^2)^2.
         candidate: delay that explained the last tick better, None for none.
@@ -58,19 +57,9 @@ class ActuationMemory:
 
 
 class ActuationObserver:
-    """Compares actuated accelerations with the commands of earlier ticks.
-
-    Attributes:
-        memory: what is carried from tick to tick.
-    """
+    """Compares actuated accelerations with the commands of earlier ticks."""
 
     def __init__(self, limits: LimitParameters, tick_s: float) -> None:
-        """Set up an observer of actuators that are taken to be prompt and strong.
-
-        Args:
-            limits: bounds and rates of the commands.
-            tick_s: sampling time of the loop.
-        """
         self._limits = limits
         self._tick_s = tick_s
         self._delays = range(max(FEWEST_DELAYS, round(LONGEST_DELAY_S / tick_s)) + 1)
@@ -110,7 +99,6 @@ class ActuationObserver:
 
         Args:
             time_s: trip time of the measurements that it answers.
-            command: as sent to the actuators.
         """
         tick = round(time_s / self._tick_s)
         kept = [
@@ -164,9 +152,6 @@ class ActuationObserver:
 
         Motion follows the commands under way. Temperatures are held: over two seconds they change by less
         than 0.1 K. Its acceleration is that of the last command, of which weak brakes deliver a share.
-
-        Args:
-            state: measured state.
         """
         if not self.memory.delay_ticks:
             acceleration = state.acceleration_m_s2

@@ -72,9 +72,6 @@ class CellLawValuation:
     cooling at that price removes until then is taken into account, and cooling beyond the lower temperature
     limit has no value. So the pack is cooled over the whole trip at the most efficient powers, and not
     at all where the marginal cost of a kelvin is below the cost of its cooling.
-
-    Attributes:
-        memory: what is carried from tick to tick: nothing.
     """
 
     def __init__(
@@ -89,12 +86,7 @@ class CellLawValuation:
         """Keep what does not change.
 
         Args:
-            aging: law and use.
-            strategy: cost terms and weights.
             energy_price_1_j: capacity that costs as much as a joule.
-            model: parameters of the vehicle.
-            horizon_s: length of the horizon, where the price counts.
-            trip_duration_s: trip time at which the trip ends, infinite where that is not known.
         """
         self._aging = aging
         self._prices_1_k = aging.kelvin_price_1_k(_TABLE_K)
@@ -110,12 +102,7 @@ class CellLawValuation:
         self.memory = ValuationMemory()
 
     def value(self, state: VehicleState, leader: PredictedLeaderMotion) -> TemperatureValue:
-        """Price the temperatures at a tick.
-
-        Args:
-            state: measured state.
-            leader: predicted motion of the leader, which is not used.
-        """
+        """Price the temperatures at a tick."""
         del leader
         kelvin = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
         rate, slope, curvature = self._aging.calendar_1_s(kelvin, state.state_of_charge)

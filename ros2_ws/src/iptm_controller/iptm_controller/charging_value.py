@@ -58,11 +58,8 @@ class ChargingValuation:
         """Work out the cost to go.
 
         Args:
-            stop: charger, and the value of a minute.
-            model: parameters of the vehicle.
             energy_weight_1_j: cost of a joule from the pack in J3.
             thermal_energy_price_1_j: cost of a joule of thermal energy on top; not both are 0.
-            horizon_s: length of the horizon, where the price counts.
             trip_duration_s: trip time of the arrival, finite.
         """
         self._thermal_energy_price_1_j = thermal_energy_price_1_j
@@ -82,12 +79,7 @@ class ChargingValuation:
         self._slopes_j_k: FloatArray = np.gradient(energy_j, GRID_K, axis=1)
 
     def added_to(self, value: TemperatureValue, state: VehicleState) -> TemperatureValue:
-        """Return what a kelvin costs with the charging, of both cells in the shares of the other costs.
-
-        Args:
-            value: what it costs without.
-            state: measured state.
-        """
+        """Return what a kelvin costs with the charging, of both cells in the shares of the other costs."""
         # The mean that stays while the coolant mixes them: what is heated is not even yet.
         share_1, share_n = self._shares
         mean_k = share_1 * state.cell_1_temperature_k + share_n * state.cell_n_temperature_k
@@ -100,12 +92,7 @@ class ChargingValuation:
         )
 
     def price_1_k(self, time_s: float, temperature_k: float) -> float:
-        """Return the cost of a kelvin more at the end of the horizon, negative where warmth is welcome.
-
-        Args:
-            time_s: trip time of the tick.
-            temperature_k: mean temperature of the pack.
-        """
+        """Return the cost of a kelvin more at the end of the horizon, negative where warmth is welcome."""
         left = min(max((self._ends_s - time_s) / STEP_S, 0.0), len(self._slopes_j_k) - 1.0)
         below = int(left)
         above = min(below + 1, len(self._slopes_j_k) - 1)

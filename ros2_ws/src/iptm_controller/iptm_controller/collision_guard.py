@@ -32,17 +32,12 @@ class CollisionGuard:
     With a preview confirmed by measurements the leader is assumed to move as predicted and to brake after its
     end; otherwise to keep the last measured deceleration. A leader that has not been measured for long is
     assumed to have braked at least as hard as the host can.
-
-    Attributes:
-        memory: what is carried from tick to tick.
     """
 
     def __init__(self, limits: LimitParameters, tick_s: float, lost_after_ticks: int) -> None:
         """Set up a guard that has not seen a leader.
 
         Args:
-            limits: bounds and rates of the acceleration.
-            tick_s: time for which a command is held.
             lost_after_ticks: ticks without a measured leader for which it is taken to go on as it did.
         """
         self._limits = limits
@@ -80,9 +75,7 @@ class CollisionGuard:
 
         Args:
             acceleration_m_s2: command, within the reach of the actuators.
-            state: measured state of the host.
             forecast: the leader's motion that was planned with, None without one.
-            brake_share: share of a commanded deceleration that the brakes deliver.
         """
         leader = self.memory.leader
         if leader is None:

@@ -65,8 +65,6 @@ class Controller:
         """Build the optimal control problem and its solver.
 
         Args:
-            parameters: vehicle, pack, limits.
-            options: strategy, horizon, solver.
             backend: a ready solver, to share one between controllers of equal horizon.
 
         Raises:

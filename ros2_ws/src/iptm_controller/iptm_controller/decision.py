@@ -23,7 +23,6 @@ class PlanningResult:
         reason: why there is none, or how the forecast is worse than it should be; empty if all is well.
         result: the solver's answer, None if no problem could be posed.
         forecast: the leader's motion used, None if it could not be formed.
-        value: price of the temperatures at the end of the horizon.
         command: that of a strategy which optimises nothing, None of others.
     """
 
@@ -40,14 +39,10 @@ class Decision:
     """One tick's outcome.
 
     Attributes:
-        command: what to actuate, within all physical bounds.
         rung: where it comes from.
         reason: one sentence, empty when all is well.
         limited: what the last limiter did.
         plan: the plan behind an optimal command, None on any other rung.
-        result: the solver's answer, None if no problem could be posed.
-        forecast: the leader's motion used, None if it could not be formed.
-        value: price of the temperatures at the end of the horizon.
         command_delay_s: time by which commands act late, as observed.
         brake_share: share of a commanded deceleration that is delivered, as observed.
         noise: which measurements and previews are noisy and filtered, empty if none is.

@@ -69,8 +69,6 @@ class EstimatorMemory:
     """What is carried from tick to tick; empty tuples where nothing has been measured or filtered.
 
     Attributes:
-        state: last measured state.
-        leader: last measured lead vehicle.
         residuals: of the last tick: ego speed, gap, cell temperatures; NaN where there is none.
         squared: running means of a third of their squared changes from tick to tick.
         lead: estimated position in m, speed in m/s and acceleration in m/s^2.
@@ -92,19 +90,13 @@ class EstimatorMemory:
 
 
 class Estimator:
-    """Passes perfect measurements on, filters noisy ones.
-
-    Attributes:
-        memory: what is carried from tick to tick.
-    """
+    """Passes perfect measurements on, filters noisy ones."""
 
     def __init__(self, noise: NoiseSettings, limits: LimitParameters, tick_s: float) -> None:
         """Set up an estimator that has not measured anything.
 
         Args:
-            noise: stated noise.
             limits: accelerations of ordinary commands; outside them the brakes act within a tick.
-            tick_s: sampling time of the loop.
         """
         self._noise = noise
         self._limits = limits
@@ -126,12 +118,7 @@ class Estimator:
     def update(
         self, state: VehicleState, leader: LeaderState | None
     ) -> tuple[VehicleState, LeaderState | None]:
-        """Return state and lead vehicle, filtered where they are noisy.
-
-        Args:
-            state: measured state.
-            leader: measured lead vehicle, None if it is not measured.
-        """
+        """Return state and lead vehicle, filtered where they are noisy."""
         memory = self.memory
         if memory.state is not None and state.time_s <= memory.state.time_s:
             memory = EstimatorMemory()

@@ -136,20 +136,13 @@ def _first(flags: NDArray[np.bool_]) -> int:
 
 
 class LeaderForecaster:
-    """Keeps the leader's recent past and joins it with each tick's preview.
-
-    Attributes:
-        fusion: averages noisy previews.
-        trust: how far ahead previews are trusted.
-    """
+    """Keeps the leader's recent past and joins it with each tick's preview."""
 
     def __init__(self, horizon_s: float, max_age_s: float, tick_s: float = 1.0) -> None:
         """Set up a forecaster that has not measured a leader.
 
         Args:
             horizon_s: time that a full preview covers.
-            max_age_s: older previews are not used.
-            tick_s: sampling time of the loop.
         """
         self._horizon_s = horizon_s
         self._max_age_s = max_age_s

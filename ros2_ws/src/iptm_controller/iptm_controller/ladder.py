@@ -29,11 +29,7 @@ class LadderOptions:
 
 
 class FallbackLadder:
-    """Counts failures in a row and chooses the rung.
-
-    Attributes:
-        memory: what is carried from tick to tick.
-    """
+    """Counts failures in a row and chooses the rung."""
 
     def __init__(self, parameters: ModelParameters, tick_s: float, options: LadderOptions) -> None:
         self._parameters = parameters
@@ -68,8 +64,6 @@ class FallbackLadder:
         """Choose the rung of a tick without a usable plan.
 
         Args:
-            state: measured state, None if it cannot be trusted.
-            leader: measured leader, None if it cannot be trusted.
             last: what was last trusted or commanded, for a tick without a state; brakes that are applied
                 harder than a blind vehicle would stay so, and the cells are cooled as they last needed it.
         """

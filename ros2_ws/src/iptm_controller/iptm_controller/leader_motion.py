@@ -104,7 +104,6 @@ def extrapolated_motion(leader: LeaderState, acceleration_m_s2: float) -> Predic
     backwards.
 
     Args:
-        leader: as measured.
         acceleration_m_s2: as measured, negative when braking.
     """
     decay_s, change_m_s = ACCELERATION_DECAY_S, ACCELERATION_DECAY_S * acceleration_m_s2

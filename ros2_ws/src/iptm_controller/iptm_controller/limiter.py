@@ -20,7 +20,6 @@ class LimitedCommand:
     """A command within all physical bounds.
 
     Attributes:
-        command: what may be actuated.
         reasons: which bounds were active, empty if none was.
     """
 

@@ -93,7 +93,6 @@ def trusted_measurements(measured: Measurements, last: VehicleState | None = Non
     """Return what is plausible; what builds on a part that is not is left out.
 
     Args:
-        measured: one tick.
         last: the state that was trusted last, None for none.
     """
     state, leader = measured.state, measured.leader

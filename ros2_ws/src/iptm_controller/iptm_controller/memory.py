@@ -59,16 +59,7 @@ class ControllerMemory:
 
     Attributes:
         last_trusted: state that commands are limited against where none can be trusted.
-        ladder: of the fallback ladder.
-        guard: of the collision guard.
-        valuation: of the temperature valuation.
-        traction: of the traction forecast.
         leader_past: leader measured in the last seconds, oldest first.
-        fusion: of the average of noisy previews.
-        trust: of the trust in previews.
-        actuation: of the observer of the actuators.
-        estimator: of the filter of noisy measurements.
-        is_cooling: of the thermostat of the production-like controller.
         pace: of the road ahead, None where no rule has bound the vehicle.
         solves_since_second: of the check for better switching; None for one that has not solved anything.
     """

@@ -36,12 +36,6 @@ class SettingsChanges:
     """
 
     def __init__(self, node: SuiteNode, options: ControllerNodeParameters) -> None:
-        """Handle changes of the parameters of a node.
-
-        Args:
-            node: the controller node.
-            options: settings that it was started with.
-        """
         self.options = self._wanted = options
         self.values: dict[str, object] = {CHANGED_SETTINGS: "none", SETTINGS_SINCE: "start"}
         self._node = node
@@ -79,12 +73,7 @@ class SettingsChanges:
             Thread(target=_build, args=(self._wanted, self._prepared), daemon=True).start()
 
     def take_over(self, controller: Controller, stamp_ns: int) -> Controller:
-        """Return the controller to decide a tick with: the present one, or the one that is ready now.
-
-        Args:
-            controller: the present one.
-            stamp_ns: the tick.
-        """
+        """Return the controller to decide a tick with: the present one, or the one that is ready now."""
         if self._wanted == self.options:
             return controller
         if self._prepared is None or not self._prepared.done():

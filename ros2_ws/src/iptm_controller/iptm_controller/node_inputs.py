@@ -30,7 +30,6 @@ class CompleteTick:
     """
 
     def __init__(self, node: SuiteNode) -> None:
-        """Take the node, which looks whether anyone publishes the road ahead."""
         name = node.resolve_topic_name(Topic.ROAD_AHEAD.value)
         self._look = partial(node.count_publishers, name)
         self._has_road = False

@@ -123,11 +123,7 @@ class ControllerNodeParameters(
         return SavedState(CONTROLLER_STATE, stamp_ns, self._kept(), to_plain(memory))
 
     def start_memories(self) -> dict[int, ControllerMemory]:
-        """Return the initial memory of the controller, by the trip time of the start (ns).
-
-        Raises:
-            StateError: the file with a saved state cannot be read, or is none of these settings.
-        """
+        """Return the initial memory of the controller, by the trip time of the start (ns)."""
         memories = {0: ControllerMemory()}
         if self.start_state:
             saved = read_state(Path(self.start_state), CONTROLLER_STATE, self._kept())
@@ -139,11 +135,7 @@ class ControllerNodeParameters(
         return {name: plain(getattr(self, name)) for name in _OF_A_STATE}
 
     def controller_options(self) -> ControllerOptions:
-        """Return what the controller is to do.
-
-        Raises:
-            IptmError: the horizon is not usable.
-        """
+        """Return what the controller is to do."""
         return ControllerOptions(
             strategy=self._strategy(),
             horizon=Horizon.parse(self.horizon),
@@ -164,11 +156,7 @@ class ControllerNodeParameters(
         )
 
     def build_controller(self) -> Controller:
-        """Return the controller, its problem compiled.
-
-        Raises:
-            IptmError: a parameter, the horizon or the solver is not usable.
-        """
+        """Return the controller, its problem compiled."""
         return Controller(self.model().values, self.controller_options())
 
     def _strategy(self) -> Strategy:

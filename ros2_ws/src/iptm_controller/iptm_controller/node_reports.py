@@ -109,7 +109,6 @@ def situation(
 
     Args:
         decision: the last one, None before the first.
-        road: what is known of the slope.
         watch: what has gone on for too long, added to the situation of the decision.
         begun_anew: whether another trip has just taken the place of the one so far.
     """

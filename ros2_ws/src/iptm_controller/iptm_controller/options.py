@@ -22,15 +22,7 @@ class ControllerOptions:
     """What a user chooses about the controller.
 
     Attributes:
-        strategy: cost terms and weights.
-        horizon: prediction grid.
-        solver: back end and its settings.
-        ladder: lengths of the fallback rungs.
-        max_preview_age_s: older previews are not used.
-        tick_s: sampling time of the loop.
         trip_duration_s: trip time at which the trip ends, infinite where that is not known.
-        noise: stated noise of the measurements.
-        production: laws of the strategy that optimises nothing.
         aging: ageing law of the cost, and how the car is used between trips.
         own_law: ageing law instead of the one named there.
         charging_stop: fast charger at the end of the trip.

@@ -54,11 +54,7 @@ class FusionMemory:
 
 
 class PreviewFusion:
-    """Passes consistent previews on, averages noisy ones.
-
-    Attributes:
-        memory: what is carried from tick to tick.
-    """
+    """Passes consistent previews on, averages noisy ones."""
 
     def __init__(self) -> None:
         self.memory = FusionMemory()

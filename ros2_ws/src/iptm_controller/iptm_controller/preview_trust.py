@@ -38,8 +38,6 @@ class Prediction:
     """What was measured and predicted at one tick.
 
     Attributes:
-        tick: number of the tick.
-        speed_m_s: speed measured then.
         speeds_m_s: speeds predicted for the lead times, NaN where the preview asserts none.
     """
 
@@ -56,7 +54,6 @@ class TrustMemory:
         predictions: of the last seconds, oldest first.
         errors: excess of predicted over measured speeds at the lead times, as lists of one tick each,
             joined, oldest first.
-        horizon_s: trusted horizon.
         last_error_tick: tick of the last error beyond the tolerance.
         proved: a slow-down has been predicted correctly since.
     """
@@ -81,11 +78,6 @@ class PreviewTrust:
     """
 
     def __init__(self, tick_s: float) -> None:
-        """Set up trust in a source that has not been tested yet.
-
-        Args:
-            tick_s: sampling time of the loop.
-        """
         self._tick_s = tick_s
         whole = range(1, LONGEST_LEAD_S + 1)
         self._leads = tuple(dict.fromkeys(max(round(lead / tick_s), 1) for lead in whole))
@@ -152,8 +144,6 @@ class PreviewTrust:
         """Keep what a preview asserts for the lead times, to compare it later.
 
         Args:
-            leader: as measured now.
-            future: motion that the preview predicts.
             known_until_s: trip time up to which it is asserted; later motion is an expectation.
         """
         tick = round(leader.time_s / self._tick_s)

@@ -91,10 +91,8 @@ def cruise_control_m_s2(
     a large gap, and no more than ``k_3 (v_max - v)``. Both are at rest at the gap ``s_st + T v``.
 
     Args:
-        state: ego vehicle.
         leader: lead vehicle; the difference of positions is the gap s.
         parameters: gap at standstill s_st, limits of acceleration and speed.
-        settings: time headway T and gains.
     """
     limits = parameters.limits
     speed = state.speed_m_s
@@ -111,11 +109,7 @@ def cruise_control_m_s2(
 
 
 class ProductionLikeController:
-    """Cruise control and thermostat; only the thermostat remembers anything.
-
-    Attributes:
-        is_cooling: whether the compressor runs.
-    """
+    """Cruise control and thermostat; only the thermostat remembers anything."""
 
     def __init__(self, parameters: ModelParameters, settings: ProductionSettings) -> None:
         self._parameters = parameters
@@ -128,8 +122,6 @@ class ProductionLikeController:
         """Return the command of a tick; jerk and the rate of the compressor are left to the limiter.
 
         Args:
-            state: ego vehicle.
-            leader: lead vehicle, None without one.
             at_most_m_s2: what the rules of the road allow.
         """
         acceleration = at_most_m_s2

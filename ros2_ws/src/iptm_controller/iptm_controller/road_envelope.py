@@ -39,12 +39,6 @@ class RoadEnvelope:
     """
 
     def __init__(self, parameters: ModelParameters, tick_s: float) -> None:
-        """Set up an envelope.
-
-        Args:
-            parameters: of the ego vehicle: spacing policy and limits.
-            tick_s: sampling time of the loop.
-        """
         self._gap, self._limits, self._tick_s = parameters.gap, parameters.limits, tick_s
         self.pace: PaceMemory | None = None
 
@@ -54,7 +48,6 @@ class RoadEnvelope:
         """Return the lead motion: at every instant the nearer one of lead vehicle and rules.
 
         Args:
-            state: of the ego vehicle.
             road: rules, None without any; with limits.
             forecast: of the lead vehicle, None without one. Where the rules are nowhere nearer, its motion is
                 returned as it is.
@@ -112,14 +105,7 @@ class RoadEnvelope:
     def _paced(
         self, state: VehicleState, road: RoadAhead, limits: SpeedLimits, largest_m: float
     ) -> tuple[float, float, float]:
-        """Return time, position and speed from which the pace goes on, and keep them.
-
-        Args:
-            state: of the ego vehicle, which is never behind the pace.
-            road: rules that the pace keeps.
-            limits: their speed limits.
-            largest_m: largest gap.
-        """
+        """Return time, position and speed from which the pace goes on, and keep them."""
         pace = self.pace
         if pace is None or pace.is_held or pace.time_s > state.time_s:
             # It has waited for an ego vehicle that something else held, and starts again with it.
@@ -174,7 +160,6 @@ class RoadEnvelope:
         """Return the acceleration of a driver who keeps the limits and foresees what comfort needs.
 
         Args:
-            state: of the ego vehicle.
             road: rules, with limits; without any, nothing limits the acceleration.
         """
         if road is None or road.limits is None:

@@ -31,9 +31,6 @@ def safe_following(
 
     Args:
         state: host; its acceleration is the one last actuated.
-        leader: preceding vehicle.
-        parameters: limits and spacing policy.
-        tick_s: time for which the command will be held.
     """
     limits, policy = parameters.limits, parameters.gap
     gap_m = max(leader.position_m - state.position_m, 0.1)

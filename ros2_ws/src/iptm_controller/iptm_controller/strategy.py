@@ -29,7 +29,6 @@ class CostPoint:
     """What the cost depends on at one instant: powers and rates, and deviations from the references.
 
     Attributes:
-        rates: powers, currents and rates of change of the vehicle model.
         speed_error_m_s: speed less its reference.
         cell_1_error_k: temperature of cell 1 less its reference.
         cell_n_error_k: the same of cell N.

@@ -103,9 +103,6 @@ def mean_c_rate_1_h(
 
     Args:
         rate_1_s: rate of the capacity loss, positive.
-        temperature_k: cell temperature.
-        capacity_loss: loss so far.
-        parameters: of cell and aging.
     """
     aging, cell = parameters.aging, parameters.cell
     at_1_c = capacity_loss_rate_1_s(
@@ -127,11 +124,7 @@ def _load_factor_h(temperature_k: float, parameters: ModelParameters) -> float:
 
 
 class TemperatureValuation:
-    """Follows the trip and prices the temperatures at every tick.
-
-    Attributes:
-        memory: what is carried from tick to tick.
-    """
+    """Follows the trip and prices the temperatures at every tick."""
 
     def __init__(
         self,
@@ -143,10 +136,7 @@ class TemperatureValuation:
         """Keep what does not change.
 
         Args:
-            parameters: of pack, cell, aging and cooling.
             aging_weight: lambda_Q.
-            horizon_s: length of the horizon, where the price counts.
-            trip_duration_s: trip time at which the trip ends, infinite where that is not known.
         """
         self._parameters = parameters
         self._aging_weight = aging_weight
@@ -166,7 +156,6 @@ class TemperatureValuation:
 
         Args:
             state: measured state; the first one, or one before it, begins a trip.
-            leader: predicted motion of the leader.
         """
         start = self.memory.start
         if start is None or state.time_s < start.time_s:

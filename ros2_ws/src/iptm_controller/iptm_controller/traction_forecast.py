@@ -79,9 +79,7 @@ class TractionForecaster:
 
         Args:
             state: measured state, remembered before.
-            leader: leader's past and predicted motion in trip time.
             known_s: how far ahead that is a prediction and not a guess.
-            slope: road slope over position.
 
         Returns:
             Shape (samples, 7), places of ``ThermalSampleIndex`` filled.

@@ -51,8 +51,6 @@ class Hit:
     """A fault that hits at a tick.
 
     Attributes:
-        fault: the fault.
-        time_ns: the tick.
         ego_position_m: true position of the ego vehicle, for faults of the lead vehicle.
         first: the first preview that the fault hit, for faults of previews.
     """

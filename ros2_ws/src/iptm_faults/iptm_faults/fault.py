@@ -92,13 +92,7 @@ class Fault(Settings):
         return float("nan") if self.size is None else self.size
 
     def effect_on(self, value: Any, time_ns: int, **hit: Any) -> Any:
-        """Return what arrives instead of a measured value; see ``effects``.
-
-        Args:
-            value: as measured.
-            time_ns: the tick.
-            hit: further attributes of the `Hit`.
-        """
+        """Return what arrives instead of a measured value; see ``effects``."""
         if self.spec.effect is None:
             raise AssertionError(f"{self.kind} has no effect on a measured value")
         return self.spec.effect(Hit(self, time_ns, **hit), value)
@@ -163,7 +157,6 @@ def faults_from(entries: object, where: str) -> tuple[Fault, ...]:
     """Read a list of faults.
 
     Args:
-        entries: what a file holds: a list of mappings.
         where: file and place in it, for messages.
 
     Returns:

@@ -25,11 +25,7 @@ NO_LEADER = "no measurement of the leader received"
 
 
 def check_headless(faults: Iterable[Fault]) -> None:
-    """Refuse faults that cannot happen without ROS.
-
-    Raises:
-        ScenarioError: names the first of them and what is allowed.
-    """
+    """Refuse faults that cannot happen without ROS."""
     for fault in faults:
         if not fault.spec.headless:
             allowed = ", ".join(kind for kind in FaultKind if kind.spec.headless)
@@ -37,11 +33,7 @@ def check_headless(faults: Iterable[Fault]) -> None:
 
 
 def check_empty_road(leader_source: LeaderSource, faults: Iterable[Fault]) -> None:
-    """Refuse faults of a lead vehicle that is not there.
-
-    Raises:
-        ScenarioError: the road is empty, and one of the faults needs a lead vehicle.
-    """
+    """Refuse faults of a lead vehicle that is not there."""
     of_leader = {FaultPlace.TRAFFIC, FaultPlace.LEADER, FaultPlace.PREVIEW}
     for fault in faults:
         if leader_source is LeaderSource.NONE and fault.spec.place in of_leader:
@@ -58,11 +50,6 @@ class FaultInjection:
     """
 
     def __init__(self, faults: Iterable[Fault]) -> None:
-        """Set up the faults of one trip.
-
-        Raises:
-            ScenarioError: one of them needs ROS.
-        """
         self._faults = tuple(faults)
         check_headless(self._faults)
         self._traffic = Traffic(self._faults)

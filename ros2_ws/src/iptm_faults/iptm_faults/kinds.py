@@ -36,12 +36,7 @@ class KindSpec:
     """What a kind of fault is.
 
     Attributes:
-        place: where it takes place.
-        meaning: its effect while it is active.
         size: default size, NaN for kinds without a size.
-        unit: unit of the size.
-        smallest: smallest permitted size.
-        largest: largest permitted size.
         headless: whether it can be injected without ROS: it affects measurements, motion or solver.
         effect: what it makes of a measured value, see ``effects``; None where node, vehicle, solver or
             runner does it.

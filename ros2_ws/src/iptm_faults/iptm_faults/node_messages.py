@@ -76,14 +76,7 @@ def with_stamp(data: bytes, stamp_ns: int) -> bytes:
 def changed_state_message(
     faults: Iterable[Fault], topic: Topic, stamp_ns: int, data: bytes
 ) -> bytes:
-    """Return a state message with faults applied; the same bytes object if none hits it.
-
-    Args:
-        faults: faults of the state.
-        topic: topic of the message.
-        stamp_ns: its stamp.
-        data: the message.
-    """
+    """Return a state message with faults applied; the same bytes object if none hits it."""
     content = _CONTENT.get(topic)
     hitting = [fault for fault in faults if fault.spec.effect is not None and fault.hits(stamp_ns)]
     if content is None or not hitting:

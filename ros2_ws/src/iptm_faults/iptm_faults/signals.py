@@ -31,7 +31,6 @@ class Delay(Generic[Value]):
 
         Args:
             time_ns: the tick; one that is not later than the last begins a new trip or repeats the tick.
-            value: the value of the tick.
         """
         while self._past and self._past[-1][0] >= time_ns:
             self._past.pop()
@@ -52,12 +51,7 @@ class PreviewFaults:
         return any(fault.hits(time_ns) for fault in self._faults)
 
     def apply(self, time_ns: int, preview: LeaderPreview) -> LeaderPreview | None:
-        """Return the prediction with faults applied; ticks in increasing order of time.
-
-        Args:
-            time_ns: the tick.
-            preview: the prediction as sent.
-        """
+        """Return the prediction with faults applied; ticks in increasing order of time."""
         faulty: LeaderPreview | None = preview
         for number, fault in enumerate(self._faults):
             if faulty is not None and fault.hits(time_ns):
@@ -83,7 +77,6 @@ def faulty_samples(
     """Return the measurements of a range sensor in an interval, the samples themselves without faults.
 
     Args:
-        faults: of all places.
         samples: the effective leader at the instants of the interval.
         host_position_m: where the host is at the first of them.
 

@@ -35,13 +35,6 @@ class FaultySolver:
         faults: Iterable[Fault],
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Wrap a back end.
-
-        Args:
-            inner: what solves while all is well.
-            faults: those of other places are left alone.
-            sleep: how a solver that runs out of time spends it.
-        """
         self._inner = inner
         self._faults = at_places(faults, FaultPlace.SOLVER)
         self._sleep = sleep
@@ -96,14 +89,6 @@ class FaultyController(Controller):
         faults: Iterable[Fault],
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Take over options and solver of a sound controller.
-
-        Args:
-            parameters: those of the sound one.
-            sound: a fresh controller.
-            faults: of the solver; others are left alone.
-            sleep: how a solver that runs out of time spends it.
-        """
         self._solver = FaultySolver(sound.backend, faults, sleep)
         super().__init__(parameters, sound.options, self._solver)
 

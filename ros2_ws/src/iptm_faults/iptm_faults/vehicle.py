@@ -20,13 +20,6 @@ class FaultyPlant(Plant):
     """
 
     def __init__(self, faults: Iterable[Fault], *arguments: Any, **settings: Any) -> None:
-        """Set up a vehicle; faults of other places are left alone.
-
-        Args:
-            faults: of a trip.
-            arguments: those of ``Plant``.
-            settings: those of ``Plant``.
-        """
         super().__init__(*arguments, **settings)
         own = at_places(faults, FaultPlace.VEHICLE)
         self._delay: Delay[Command] = Delay(own, FaultKind.COMMAND_DELAYED)

@@ -36,8 +36,6 @@ class ActuatorReport:
     """One command and what became of it.
 
     Attributes:
-        requested: the command as received.
-        actuated: the command as carried out from the start of the interval.
         clamps: every limit that changed it, in the order applied; empty if none did.
     """
 
@@ -71,14 +69,9 @@ def limit_command(
     whole by the controlled stop.
 
     Args:
-        command: the command as received.
         state: present state; its inputs are the values last actuated.
-        limits: bounds and rates.
         duration_s: length of the interval over which the command will be held; the rates scale with it.
         last_acceleration_m_s2: acceleration last requested where that is not the one of the state.
-
-    Returns:
-        The report; its ``actuated`` command lies inside all limits.
     """
     clamps: list[Clamp] = []
     # After service braking the deceleration lies outside the comfort limits; a command starts at their edge.

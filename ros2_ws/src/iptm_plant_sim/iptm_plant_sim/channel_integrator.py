@@ -54,11 +54,6 @@ class ChannelIntegrator:
     """Integrates intervals of any number of sub-steps for one parameter set."""
 
     def __init__(self, parameters: ModelParameters) -> None:
-        """Set up the channel.
-
-        Args:
-            parameters: the model parameters.
-        """
         self._parameters = parameters
         self._steps: dict[int, BufferedFunction] = {}
 
@@ -74,7 +69,6 @@ class ChannelIntegrator:
 
         Args:
             cells: all cells at the start.
-            compressor_power_w: compressor power, held over the interval.
             motion: the motion, laid out for n sub-steps.
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
             charge: state of charge at the start; NaN where nothing depends on it.

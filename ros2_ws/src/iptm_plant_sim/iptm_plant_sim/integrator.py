@@ -47,23 +47,15 @@ class IntervalResult:
     """Cell states and electrics at the end of an interval, and energies over it.
 
     Attributes:
-        cell_1_temperature_k: of cell 1 at the end.
-        cell_n_temperature_k: of cell N_c at the end.
-        cell_1_capacity_loss: of cell 1 at the end.
-        cell_n_capacity_loss: of cell N_c at the end.
         traction_energy_j: electric traction energy, regeneration counted negative.
         regenerated_energy_j: its negative part, before the regenerative efficiency.
         battery_energy_j: energy at the terminals, positive when discharging.
         chiller_heat_j: heat taken from the coolant.
         battery_heat_j: heat generated in all cells, ohmic and entropic.
-        charge_c: charge drawn from the pack.
         pack_current_a: pack current at the end, positive when discharging.
         cell_current_a: cell current at the end.
         coolant_inlet_k: channel inlet temperature at the end.
         coolant_outlet_k: channel outlet temperature at the end.
-        cell_1_voltage_v: terminal voltage of cell 1 at the end.
-        cell_n_voltage_v: terminal voltage of cell N_c at the end.
-        pack_voltage_v: terminal voltage of the pack at the end.
         channel: all cells of a channel at the end; None where only two are integrated.
     """
 
@@ -110,7 +102,6 @@ class IntervalIntegrator:
 
         Args:
             cells: cell states at the start.
-            compressor_power_w: compressor power, held over the interval.
             motion: the motion, laid out for the same number of sub-steps n.
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
             charge: state of charge at the start; NaN where nothing depends on it.

@@ -33,7 +33,6 @@ class Motion:
         speeds_m_s: speeds at start, middle and end of each sub-step, shape (n, 3). One-sided limits: at
             the stop the end of one sub-step still rolls, the start of the next stands.
         positions_m: positions at the starts and middles in order and at the end, shape (2 n + 1,).
-        end_position_m: position at the end.
         end_speed_m_s: speed at the end, exactly 0 at standstill.
         end_acceleration_m_s2: acceleration at the end; 0 once stopped or held at the top speed.
         top_speed_reached: the top speed cut the acceleration.
@@ -62,9 +61,7 @@ def plan_motion(
     Args:
         position_m: position at the start.
         speed_m_s: speed at the start, within [0, top_speed_m_s].
-        acceleration_m_s2: acceleration actuated from the start.
         top_speed_m_s: speed at which the drive holds instead of accelerating further.
-        duration_s: length of the interval.
         sub_steps: number of sub-steps n, at least 2.
     """
     end_speed = speed_m_s + acceleration_m_s2 * duration_s

@@ -29,10 +29,6 @@ class Neighbours:
     def __init__(self, node: SuiteNode, options: PlantNodeParameters) -> None:
         """Listen to the neighbours that there are.
 
-        Args:
-            node: the plant node.
-            options: its parameters.
-
         Raises:
             ParameterError: the vehicle has neighbours and follows the wall clock.
         """

@@ -98,11 +98,7 @@ class PlantNodeParameters(
     )
 
     def build_trip(self) -> Trip:
-        """Return the trip, the vehicle at its start.
-
-        Raises:
-            IptmError: the parameter set, an override, the cycle or the slope is not usable.
-        """
+        """Return the trip, the vehicle at its start."""
         model = self.model().values
         route = self.trip_route(model.gap.initial_gap_m)
         plant = self.build_plant(
@@ -121,11 +117,7 @@ class PlantNodeParameters(
         return SavedState(PLANT_STATE, trip.stamp_ns, self._kept(), to_plain(trip.step))
 
     def _start(self, plant: Plant) -> tuple[PlantStep, int]:
-        """Return where the trip starts and how many ticks it has driven there.
-
-        Raises:
-            StateError: the file cannot be read, or its state is none of this trip.
-        """
+        """Return where the trip starts and how many ticks it has driven there."""
         if not self.start_state:
             return plant.observe(plant.initial_state(self.start_position_m)), 0
         saved = read_state(Path(self.start_state), PLANT_STATE, self._kept())

@@ -31,12 +31,6 @@ class PlantPublishers:
     """All publishers of the plant but the diagnostics."""
 
     def __init__(self, node: SuiteNode, parameters: ModelParameters) -> None:
-        """Advertise the topics.
-
-        Args:
-            node: the plant node.
-            parameters: model parameters; the pack's capacity is published.
-        """
         self._parameters = parameters
         self._frame_prefix = node.frame_prefix
         self._publishers = {

@@ -25,16 +25,9 @@ class NodeRangeSensor:
 
     Attributes:
         is_silent: whether the present interval has no measurement.
-        silent_intervals: number of intervals without one.
     """
 
     def __init__(self, node: SuiteNode, options: PlantNodeParameters) -> None:
-        """Listen to the measurements.
-
-        Args:
-            node: the plant node.
-            options: its parameters.
-        """
         self._is_used = options.safety_monitor
         self._waits = self._is_used and options.mode is LoopMode.LOCK_STEP
         self._samples: dict[int, LeaderPreview] = {}
@@ -74,7 +67,6 @@ class NodeRangeSensor:
         """Return a callback that hands commands on, the awaited one when its measurements are there.
 
         Args:
-            take: takes a command.
             now_ns: returns the stamp of the present state, whose command is awaited.
         """
         self._take, self._now_ns = take, now_ns

@@ -46,7 +46,6 @@ class Plant:
     between threads.
 
     Attributes:
-        parameters: the model parameters.
         monitor: the safety monitor; it acts only with a range sensor.
         brake_strength: share of every requested deceleration that the brakes deliver, above 0.
     """
@@ -62,7 +61,6 @@ class Plant:
         """Set up a vehicle on a road.
 
         Args:
-            parameters: the model parameters.
             slope_at: road slope in rad (positive uphill) at positions in m, shape (n,) to (n,).
             step_s: longest integration step inside an interval.
             thermal_model: which cells of a coolant channel are integrated. With all of them, states are
@@ -92,7 +90,6 @@ class Plant:
 
         Args:
             sensor: called once at the start of every interval, in order; None for no monitor.
-            memory: what the monitor remembers; by default nothing.
         """
         self._sensor = sensor
         self.resume(memory or MonitorMemory())
@@ -110,13 +107,8 @@ class Plant:
         """State at the start of a trip: no acceleration, compressor off, parameters' pack.
 
         Args:
-            position_m: position along the road.
-            speed_m_s: speed.
             cell_n_temperature_k: temperature of cell N_c; by default the parameters' initial temperature,
                 which is that of cell 1. The cells between lie evenly.
-
-        Raises:
-            StateError: a value is not finite or outside its physical range.
         """
         initial_k = self.parameters.environment.initial_cell_temperature_k
         loss = self.parameters.aging.initial_capacity_loss
@@ -141,11 +133,7 @@ class Plant:
         return state
 
     def check(self, state: VehicleState) -> None:
-        """Refuse a state from which no sensible step can be taken.
-
-        Raises:
-            StateError: a value is not finite, or speed, temperature or capacity loss is out of range.
-        """
+        """Raise a StateError for a state from which no sensible step can be taken."""
         values = {item.name: np.asarray(getattr(state, item.name)) for item in fields(VehicleState)}
         if not self._depends_on_charge:
             del values["state_of_charge"]  # it may be unknown
@@ -173,7 +161,6 @@ class Plant:
         Args:
             state: state at the start, from ``initial_state`` or an earlier step.
             command: the decision; any values, nonsense is replaced and reported.
-            duration_s: length of the interval.
 
         Raises:
             StateError: the state leads nowhere (not finite or out of range).

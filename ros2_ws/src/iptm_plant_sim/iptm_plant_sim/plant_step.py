@@ -18,13 +18,6 @@ class PlantStep(PlantObservation):
 
     Attributes:
         regenerative_power_w: negative part of the traction power, before the regenerative efficiency.
-        battery_heat_w: heat generated in all cells.
-        charge_c: charge drawn from the pack during the interval.
-        cell_current_a: cell current at the end.
-        pack_current_a: pack current at the end.
-        pack_voltage_v: terminal voltage at the end.
-        cell_1_voltage_v: terminal voltage of cell 1 at the end.
-        cell_n_voltage_v: terminal voltage of cell N_c at the end.
         report: what the actuators made of the command.
         standstill: the vehicle stands at the end, held by its brakes.
         memory: what the safety monitor remembers at the end.

@@ -69,7 +69,6 @@ def stopping_distance_m(
     """Return the distance to standstill of a vehicle that brakes after a while.
 
     Args:
-        speed_m_s: speed now.
         acceleration_m_s2: acceleration now, kept until the brakes act.
         wait_s: time until the brakes act.
         deceleration_m_s2: deceleration of the brakes, positive.
@@ -91,19 +90,9 @@ def stopping_distance_m(
 
 
 class SafetyMonitor:
-    """The rule with its parameters; pure, what changes is in `MonitorMemory`.
-
-    Attributes:
-        settings: assumptions and times.
-    """
+    """The rule with its parameters; pure, what changes is in `MonitorMemory`."""
 
     def __init__(self, settings: SafetyMonitorSettings, brakes: BrakeParameters) -> None:
-        """Set up a monitor.
-
-        Args:
-            settings: assumptions and times.
-            brakes: stated service brakes of the vehicle.
-        """
         self.settings = settings
         self._brakes = brakes
         self._own_m_s2 = min(settings.monitor_own_deceleration_m_s2, brakes.max_deceleration_m_s2)
@@ -166,8 +155,6 @@ class SafetyMonitor:
         """Decide at one instant whether to brake.
 
         Args:
-            memory: of the instant before.
-            time_s: now.
             ego: position, speed and the acceleration that the vehicle has if the monitor does not brake.
             lead: the vehicle ahead now; None for a free road, on which brakes are released.
         """
@@ -206,11 +193,8 @@ def with_delivery(
     """Return a memory that has learned from what the brakes made of a request.
 
     Args:
-        memory: what is known so far.
         requested_m_s2: acceleration requested over an interval, delay and build-up of the brakes allowed for.
-        delivered_m_s2: acceleration measured.
         speed_m_s: speed at the end of the interval; standing vehicles show nothing.
-        duration_s: length of the interval.
     """
     if requested_m_s2 > -JUDGED_FROM_M_S2 or speed_m_s < JUDGED_FROM_M_S:
         return memory

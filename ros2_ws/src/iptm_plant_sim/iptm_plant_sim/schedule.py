@@ -25,7 +25,6 @@ class Schedule:
         """Set up a schedule whose first slot lies one period ahead of now.
 
         Args:
-            period_s: time between slots.
             steady_time_s: clock in seconds, replaceable in tests.
         """
         self._period_s = period_s
@@ -59,7 +58,6 @@ class TimeBetweenTicks:
         """Set up a time that has not begun.
 
         Args:
-            period_s: trip time between two ticks.
             rate_factor: seconds of trip time per second of wall time.
             steady_time_s: clock in seconds, replaceable in tests.
         """

@@ -40,7 +40,6 @@ class ServiceBrakes:
     """The brakes of a vehicle as actuators.
 
     Attributes:
-        parameters: of the vehicle.
         strength: share of every requested deceleration that is delivered, above 0.
     """
 
@@ -94,12 +93,8 @@ class MonitoredInterval:
         """Set up an interval.
 
         Args:
-            monitor: decides when to brake.
-            brakes: what follows from that.
             drive_interval: integrates a part of the interval at constant acceleration.
-            state: state at the start.
             report: the command after the limits of comfort; its acceleration is the requested one.
-            duration_s: length of the interval.
         """
         self._monitor, self._brakes, self._drive_interval = monitor, brakes, drive_interval
         self._state, self._report, self._duration_s = state, report, duration_s
@@ -112,7 +107,6 @@ class MonitoredInterval:
         """Drive the interval.
 
         Args:
-            memory: of the monitor.
             samples: measurements of the vehicle ahead; see `LeadMeasurements`.
         """
         leads = LeadMeasurements(memory, samples)

@@ -32,10 +32,7 @@ class Trip:
     """Advances the plant tick by tick and keeps its records.
 
     Attributes:
-        parameters: model parameters of the plant.
         step: the latest observation, at trip time `stamp_ns`.
-        tick: number of intervals driven.
-        ticks: number of intervals of the whole trip.
         clamps: how often each limit changed a command.
         limited_ticks: number of intervals in which any did.
         interventions: number of intervals in which the safety monitor began to brake.
@@ -54,12 +51,9 @@ class Trip:
         """Place the vehicle at the start.
 
         Args:
-            plant: the vehicle on its road.
             duration_s: length of the trip, rounded up to whole periods.
-            period_s: time between two states.
             start: state at the start; by default the plant's initial state. An observation of another trip
                 is taken as it is.
-            first_tick: number of intervals that have been driven before.
 
         Raises:
             StateError: the start state is not possible, or the trip is over before.
@@ -146,11 +140,6 @@ class CommandHold:
     """
 
     def __init__(self, timeout_s: float) -> None:
-        """Set up an empty hold.
-
-        Args:
-            timeout_s: age up to which a command is carried out.
-        """
         self._timeout_ns = round(timeout_s * NS_PER_S)
         self._stamp_ns = 0
         self._command: Command | None = None
@@ -160,11 +149,6 @@ class CommandHold:
 
         Args:
             stamp_ns: stamp of the state that the command answers.
-            command: the decision.
-            now_ns: present trip time.
-
-        Returns:
-            Whether it was taken.
         """
         newer = self._command is None or stamp_ns > self._stamp_ns
         if not newer or not 0 <= stamp_ns <= now_ns:

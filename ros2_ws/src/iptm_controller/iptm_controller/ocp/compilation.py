@@ -105,13 +105,6 @@ def compiler_flags() -> tuple[str, ...]:
 def compile_functions(functions: Sequence[ca.Function], compiler: Sequence[str]) -> Path:
     """Compile functions into one shared library, or find it in the cache.
 
-    Args:
-        functions: functions to export under their own names.
-        compiler: command of the C compiler.
-
-    Returns:
-        Path of the shared library.
-
     Raises:
         SolverSetupError: the compiler fails, or the cache folder cannot be written or is not private.
     """
@@ -166,11 +159,7 @@ def _not_writable(folder: Path, error: OSError) -> SolverSetupError:
 
 
 def _make_private(folder: Path) -> None:
-    """Create the folder, or check that no other user can write into it.
-
-    Raises:
-        SolverSetupError: it belongs to another user, is a link, or cannot be created.
-    """
+    """Create the folder, or check that no other user can write into it."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)

@@ -11,7 +11,7 @@ from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StateIndex, StepIndex
-from iptm_controller.ocp.stage import LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
+from iptm_controller.ocp.motion_stage import LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.parameters.model import ModelParameters
@@ -57,9 +57,6 @@ class ProblemDataBuilder:
         """Set up what is the same for all problems.
 
         Args:
-            grid: order of the flat vectors.
-            strategy: cost terms and weights.
-            model: limits and spacing policy.
             tick_s: sampling time of the loop; the gap is watched at this interval inside steps that are
                 longer, up to those whose samples are watched.
         """
@@ -93,15 +90,12 @@ class ProblemDataBuilder:
         """Assemble the problem of one tick.
 
         Args:
-            state: measured state.
             leader: leader's past and predicted motion in trip time.
-            slope: road slope over position.
             expected_positions_m: where the host is expected at the sample times (absolute); the
                 slope is expanded to second order there.
             known_s: how far ahead the leader's motion is known and not a guess. The braking reserve
                 is asked for at the last node up to there, at the first one if there is none.
             value: what a kelvin costs at the end of the horizon.
-            thermal_samples: parameters of the samples of thermal steps, where the horizon has any.
             expected_speeds_m_s: expected host speeds at the nodes, shape (N + 1,); for ticks shorter
                 than the steps.
             limiting: motion that the gap limits hold for at the nodes; None for that of the leader.
@@ -174,9 +168,7 @@ class ProblemDataBuilder:
 
         Args:
             steps: parameters of the steps; leader positions and speeds are replaced in place.
-            leader: predicted motion.
             ends_s: trip times of the ends of the steps, shape (N,).
-            origin_m: position of the host.
             speeds_m_s: expected host speeds at the nodes, shape (N + 1,).
         """
         limits, gap = self._limits, self._model.gap

@@ -43,8 +43,6 @@ class StageKind:
     """The equal stages of one phase and their place in the flat vectors.
 
     Attributes:
-        step_s: step length.
-        samples: quadrature samples in a step.
         steps: numbers of the steps.
         variables: place of the blocks ``x_k, u_k``.
         rows: place of the blocks ``dynamics_k, limits_k``.
@@ -157,10 +155,6 @@ class ProblemGrid:
 
     def stage_arguments(self, w: ca.MX, p: ca.MX) -> list[list[ca.MX]]:
         """Return the arguments of every stage kind, one column per step.
-
-        Args:
-            w: all variables.
-            p: all parameters.
 
         Returns:
             For every kind: states, inputs, step parameters and globals.

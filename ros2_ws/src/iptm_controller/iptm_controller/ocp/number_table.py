@@ -28,11 +28,7 @@ _HIDDEN = '__attribute__((visibility("hidden")))'
 
 
 def split_numbers(source: str) -> tuple[str, tuple[float, ...]]:
-    """Return generated C that reads its numbers from a table, and the table in the order of first appearance.
-
-    Args:
-        source: generated C.
-    """
+    """Return generated C that reads its numbers from a table, and the table by first appearance."""
     places: dict[float, int] = {}
 
     def entry(found: re.Match[str]) -> str:
@@ -56,12 +52,7 @@ def table_source(numbers: Sequence[float]) -> str:
 
 
 def with_numbers(library: bytes, numbers: Sequence[float]) -> bytes | None:
-    """Return a library with other numbers in its table; None where the table is not found.
-
-    Args:
-        library: of the same source.
-        numbers: its table.
-    """
+    """Return a library with other numbers in its table; None where the table is not found."""
     start = library.find(_MARK) + len(_MARK)
     # Elsewhere a file that was changed may not be loaded (code signatures).
     if (

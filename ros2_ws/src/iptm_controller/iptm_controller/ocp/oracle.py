@@ -32,7 +32,6 @@ def oracle_functions(transcription: Transcription, signature: OracleSignature) -
     """Build the named functions of a plug-in from the stage-wise derivatives.
 
     Args:
-        transcription: the problem.
         signature: what the plug-in looks up besides the problem itself.
 
     Returns:

@@ -11,12 +11,8 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, LimitIndex
-from iptm_controller.ocp.stage import (
-    DEFAULT_SMOOTHING,
-    PenaltyWeights,
-    StageExpressions,
-    build_stage,
-)
+from iptm_controller.ocp.motion_stage import build_stage
+from iptm_controller.ocp.stage import DEFAULT_SMOOTHING, PenaltyWeights, StageExpressions
 from iptm_controller.ocp.thermal_stage import build_thermal_stage
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import largest_useful_power_w
@@ -26,14 +22,7 @@ from iptm_core.state import FloatArray
 
 @dataclass(frozen=True)
 class OptimalControlProblem:
-    """Horizon, vehicle and formulation; the numbers of a tick come as ``ProblemData``.
-
-    Attributes:
-        horizon: the steps.
-        model: vehicle, pack and limits.
-        smoothing: widths of the smoothed kinks of the model.
-        penalties: prices of the soft limits.
-    """
+    """Horizon, vehicle and formulation; the numbers of a tick come as ``ProblemData``."""
 
     horizon: Horizon
     model: ModelParameters

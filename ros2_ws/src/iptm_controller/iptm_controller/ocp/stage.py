@@ -1,12 +1,4 @@
-"""One step of the horizon as a function: next state, cost and limits, for any step length.
-
-Inside a step the acceleration and the compressor power are constant, so position and speed are exact.
-Powers, heat and ageing are integrated by Gauss-Legendre quadrature over the moving speed and slope:
-one sample (the midpoint) for steps up to 1 s, more for long ones. That keeps a 5 s step as accurate as
-five 1 s steps at less than half of their cost. In steps beyond
-``LONGEST_STEP_WITHOUT_SAMPLED_GAP_S`` the gap is also constrained at the samples: a leader can stop and drive
-off again within them.
-"""
+"""What all stages of the optimal control problem have: symbols, costs, and rows of the temperatures."""
 
 from __future__ import annotations
 
@@ -16,27 +8,20 @@ from dataclasses import dataclass
 import casadi as ca
 
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.grid import quadrature
 from iptm_controller.ocp.layout import (
     GlobalIndex,
     InputIndex,
     LimitIndex,
-    SampleIndex,
     StateIndex,
     StepIndex,
 )
 from iptm_controller.strategy import COST_TERMS, CostPoint
 from iptm_core.parameters.model import LimitParameters, ModelParameters
-from iptm_core.physics.car_following import braking_reserve_m, maximum_gap_m, minimum_gap_m
-from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.ops import absolute, maximum
 from iptm_core.physics.power_thermal import (
-    CellPair,
     PowerThermalRates,
     Smoothing,
-    power_thermal_rates,
 )
-from iptm_core.physics.traction import advance_position_m, advance_speed_m_s
 
 DEFAULT_SMOOTHING = Smoothing(
     force_n=150.0,
@@ -49,8 +34,6 @@ DEFAULT_SMOOTHING = Smoothing(
     torque_nm=5.0,
     blend_m_s=0.5,
 )
-LONGEST_STEP_WITHOUT_SAMPLED_GAP_S = 2.5
-GAP_SMOOTHING_M = 0.3
 COLD_PRICE_1_K_S = 1.0
 COLD_PRICE_SHARE_1_S = 0.5
 """Cost per second of a kelvin below the lowest temperature: a base, and a share of the marginal cost."""
@@ -100,39 +83,6 @@ class StageExpressions:
     limits: ca.SX
 
 
-def build_stage(
-    step_s: float,
-    samples: int,
-    parameters: ModelParameters,
-    smoothing: Smoothing = DEFAULT_SMOOTHING,
-    penalties: PenaltyWeights = DEFAULT_PENALTIES,
-) -> StageExpressions:
-    """Write down one step of the optimal control problem (paper eqs. 16 to 19).
-
-    Args:
-        step_s: step length.
-        samples: quadrature samples.
-        parameters: vehicle, pack and limits.
-        smoothing: widths of the smoothed kinks of the model.
-        penalties: prices of the soft limits.
-    """
-    symbols = StageSymbols.of(samples)
-    state, inputs = symbols.state, symbols.inputs
-    step = _integrate(step_s, samples, smoothing, parameters, symbols)
-    acceleration = inputs[InputIndex.ACCELERATION]
-    position, speed = state[StateIndex.POSITION], state[StateIndex.SPEED]
-    next_state = {
-        StateIndex.POSITION: advance_position_m(position, speed, acceleration, step_s),
-        StateIndex.SPEED: advance_speed_m_s(speed, acceleration, step_s),
-        StateIndex.CELL_1_TEMPERATURE: step.cell_1_k,
-        StateIndex.CELL_N_TEMPERATURE: step.cell_n_k,
-        StateIndex.LAST_ACCELERATION: acceleration,
-        StateIndex.LAST_COMPRESSOR_POWER: inputs[InputIndex.COMPRESSOR_POWER],
-    }
-    limits = _limits(parameters, symbols, next_state, step)
-    return symbols.stage(step_s, step.cost, next_state, limits, parameters, smoothing, penalties)
-
-
 @dataclass(frozen=True)
 class StageSymbols:
     """Symbols of a stage in scaled units, and its states and inputs in physical ones.
@@ -175,13 +125,8 @@ class StageSymbols:
         """Return a stage: what it is given, and the costs that all stages have.
 
         Args:
-            step_s: step length.
             cost: running cost of the step.
             next_state: physical units.
-            limits: rows of the limits.
-            parameters: vehicle, pack and limits.
-            smoothing: widths of the smoothed kinks of the model.
-            penalties: prices of the soft limits.
         """
         end_1_k = next_state[StateIndex.CELL_1_TEMPERATURE]
         change_1_k = end_1_k - self.state[StateIndex.CELL_1_TEMPERATURE]
@@ -288,75 +233,6 @@ def compressor_rate_row(symbols: StageSymbols, bounds: LimitParameters) -> ca.SX
     return row
 
 
-@dataclass(frozen=True)
-class _StepIntegrals:
-    """Integrals over a step: cell temperatures at its end, outlet temperature, cost of J1 to J4.
-
-    ``gaps_m`` are gap and s_min at the samples inside a step that is too long to look at its end only.
-    """
-
-    cell_1_k: ca.SX
-    cell_n_k: ca.SX
-    outlet_k: ca.SX
-    cost: ca.SX
-    gaps_m: list[tuple[ca.SX, ca.SX]]
-
-
-def _integrate(
-    step_s: float,
-    samples: int,
-    smoothing: Smoothing,
-    parameters: ModelParameters,
-    symbols: StageSymbols,
-) -> _StepIntegrals:
-    state, inputs, p, g = symbols.state, symbols.inputs, symbols.p, symbols.g
-    channel = reduce_channel(parameters.cooling, parameters.pack)
-    nodes, weights = quadrature(samples)
-    position, speed = state[StateIndex.POSITION], state[StateIndex.SPEED]
-    start_1 = state[StateIndex.CELL_1_TEMPERATURE]
-    start_n = state[StateIndex.CELL_N_TEMPERATURE]
-    acceleration = inputs[InputIndex.ACCELERATION]
-    sample_1, sample_n = start_1, start_n
-    end_1, end_n, cost = start_1, start_n, ca.SX(0.0)
-    gaps_m: list[tuple[ca.SX, ca.SX]] = []
-    rates: PowerThermalRates | None = None
-    for index, (node, weight) in enumerate(zip(nodes, weights, strict=True)):
-        elapsed_s, share_s = float(node) * step_s, float(weight) * step_s
-        if rates is not None:
-            sample_1 = start_1 + elapsed_s * rates.cell_1_temperature_rate_k_s
-            sample_n = start_n + elapsed_s * rates.cell_n_temperature_rate_k_s
-        offset = layout.STEP_PARAMETERS + index * layout.SAMPLE_PARAMETERS
-        sample = p[offset : offset + layout.SAMPLE_PARAMETERS]
-        sample_position = advance_position_m(position, speed, acceleration, elapsed_s)
-        sample_speed = advance_speed_m_s(speed, acceleration, elapsed_s)
-        ahead = sample_position - sample[SampleIndex.POSITION]
-        slope = sample[SampleIndex.SLOPE] + ahead * (
-            sample[SampleIndex.SLOPE_GRADIENT] + 0.5 * ahead * sample[SampleIndex.SLOPE_CURVATURE]
-        )
-        cells = CellPair(sample_1, sample_n, g[GlobalIndex.CELL_1_LOSS], g[GlobalIndex.CELL_N_LOSS])
-        rates = power_thermal_rates(
-            sample_speed,
-            acceleration,
-            slope,
-            inputs[InputIndex.COMPRESSOR_POWER],
-            cells,
-            parameters,
-            channel,
-            smoothing,
-        )
-        speed_error = sample_speed - sample[SampleIndex.SPEED_REFERENCE]
-        cost += share_s * cost_rate(rates, speed_error, sample_1, sample_n, g)
-        end_1 += share_s * rates.cell_1_temperature_rate_k_s
-        end_n += share_s * rates.cell_n_temperature_rate_k_s
-        if step_s > LONGEST_STEP_WITHOUT_SAMPLED_GAP_S:
-            leader_speed = sample[SampleIndex.LEADER_SPEED]
-            shortest = minimum_gap_m(sample_speed, leader_speed, parameters.gap, parameters.limits)
-            gaps_m.append((sample[SampleIndex.LEADER_POSITION] - sample_position, shortest))
-    if rates is None:
-        raise AssertionError("a step has at least one sample")
-    return _StepIntegrals(end_1, end_n, rates.coolant.outlet_k, cost, gaps_m)
-
-
 def cost_rate(
     rates: PowerThermalRates, speed_error: ca.SX, cell_1_k: ca.SX, cell_n_k: ca.SX, g: ca.SX
 ) -> ca.SX:
@@ -365,45 +241,3 @@ def cost_rate(
     at = CostPoint(rates, speed_error, cell_1_k - reference_k, cell_n_k - reference_k)
     rate: ca.SX = sum(term.rate(g[layout.WEIGHTS[key]], at) for key, term in COST_TERMS.items())
     return rate
-
-
-def _limits(
-    parameters: ModelParameters,
-    symbols: StageSymbols,
-    next_state: Mapping[StateIndex, ca.SX],
-    step: _StepIntegrals,
-) -> dict[LimitIndex, ca.SX]:
-    """Return the inequality rows at the end of the step: paper eqs. 16b to 16i, and the braking reserve."""
-    state, inputs, p = symbols.state, symbols.inputs, symbols.p
-    bounds, gap_policy = parameters.limits, parameters.gap
-    speed = next_state[StateIndex.SPEED]
-    gap = p[StepIndex.LEADER_POSITION] - next_state[StateIndex.POSITION]
-    leader_speed = p[StepIndex.LEADER_SPEED]
-    shortest = minimum_gap_m(speed, leader_speed, gap_policy, bounds)
-    reserve = braking_reserve_m(
-        gap, speed, next_state[StateIndex.LAST_ACCELERATION], leader_speed, gap_policy, bounds
-    )
-    margin, floor = gap - shortest, gap - gap_policy.standstill_gap_m
-    for gap_inside, shortest_inside in step.gaps_m:
-        margin = -maximum(-margin, shortest_inside - gap_inside, GAP_SMOOTHING_M)
-        floor = -maximum(-floor, gap_policy.standstill_gap_m - gap_inside, GAP_SMOOTHING_M)
-    at_end = p[StepIndex.END_OF_PREVIEW]
-    speed_slack = inputs[InputIndex.SPEED_EXCESS]
-    acceleration_change = inputs[InputIndex.ACCELERATION] - state[StateIndex.LAST_ACCELERATION]
-    largest_change = bounds.max_jerk_m_s3 * p[StepIndex.ACCELERATION_INTERVAL]
-    largest_gap = maximum_gap_m(speed, gap_policy, smoothing_m=GAP_SMOOTHING_M)
-    return {
-        LimitIndex.ACCELERATION_RATE: acceleration_change / largest_change,
-        LimitIndex.COMPRESSOR_RATE: compressor_rate_row(symbols, bounds),
-        LimitIndex.GAP_MIN: margin + inputs[InputIndex.GAP_SHORT],
-        # The printed s_min turns negative while the leader pulls away; the gap must not.
-        LimitIndex.GAP_FLOOR: floor + inputs[InputIndex.GAP_SHORT],
-        # Asked for where the preview ends. At other nodes the row is a number that solvers need not heed.
-        LimitIndex.GAP_BRAKING: at_end * reserve
-        + (1.0 - at_end) * INACTIVE_ROW_M
-        + inputs[InputIndex.GAP_SHORT],
-        LimitIndex.GAP_MAX: largest_gap - gap + inputs[InputIndex.GAP_LONG],
-        LimitIndex.SPEED_MIN: speed - bounds.min_speed_m_s + speed_slack,
-        LimitIndex.SPEED_MAX: p[StepIndex.MAX_SPEED] - speed + speed_slack,
-        **temperature_rows(next_state, step.outlet_k, inputs, bounds),
-    }

@@ -50,11 +50,7 @@ def build_thermal_stage(
     """Write down a thermal step: the explicit midpoint rule on the rates averaged over the levels.
 
     Args:
-        step_s: step length.
         levels: number of traction powers.
-        parameters: pack, cooling and limits.
-        smoothing: widths of the smoothed kinks of the model.
-        penalties: prices of the soft limits.
     """
     symbols = StageSymbols.of(levels)
     state, inputs, g = symbols.state, symbols.inputs, symbols.g

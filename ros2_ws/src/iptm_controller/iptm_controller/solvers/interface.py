@@ -22,9 +22,7 @@ class SolverOptions:
     """Choice of a solver and its settings.
 
     Attributes:
-        name: name of the back end.
         compile_code: generate and compile C where a compiler is found.
-        max_iterations: bound on the iterations of one solve.
         deadline_s: bound on its wall time, 0 for none. With a bound the iterations depend on the
             machine's pace, so runs are not exactly repeatable.
         tolerance: optimality tolerance on the scaled problem.
@@ -58,12 +56,8 @@ class SolveResult:
     """Result of one solve.
 
     Attributes:
-        status: outcome.
-        reason: one readable sentence.
         variables: last iterate in scaled units, order of the grid; may be unusable.
         objective: cost at the iterate, slack penalties included.
-        iterations: iterations of the solver.
-        time_s: wall time of the solve.
         infeasibility: largest violation of a row or bound at the iterate, scaled units.
         costates: multipliers lam_1 ... lam_N of the dynamics in scaled units, shape (6 N,): the change of
             the cost with the state at the end of each step; empty if the solve broke off.
@@ -109,7 +103,6 @@ class SolverBackend(Protocol):
         """Solve one problem.
 
         Args:
-            data: numbers of the problem.
             guess: initial iterate in scaled units, order of the grid.
             most_iterations: bound on the iterations of this solve, where it is less than that of the
                 options; back ends that cannot change it between solves keep theirs.

@@ -41,10 +41,7 @@ class Plugin:
     """What a plug-in of ``nlpsol`` needs.
 
     Attributes:
-        name: name of the back end.
-        plugin: name of the CasADi plug-in.
         signature: functions that it looks up in a compiled problem.
-        options: of the CasADi plug-in.
     """
 
     name: str
@@ -80,11 +77,6 @@ class NlpsolBackend:
     def __init__(
         self, plugin: Plugin, problem: OptimalControlProblem, options: SolverOptions
     ) -> None:
-        """Transcribe a problem and set the plug-in up for it.
-
-        Raises:
-            SolverSetupError: the compiler or the plug-in fails.
-        """
         self.name = plugin.name
         self._bounds = problem_bounds(problem.grid.steps, problem.model)
         transcription = transcribe(problem)

@@ -63,13 +63,7 @@ class SwitchingCheck:
         """Write the Hamiltonian of a problem down and compile it.
 
         Args:
-            inner: back end to wrap.
-            problem: what it solves.
-            compile_code: as machine code, where a compiler is found.
             try_every: solves without a second one after which one is tried that promises little.
-
-        Raises:
-            SolverSetupError: the compiler fails.
         """
         self._inner = inner
         self._grid = problem.grid

@@ -40,17 +40,11 @@ class RiccatiBackend:
 
     Attributes:
         options: settings of the next solve; they may be exchanged in between.
-        compiled: the problem runs as machine code.
     """
 
     name = RICCATI
 
     def __init__(self, problem: OptimalControlProblem, options: SolverOptions) -> None:
-        """Write the method down for a problem and compile it.
-
-        Raises:
-            SolverSetupError: the compiler fails.
-        """
         self.options = options
         compiler = find_compiler() if options.compile_code else None
         self.compiled = compiler is not None

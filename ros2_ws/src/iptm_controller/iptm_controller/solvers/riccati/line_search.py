@@ -53,9 +53,6 @@ class LineSearchFilter:
         """Judge a trial point; the filter is augmented unless the step is one of descent (eq. 22).
 
         Args:
-            trial: the point.
-            current: where the step starts.
-            mu: barrier parameter.
             slope: derivative of the barrier objective along the step.
             length: step length, 1 for a full step.
         """

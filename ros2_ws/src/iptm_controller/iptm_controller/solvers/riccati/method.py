@@ -46,12 +46,8 @@ class MethodResult:
     """Where the iteration ended.
 
     Attributes:
-        termination: why.
         variables: the optimum; if there is none, the cheapest iterate met that keeps dynamics and
             limits; if there is none either, the last one.
-        objective: cost there.
-        infeasibility: largest residual there.
-        iterations: steps taken.
         costates: multipliers of the dynamics at the last iterate.
     """
 

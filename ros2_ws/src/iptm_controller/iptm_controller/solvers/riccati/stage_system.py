@@ -115,7 +115,6 @@ class StageSystem:
 
         Args:
             sparsity: common sparsity; sparse results come as vectors of its nonzeros.
-            name: name of the function.
 
         Returns:
             Function of ``x, u, x_next, p, g``, lam (of x), lam_next (of x_next), s and z. The condensed

@@ -60,12 +60,7 @@ class StepSummary(NamedTuple):
         return self.corrected_pivots == 0.0 or self.primal_step_affine > LEAST_PRIMAL_STEP
 
     def kkt_error(self, inequality_count: int, dynamics_count: int) -> float:
-        """Return the scaled optimality error for mu = 0 (Waechter and Biegler, 2006, eq. 5).
-
-        Args:
-            inequality_count: number of inequality constraints.
-            dynamics_count: number of rows of the dynamics.
-        """
+        """Return the scaled optimality error for mu = 0 (Waechter and Biegler, 2006, eq. 5)."""
         mean = (self.z_sum + self.lam_sum) / (inequality_count + dynamics_count)
         dual_scale = max(MULTIPLIER_SCALE, mean) / MULTIPLIER_SCALE
         complementarity_scale = (
