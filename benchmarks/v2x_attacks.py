@@ -29,10 +29,9 @@ from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam_codec import encode_cam
-from iptm_v2x_bridge.sending.impostor import build_sender
-from iptm_v2x_bridge.sending.sender import CamSender, car_on_road
+from iptm_v2x_bridge.radio_recording import SimulatedRadio
+from iptm_v2x_bridge.sending.sender import CamSender, build_sender, car_on_road
 from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings
-from iptm_v2x_bridge.simulated_radio import SimulatedRadio
 
 ROAD = RoadLine.test_road()
 PARAMETERS = load_parameters().values

@@ -46,9 +46,9 @@ from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
 from iptm_v2x_bridge.prediction.predictor import Predictor
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
+from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
-from iptm_v2x_bridge.simulated_radio import SimulatedRadio
 from iptm_v2x_bridge.source import CycleSource
 
 FILE = "file"

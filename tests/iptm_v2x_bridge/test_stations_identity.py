@@ -14,7 +14,7 @@ from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.sending.impostor import build_sender
+from iptm_v2x_bridge.sending.sender import build_sender
 from iptm_v2x_bridge.sending.settings import Foresight, Framing, Impostor, SenderSettings
 from iptm_v2x_bridge.stations.identity import STATION_TIMEOUT_MS
 from iptm_v2x_bridge.stations.table import StationTable

@@ -273,14 +273,7 @@ def write_trajectory(result: TrafficResult, file: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Drive; see the module.
-
-    Args:
-        arguments: command line without the program's name; None takes that of the process.
-
-    Returns:
-        Exit code of the process, see the epilog of ``--help``.
-    """
+    """Drive; see the module."""
     parsed = build_parser().parse_args(arguments)
     if parsed.bag is not None:
         given = sys.argv[1:] if arguments is None else arguments

@@ -102,11 +102,6 @@ def opened_traffic(
 ) -> Iterator[tuple[TrafficSimulation, dict[str, Rehearsed] | None]]:
     """Provide the traffic of a drive at trip time 0, and what its vehicles will do if they announce paths.
 
-    Args:
-        drive: what is to be driven.
-        parameters: of the host.
-        fcd: where SUMO writes what every vehicle does; None for nowhere.
-
     Raises:
         IptmError: SUMO is not installed or fails.
     """

@@ -108,10 +108,6 @@ def build_network(
 def netconvert(options: list[str], file: Path) -> None:
     """Make a network.
 
-    Args:
-        options: input, and how to convert it.
-        file: of the network.
-
     Raises:
         ScenarioError: SUMO is not installed, or does not understand the input.
     """

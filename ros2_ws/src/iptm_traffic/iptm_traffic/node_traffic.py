@@ -50,16 +50,7 @@ class TrafficNode(SuiteNode):
         radio: TrafficRadio,
         to_port: int,
     ) -> None:
-        """Join the graph.
-
-        Args:
-            context: of rclpy.
-            drive: what is to be driven.
-            parameters: of the host.
-            simulation: at trip time 0, with the host in it.
-            radio: that of the simulation.
-            to_port: UDP port of the bridge on this computer.
-        """
+        """Join the graph."""
         super().__init__(NAME, context=context)
         self._simulation, self._radio = simulation, radio
         self.world = SumoWorld(drive.scenario, simulation, parameters)

@@ -69,11 +69,6 @@ class OwnNetwork:
 def build_own_network(own: OwnNetwork, step_s: float, folder: Path) -> Network:
     """Convert what has to be converted, and find the host's way.
 
-    Args:
-        own: what the user gives.
-        step_s: SUMO's step.
-        folder: for files of SUMO.
-
     Raises:
         ScenarioError: SUMO is not installed or cannot read the files, the vehicle does not exist, or
             its way is not connected.

@@ -67,12 +67,7 @@ class RoadsideStations:
     """The stations in radio range of the host: one at the start, with a sign only, and one at each signal."""
 
     def __init__(self, network: Network, road: RoadLine) -> None:
-        """Set up the stations.
-
-        Args:
-            network: the corridor.
-            road: the host's road on Earth.
-        """
+        """Set up the stations."""
         self._road = road
         limits = network.limits
         starts = [*limits.starts_m.tolist(), road.length_m]
@@ -89,12 +84,7 @@ class RoadsideStations:
             self._stations.append(_Station(number, place_m, signal, tuple(sent)))
 
     def datagrams(self, time_ms: int, host_position_m: float) -> list[bytes]:
-        """Return what the host hears of them at an instant.
-
-        Args:
-            time_ms: TimestampIts.
-            host_position_m: front of the host along the road.
-        """
+        """Return what the host hears of them at an instant."""
         heard = []
         for station in self._stations:
             if abs(station.position_m - host_position_m) > RADIO_RANGE_M:

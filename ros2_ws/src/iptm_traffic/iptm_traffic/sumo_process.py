@@ -49,9 +49,6 @@ class SumoProcess:
     def __init__(self, options: list[str]) -> None:
         """Start SUMO.
 
-        Args:
-            options: command line without program and port.
-
         Raises:
             ScenarioError: SUMO is not installed or does not start.
         """

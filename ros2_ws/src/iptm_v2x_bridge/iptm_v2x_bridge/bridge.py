@@ -74,14 +74,7 @@ class V2xBridge:
         settings: PreviewSettings | None = None,
         earlier_ticks_ns: range = range(0),
     ) -> None:
-        """Set up a bridge at the beginning of a trip.
-
-        Args:
-            source: leader and predictions.
-            settings: of the predictions and of the link.
-            earlier_ticks_ns: ticks before the first one whose predictions were sent as well, for a trip
-                that is taken up at the tick behind them.
-        """
+        """Set up a bridge at the beginning of a trip."""
         self._source = source
         self._settings = settings or PreviewSettings()
         self._earlier_ticks_ns = earlier_ticks_ns

@@ -108,12 +108,7 @@ class CamBridge:
             self._restart()
 
     def receive(self, datagram: bytes, time_ns: int) -> Rejection | None:
-        """Take a datagram in; return why not, None if its message was accepted, or waits to be decoded.
-
-        Args:
-            datagram: as it came from the radio.
-            time_ns: the present, integer nanoseconds of trip time.
-        """
+        """Take a datagram in; return why not, None if its message was accepted, or waits to be decoded."""
         self._begin(time_ns)
         self._datagrams += 1
         opened = open_datagram(datagram[self._offset_bytes :], self._kinds)

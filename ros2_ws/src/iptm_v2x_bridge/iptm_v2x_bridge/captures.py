@@ -35,11 +35,6 @@ _LINKTYPE_RAW = 101
 def read_capture(path: Path, port: int, warn: Callable[[str], None]) -> list[tuple[int, bytes]]:
     """Return what a capture holds for the receiver: times of reception (ns of TimestampIts) and packets.
 
-    Args:
-        path: the file.
-        port: UDP port of the receiver.
-        warn: called with a sentence if a part of the capture cannot be read.
-
     Raises:
         ParameterError: no such file, no capture, of an unknown link type or damaged, or nothing in it.
     """
@@ -112,10 +107,6 @@ def _packets(
 class _Frames:
     """Takes the packets of vehicles out of frames.
 
-    Args:
-        dpkt: the library.
-        port: UDP port whose datagrams count.
-
     Attributes:
         malformed: frames that could not be read.
     """
@@ -125,11 +116,7 @@ class _Frames:
         self._dpkt, self._port = dpkt, port
 
     def reader_of(self, link_type: int) -> Callable[[bytes], bytes | None]:
-        """Return what takes the packet out of a frame of a link type, None where there is none.
-
-        Raises:
-            ValueError: the link type is unknown.
-        """
+        """Return what takes the packet out of a frame of a link type, None where there is none."""
         pcap = self._dpkt.pcap
         links: dict[int, Callable[[bytes], bytes | None]] = {
             pcap.DLT_EN10MB: self._ethernet,

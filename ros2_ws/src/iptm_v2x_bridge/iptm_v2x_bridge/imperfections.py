@@ -38,10 +38,6 @@ def is_lost(settings: PreviewSettings, generated_ns: int) -> bool:
 
     Disturbances start independently in every slot and last `dropout_burst` slots; their rate is such
     that the share of lost predictions is `dropout_probability`, bursts or not.
-
-    Args:
-        settings: quality of the link.
-        generated_ns: instant of generation in integer nanoseconds of trip time.
     """
     probability, burst = settings.dropout_probability, settings.dropout_burst
     if probability <= 0.0:

@@ -33,12 +33,7 @@ class HostTicks:
     """
 
     def __init__(self, node: SuiteNode, on_tick: Callable[[HostTick], None]) -> None:
-        """Listen.
-
-        Args:
-            node: takes part in the graph.
-            on_tick: called with complete ticks in order.
-        """
+        """Listen."""
         self._node, self._on_tick = node, on_tick
         self._states: dict[int, tuple[float, float]] = {}
         self._followed: dict[int, bool] = {}

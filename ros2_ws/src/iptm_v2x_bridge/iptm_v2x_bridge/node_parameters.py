@@ -104,11 +104,7 @@ class CamSettings(Settings):
         return replace(road, heights_m=heights_m + self.height_datum_m)
 
     def build_verifier(self) -> Verifier:
-        """Return what verifies signatures.
-
-        Raises:
-            ParameterError: required trust anchors are missing or unusable.
-        """
+        """Return what verifies signatures."""
         if self.refuse_unverified and not self.trust_anchors:
             raise ParameterError(
                 "refuse_unverified is True, but trust_anchors is ''; allowed: a folder with certificates"

@@ -25,9 +25,8 @@ from iptm_v2x_bridge.sending.datagrams import (
     REPEAT_PERIOD_S,
     DatagramSender,
 )
-from iptm_v2x_bridge.sending.impostor import build_sender
 from iptm_v2x_bridge.sending.plan_sender import HostTick, PlanSender
-from iptm_v2x_bridge.sending.sender import CamSender
+from iptm_v2x_bridge.sending.sender import CamSender, build_sender
 
 WALL_PERIOD_S = 0.01
 

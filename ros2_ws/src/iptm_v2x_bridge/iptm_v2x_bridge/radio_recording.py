@@ -1,6 +1,6 @@
-"""A drive's radio traffic as it was recorded: every datagram is replayed for its original tick.
+"""A drive's radio traffic as it was recorded, or as a simulated sender sends it to a bridge in one process.
 
-In a recording with end-of-tick marks the tick of every datagram is exact, so that a replay
+Every datagram of a recording is replayed for its original tick. In a recording with end-of-tick marks the tick of every datagram is exact, so that a replay
 repeats bit for bit. One without them, such as a capture of the air, is cut by the times of reception.
 """
 
@@ -12,7 +12,10 @@ from dataclasses import dataclass, field
 
 from iptm_core.errors import ParameterError
 from iptm_core.state import NS_PER_MS
+from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.sending.datagrams import EndOfTick
+from iptm_v2x_bridge.sending.sender import CamSender
 
 
 @dataclass(frozen=True)
@@ -130,3 +133,26 @@ def recording_by_time(
     start_ms = start_timestamp_ms if start_timestamp_ms > 0 else by_time[0][0] // NS_PER_MS
     trip = [(its_ns - start_ms * NS_PER_MS, datagram) for its_ns, datagram in by_time]
     return RadioRecording(start_ms, tuple(Reception(at_ns, at_ns, data) for at_ns, data in trip))
+
+
+class SimulatedRadio:
+    """Hands the bridge, before each tick, everything that arrives up to it.
+
+    All of it is received at the time of the tick, as in lock-step over a socket: both give the same numbers.
+    """
+
+    def __init__(self, sender: CamSender, bridge: CamBridge) -> None:
+        self._sender, self.bridge = sender, bridge
+        self._heard_until_ns: int | None = None
+
+    def answer(
+        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+    ) -> BridgeAnswer:
+        """Return the answer to one tick; see `CamBridge.answer`."""
+        after_ns = self._heard_until_ns
+        if after_ns is None or after_ns > time_ns:
+            after_ns = -(10**12)
+        for _, datagram in self._sender.arrivals(after_ns, time_ns):
+            self.bridge.receive(datagram, time_ns)
+        self._heard_until_ns = time_ns
+        return self.bridge.answer(time_ns, host_position_m, host_speed_m_s)

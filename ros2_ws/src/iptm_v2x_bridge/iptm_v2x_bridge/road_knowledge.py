@@ -74,10 +74,6 @@ class RoadKnowledgeSettings(Settings):
     def build_heard_rules(self, given: GivenRules, road: RoadLine) -> HeardRules | None:
         """Return the rules as they are heard, None where they are not to be.
 
-        Args:
-            given: the rules that the parameters state.
-            road: the host's route.
-
         Raises:
             ParameterError: the codec of these messages is not installed.
         """
@@ -88,10 +84,6 @@ class RoadKnowledgeSettings(Settings):
 
     def build_predictors(self, route: Route, rules: RoadRules) -> tuple[Predictor, ...]:
         """Return the predictors, the best informed first.
-
-        Args:
-            route: the leader's start on it is that of the earlier drives.
-            rules: of the road, as far as a leader is known to keep them.
 
         Raises:
             IptmError: a file is not usable.
@@ -149,17 +141,7 @@ def with_rules(
     rules: RoadRules,
     start_timestamp_ms: int = 0,
 ) -> TickBridge:
-    """Return a bridge that adds the rules of the road, or the same one where none are kept.
-
-    Args:
-        inner: source of the leader.
-        settings: rules.
-        route: road and, without a leader, where the trip ends.
-        model: of the host.
-        preview: length of the look ahead.
-        rules: as they are given or received.
-        start_timestamp_ms: TimestampIts at trip time 0.
-    """
+    """Return a bridge that adds the rules of the road, or the same one where none are kept."""
     if not settings.keeps_rules:
         return inner
     return RulesOfTheRoad(
@@ -181,13 +163,6 @@ def road_bridge(
     leader: PreviewSource | None = None,
 ) -> tuple[PreviewSource, TickBridge]:
     """Return who drives ahead of a host without ROS, and the bridge that answers its ticks.
-
-    Args:
-        settings: lead vehicle and rules.
-        route: road and leader.
-        model: of the host.
-        preview: predictions and link.
-        leader: who drives ahead, where it is not the leader of the route.
 
     Raises:
         ParameterError: a text is not usable.

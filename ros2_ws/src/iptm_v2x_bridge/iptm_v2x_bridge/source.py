@@ -36,10 +36,6 @@ def preview_times_s(settings: PreviewSettings, generated_ns: int) -> FloatArray:
     All predictions share these multiples, so a trace with samples there loses none of its corners, whenever
     the prediction is generated.
 
-    Args:
-        settings: length and step.
-        generated_ns: instant of generation in integer nanoseconds of trip time.
-
     Returns:
         Trip times in s, shape (n,), exact to the nanosecond.
     """
@@ -51,13 +47,7 @@ def preview_times_s(settings: PreviewSettings, generated_ns: int) -> FloatArray:
 
 
 def sampling_times_s(time_ns: int, interval_s: float, period_s: float) -> FloatArray:
-    """Return the instants at which a range sensor measures in an interval, its start included.
-
-    Args:
-        time_ns: start of the interval in integer nanoseconds of trip time.
-        interval_s: its length.
-        period_s: time between two measurements.
-    """
+    """Return the instants at which a range sensor measures in an interval, its start included."""
     period_ns = round(period_s * NS_PER_S)
     nodes = np.arange(0, round(interval_s * NS_PER_S), period_ns, dtype=np.int64)
     times: FloatArray = (time_ns + nodes) / NS_PER_S

@@ -36,13 +36,7 @@ class VehicleAhead:
         self._plans: dict[int, LeaderPreview] = {}
 
     def note_state(self, stamp_ns: int, front_position_m: float, speed_m_s: float) -> None:
-        """Take in a state.
-
-        Args:
-            stamp_ns: its instant, integer nanoseconds of trip time.
-            front_position_m: front bumper along the road.
-            speed_m_s: speed.
-        """
+        """Take in a state."""
         rear_m = front_position_m - self._length_m
         self._states[stamp_ns] = LeaderState(stamp_ns / NS_PER_S, rear_m, speed_m_s)
         self._forget(self._states)

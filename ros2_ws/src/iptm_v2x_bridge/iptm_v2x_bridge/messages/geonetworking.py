@@ -128,11 +128,7 @@ def declared_bytes(packet: bytes) -> int:
 
 
 def unwrap(datagram: bytes) -> Packet | Rejection:
-    """Return the message in a broadcast, or why there is none.
-
-    Args:
-        datagram: a packet from the basic header on.
-    """
+    """Return the message in a broadcast, or why there is none."""
     envelope = b""
     if datagram[0] == _VERSION_1 | _NEXT_SECURED:
         envelope = datagram[_BASIC.size :]

@@ -70,10 +70,6 @@ def open_datagram(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDat
 
     It may be bare, behind a BTP-B header alone (as routers pass it on over UDP), or in a broadcast with
     BTP-B, secured or not.
-
-    Args:
-        datagram: as it came from the radio.
-        wanted: kinds that are read; all others are refused.
     """
     if not HEADER_BYTES < len(datagram) <= MAX_DATAGRAM_BYTES:
         return Rejection.SIZE

@@ -63,13 +63,7 @@ def minute_of_year(timestamp_ms: int) -> tuple[int, int]:
 
 
 def resolve_minute_ms(minute: int, milliseconds: int, now_ms: int) -> int:
-    """Return the TimestampIts nearest to the present that lies in a minute of a year.
-
-    Args:
-        minute: minute of the year, UTC.
-        milliseconds: into it.
-        now_ms: TimestampIts of the receiver's clock.
-    """
+    """Return the TimestampIts nearest to the present that lies in a minute of a year."""
     now_utc_ms = utc_ms(now_ms)
     year = datetime.fromtimestamp(now_utc_ms / 1000.0, tz=timezone.utc).year
     inside_ms = minute * MINUTE_MS + milliseconds

@@ -71,9 +71,6 @@ def _data(octets: Octets) -> bytes:
 def read_signed_message(envelope: bytes) -> SignedMessage:
     """Read signed data with its signer.
 
-    Args:
-        envelope: from the version on, with anything behind its signature.
-
     Raises:
         UnreadableError: it is none, or is signed in a way that is not read.
     """

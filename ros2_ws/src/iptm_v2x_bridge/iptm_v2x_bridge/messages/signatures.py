@@ -43,11 +43,7 @@ _MS_PER_S = 1000
 
 @cache
 def _cryptography() -> tuple[Any, Any, Any, Any]:
-    """Return the modules for curves, hashes, the form of signatures, and errors.
-
-    Raises:
-        ParameterError: it is not installed.
-    """
+    """Return the modules for curves, hashes, the form of signatures, and errors."""
     base = "cryptography.hazmat.primitives"
     names = (
         f"{base}.asymmetric.ec",
@@ -66,14 +62,7 @@ def _cryptography() -> tuple[Any, Any, Any, Any]:
 
 
 def is_signed_by(key: PublicKey, signature: Signature, signed: bytes, signer: bytes) -> bool:
-    """Return whether a signature is right.
-
-    Args:
-        key: of the signer.
-        signature: the signature.
-        signed: octets that are signed.
-        signer: octets of the certificate of the signer, empty where it signs itself.
-    """
+    """Return whether a signature is right."""
     if key.curve is not signature.curve:
         return False
     ec, hashes, utils, exceptions = _cryptography()
@@ -145,13 +134,7 @@ class Verifier:
     def __init__(
         self, anchors: Iterable[Certificate] = (), *, refuses_unverified: bool = False
     ) -> None:
-        """Set up a verifier.
-
-        Args:
-            anchors: certificates that are trusted.
-            refuses_unverified: whether messages are refused that are not signed, or in a way that cannot be
-                verified.
-        """
+        """Set up a verifier."""
         self._anchors: Mapping[bytes, Certificate] = {each.digest: each for each in anchors}
         self._refuses_unverified = refuses_unverified
         self.forget()
@@ -162,12 +145,7 @@ class Verifier:
         self._verified = self._unverified = 0
 
     def check(self, opened: OpenedDatagram, now_ms: int) -> Rejection | None:
-        """Return why a message is refused, None if it is not.
-
-        Args:
-            opened: the message in its envelope, if it has one.
-            now_ms: TimestampIts of the receiver's clock.
-        """
+        """Return why a message is refused, None if it is not."""
         refused = self._verify(opened, now_ms) if self._anchors else Rejection.UNVERIFIED
         if refused is None:
             self._verified += 1

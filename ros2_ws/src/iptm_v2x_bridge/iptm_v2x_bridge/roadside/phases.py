@@ -61,12 +61,7 @@ class TimedPhases:
 
 
 def timed(message: IntersectionPhases, now_ms: int) -> TimedPhases:
-    """Return phases with instants instead of places in the hour and the year.
-
-    Args:
-        message: the received phases.
-        now_ms: TimestampIts of the receiver's clock.
-    """
+    """Return phases with instants instead of places in the hour and the year."""
     told_ms = resolve_minute_ms(message.minute, message.milliseconds, now_ms)
     told_s = told_ms / 1000.0
 

@@ -42,12 +42,7 @@ class HeardRules:
     """
 
     def __init__(self, table: RoadsideTable, given: GivenRules | None = None) -> None:
-        """Set up the rules.
-
-        Args:
-            table: what is heard.
-            given: rules known beforehand.
-        """
+        """Set up the rules."""
         self.table, self._given = table, given or GivenRules()
         self._waiting = WaitingMessages(table.receive)
         self.host = CurrentRules(self._given.limits, self._given.plan)
@@ -71,12 +66,7 @@ class HeardRules:
         self._waiting.decode(now_ms)
 
     def refresh(self, now_ms: int, host_position_m: float) -> None:
-        """Bring the rules up to date.
-
-        Args:
-            now_ms: TimestampIts of the present.
-            host_position_m: front of the host along the road.
-        """
+        """Bring the rules up to date."""
         table = self.table
         table.host_position_m, self._now_s = host_position_m, now_ms / 1000.0
         self.decode(now_ms)

@@ -62,12 +62,7 @@ def _stretch(road: RoadLine, zone: SpeedZone) -> Stretch | None:
 
 
 def limits_with(given: SpeedLimits | None, heard: Sequence[Stretch]) -> SpeedLimits | None:
-    """Return the limits of a road: the lowest received one on stretches with signs, elsewhere the given ones.
-
-    Args:
-        given: limits known beforehand; None where nothing is known.
-        heard: stretches.
-    """
+    """Return the limits: the lowest received one on stretches with signs, elsewhere the given ones."""
     if not heard:
         return given
     known = given or NO_LIMITS

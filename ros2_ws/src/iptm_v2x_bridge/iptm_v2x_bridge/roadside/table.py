@@ -73,12 +73,7 @@ class RoadsideTable:
         return True
 
     def receive(self, opened: OpenedDatagram, now_ms: int) -> Rejection | None:
-        """Take a message in; return why not, None if it was accepted.
-
-        Args:
-            opened: one of `ROADSIDE_KINDS`.
-            now_ms: TimestampIts of the receiver's clock.
-        """
+        """Take a message in; return why not, None if it was accepted."""
         message = _KINDS[opened.kind](opened.payload)
         reason = message if isinstance(message, Rejection) else self.take(message, now_ms)
         if reason is None:

@@ -39,12 +39,7 @@ class WaitingMessages:
         return sum(len(kept) for kind in self._waiting.values() for kept in kind.values())
 
     def add(self, opened: OpenedDatagram, now_ms: int) -> bool:
-        """Let a message wait; return whether one has been dropped for it, or it itself.
-
-        Args:
-            opened: a message.
-            now_ms: TimestampIts of its reception.
-        """
+        """Let a message wait; return whether one has been dropped for it, or it itself."""
         if now_ms > self._at_ms:
             self.decode(now_ms)  # before this message, whenever it was called last
         station_id = int.from_bytes(opened.payload[2:HEADER_BYTES], "big")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -11,9 +12,8 @@ from iptm_core.routes.cycles import FINAL_BRAKING_M_S2, LeaderMotion
 from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.state import NS_PER_S, FloatArray
-from iptm_v2x_bridge.messages.cam import PredictedPath
 from iptm_v2x_bridge.sending.sender import BEFORE_START_S, CamSender
-from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
+from iptm_v2x_bridge.sending.settings import SenderSettings
 
 MAX_TICK_S = 10.0
 """Longest interval between two ticks over which the motion is sent."""
@@ -36,39 +36,6 @@ class HostTick:
     speed_m_s: float
     plan_times_s: FloatArray
     plan_speeds_m_s: FloatArray
-
-
-class _TickSender(CamSender):
-    """Sends a path in the message of one tick, as far as the plan reaches."""
-
-    def __init__(
-        self,
-        tick: HostTick,
-        motion: LeaderMotion,
-        road: RoadLine,
-        settings: SenderSettings,
-        start_timestamp_ms: int,
-    ) -> None:
-        super().__init__(motion, road, settings, start_timestamp_ms)
-        self._tick = tick
-
-    def _tells_path(self, time_ns: int) -> bool:
-        wanted = self._settings.foresight is Foresight.PATH
-        return wanted and time_ns == self._tick.time_ns and self._tick.plan_times_s.size > 0
-
-    def _path(self, time_s: float) -> PredictedPath | None:
-        path = super()._path(time_s)
-        if path is None:
-            return None
-        known = path.times_s <= float(self._tick.plan_times_s[-1]) - time_s + 1e-9
-        if not known.any():
-            return None
-        return PredictedPath(
-            path.times_s[known],
-            path.latitudes_deg[known],
-            path.longitudes_deg[known],
-            path.confidence,
-        )
 
 
 class PlanSender:
@@ -98,11 +65,7 @@ class PlanSender:
         self._under_way: list[tuple[int, bytes]] = []
 
     def arrivals(self, tick: HostTick) -> list[bytes]:
-        """Return what arrives up to a tick and was not returned before.
-
-        Args:
-            tick: later than the one before.
-        """
+        """Return what arrives up to a tick and was not returned before."""
         last = self._past[-1] if self._past else None
         if last is None or tick.time_ns - last.time_ns > MAX_TICK_S * NS_PER_S:
             self._past.clear()
@@ -112,7 +75,14 @@ class PlanSender:
         else:
             after_ns = last.time_ns
         self._past.append(tick)
-        sender = _TickSender(tick, self._motion(), self._road, self._settings, self._start_ms)
+        plan_end_s = float(tick.plan_times_s[-1]) if tick.plan_times_s.size else -math.inf
+        sender = CamSender(
+            self._motion(),
+            self._road,
+            self._settings,
+            self._start_ms,
+            plan=(tick.time_ns, plan_end_s),
+        )
         self._under_way += sender.departures(after_ns, tick.time_ns)
         self._under_way.sort(key=lambda entry: entry[0])
         arrived = [datagram for at_ns, datagram in self._under_way if at_ns <= tick.time_ns]

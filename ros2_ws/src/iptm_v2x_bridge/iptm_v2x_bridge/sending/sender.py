@@ -6,6 +6,10 @@ it is cut into ticks.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
 from iptm_core.routes.cycles import LeaderMotion
@@ -20,13 +24,22 @@ from iptm_v2x_bridge.messages.cam import (
 from iptm_v2x_bridge.messages.cam_codec import encode_cam
 from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
 from iptm_v2x_bridge.messages.its_time import delta_time_ms
-from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings, path_times_s
+from iptm_v2x_bridge.sending.settings import (
+    Foresight,
+    Framing,
+    Impostor,
+    SenderSettings,
+    path_times_s,
+)
 
 BEFORE_START_S = 3.0
 """Time before the trip for which the standing leader sends messages."""
 POSITION_BOUND_M = 0.02
 """Position bound of a sender with an exact position: the resolution of the wire."""
 
+DRIFT_M_S = 1.0
+"""Lateral speed of an impostor that drifts aside."""
+LONGEST_DRIVE_S = 1e6
 _ACCELERATION_WINDOW_S = 0.2
 HIGHEST_ACCELERATION_M_S2 = 16.0
 """Range of accelerations on the wire."""
@@ -45,20 +58,7 @@ def car_on_road(
     position_bound_m: float = POSITION_BOUND_M,
     path: PredictedPath | None = None,
 ) -> CamMessage:
-    """Return the message of a car that drives along a road.
-
-    Args:
-        road: the road.
-        station_id: identity of the car.
-        timestamp_ms: TimestampIts of the generation.
-        rear_m: rear end along the road.
-        speed_m_s: speed.
-        acceleration_m_s2: acceleration, cut to the range of the standard.
-        length_m: length of the car.
-        left_m: how far it is to the left of the middle.
-        position_bound_m: 95 % bound of its position that it states.
-        path: its predicted path.
-    """
+    """Return the message of a car on a road, its rear end at `rear_m`, `left_m` to the left of the middle."""
     latitude, longitude, heading = (float(value) for value in road.locate(rear_m + length_m))
     if left_m:
         heading_rad = np.radians(heading)
@@ -103,22 +103,31 @@ class CamSender:
         road: RoadLine,
         settings: SenderSettings,
         start_timestamp_ms: int = 0,
+        *,
+        clock_ahead_ms: int = 0,
+        drifts_from_s: float = math.inf,
+        plan: tuple[int, float] | None = None,
     ) -> None:
         """Set up a sender.
 
         Args:
-            motion: rear bumper of the leader over trip time.
+            motion: rear bumper over trip time.
             road: where it drives.
             settings: what is sent.
             start_timestamp_ms: TimestampIts at trip time 0.
+            clock_ahead_ms: messages are those of the motion at a time that is ahead by this.
+            drifts_from_s: trip time at which it begins to drift to the left.
+            plan: tick (ns) whose message alone carries a path, and end (s) of that; None for the settings.
         """
         self._motion, self._road, self._settings = motion, road, settings
-        self._start_ms = start_timestamp_ms
+        self._start_ms, self._plan = start_timestamp_ms, plan
+        self._clock_ahead_ns, self._drifts_from_s = clock_ahead_ms * NS_PER_MS, drifts_from_s
         self._period_ns = max(round(NS_PER_S / settings.rate_hz / NS_PER_MS), 1) * NS_PER_MS
         self._first = -round(BEFORE_START_S * NS_PER_S) // self._period_ns
 
     def message_at(self, time_ns: int) -> CamMessage:
         """Return the message of an instant (whole milliseconds of trip time, in ns)."""
+        time_ns += self._clock_ahead_ns
         time_s, settings = time_ns / NS_PER_S, self._settings
         around = time_s + np.array([-_ACCELERATION_WINDOW_S, 0.0])
         speed_before, speed = self._motion.speeds_at(around).tolist()
@@ -130,25 +139,22 @@ class CamSender:
             speed,
             acceleration_m_s2=(speed - speed_before) / _ACCELERATION_WINDOW_S,
             length_m=settings.vehicle_length_m,
-            left_m=self._left_m(time_s),
+            left_m=DRIFT_M_S * max(time_s - self._drifts_from_s, 0.0),
             position_bound_m=settings.position_accuracy_m,
-            path=self._path(time_s) if self._tells_path(time_ns) else None,
+            path=self._path(time_ns),
         )
 
-    def _left_m(self, time_s: float) -> float:  # noqa: ARG002
-        """Return how far the car is to the left of the middle of its lane."""
-        return 0.0
-
-    def _tells_path(self, time_ns: int) -> bool:
-        """Return whether this message carries a path: the first one of each period does."""
-        if self._settings.foresight is Foresight.NONE:
-            return False
-        period_ns = max(round(self._settings.path_period_s * NS_PER_S), self._period_ns)
-        return time_ns % period_ns < self._period_ns
-
-    def _path(self, time_s: float) -> PredictedPath | None:
-        settings = self._settings
+    def _path(self, time_ns: int) -> PredictedPath | None:
+        """Return the path in a message: the first one of each period, or that of the plan, carries one."""
+        settings, time_s = self._settings, time_ns / NS_PER_S
+        period_ns = max(round(settings.path_period_s * NS_PER_S), self._period_ns)
+        is_due = time_ns % period_ns < self._period_ns
         ahead = path_times_s(settings.path_points, settings.path_length_s)
+        if self._plan is not None:
+            is_due = time_ns == self._plan[0]
+            ahead = ahead[ahead <= self._plan[1] - time_s + 1e-9]
+        if settings.foresight is Foresight.NONE or not is_due or not ahead.size:
+            return None
         fronts = self._motion.positions_at(time_s + ahead) + settings.vehicle_length_m
         latitudes, longitudes, _ = self._road.locate(fronts)
         return PredictedPath(ahead, latitudes, longitudes, confidence=0.95)
@@ -161,44 +167,89 @@ class CamSender:
         return packet_of(message, self._start_ms + time_ns // NS_PER_MS)
 
     def arrivals(self, after_ns: int, until_ns: int) -> list[tuple[int, bytes]]:
-        """Return what arrives in a span of trip time, with the instants, in order.
+        """Return what arrives after one trip time and up to another, with the instants, in order.
 
-        Args:
-            after_ns: the span begins after this instant; negative for all that came before the trip.
-            until_ns: the span ends with this instant.
+        `after_ns` is negative for all that came before the trip.
         """
         settings = self._settings
         longest_s = settings.link_delay_s + 40.0 * settings.link_jitter_s
         oldest = (after_ns - round(longest_s * NS_PER_S)) // self._period_ns
-        found = []
-        for number in range(max(oldest, self._first), until_ns // self._period_ns + 1):
-            generated_ns = number * self._period_ns
-            arrival_ns = self._arrival_ns(number, generated_ns)
-            if arrival_ns is not None and after_ns < arrival_ns <= until_ns:
-                found.append((arrival_ns, generated_ns))
-        found.sort()
+        sent = self._sent(max(oldest, self._first), until_ns)
+        found = sorted(entry for entry in sent if after_ns < entry[0] <= until_ns)
         return [(arrival_ns, self.datagram_at(generated_ns)) for arrival_ns, generated_ns in found]
 
     def departures(self, after_ns: int, until_ns: int) -> list[tuple[int, bytes]]:
         """Return what is generated in a span of trip time and not lost, with the instants of its arrival."""
-        found = []
-        for number in range(after_ns // self._period_ns + 1, until_ns // self._period_ns + 1):
-            generated_ns = number * self._period_ns
-            arrival_ns = self._arrival_ns(number, generated_ns)
-            if arrival_ns is not None:
-                found.append((arrival_ns, self.datagram_at(generated_ns)))
-        return found
+        sent = self._sent(after_ns // self._period_ns + 1, until_ns)
+        return [(arrival_ns, self.datagram_at(generated_ns)) for arrival_ns, generated_ns in sent]
 
-    def _arrival_ns(self, number: int, generated_ns: int) -> int | None:
-        """Return when a message arrives, None if it is lost."""
+    def _sent(self, first: int, until_ns: int) -> Iterator[tuple[int, int]]:
+        """Yield instants of arrival and generation of the messages that are not lost."""
         settings = self._settings
-        delay_s = settings.link_delay_s
-        if settings.loss_probability > 0.0 or settings.link_jitter_s > 0.0:
-            draws = np.random.Generator(
-                np.random.Philox(key=settings.sender_seed, counter=(number + 2**32) << 64)
-            )
-            if draws.random() < settings.loss_probability:
-                return None
-            # Forty means and more happen once in 10^17 messages.
-            delay_s += min(draws.exponential(), 40.0) * settings.link_jitter_s
-        return generated_ns + round(delay_s * NS_PER_S)
+        for number in range(first, until_ns // self._period_ns + 1):
+            delay_s = settings.link_delay_s
+            if settings.loss_probability > 0.0 or settings.link_jitter_s > 0.0:
+                draws = np.random.Generator(
+                    np.random.Philox(key=settings.sender_seed, counter=(number + 2**32) << 64)
+                )
+                if draws.random() < settings.loss_probability:
+                    continue
+                # Forty means and more happen once in 10^17 messages.
+                delay_s += min(draws.exponential(), 40.0) * settings.link_jitter_s
+            generated_ns = number * self._period_ns
+            yield generated_ns + round(delay_s * NS_PER_S), generated_ns
+
+
+class _ContestedSender(CamSender):
+    """Merges the messages of a sender and of an impostor with its identity in the order of their arrival.
+
+    The impostor repeats the motion of the leader until it departs from it; its stamps come from its own clock.
+    What both send at one instant agrees: it is the motion at the instant of the stamp.
+    """
+
+    def __init__(
+        self,
+        motion: LeaderMotion,
+        road: RoadLine,
+        settings: SenderSettings,
+        start_timestamp_ms: int = 0,
+    ) -> None:
+        super().__init__(motion, road, settings, start_timestamp_ms)
+        departure_s = settings.impostor_departure_s
+        drifts = settings.impostor is Impostor.DRIFTS_ASIDE
+        self._impostor = CamSender(
+            _departing(motion, departure_s),
+            road,
+            replace(settings, sender_seed=settings.sender_seed ^ 1),
+            start_timestamp_ms,
+            clock_ahead_ms=round(settings.impostor_clock_ahead_s * NS_PER_S) // NS_PER_MS,
+            drifts_from_s=departure_s if drifts else math.inf,
+        )
+        self._delay_ns = round(settings.impostor_delay_s * NS_PER_S)
+
+    def arrivals(self, after_ns: int, until_ns: int) -> list[tuple[int, bytes]]:
+        delay_ns = self._delay_ns
+        forged = self._impostor.arrivals(after_ns - delay_ns, until_ns - delay_ns)
+        found = super().arrivals(after_ns, until_ns)
+        found += [(arrival_ns + delay_ns, datagram) for arrival_ns, datagram in forged]
+        return sorted(found, key=lambda entry: entry[0])
+
+
+def _departing(motion: LeaderMotion, departure_s: float) -> LeaderMotion:
+    """Return a motion that keeps its speed from an instant on."""
+    known = motion.times_s < departure_s
+    speed_m_s = float(motion.speeds_at(departure_s))
+    end_s = departure_s + LONGEST_DRIVE_S
+    return LeaderMotion(
+        np.concatenate([motion.times_s[known], [departure_s, end_s, end_s + 1.0]]),
+        np.concatenate([motion.speeds_m_s[known], [speed_m_s, speed_m_s, 0.0]]),
+        motion.start_position_m,
+    )
+
+
+def build_sender(
+    motion: LeaderMotion, road: RoadLine, settings: SenderSettings, start_timestamp_ms: int = 0
+) -> CamSender:
+    """Return the sender of a drive, with its impostor where the settings ask for one."""
+    kind = CamSender if settings.impostor is Impostor.NONE else _ContestedSender
+    return kind(motion, road, settings, start_timestamp_ms)

@@ -71,15 +71,7 @@ class Identity:
         road: RoadLine,
         host_position_m: float,
     ) -> Rejection | None:
-        """Take a message in; return why not, None if it was accepted.
-
-        Args:
-            message: the message.
-            generated_ms: its time of generation, TimestampIts.
-            now_ms: TimestampIts of the receiver's clock.
-            road: where it is seen from.
-            host_position_m: where the host is; of too many hypotheses the one that matters least gives way.
-        """
+        """Take a message in; return why not, None if it was accepted."""
         if self.contested_since_ms is not None:
             return self._receive_contested(message, generated_ms, now_ms, road, host_position_m)
         refused = self.first.refusal(message, generated_ms, now_ms)

@@ -31,13 +31,7 @@ class LeaderSelector:
     def select(
         self, stations: Iterable[Station], host_position_m: float, now_s: float
     ) -> Station | None:
-        """Return the leader, None if there is none.
-
-        Args:
-            stations: confirmed stations.
-            host_position_m: front of the host along the road.
-            now_s: the present, s of TimestampIts; what was heard lies a little before it.
-        """
+        """Return the leader, None if there is none."""
         ahead = [station for station in stations if self.may_lead(station, host_position_m, now_s)]
         ahead = [station for station in ahead if not self._stands_inside(station, ahead)]
         leader = min(ahead, key=lambda station: station.last.moved_on_m(now_s), default=None)

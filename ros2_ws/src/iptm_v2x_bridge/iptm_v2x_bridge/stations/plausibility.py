@@ -39,13 +39,7 @@ SAME_SPEED_M_S = 0.1
 def generation_time_ms(
     message: CamMessage, packet_timestamp_ms: int | None, now_ms: int
 ) -> int | Rejection:
-    """Return the TimestampIts at which a message was generated, or what is wrong with its time.
-
-    Args:
-        message: the message; its time is known modulo 65,536 ms.
-        packet_timestamp_ms: TimestampIts of its packet modulo 2^32, None without one.
-        now_ms: TimestampIts of the receiver's clock.
-    """
+    """Return the TimestampIts at which a message was generated, or what is wrong with its time."""
     generated_ms = resolve_delta_ms(message.delta_time_ms, now_ms, DELTA_MODULUS_MS // 2)
     if packet_timestamp_ms is not None:
         apart = (packet_timestamp_ms - generated_ms) % TIMESTAMP_MODULUS_MS
@@ -65,13 +59,7 @@ def absurd(message: CamMessage) -> bool:
 
 
 def contradiction(before: CamMessage, after: CamMessage, elapsed_s: float) -> Rejection | None:
-    """Return why one message cannot follow another one of the same station, None if it can.
-
-    Args:
-        before: last accepted message.
-        after: the next one.
-        elapsed_s: time between their generations, above 0.
-    """
+    """Return why one message cannot follow another one of the same station, None if it can."""
     change_m_s = abs(after.speed_m_s - before.speed_m_s)
     if change_m_s > MAX_ACCELERATION_M_S2 * elapsed_s + SPEED_TOLERANCE_M_S:
         return Rejection.SPEED_JUMP
@@ -124,13 +112,6 @@ def lies_between(
     """Return whether a message agrees with those shortly before and after it.
 
     The error of a position, however large, is the same for all three of them.
-
-    Args:
-        before: message of the same sender.
-        message: the one in question.
-        after: message of the same sender.
-        elapsed_s: time from the generation of the first one, above 0.
-        remaining_s: time to that of the last one, above 0.
     """
     share = elapsed_s / (elapsed_s + remaining_s)
     place = (

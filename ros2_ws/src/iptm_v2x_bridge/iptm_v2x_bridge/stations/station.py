@@ -157,11 +157,6 @@ class Station:
         """Return why a message cannot be the next one of this station, None if it can.
 
         `DUPLICATE` and `OLDER` are repetitions that agree with what is known; other reasons contradict it.
-
-        Args:
-            message: the message.
-            generated_ms: its time of generation, TimestampIts.
-            now_ms: TimestampIts of the receiver's clock.
         """
         elapsed_ms = generated_ms - self.generated_ms
         if elapsed_ms > 0:

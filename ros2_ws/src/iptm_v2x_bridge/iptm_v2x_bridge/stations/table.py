@@ -60,14 +60,7 @@ class StationTable:
         now_ms: int,
         host_position_m: float = 0.0,
     ) -> Rejection | None:
-        """Take a message in; return why not, None if it was accepted.
-
-        Args:
-            message: the message.
-            packet_timestamp_ms: TimestampIts of its packet modulo 2^32, None without one.
-            now_ms: TimestampIts of the receiver's clock.
-            host_position_m: where the host is; the farthest station gives way when there are too many.
-        """
+        """Take a message in; return why not, None if it was accepted."""
         reason = self._judge(message, packet_timestamp_ms, now_ms, host_position_m)
         if reason is None:
             self.accepted += 1
