@@ -28,7 +28,7 @@ from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.messages.cam_codec import encode_cam
+from iptm_v2x_bridge.messages.cam import encode_cam
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.sending.sender import CamSender, build_sender, car_on_road
 from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings

@@ -12,7 +12,7 @@ from typing import Any
 from benchmarks.harness import run_benchmark
 from iptm_core.routes import build_route
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.messages.cam_codec import decode_datagram
+from iptm_v2x_bridge.messages.cam import decode_datagram
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings

@@ -16,7 +16,7 @@ from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.state import FloatArray
 from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
-from iptm_v2x_bridge.messages.cam_codec import decode_datagram
+from iptm_v2x_bridge.messages.cam import decode_datagram
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.knowledge import knowledge_of
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile

@@ -39,7 +39,7 @@ from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_studies.safety.lead_vehicles import lead_cycles
-from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, V2xBridge
+from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource, TickBridge, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
@@ -49,7 +49,6 @@ from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
-from iptm_v2x_bridge.source import CycleSource
 
 FILE = "file"
 SENSOR = "range sensor only"

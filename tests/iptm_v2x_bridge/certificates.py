@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from iptm_v2x_bridge.messages.its_pdu import MessageKind, OpenedDatagram
+from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
 
 ec = pytest.importorskip(
     "cryptography.hazmat.primitives.asymmetric.ec",

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from iptm_core.routes import Route, build_route
-from iptm_v2x_bridge.source import CycleSource
+from iptm_v2x_bridge.bridge import CycleSource
 
 
 @pytest.fixture(scope="session")

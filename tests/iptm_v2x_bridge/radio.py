@@ -8,8 +8,7 @@ from typing import Any
 from iptm_core.routes.road_line import RoadLine
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.messages.cam import CamMessage
-from iptm_v2x_bridge.messages.cam_codec import encode_cam
+from iptm_v2x_bridge.messages.cam import CamMessage, encode_cam
 from iptm_v2x_bridge.radio_recording import RadioRecording
 from iptm_v2x_bridge.sending.sender import car_on_road
 

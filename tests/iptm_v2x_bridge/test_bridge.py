@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from iptm_core.settings import PreviewMode, PreviewSettings
-from iptm_v2x_bridge.bridge import V2xBridge
-from iptm_v2x_bridge.source import CycleSource, preview_times_s
+from iptm_v2x_bridge.bridge import CycleSource, V2xBridge, preview_times_s
 
 NS = 10**9
 

@@ -10,8 +10,8 @@ import pytest
 from iptm_core.errors import ParameterError
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import LeaderPreview
+from iptm_v2x_bridge.bridge import CycleSource, preview_times_s
 from iptm_v2x_bridge.imperfections import distort, is_lost, latency_ns
-from iptm_v2x_bridge.source import CycleSource, preview_times_s
 
 NS = 10**9
 NOISY = PreviewSettings(noise_std_m_s=1.5, seed=7)

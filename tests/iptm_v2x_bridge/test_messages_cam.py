@@ -12,16 +12,16 @@ from tests.iptm_v2x_bridge.cams import cam, path
 from tests.iptm_v2x_bridge.random_cams import random_fields
 
 from iptm_core.errors import MessageError
-from iptm_v2x_bridge.messages.cam import CamMessage, PredictedPath
-from iptm_v2x_bridge.messages.cam_codec import (
+from iptm_v2x_bridge.messages.cam import (
+    CamMessage,
+    PredictedPath,
     decode_cam,
     decode_datagram,
     encode_cam,
     encode_fields,
     specification,
 )
-from iptm_v2x_bridge.messages.geonetworking import HEADER_BYTES, SenderPosition, wrap
-from iptm_v2x_bridge.messages.its_pdu import MAX_DATAGRAM_BYTES
+from iptm_v2x_bridge.messages.packets import HEADER_BYTES, MAX_DATAGRAM_BYTES, SenderPosition, wrap
 from iptm_v2x_bridge.rejections import Rejection
 
 HERE = SenderPosition(600_000_000_123, 481_234_567, 107_654_321, 2000, 0)

@@ -10,15 +10,16 @@ from tests.iptm_v2x_bridge.cams import cam
 from tests.iptm_v2x_bridge.radio import ROAD
 
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.messages.cam import CamMessage
-from iptm_v2x_bridge.messages.cam_codec import decode_cam, encode_cam
-from iptm_v2x_bridge.messages.geonetworking import (
+from iptm_v2x_bridge.messages.cam import CamMessage, decode_cam, encode_cam
+from iptm_v2x_bridge.messages.packets import (
     CAM_PORT,
     HEADER_BYTES,
+    MessageKind,
+    OpenedDatagram,
     SenderPosition,
+    open_datagram,
     wrap,
 )
-from iptm_v2x_bridge.messages.its_pdu import MessageKind, OpenedDatagram, open_datagram
 from iptm_v2x_bridge.messages.security_envelope import signed_octets
 from iptm_v2x_bridge.rejections import Rejection
 

@@ -14,8 +14,8 @@ import pytest
 from tests.iptm_v2x_bridge.cams import cam, path
 from tests.iptm_v2x_bridge.random_cams import random_fields
 
-from iptm_v2x_bridge.messages.cam_codec import encode_cam, encode_fields, specification
-from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
+from iptm_v2x_bridge.messages.cam import encode_cam, encode_fields, specification
+from iptm_v2x_bridge.messages.packets import SenderPosition, wrap
 
 ETHERTYPE = 0x8947
 

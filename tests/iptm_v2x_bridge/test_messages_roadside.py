@@ -20,16 +20,18 @@ from tests.iptm_v2x_bridge.test_messages_oracles import capture, find
 pytest.importorskip("pycrate_asn1dir.ITS_IS", reason="requirements/roadside.txt is not installed")
 
 from iptm_core.errors import MessageError
-from iptm_v2x_bridge.messages.cam_codec import encode_cam
-from iptm_v2x_bridge.messages.geonetworking import HEADER_BYTES, SenderPosition, wrap
-from iptm_v2x_bridge.messages.its_pdu import (
+from iptm_v2x_bridge.messages.cam import encode_cam
+from iptm_v2x_bridge.messages.ivim import decode_ivim, encode_ivim
+from iptm_v2x_bridge.messages.mapem import decode_mapem, encode_mapem
+from iptm_v2x_bridge.messages.packets import (
+    HEADER_BYTES,
     ROADSIDE_UNIT,
     MessageKind,
     OpenedDatagram,
+    SenderPosition,
     open_datagram,
+    wrap,
 )
-from iptm_v2x_bridge.messages.ivim import decode_ivim, encode_ivim
-from iptm_v2x_bridge.messages.mapem import decode_mapem, encode_mapem
 from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
 from iptm_v2x_bridge.messages.spatem import (
     IntersectionPhases,

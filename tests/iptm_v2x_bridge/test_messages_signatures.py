@@ -28,7 +28,7 @@ from iptm_v2x_bridge.messages.certificate import (
     UnreadableError,
     read_certificate,
 )
-from iptm_v2x_bridge.messages.its_pdu import MessageKind, OpenedDatagram, open_datagram
+from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram, open_datagram
 from iptm_v2x_bridge.messages.security_envelope import read_signed_message
 from iptm_v2x_bridge.messages.signatures import Verifier, is_signed_by, read_anchors
 from iptm_v2x_bridge.node_parameters import CamSettings

@@ -10,11 +10,10 @@ from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import LeaderSource, PreviewSettings
-from iptm_v2x_bridge.bridge import V2xBridge
+from iptm_v2x_bridge.bridge import CycleSource, V2xBridge
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
 from iptm_v2x_bridge.road_knowledge import given_rules
-from iptm_v2x_bridge.source import CycleSource
 from iptm_v2x_bridge.stations.station import Observation
 
 

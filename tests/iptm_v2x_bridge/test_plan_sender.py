@@ -8,8 +8,7 @@ from tests.iptm_v2x_bridge.radio import ROAD
 
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.messages.cam import CamMessage
-from iptm_v2x_bridge.messages.cam_codec import decode_datagram
+from iptm_v2x_bridge.messages.cam import CamMessage, decode_datagram
 from iptm_v2x_bridge.sending.plan_sender import HostTick, PlanSender
 from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
 

@@ -10,8 +10,8 @@ from tests.iptm_v2x_bridge.radio import ROAD, RecordedRadio, datagram
 from tests.iptm_v2x_bridge.roadside import GREEN, HERE, LINE_M, STATION, lanes, phases
 
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.messages.its_pdu import MessageKind, OpenedDatagram
 from iptm_v2x_bridge.messages.mapem import LaneMaps, encode_mapem
+from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
 from iptm_v2x_bridge.messages.spatem import IntersectionId, encode_spatem
 from iptm_v2x_bridge.radio_recording import RadioRecording, Reception
 from iptm_v2x_bridge.roadside import table as table_module

@@ -15,9 +15,8 @@ from tests.iptm_v2x_bridge.radio import ROAD, station
 from iptm_core.errors import MessageError, ParameterError
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.messages.cam import CamMessage
-from iptm_v2x_bridge.messages.cam_codec import decode_cam, decode_fields, encode_cam
-from iptm_v2x_bridge.messages.its_pdu import MessageKind, OpenedDatagram, open_datagram
+from iptm_v2x_bridge.messages.cam import CamMessage, decode_cam, decode_fields, encode_cam
+from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram, open_datagram
 from iptm_v2x_bridge.messages.ros_cam import bits_of, message_type
 from iptm_v2x_bridge.node_datagrams import open_source
 from iptm_v2x_bridge.node_parameters import CamSettings
@@ -165,7 +164,7 @@ def test_a_car_heard_on_a_topic_leads_as_one_heard_by_radio(package: type) -> No
     for time_ms in range(0, 1001, 100):
         bits = encode_cam(station(4711, time_ms, 50.0 + 0.012 * time_ms, 12.0))
         hear(ros(bits))
-        for reception in source.take(None, time_ms * 10**6):
+        for reception in source.take(None, time_ms * 10**6)[0]:
             assert by_topic.receive(reception.datagram, reception.received_ns) is None
         by_radio.receive(bits, time_ms * 10**6)
     assert by_topic.answer(10**9, 0.0).leader == by_radio.answer(10**9, 0.0).leader is not None

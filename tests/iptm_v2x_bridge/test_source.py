@@ -9,7 +9,7 @@ from iptm_core.errors import ParameterError, RouteError
 from iptm_core.routes import Route, build_route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import LeaderPreview
-from iptm_v2x_bridge.source import CycleSource, preview_times_s
+from iptm_v2x_bridge.bridge import CycleSource, preview_times_s
 
 NS = 10**9
 

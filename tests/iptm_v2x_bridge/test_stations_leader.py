@@ -10,8 +10,8 @@ from tests.iptm_v2x_bridge.radio import ROAD, station
 
 from iptm_core.routes.road_line import RoadLine, step_deg
 from iptm_v2x_bridge.messages.cam import CamMessage
-from iptm_v2x_bridge.stations.leader import LeaderSelector
 from iptm_v2x_bridge.stations.station import Station
+from iptm_v2x_bridge.stations.table import LeaderSelector
 
 HOST_M = 50.0
 

@@ -17,7 +17,7 @@ from iptm_core.parameters.model import LimitParameters
 from iptm_core.routes import Route
 from iptm_core.state import NS_PER_S, Command, FloatArray, LeaderPreview, LeaderState
 from iptm_core.user_input import shown
-from iptm_v2x_bridge.source import CycleSource
+from iptm_v2x_bridge.bridge import CycleSource
 
 
 @runtime_checkable

@@ -19,10 +19,11 @@ from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, Ve
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
-from iptm_v2x_bridge.bridge import TickBridge, V2xBridge
-from iptm_v2x_bridge.source import (
+from iptm_v2x_bridge.bridge import (
     CycleSource,
     PreviewSource,
+    TickBridge,
+    V2xBridge,
     sampling_times_s,
     single_sample,
 )

@@ -38,8 +38,8 @@ from iptm_studies.closed_loop import TickController, run_closed_loop
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
 from iptm_studies.whole_trip import WholeTripRecord, solve_whole_trip
+from iptm_v2x_bridge.bridge import PreviewSource
 from iptm_v2x_bridge.road_knowledge import road_bridge
-from iptm_v2x_bridge.source import PreviewSource
 
 CONTROLLER, VEHICLE = "controller", "vehicle"
 NOTICED_SHARE = 0.95

@@ -18,7 +18,7 @@ from iptm_traffic.drive import TrafficDrive
 from iptm_traffic.radio import TrafficRadio
 from iptm_traffic.simulation import HostInstant, TrafficSimulation
 from iptm_traffic.world import SumoWorld
-from iptm_v2x_bridge.messages.cam_codec import specification
+from iptm_v2x_bridge.messages.cam import specification
 from iptm_v2x_bridge.sending.datagrams import (
     NOT_ALL_SENT,
     REPEAT_PERIOD_S,

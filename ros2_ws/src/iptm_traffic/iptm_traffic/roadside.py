@@ -15,8 +15,6 @@ from iptm_core.routes.road_line import RoadLine, step_deg, step_m
 from iptm_traffic.corridor import CROSS_STREET_M, LIMITS_KM_H
 from iptm_traffic.network import CLEARING_S, YELLOW_S, Network
 from iptm_traffic.simulation import RADIO_RANGE_M
-from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
-from iptm_v2x_bridge.messages.its_pdu import ROADSIDE_UNIT, MessageKind
 from iptm_v2x_bridge.messages.its_time import minute_of_year, second_of_hour
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, encode_ivim
 from iptm_v2x_bridge.messages.mapem import (
@@ -27,6 +25,7 @@ from iptm_v2x_bridge.messages.mapem import (
     LaneMaps,
     encode_mapem,
 )
+from iptm_v2x_bridge.messages.packets import ROADSIDE_UNIT, MessageKind, SenderPosition, wrap
 from iptm_v2x_bridge.messages.spatem import (
     IntersectionId,
     IntersectionPhases,

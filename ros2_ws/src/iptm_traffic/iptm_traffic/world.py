@@ -14,8 +14,8 @@ from iptm_traffic.corridor import HOST_LANE
 from iptm_traffic.demand import LEADER, TrafficScenario
 from iptm_traffic.right_of_way import RightOfWay
 from iptm_traffic.simulation import HostMotion, TrafficSimulation
+from iptm_v2x_bridge.bridge import single_sample
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
-from iptm_v2x_bridge.source import single_sample
 
 EVENT_PERIOD_S = 60.0
 """Smallest interval between two events (a car cuts in, a leader turns off)."""

@@ -17,9 +17,9 @@ import numpy as np
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import NS_PER_MS, NS_PER_S, FloatArray, LeaderPreview, LeaderState
-from iptm_v2x_bridge.bridge import BridgeAnswer
-from iptm_v2x_bridge.messages.cam_codec import decode_cam
-from iptm_v2x_bridge.messages.its_pdu import MessageKind, open_datagram
+from iptm_v2x_bridge.bridge import BridgeAnswer, preview_times_s
+from iptm_v2x_bridge.messages.cam import decode_cam
+from iptm_v2x_bridge.messages.packets import MessageKind, open_datagram
 from iptm_v2x_bridge.messages.signatures import Verifier
 from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
 from iptm_v2x_bridge.prediction.history import History
@@ -34,10 +34,8 @@ from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
 from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS
-from iptm_v2x_bridge.source import preview_times_s
-from iptm_v2x_bridge.stations.leader import LeaderSelector
 from iptm_v2x_bridge.stations.station import Station
-from iptm_v2x_bridge.stations.table import StationTable
+from iptm_v2x_bridge.stations.table import LeaderSelector, StationTable
 
 SILENT_MS = 1500
 """Silence after which a leader is assumed to brake."""

@@ -24,12 +24,11 @@ from iptm_interfaces.stamp_gate import StampGate, Verdict
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import BRIDGE, ROAD_FRAME, TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
-from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource
 from iptm_v2x_bridge.node_answers import CycleAnswers, TickAnswers, VehicleAnswers
 from iptm_v2x_bridge.node_cam_answers import CamAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import PredictorName
-from iptm_v2x_bridge.source import CycleSource
 
 CLOCK_TIMEOUT_S = 5.0
 MATCHING_PERIOD_S = 0.02

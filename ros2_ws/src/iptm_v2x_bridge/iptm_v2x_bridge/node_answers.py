@@ -20,18 +20,20 @@ from iptm_interfaces.codecs import decode_plan, ns_from_time
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_interfaces.vehicle_presence import VehiclePresence
-from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, V2xBridge
+from iptm_v2x_bridge.bridge import (
+    BridgeAnswer,
+    CycleSource,
+    EmptyRoad,
+    PreviewSource,
+    TickBridge,
+    V2xBridge,
+    sampling_times_s,
+    single_sample,
+)
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.road_knowledge import given_rules, with_rules
-from iptm_v2x_bridge.source import (
-    CycleSource,
-    EmptyRoad,
-    PreviewSource,
-    sampling_times_s,
-    single_sample,
-)
 from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
 
 _KEPT = 16

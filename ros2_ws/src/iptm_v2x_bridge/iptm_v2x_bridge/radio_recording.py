@@ -1,7 +1,8 @@
 """A drive's radio traffic as it was recorded, or as a simulated sender sends it to a bridge in one process.
 
-Every datagram of a recording is replayed for its original tick. In a recording with end-of-tick marks the tick of every datagram is exact, so that a replay
-repeats bit for bit. One without them, such as a capture of the air, is cut by the times of reception.
+Every datagram of a recording is replayed for its original tick. With end-of-tick marks the tick
+is exact, so that a replay repeats bit for bit. One without them, such as a capture of the air, is cut by the
+times of reception.
 """
 
 from __future__ import annotations

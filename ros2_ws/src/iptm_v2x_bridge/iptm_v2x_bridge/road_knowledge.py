@@ -13,7 +13,7 @@ from iptm_core.road_ahead import RoadAheadSettings, SpeedLimits, limits_of_curve
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import LeaderSource, PreviewSettings
-from iptm_v2x_bridge.bridge import TickBridge, V2xBridge
+from iptm_v2x_bridge.bridge import CycleSource, EmptyRoad, PreviewSource, TickBridge, V2xBridge
 from iptm_v2x_bridge.messages.pycrate_codec import specification
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
@@ -26,7 +26,6 @@ from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS
 from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.table import RoadsideTable
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
-from iptm_v2x_bridge.source import CycleSource, EmptyRoad, PreviewSource
 
 OF_THE_CYCLE = "cycle"
 """Value of `speed_limits_km_h` for the limits that the cycle itself keeps."""

@@ -7,9 +7,9 @@ from typing import TypeVar
 import numpy as np
 
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState
+from iptm_v2x_bridge.bridge import single_sample
 from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
 from iptm_v2x_bridge.prediction.predictor import Knowledge
-from iptm_v2x_bridge.source import single_sample
 from iptm_v2x_bridge.stations.station import Observation
 
 T = TypeVar("T")

@@ -13,8 +13,8 @@ from enum import IntEnum
 from typing import Any
 
 from iptm_core.parameters.model import KM_H_PER_M_S
-from iptm_v2x_bridge.messages.its_pdu import MessageKind
 from iptm_v2x_bridge.messages.mapem import SCALE_DEG
+from iptm_v2x_bridge.messages.packets import MessageKind
 from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
 from iptm_v2x_bridge.rejections import LeftOut, Rejection
 

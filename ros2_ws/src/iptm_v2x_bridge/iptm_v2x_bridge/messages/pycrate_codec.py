@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import Any, cast
 
 from iptm_core.errors import MessageError, ParameterError
-from iptm_v2x_bridge.messages.its_pdu import PROTOCOL_VERSION, MessageKind
+from iptm_v2x_bridge.messages.packets import PROTOCOL_VERSION, MessageKind
 from iptm_v2x_bridge.rejections import Rejection
 
 HOW_TO = ".venv/bin/python -m pip install --require-hashes -r requirements/roadside.txt"

@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import Any
 
 from iptm_core.errors import ParameterError
-from iptm_v2x_bridge.messages.cam_codec import encode_fields
+from iptm_v2x_bridge.messages.cam import encode_fields
 
 PACKAGE = "etsi_its_cam_msgs"
 _VEHICLE = 0

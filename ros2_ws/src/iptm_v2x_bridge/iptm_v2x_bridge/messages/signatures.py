@@ -22,7 +22,7 @@ from iptm_v2x_bridge.messages.certificate import (
     UnreadableError,
     read_certificate,
 )
-from iptm_v2x_bridge.messages.its_pdu import MessageKind, OpenedDatagram
+from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
 from iptm_v2x_bridge.messages.security_envelope import SignedMessage, read_signed_message
 from iptm_v2x_bridge.rejections import Rejection
 

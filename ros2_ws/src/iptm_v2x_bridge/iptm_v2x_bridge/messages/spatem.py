@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from iptm_core.declaration import TextEnum
-from iptm_v2x_bridge.messages.its_pdu import MessageKind
+from iptm_v2x_bridge.messages.packets import MessageKind
 from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
 from iptm_v2x_bridge.rejections import Rejection
 

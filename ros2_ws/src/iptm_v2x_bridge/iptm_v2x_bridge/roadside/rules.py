@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iptm_core.road_ahead import SpeedLimits
-from iptm_v2x_bridge.messages.its_pdu import OpenedDatagram
+from iptm_v2x_bridge.messages.packets import OpenedDatagram
 from iptm_v2x_bridge.prediction.road_rules import GivenRules
 from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan, SwitchedSignal
 from iptm_v2x_bridge.rejections import Rejection

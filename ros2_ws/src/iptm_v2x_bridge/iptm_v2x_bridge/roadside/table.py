@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections import Counter
 
 from iptm_core.routes.road_line import RoadLine
-from iptm_v2x_bridge.messages.its_pdu import MessageKind, OpenedDatagram
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, decode_ivim
 from iptm_v2x_bridge.messages.mapem import IntersectionMap, LaneMaps, decode_mapem
+from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
 from iptm_v2x_bridge.messages.spatem import (
     IntersectionId,
     IntersectionPhases,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from iptm_v2x_bridge.messages.its_pdu import HEADER_BYTES, MessageKind, OpenedDatagram
+from iptm_v2x_bridge.messages.packets import MESSAGE_HEADER_BYTES, MessageKind, OpenedDatagram
 
 BYTES_PER_MS = 30
 """Decoded on average: a tenth of a processor core, or 15 intersections with phases ten times a second."""
@@ -42,7 +42,7 @@ class WaitingMessages:
         """Let a message wait; return whether one has been dropped for it, or it itself."""
         if now_ms > self._at_ms:
             self.decode(now_ms)  # before this message, whenever it was called last
-        station_id = int.from_bytes(opened.payload[2:HEADER_BYTES], "big")
+        station_id = int.from_bytes(opened.payload[2:MESSAGE_HEADER_BYTES], "big")
         stations = self._waiting.setdefault(opened.kind, {})
         if station_id not in stations and len(stations) >= MAX_STATIONS:
             return True

@@ -20,10 +20,10 @@ from iptm_v2x_bridge.messages.cam import (
     PASSENGER_CAR,
     CamMessage,
     PredictedPath,
+    encode_cam,
 )
-from iptm_v2x_bridge.messages.cam_codec import encode_cam
-from iptm_v2x_bridge.messages.geonetworking import SenderPosition, wrap
 from iptm_v2x_bridge.messages.its_time import delta_time_ms
+from iptm_v2x_bridge.messages.packets import SenderPosition, wrap
 from iptm_v2x_bridge.sending.settings import (
     Foresight,
     Framing,
@@ -203,8 +203,8 @@ class CamSender:
 class _ContestedSender(CamSender):
     """Merges the messages of a sender and of an impostor with its identity in the order of their arrival.
 
-    The impostor repeats the motion of the leader until it departs from it; its stamps come from its own clock.
-    What both send at one instant agrees: it is the motion at the instant of the stamp.
+    The impostor repeats the motion of the leader until it departs from it; its stamps come from its own
+    clock. What both send at one instant agrees: it is the motion at the instant of the stamp.
     """
 
     def __init__(

@@ -1,0 +1,198 @@
+"""From a datagram to one message, and back: what stands around a message on the air.
+
+Messages begin with the header of TS 102 894-2 (ItsPduHeader). They may be bare, behind a BTP-B header alone
+(EN 302 636-5-1, ports of TS 103 248; as routers pass it on over UDP), or in a broadcast of GeoNetworking
+(EN 302 636-4-1; single-hop and geographic) with BTP-B. The envelope of a secured packet is removed here; its
+signature is verified elsewhere.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import Enum
+
+from iptm_v2x_bridge.messages.security_envelope import signed_octets
+from iptm_v2x_bridge.rejections import Rejection
+
+MAX_DATAGRAM_BYTES = 1400
+"""Longest datagram looked at; a packet on the air has at most as much."""
+PROTOCOL_VERSION = 2
+MESSAGE_HEADER_BYTES = 6
+ROADSIDE_UNIT = 15
+"""Station type of roadside units."""
+CAM_PORT = 2001
+TIMESTAMP_MODULUS_MS = 2**32
+
+_BASIC = struct.Struct("!BBBB")
+_COMMON = struct.Struct("!BBBBHBB")
+_POSITION = struct.Struct("!H6sIiiHH")
+_BTP = struct.Struct("!HH")
+_START = _BASIC.size + _COMMON.size
+
+_VERSION_1, _NEXT_COMMON, _NEXT_SECURED = 0x10, 1, 2
+_NEXT_BTP_B, _SINGLE_HOP = 2, 0x50
+_AROUND_POSITION = {_SINGLE_HOP: (0, 4)} | dict.fromkeys((0x40, 0x41, 0x42), (4, 16))
+"""Bytes before and behind the position vector in the extended headers that are read: nothing and what is
+reserved, or the number of the packet and the area (circle, rectangle, ellipse)."""
+HEADER_BYTES = _START + _POSITION.size + 4 + _BTP.size
+"""Length of the headers of a single-hop broadcast."""
+_LIFETIME_1_S = (1 << 2) | 1  # multiplier 1 of the base "1 s"
+_STATION_MOVES, _POSITION_ACCURATE, _ADDRESS_BY_HAND = 0x80, 0x8000, 0x8000
+_CLASS_2 = 2  # traffic class of awareness messages
+
+
+class MessageKind(Enum):
+    """A kind of message: its number in the header, and the BTP port of its service."""
+
+    CAM = (2, CAM_PORT)
+    """Cooperative awareness (EN 302 637-2, TS 103 900)."""
+    SPATEM = (4, 2004)
+    """Signal phases and timing (TS 103 301)."""
+    MAPEM = (5, 2003)
+    """Lanes of intersections (TS 103 301)."""
+    IVIM = (6, 2006)
+    """In-vehicle information, here speed signs (TS 103 301)."""
+
+    @property
+    def message_id(self) -> int:
+        """Number of the message in its header."""
+        return int(self.value[0])
+
+    @property
+    def port(self) -> int:
+        """BTP port of the service."""
+        return int(self.value[1])
+
+
+@dataclass(frozen=True)
+class OpenedDatagram:
+    """A message that begins as it should.
+
+    Attributes:
+        kind: which one.
+        payload: the message, header included.
+        packet_timestamp_ms: TimestampIts of the sender's position modulo 2^32, None without a packet.
+        envelope: security envelope that it came in, empty without one; it has not been verified.
+    """
+
+    kind: MessageKind
+    payload: bytes
+    packet_timestamp_ms: int | None = None
+    envelope: bytes = b""
+
+    @property
+    def secured(self) -> bool:
+        """Whether it came in a security envelope."""
+        return bool(self.envelope)
+
+
+@dataclass(frozen=True)
+class SenderPosition:
+    """Long position vector of the sender, as integers of the wire.
+
+    Attributes:
+        timestamp_ms: TimestampIts of the position, all of it or modulo 2^32.
+        latitude: 1e-7 degrees.
+        longitude: 1e-7 degrees.
+        speed_cm_s: speed in cm/s.
+        heading: 0.1 degrees, clockwise from north.
+    """
+
+    timestamp_ms: int
+    latitude: int
+    longitude: int
+    speed_cm_s: int
+    heading: int
+
+
+def open_datagram(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDatagram | Rejection:
+    """Return the message in a datagram if it is of a wanted kind, or why not."""
+    if not MESSAGE_HEADER_BYTES < len(datagram) <= MAX_DATAGRAM_BYTES:
+        return Rejection.SIZE
+    if datagram[0] == PROTOCOL_VERSION:
+        kinds = [kind for kind in wanted if kind.message_id == datagram[1]]
+        return OpenedDatagram(kinds[0], datagram) if kinds else Rejection.HEADER
+    port, message = int(_BTP.unpack_from(datagram)[0]), datagram[_BTP.size :]
+    for kind in wanted:
+        if kind.port == port and message[:2] == bytes((PROTOCOL_VERSION, kind.message_id)):
+            return OpenedDatagram(kind, message)
+    return _unwrapped(datagram, wanted)
+
+
+def _unwrapped(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDatagram | Rejection:
+    """Return the message in a broadcast from the basic header on, or why there is none."""
+    envelope = b""
+    if datagram[0] == _VERSION_1 | _NEXT_SECURED:
+        envelope = datagram[_BASIC.size :]
+        signed = signed_octets(envelope)
+        if signed is None:
+            return Rejection.SECURED
+        datagram = bytes((_VERSION_1 | _NEXT_COMMON,)) + datagram[1 : _BASIC.size] + signed
+    start = _payload_start(datagram)
+    if start is None or len(datagram) <= start + _BTP.size:
+        return Rejection.PACKET
+    following, shape, _, _, length, _, _ = _COMMON.unpack_from(datagram, _BASIC.size)
+    if following >> 4 != _NEXT_BTP_B or length != len(datagram) - start:
+        return Rejection.PACKET
+    port, _ = _BTP.unpack_from(datagram, start)
+    position = _POSITION.unpack_from(datagram, _START + _AROUND_POSITION[shape][0])
+    payload = datagram[start + _BTP.size :]
+    for kind in wanted:
+        if kind.port == port:
+            if payload[:2] != bytes((PROTOCOL_VERSION, kind.message_id)):
+                return Rejection.HEADER
+            return OpenedDatagram(kind, payload, position[2], envelope)
+    return Rejection.PORT
+
+
+def _payload_start(packet: bytes) -> int | None:
+    """Return where the BTP header begins, None where the packet is of no kind that is read."""
+    if len(packet) < HEADER_BYTES - _BTP.size or packet[0] != _VERSION_1 | _NEXT_COMMON:
+        return None
+    around = _AROUND_POSITION.get(_COMMON.unpack_from(packet, _BASIC.size)[1])
+    return None if around is None else _START + around[0] + _POSITION.size + around[1]
+
+
+def declared_bytes(packet: bytes) -> int:
+    """Return the stated length of a packet, else its actual length."""
+    start = _payload_start(packet)
+    if start is None:
+        return len(packet)
+    return start + int(_COMMON.unpack_from(packet, _BASIC.size)[4])
+
+
+def wrap(
+    payload: bytes,
+    sender: SenderPosition,
+    station_id: int,
+    station_type: int,
+    port: int = CAM_PORT,
+) -> bytes:
+    """Return a single-hop broadcast of a message to the BTP port of its service.
+
+    The sender's link-layer address is locally administered: the lower bytes of the `station_id`.
+    """
+    length = _BTP.size + len(payload)
+    address = _ADDRESS_BY_HAND | (station_type & 0x1F) << 10
+    link_layer = b"\x02\x00" + struct.pack("!I", station_id % 2**32)
+    flags = 0 if station_type == ROADSIDE_UNIT else _STATION_MOVES
+    return b"".join(
+        (
+            _BASIC.pack(_VERSION_1 | _NEXT_COMMON, 0, _LIFETIME_1_S, 1),
+            _COMMON.pack(_NEXT_BTP_B << 4, _SINGLE_HOP, _CLASS_2, flags, length, 1, 0),
+            _POSITION.pack(
+                address,
+                link_layer,
+                sender.timestamp_ms % TIMESTAMP_MODULUS_MS,
+                sender.latitude,
+                sender.longitude,
+                _POSITION_ACCURATE | (sender.speed_cm_s & 0x7FFF),
+                sender.heading,
+            ),
+            bytes(_AROUND_POSITION[_SINGLE_HOP][1]),
+            _BTP.pack(port, 0),
+            payload,
+        )
+    )
