@@ -1,8 +1,7 @@
-"""A cooperative awareness message in SI units: what of it this project reads and writes.
+"""A cooperative awareness message in SI units, and its bits: the work of asn1tools, from `cam.asn`.
 
 The reference position is the ground position of the centre of the front side of the vehicle's bounding
-box (EN 302 637-2 for station types 3 to 11, EN 302 890-2), not its rear bumper. The bits are the work of
-asn1tools, from `cam.asn`.
+box (EN 302 637-2 for station types 3 to 11, EN 302 890-2), not its rear bumper.
 """
 
 from __future__ import annotations
@@ -10,10 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
+from importlib import import_module, resources
 from typing import Any, cast
 
-import asn1tools
 import numpy as np
 
 from iptm_core.errors import MessageError
@@ -59,8 +57,6 @@ class PredictedPath:
         return isinstance(other, PredictedPath) and all(
             np.array_equal(value, vars(other)[name]) for name, value in vars(self).items()
         )
-
-    __hash__ = None  # type: ignore[assignment]  # arrays have none either
 
 
 @dataclass(frozen=True)
@@ -134,26 +130,36 @@ _ALTITUDE_BOUNDS_M = dict(
 )
 """Errors of the altitude by their code; others stand for "out of range" and "unavailable"."""
 _NO_ALTITUDE_BOUND = 15
-_FORWARD, _BACKWARD, _DIRECTION = 0, 1, 2
-_NO_TRAILER, _TRAILER_UNKNOWN_LENGTH = 0, 2
+_BACKWARD = 1
+_TRAILER_UNKNOWN_LENGTH = 2
+UNAVAILABLE_FIELDS = {
+    "curvature": {"value": 1023, "confidence": 7},
+    "curvatureMode": "unavailable",
+    "yawRate": {"value": 32767, "confidence": 8},
+}
 _INTERVAL_UNITS_S = {"tenths": 0.1, "tens": 10.0, "seconds": 1.0}
-_UNREADABLE = (asn1tools.Error, NotImplementedError, ValueError)
+
+
+@cache
+def _asn1tools() -> Any:
+    """Return the library, imported when needed."""
+    return import_module("asn1tools")
 
 
 @cache
 def specification() -> Any:
     """Return the compiled message types, once per process."""
     text = (resources.files(__package__) / "cam.asn").read_text(encoding="utf-8")
-    return asn1tools.compile_string(text, codec="uper")
+    return _asn1tools().compile_string(text, codec="uper")
 
 
 def decode_fields(type_name: str, payload: bytes) -> Any | Rejection:
     """Return the fields of a type of `cam.asn`, all of them inside their ranges."""
     try:
         return specification().decode(type_name, payload, check_constraints=True)
-    except asn1tools.ConstraintsError:
+    except _asn1tools().ConstraintsError:
         return Rejection.CONSTRAINT
-    except _UNREADABLE:
+    except (_asn1tools().Error, NotImplementedError, ValueError):
         return Rejection.DECODING
 
 
@@ -165,17 +171,17 @@ def encode_fields(type_name: str, content: Any) -> bytes:
     """
     try:
         return cast("bytes", specification().encode(type_name, content, check_constraints=True))
-    except asn1tools.Error as reason:
+    except _asn1tools().Error as reason:
         raise MessageError(f"{type_name} cannot be encoded: {reason}") from reason
 
 
 def decode_datagram(datagram: bytes) -> tuple[CamMessage, int | None] | Rejection:
-    """Return the message in a datagram with its packet's TimestampIts mod 2^32 (None if bare), or why not."""
+    """Return the message in a datagram and its packet's TimestampIts mod 2^32 (None if bare), or why not."""
     opened = open_datagram(datagram, (MessageKind.CAM,))
-    if isinstance(opened, Rejection):
-        return opened
-    message = decode_cam(opened.payload)
-    return message if isinstance(message, Rejection) else (message, opened.packet_timestamp_ms)
+    message = opened if isinstance(opened, Rejection) else decode_cam(opened.payload)
+    if isinstance(opened, Rejection) or isinstance(message, Rejection):
+        return message
+    return message, opened.packet_timestamp_ms
 
 
 def decode_cam(payload: bytes) -> CamMessage | Rejection:
@@ -284,22 +290,22 @@ def encode_cam(message: CamMessage) -> bytes:
             ),
         },
     }
-    trailer = _TRAILER_UNKNOWN_LENGTH if message.trailer_of_unknown_length else _NO_TRAILER
     heading = message.heading_deg
     degrees_10 = _HEADING if heading is None else round(heading * 10.0) % 3600
     vehicle: dict[str, Any] = {
         "heading": {"value": degrees_10, "confidence": 127},
         "speed": {"value": round(message.speed_m_s * 100.0), "confidence": 127},
-        "direction": _BACKWARD if message.reversing else _FORWARD,
-        "length": {"value": _integer(message.length_m, 10.0, _LENGTH), "trailer": trailer},
+        "direction": _BACKWARD * message.reversing,
+        "length": {
+            "value": _integer(message.length_m, 10.0, _LENGTH),
+            "trailer": _TRAILER_UNKNOWN_LENGTH * message.trailer_of_unknown_length,
+        },
         "width": _integer(message.width_m, 10.0, _WIDTH),
         "longitudinal": {
             "value": _integer(message.acceleration_m_s2, 10.0, _ACCELERATION),
             "confidence": 102,
         },
-        "curvature": {"value": 1023, "confidence": 7},
-        "curvatureMode": "unavailable",
-        "yawRate": {"value": 32767, "confidence": 8},
+        **UNAVAILABLE_FIELDS,
     }
     if message.lane is not None:
         vehicle["lane"] = message.lane

@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import Any
 
 from iptm_core.errors import ParameterError
-from iptm_v2x_bridge.messages.cam import encode_fields
+from iptm_v2x_bridge.messages.cam import UNAVAILABLE_FIELDS, encode_fields
 
 PACKAGE = "etsi_its_cam_msgs"
 _VEHICLE = 0
@@ -51,10 +51,7 @@ def bits_of(message: Any) -> bytes:
             "minor": ellipse.semi_minor_confidence.value,
             "orientation": ellipse.semi_major_orientation.value,
         },
-        "altitude": {
-            "value": place.altitude.altitude_value.value,
-            "confidence": place.altitude.altitude_confidence.value,
-        },
+        "altitude": _measured(place.altitude, "altitude"),
     }
     header = {
         "protocolVersion": message.header.protocol_version,
@@ -86,10 +83,7 @@ def _vehicle(fields: Any) -> dict[str, Any]:
         },
         "width": fields.vehicle_width.value,
         "longitudinal": _measured(fields.longitudinal_acceleration, "longitudinal_acceleration"),
-        # Not used, and not in the same range in all editions.
-        "curvature": {"value": 1023, "confidence": 7},
-        "curvatureMode": "unavailable",
-        "yawRate": {"value": 32767, "confidence": 8},
+        **UNAVAILABLE_FIELDS,  # not used, and not in the same range in all editions
     }
     if fields.lane_position_is_present:
         found["lane"] = fields.lane_position.value
