@@ -58,6 +58,8 @@ class PredictedPath:
             np.array_equal(value, vars(other)[name]) for name, value in vars(self).items()
         )
 
+    __hash__ = None  # type: ignore[assignment]  # arrays have none either
+
 
 @dataclass(frozen=True)
 class CamMessage:
@@ -163,6 +165,10 @@ def decode_fields(type_name: str, payload: bytes) -> Any | Rejection:
         return Rejection.DECODING
 
 
+def _integer(value: float | None, scale: float, unavailable: int) -> int:
+    return unavailable if value is None else round(value * scale)
+
+
 def encode_fields(type_name: str, content: Any) -> bytes:
     """Return the bits of a type of `cam.asn`.
 
@@ -178,10 +184,10 @@ def encode_fields(type_name: str, content: Any) -> bytes:
 def decode_datagram(datagram: bytes) -> tuple[CamMessage, int | None] | Rejection:
     """Return the message in a datagram and its packet's TimestampIts mod 2^32 (None if bare), or why not."""
     opened = open_datagram(datagram, (MessageKind.CAM,))
-    message = opened if isinstance(opened, Rejection) else decode_cam(opened.payload)
-    if isinstance(opened, Rejection) or isinstance(message, Rejection):
-        return message
-    return message, opened.packet_timestamp_ms
+    if isinstance(opened, Rejection):
+        return opened
+    message = decode_cam(opened.payload)
+    return message if isinstance(message, Rejection) else (message, opened.packet_timestamp_ms)
 
 
 def decode_cam(payload: bytes) -> CamMessage | Rejection:
@@ -272,6 +278,8 @@ def encode_cam(message: CamMessage) -> bytes:
     Raises:
         MessageError: a value is outside the range of the standard.
     """
+    bound_m = message.altitude_bound_m or math.inf
+    fitting = (code for code, known_m in _ALTITUDE_BOUNDS_M.items() if bound_m <= known_m)
     axis = _integer(message.position_bound_m, 100.0, _ELLIPSE)
     orientation = _ORIENTATION if message.position_bound_m is None else 0
     position = {
@@ -280,14 +288,7 @@ def encode_cam(message: CamMessage) -> bytes:
         "ellipse": {"major": axis, "minor": axis, "orientation": orientation},
         "altitude": {
             "value": _integer(message.altitude_m, 100.0, _ALTITUDE),
-            "confidence": next(
-                (
-                    code
-                    for code, bound_m in _ALTITUDE_BOUNDS_M.items()
-                    if (message.altitude_bound_m or math.inf) <= bound_m
-                ),
-                _NO_ALTITUDE_BOUND,
-            ),
+            "confidence": next(fitting, _NO_ALTITUDE_BOUND),
         },
     }
     heading = message.heading_deg
@@ -323,10 +324,6 @@ def encode_cam(message: CamMessage) -> bytes:
     }
     content = {"header": header, "deltaTime": message.delta_time_ms, "params": params}
     return encode_fields("CAM", content)
-
-
-def _integer(value: float | None, scale: float, unavailable: int) -> int:
-    return unavailable if value is None else round(value * scale)
 
 
 def _path_fields(path: PredictedPath, position: dict[str, Any]) -> dict[str, Any]:
