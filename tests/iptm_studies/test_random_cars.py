@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from iptm_controller.settings import ControllerSettings
-from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.decision_record import Rung
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
@@ -37,7 +37,7 @@ from iptm_studies.random_cars.draws import (
     has_twin,
     random_study,
 )
-from iptm_studies.random_cars.verdicts import judge
+from iptm_studies.random_cars.judging import fallback_text, judge
 from iptm_studies.run import Run, perform_run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec
@@ -182,7 +182,9 @@ def judged(make_run: Make, short_inputs: RunInputs) -> Callable[..., dict[str, f
             for one in (trajectory, twin)
         ]
         assert pair[0] is not None
-        return dict(judge(pair[0], short_inputs, pair[1]).amounts)
+        found = dict(judge("0001", pair[0], short_inputs, pair[1]).figures)
+        del found["ticks"]
+        return found
 
     return amounts
 
@@ -236,20 +238,14 @@ def test_traction_energy_stands_beside_that_of_the_twin(
 def test_fallbacks_have_their_cause(make_run: Make, short_inputs: RunInputs) -> None:
     run = make_run(short_inputs)
     assert run.decisions is not None
-    found = judge(run, short_inputs)
-    expected = Counter(
-        (Rung(rung), SolveStatus(status))
-        for rung, status in zip(run.decisions.rung, run.decisions.status, strict=True)
-        if rung != Rung.OPTIMAL
-    )
-    assert found.fallbacks == expected
-    emergencies = sum(
-        count for (rung, _), count in expected.items() if rung is Rung.EMERGENCY_BRAKING
-    )
-    assert found.amounts["emergency"] == emergencies
-    assert found.amounts["fallback"] == expected.total() - emergencies > 0
-    assert found.ticks == 5
-    assert "fallback" in found.breaches
+    found = judge("0001", run, short_inputs)
+    others = (run.decisions.rung != Rung.OPTIMAL) & (run.decisions.rung != Rung.EMERGENCY_BRAKING)
+    pairs = zip(run.decisions.rung[others], run.decisions.status[others], strict=True)
+    assert found.counts == Counter(fallback_text(*pair) for pair in pairs)
+    assert found.figures["emergency"] == (run.decisions.rung == Rung.EMERGENCY_BRAKING).sum()
+    assert found.figures["fallback"] == others.sum() > 0
+    assert found.figures["ticks"] == 5
+    assert "fallback" in found.problems
 
 
 def test_cells_too_hot_are_charged_only_with_what_cooling_would_have_helped(
@@ -268,7 +264,7 @@ def test_cells_too_hot_are_charged_only_with_what_cooling_would_have_helped(
         trajectory=trip(cell_1_temperature_k=hot, cell_n_temperature_k=hot),
         decisions=None,
     )
-    amounts = judge(run, inputs).amounts
+    amounts = judge("0001", run, inputs).figures
     assert amounts["too_hot"] > 60.0
     assert amounts["too_hot_anyway"] > 60.0
     assert amounts["too_hot"] + amounts["too_hot_anyway"] == pytest.approx(900.0, abs=2.0)

@@ -3,14 +3,29 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
 
+from iptm_core.declaration import parameter_specs
+from iptm_core.markdown import render_page
+from iptm_core.parameters import field_specs
+from iptm_core.settings import PreviewSettings
 from iptm_core.user_input import number, whole_number
+from iptm_faults.kinds import FaultKind
 from iptm_studies.campaign import Campaign
+from iptm_studies.judging import Judged
 from iptm_studies.laboratory import Laboratory, Session
-from iptm_studies.random_cars.draws import FAULT_SHARE, IMPERFECT_SHARE, TWIN, random_study
-from iptm_studies.random_cars.page import JudgedRun, campaign_page, verdict_lines
-from iptm_studies.random_cars.verdicts import judge
+from iptm_studies.random_cars import draws
+from iptm_studies.random_cars.draws import (
+    FAULT_SHARE,
+    IMPERFECT_SHARE,
+    TWIN,
+    Draw,
+    Uniform,
+    random_study,
+)
+from iptm_studies.random_cars.judging import REQUIREMENTS, TICKS, judge, trial_of
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.store import ResultStore
 
@@ -23,20 +38,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     laboratory = Laboratory("campaign", PAGE, __doc__)
     parser = laboratory.parser
-    parser.add_argument(
-        "--runs",
-        type=whole_number,
-        default=RUNS,
-        metavar="N",
-        help=f"number of runs, {RUNS} by default",
-    )
-    parser.add_argument(
-        "--seed",
-        type=whole_number,
-        default=SEED,
-        metavar="S",
-        help=f"seed of all draws, {SEED} by default",
-    )
+    for name, kind, usual, metavar, text in (
+        ("--runs", whole_number, RUNS, "N", "number of runs"),
+        ("--seed", whole_number, SEED, "S", "seed of all draws"),
+        ("--fault-share", float, FAULT_SHARE, "P", "share of the runs with faults"),
+        (
+            "--imperfect-share",
+            float,
+            IMPERFECT_SHARE,
+            "P",
+            "share of the runs without a perfect preview",
+        ),
+    ):
+        text = f"{text}, {usual:g} by default"  # noqa: PLW2901
+        parser.add_argument(name, type=kind, default=usual, metavar=metavar, help=text)
     parser.add_argument(
         "--duration-s", type=number, metavar="T", help="length of all trips instead of those drawn"
     )
@@ -44,20 +59,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--without-twins",
         action="store_true",
         help="leave out the warm twins of cold runs, and the verdict on traction energy with them",
-    )
-    parser.add_argument(
-        "--fault-share",
-        type=float,
-        default=FAULT_SHARE,
-        metavar="P",
-        help=f"share of the runs with faults, {FAULT_SHARE:g} by default",
-    )
-    parser.add_argument(
-        "--imperfect-share",
-        type=float,
-        default=IMPERFECT_SHARE,
-        metavar="P",
-        help=f"share of the runs without a perfect preview, {IMPERFECT_SHARE:g} by default",
     )
     return laboratory.run(_work, arguments)
 
@@ -76,13 +77,15 @@ def _work(session: Session) -> bool:
     if not session.compute(campaign):
         return True
     runs = judged_runs(campaign, session.store)
-    for line in verdict_lines(runs):
-        print(line)
+    rows = _requirement_rows(runs)
+    for row in rows:
+        if not row["is_report"]:
+            print(f"{row['title']:32} {row['beyond']:4} of {row['runs']:4} runs")
     session.write(campaign_page(session.command, runs))
-    return all(run.judgement is not None and not run.judgement.breaches for run in runs)
+    return not any(run.problems for run in runs)
 
 
-def judged_runs(campaign: Campaign, store: ResultStore) -> list[JudgedRun]:
+def judged_runs(campaign: Campaign, store: ResultStore) -> list[Judged]:
     """Judge the runs of a campaign of random cars, each with its twin if it has one."""
     keys = {
         state.case.name: str(state.key) for state in campaign.cases if state.metrics is not None
@@ -93,13 +96,126 @@ def judged_runs(campaign: Campaign, store: ResultStore) -> list[JudgedRun]:
         if name.endswith(TWIN):
             continue
         if name not in keys:
-            judged.append(JudgedRun(name, spec, None, state.reason))
+            judged.append(trial_of(name, spec, state.reason))
             continue
         twin_key = keys.get(f"{name}_{TWIN}")
         twin = None if twin_key is None else store.load(twin_key)
-        found = judge(store.load(keys[name]), resolve_inputs(spec), twin)
-        judged.append(JudgedRun(name, spec, found))
+        judged.append(judge(name, store.load(keys[name]), resolve_inputs(spec), twin))
     return judged
+
+
+def campaign_page(command: str, runs: Sequence[Judged]) -> str:
+    """Return the page as Markdown.
+
+    Args:
+        command: what makes it.
+        runs: the runs in order, without the twins.
+    """
+    judged = [run for run in runs if run.figures]
+    fallbacks: Counter[str] = Counter()
+    for run in judged:
+        fallbacks.update(run.counts)
+    return render_page(
+        "iptm_studies.random_cars",
+        "page.md.j2",
+        command=command,
+        runs=len(judged),
+        failed=len(runs) - len(judged),
+        ticks=round(sum(run.figures[TICKS] for run in judged)),
+        requirements=_requirement_rows(runs),
+        fallbacks=[{"cause": cause, "ticks": count} for cause, count in fallbacks.most_common()],
+        breaches=_breach_rows(runs),
+        drawn=_drawn_rows(),
+    )
+
+
+def _requirement_rows(runs: Sequence[Judged]) -> list[dict[str, Any]]:
+    rows = []
+    for key, one in REQUIREMENTS.items():
+        amounts = [run.figures[key] for run in runs if key in run.figures]
+        beyond = sum(amount > (0.0 if one.is_report else one.limit) for amount in amounts)
+        mark = "" if one.is_report else ("✗" if beyond else "✓")
+        rows.append(
+            {
+                **vars(one),
+                "is_report": one.is_report,
+                "allowed": "report only" if one.is_report else f"{one.limit:g} {one.unit}",
+                "runs": len(amounts),
+                "beyond": beyond,
+                "marked": f"{beyond} {mark}".strip(),
+                "most": f"{max(amounts):.4g} {one.unit}" if amounts else None,
+            }
+        )
+    return rows
+
+
+def _breach_rows(runs: Sequence[Judged]) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = []
+    for run in runs:
+        what = run.what
+        for key, cause in run.problems.items():
+            requirement = REQUIREMENTS.get(key)
+            title = amount = None
+            if requirement is not None:
+                title, amount = requirement.title, f"{run.figures[key]:.4g} {requirement.unit}"
+            rows.append(
+                {
+                    "run": run.name,
+                    "title": title or key,
+                    "amount": amount,
+                    "cause": cause,
+                    "what": what,
+                }
+            )
+            what = "as above"
+    return rows
+
+
+def _drawn_rows() -> list[dict[str, str]]:
+    previews = {spec.name: spec.unit for spec in parameter_specs(PreviewSettings)}
+    imperfect = f"half of the {100.0 * IMPERFECT_SHARE:g} % of the runs without a perfect preview"
+    parameters = {key: spec.unit for key, spec in field_specs().items()}
+    groups: tuple[tuple[Mapping[str, Draw], Mapping[str, str], str], ...] = (
+        (draws.SETTINGS, {}, "every run"),
+        (draws.ALWAYS, parameters, "every run"),
+        (draws.SOMETIMES, parameters, "half of the runs"),
+        (draws.PREVIEWS, previews, imperfect),
+    )
+    rows = [
+        {"name": f"`{name}`", "drawn": _draw_text(draw, units.get(name, "")), "where": where}
+        for group, units, where in groups
+        for name, draw in group.items()
+    ]
+    kinds = [
+        f"`{kind}`" + (f" {_draw_text(sizes, kind.spec.unit)}" if sizes else "")
+        for kind in FaultKind
+        if kind.spec.headless
+        for sizes in [draws.FAULT_SIZES.get(kind)]
+    ]
+    lasts = f"1 to 30 s; until the end of the trip ({100.0 * draws.LASTING_SHARE:g} %)"
+    together = 100.0 * draws.TOGETHER_SHARE
+    faults = (
+        (
+            f"1 to {draws.MOST_FAULTS} faults",
+            ", ".join(kinds),
+            f"{100.0 * FAULT_SHARE:g} % of the runs by default",
+        ),
+        ("duration of a fault", lasts, ""),
+        (
+            "beginning of a further fault",
+            f"while the one before it lasts ({together:g} %), else at any instant",
+            "",
+        ),
+    )
+    return rows + [dict(zip(("name", "drawn", "where"), row, strict=True)) for row in faults]
+
+
+def _draw_text(draw: Draw, unit: str) -> str:
+    if isinstance(draw, Uniform):
+        return f"{draw.low:g} to {draw.high:g} {unit}".removesuffix(" 1").strip()
+    first, *others = (f"{value}" for value in draw.values)
+    share = f"{first} ({100.0 * draw.first:.0f} %)"
+    return ", ".join((share, *others)) if others else first
 
 
 if __name__ == "__main__":

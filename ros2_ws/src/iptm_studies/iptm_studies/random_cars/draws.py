@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,8 @@ from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import available_parameter_sets
+from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.routes.cycles import CYCLE_NAMES
-from iptm_core.settings import PreviewMode
 from iptm_faults.fault import Fault, in_order
 from iptm_faults.kinds import FaultKind
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
@@ -106,72 +107,28 @@ SETTINGS: Mapping[str, Draw] = {
 }
 """What is drawn for every run, by the name of the setting."""
 
-ALWAYS: Mapping[str, Draw] = {
-    "body.mass_kg": Uniform(800.0, 3500.0),
-    "environment.ambient_temperature_k": Uniform(263.15, 318.15),
-    "environment.initial_cell_temperature_k": Uniform(253.15, 318.15),
-}
+_TABLE = Path(__file__).parent / "draws.yaml"
+
+
+def _read_draws(section: str) -> dict[str, Draw]:
+    """Return a section of the table of draws."""
+    written: Mapping[str, Any] = read_yaml(_TABLE, ScenarioError)[section]
+    return {
+        key: OneOf(tuple(entry["values"]), entry["first"])
+        if isinstance(entry, dict)
+        else Uniform(*entry)
+        for key, entry in written.items()
+    }
+
+
+ALWAYS = _read_draws("always")
 """Parameters that differ in every run."""
-
-SOMETIMES: Mapping[str, Draw] = {
-    "body.drag_coefficient": Uniform(0.2, 0.6),
-    "body.frontal_area_m2": Uniform(1.8, 4.0),
-    "body.rolling_resistance": Uniform(0.007, 0.02),
-    "powertrain.regenerative_efficiency": Uniform(0.0, 0.9),
-    "cooling.auxiliary_power_w": Uniform(50.0, 500.0),
-    "gap.standstill_gap_m": Uniform(2.0, 8.0),
-    "gap.time_headway_s": Uniform(0.8, 2.5),
-    "gap.max_gap_m": Uniform(60.0, 200.0),
-    "gap.initial_gap_m": Uniform(5.0, 50.0),
-    "limits.min_acceleration_m_s2": Uniform(-4.0, -2.0),
-    "limits.max_acceleration_m_s2": Uniform(1.5, 3.0),
-    "limits.max_jerk_m_s3": Uniform(0.5, 2.0),
-    "limits.max_speed_m_s": Uniform(30.0, 45.0),
-    "limits.max_compressor_power_w": Uniform(2000.0, 6000.0),
-    "limits.max_compressor_rate_w_s": Uniform(100.0, 500.0),
-    "limits.max_temperature_k": Uniform(308.15, 318.15),
-}
+SOMETIMES = _read_draws("sometimes")
 """Parameters that differ in some runs."""
-
-
-PREVIEWS: Mapping[str, Draw] = {
-    "preview_mode": OneOf((PreviewMode.FULL, PreviewMode.NONE), 0.8),
-    "preview_length_s": Uniform(8.0, 60.0),
-    "latency_s": Uniform(0.0, 5.0),
-    "dropout_probability": Uniform(0.0, 0.5),
-    "dropout_burst": OneOf((1, 2, 5, 10), 0.5),
-    "noise_std_m_s": Uniform(0.0, 2.0),
-}
+PREVIEWS = _read_draws("previews")
 """Settings of a preview that is not perfect; all but the mode differ in every other run."""
-
-FAULT_SIZES: Mapping[FaultKind, Draw] = {
-    FaultKind.LEADER_CUT_IN: Uniform(4.0, 40.0),
-    FaultKind.LEADER_HARD_STOP: Uniform(2.0, 10.0),
-    FaultKind.LEADER_SURPRISE: Uniform(2.0, 9.0),
-    FaultKind.LEADER_GONE: Uniform(50.0, 1000.0),
-    FaultKind.COMMAND_DELAYED: OneOf((1.0, 2.0), 0.5),
-    FaultKind.BRAKES_WEAK: Uniform(0.6, 1.0),
-    FaultKind.PREVIEW_JUMPING: Uniform(1.0, 100.0),
-    FaultKind.PREVIEW_FUTURE: Uniform(0.1, 1000.0),
-    FaultKind.PREVIEW_EXTRAPOLATED: OneOf((0.0, 1.0), 0.5),
-    FaultKind.LEADER_OVERLAP: Uniform(0.5, 20.0),
-    FaultKind.LEADER_JUMPING: Uniform(0.5, 10.0),
-    FaultKind.GAP_NOISE: Uniform(0.1, 1.0),
-    FaultKind.GAP_BIAS: Uniform(-1.0, 1.0),
-    FaultKind.LEADER_SPEED_NOISE: Uniform(0.02, 0.3),
-    FaultKind.LEADER_SPEED_BIAS: Uniform(-0.3, 0.3),
-    FaultKind.SLOPE_STEP: Uniform(-0.2, 0.2),
-    FaultKind.STATE_OVERHEATED: Uniform(100.0, 500.0),
-    FaultKind.STATE_JUMPING: Uniform(0.5, 10.0),
-    FaultKind.STATE_DELAYED: OneOf((1.0, 2.0), 0.5),
-    FaultKind.EGO_SPEED_NOISE: Uniform(0.02, 0.3),
-    FaultKind.EGO_SPEED_BIAS: Uniform(-0.3, 0.3),
-    FaultKind.ACCELERATION_NOISE: Uniform(0.02, 0.3),
-    FaultKind.ACCELERATION_BIAS: Uniform(-0.3, 0.3),
-    FaultKind.TEMPERATURE_NOISE: Uniform(0.1, 1.0),
-    FaultKind.TEMPERATURE_BIAS: Uniform(-3.0, 3.0),
-}
-"""Sizes of faults; the other kinds have their usual one."""
+FAULT_SIZES = _read_draws("fault_sizes")
+"""Sizes of faults by kind; the other kinds have their usual one."""
 
 
 def random_study(
