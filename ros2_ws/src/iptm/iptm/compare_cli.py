@@ -71,7 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _print(comparison: Comparison) -> None:
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
-    console.print(_table("figure", figure_table(comparison.runs)))
+    console.print(
+        _table(
+            "figure", figure_table({label: run.metrics for label, run in comparison.runs.items()})
+        )
+    )
     differences = comparison.differences
     if len(differences):
         console.print(_table("what differs", differences.astype(str)))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from iptm.report import figure_table, html_table, image, write_page
 from iptm.run import Run, figure_title
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import FIGURES
@@ -53,7 +55,7 @@ class Comparison:
         """Draw the runs over each other; see `Run.plot`."""
         from iptm.picture import overlay_picture  # noqa: PLC0415  matplotlib takes a moment to load
 
-        return overlay_picture(self.runs)
+        return overlay_picture({label: run.trajectory for label, run in self.runs.items()})
 
     def report(self, path: str | Path) -> Path:
         """Write table, picture and differences as one HTML page that needs no other file.
@@ -64,9 +66,19 @@ class Comparison:
         Raises:
             StoreError: the file exists, or cannot be written.
         """
-        from iptm.report import comparison_report, write_page  # noqa: PLC0415  as above
-
-        return write_page(path, comparison_report(self))
+        listed = "".join(
+            f"<li>{escape(label)}: {escape(run.name)}</li>" for label, run in self.runs.items()
+        )
+        differences = self.differences
+        sections = {
+            "Runs": f"<ul>{listed}</ul>",
+            "What differs": html_table(differences) if len(differences) else "<p>no setting</p>",
+            "Over time": image(self.plot().png()),
+            "Figures": html_table(
+                figure_table({label: run.metrics for label, run in self.runs.items()})
+            ),
+        }
+        return write_page(path, "Runs side by side", sections)
 
 
 def compare(*runs: Run, **labelled: Run) -> Comparison:

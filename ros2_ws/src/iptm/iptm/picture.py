@@ -12,7 +12,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from iptm.run import Run
 from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
@@ -50,8 +49,6 @@ STYLE: Any = {
     "legend.handlelength": 1.6,
     "legend.columnspacing": 1.4,
 }
-
-
 PPM = 1e6
 
 
@@ -72,19 +69,13 @@ class Picture(Figure):
             super().savefig(*args, **options)
 
 
-def overlay_picture(runs: Mapping[str, Run]) -> Picture:
-    """Draw the curves of several runs over each other.
-
-    Args:
-        runs: by the labels of the legend, in the order of drawing.
-    """
+def overlay_picture(runs: Mapping[str, Trajectory]) -> Picture:
+    """Draw several runs over each other, by the labels of the legend, in the order of drawing."""
 
     def draw(panel: tuple[str, str, Callable[[Trajectory], FloatArray]], axes: Axes) -> None:
         title, unit, values = panel
         for number, (label, run) in enumerate(runs.items()):
-            colour = COLOURS[number % len(COLOURS)]
-            trajectory = run.trajectory
-            axes.plot(trajectory.time_s, values(trajectory), color=colour, label=label)
+            axes.plot(run.time_s, values(run), color=COLOURS[number % len(COLOURS)], label=label)
         titled(axes, title, unit)
         legend = axes.get_legend()
         if legend is not None and panel is not _OVERLAID[0]:

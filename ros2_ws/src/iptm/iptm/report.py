@@ -6,17 +6,12 @@ from base64 import b64encode
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
 from iptm_core.errors import StoreError
-from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
-
-if TYPE_CHECKING:
-    from iptm.comparison import Comparison
-    from iptm.picture import Picture
-    from iptm.run import Run
+from iptm_core.metrics import FIGURES, TRIP_FIGURES, RunMetrics, figure_values
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 78rem; margin: 2rem auto; padding: 0 1rem; }
@@ -24,44 +19,16 @@ img { max-width: 100%; } h1 { font-size: 1.35rem; } h2 { font-size: 1.1rem; marg
 table { border-collapse: collapse; } th, td { padding: .15rem .7rem; border-bottom: 1px solid #ddd; }
 td { text-align: right; font-variant-numeric: tabular-nums; } th { text-align: left; font-weight: 600; }
 """
+_PAGE = """\
+<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>{style}</style></head>
+<body><h1>{title}</h1>
+{body}
+</body></html>
+"""
 
 
-def run_report(run: Run, against: Run | None = None) -> str:
-    """Return the page of a run.
-
-    Args:
-        run: the run.
-        against: run whose curves are drawn behind those of this one.
-    """
-    settings = {"settings": {**run.settings}}
-    return _page(
-        run.name,
-        {
-            "Over time": _image(run.plot(against)),
-            "Figures": _table(figure_table({"value": run})),
-            "Settings": _table(pd.DataFrame(settings)) if run.settings else "",
-        },
-    )
-
-
-def comparison_report(comparison: Comparison) -> str:
-    """Return the page of several runs."""
-    differences = comparison.differences
-    listed = "".join(
-        f"<li>{escape(label)}: {escape(run.name)}</li>" for label, run in comparison.runs.items()
-    )
-    return _page(
-        "Runs side by side",
-        {
-            "Runs": f"<ul>{listed}</ul>",
-            "What differs": _table(differences) if len(differences) else "<p>no setting</p>",
-            "Over time": _image(comparison.plot()),
-            "Figures": _table(figure_table(comparison.runs)),
-        },
-    )
-
-
-def figure_table(runs: Mapping[str, Run]) -> pd.DataFrame:
+def figure_table(runs: Mapping[str, RunMetrics]) -> pd.DataFrame:
     """Return the figures of trips for people: label and unit, three significant digits, and changes.
 
     Times out of limits are listed where there are any. The figures of decisions are left out.
@@ -69,7 +36,7 @@ def figure_table(runs: Mapping[str, Run]) -> pd.DataFrame:
     Args:
         runs: by the heads of their columns; changes are those against the first one.
     """
-    values = {label: figure_values(run.metrics) for label, run in runs.items()}
+    values = {label: figure_values(run) for label, run in runs.items()}
     first = next(iter(values.values()))
     columns: dict[str, list[str]] = {}
     shown = [key for key in TRIP_FIGURES if any(_counts(key, each) for each in values.values())]
@@ -80,16 +47,17 @@ def figure_table(runs: Mapping[str, Run]) -> pd.DataFrame:
     return pd.DataFrame(columns, index=[FIGURES[key].title for key in shown])
 
 
-def write_page(path: str | Path, text: str) -> Path:
-    """Write a page to a new file.
+def write_page(path: str | Path, title: str, sections: Mapping[str, str]) -> Path:
+    """Write a page to a new file; sections of HTML by their headings.
 
     Raises:
         StoreError: the file exists, or cannot be written.
     """
+    body = "\n".join(f"<h2>{escape(head)}</h2>\n{text}" for head, text in sections.items())
     path = Path(path)
     try:
         with path.open("x", encoding="utf-8") as file:
-            file.write(text)
+            file.write(_PAGE.format(title=escape(title), style=_STYLE, body=body))
     except FileExistsError:
         raise StoreError(f"{path} exists already; allowed: a new file") from None
     except OSError as error:
@@ -107,21 +75,13 @@ def _change(key: str, own: Mapping[str, float], first: Mapping[str, float]) -> s
     return f"{100.0 * (own[key] / first[key] - 1.0):+.1f} %"
 
 
-def _table(frame: pd.DataFrame) -> str:
+def html_table(frame: pd.DataFrame) -> str:
+    """Return a table; what is missing is empty."""
     text: Any = frame.to_html(border=0, na_rep="")
     return str(text)
 
 
-def _image(picture: Picture) -> str:
-    data = b64encode(picture.png()).decode("ascii")
+def image(png: bytes) -> str:
+    """Return a picture that is part of the page."""
+    data = b64encode(png).decode("ascii")
     return f'<img alt="curves over time" src="data:image/png;base64,{data}">'
-
-
-def _page(title: str, sections: Mapping[str, str]) -> str:
-    body = "\n".join(
-        f"<h2>{escape(head)}</h2>\n{content}" for head, content in sections.items() if content
-    )
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
-        f"<style>{_STYLE}</style></head>\n<body><h1>{escape(title)}</h1>\n{body}\n</body></html>\n"
-    )

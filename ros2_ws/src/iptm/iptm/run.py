@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from iptm.report import figure_table, html_table, image, write_page
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import FIGURES, RunMetrics, compute_metrics, figure_values
 from iptm_core.parameters.model import ModelParameters
@@ -77,9 +79,15 @@ class Run:
         Returns:
             A matplotlib figure; notebooks show it, and ``savefig`` writes it.
         """
-        from iptm.run_picture import run_picture  # noqa: PLC0415  matplotlib takes a moment to load
+        # matplotlib takes a moment to load
+        from iptm.run_picture import HEADING_COLUMNS, run_picture  # noqa: PLC0415
 
-        return run_picture(self, against)
+        behind = None
+        if against is not None:
+            behind = str(against.settings.get("strategy", against.name)), against.trajectory
+        headline = textwrap.fill(self.name, HEADING_COLUMNS)
+        driven = self.trajectory, self.parameters, self.decisions, self.slope
+        return run_picture(*driven, behind, headline)
 
     def report(self, path: str | Path, against: Run | None = None) -> Path:
         """Write figures, settings and picture as one HTML page that needs no other file.
@@ -91,9 +99,13 @@ class Run:
         Raises:
             StoreError: the file exists, or cannot be written.
         """
-        from iptm.report import run_report, write_page  # noqa: PLC0415  as above
-
-        return write_page(path, run_report(self, against))
+        sections = {
+            "Over time": image(self.plot(against).png()),
+            "Figures": html_table(figure_table({"value": self.metrics})),
+        }
+        if self.settings:
+            sections["Settings"] = html_table(pd.DataFrame({"settings": {**self.settings}}))
+        return write_page(path, self.name, sections)
 
     def __repr__(self) -> str:
         """Name and length."""

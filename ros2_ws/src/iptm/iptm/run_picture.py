@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -25,9 +24,9 @@ from iptm.picture import (
     mean_temperature_c,
     titled,
 )
-from iptm.run import Run
-from iptm_core.metrics import gap_margins_m
-from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
+from iptm_core.decision_record import DecisionSeries
+from iptm_core.metrics import compute_metrics, gap_margins_m
+from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S, ModelParameters
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
@@ -39,56 +38,68 @@ _LEAST_COOLING_KW = 0.5
 
 
 class _Shown(NamedTuple):
-    """A run, and the one whose curves are drawn behind it."""
+    """A run, and strategy and motion of the one whose curves are drawn behind it."""
 
-    run: Run
-    against: Run | None
+    trajectory: Trajectory
+    parameters: ModelParameters
+    decisions: DecisionSeries
+    slope: SlopeProfile
+    against: tuple[str, Trajectory] | None
+
+    @property
+    def grades_percent(self) -> FloatArray:
+        """Road grade under the host at every instant."""
+        grades: FloatArray = 100.0 * np.tan(self.slope.slope_at(self.trajectory.position_m))
+        return grades
 
 
 _Draw = Callable[[Axes, _Shown], None]
 
 
 def run_picture(
-    run: Run, against: Run | None = None, headline: str = "", footer: str = ""
+    trajectory: Trajectory,
+    parameters: ModelParameters,
+    decisions: DecisionSeries,
+    slope: SlopeProfile | None,
+    against: tuple[str, Trajectory] | None,
+    headline: str,
+    footer: str = "",
 ) -> Picture:
     """Draw a run.
 
     Args:
-        run: the run.
-        against: run whose curves are drawn behind it, None for none.
-        headline: lines above the panels; by default the name of the run.
+        trajectory: what happened.
+        parameters: of the vehicle.
+        decisions: of the controller; without any, there is no panel for the solver.
+        slope: of the road, None where it is not known.
+        against: strategy and trajectory of the run whose curves are drawn behind it, None for none.
+        headline: lines above the panels.
         footer: what stands below the panels, before the count of broken limits.
     """
-    hard, soft = run.metrics.hard_violations, run.metrics.soft_violations
+    metrics = compute_metrics(trajectory, parameters, decisions)
+    hard, soft = metrics.hard_violations, metrics.soft_violations
     limits = f"limits broken: hard {hard}, soft {soft} rows"
-    shown = _Shown(run, against)
+    shown = _Shown(trajectory, parameters, decisions, slope or SlopeProfile.flat(), against)
+    panels: dict[_Draw, float] = {
+        _speed: 1.25,
+        **({_grade: 0.6} if np.any(shown.grades_percent) else {}),
+        _gap: 1.25,
+        _driving_power: 1.0,
+        _cooling_power: 1.0,
+        _temperature: 1.2,
+        _aging: 1.0,
+        **({_solver: 0.8} if len(decisions) else {}),
+    }
     return drawn(
-        dict(_panels(run)),
+        panels,
         lambda draw, axes: draw(axes, shown),
-        headline or textwrap.fill(run.name, HEADING_COLUMNS),
+        headline,
         "; ".join(filter(None, [footer, limits])),
     )
 
 
-def _panels(run: Run) -> list[tuple[_Draw, float]]:
-    """Return what to draw, from top to bottom, with relative heights."""
-    grades = _grades_percent(run)
-    hills: list[tuple[_Draw, float]] = [(_grade, 0.6)] if np.any(grades) else []
-    solver: list[tuple[_Draw, float]] = [(_solver, 0.8)] if len(run.decisions) else []
-    return [
-        (_speed, 1.25),
-        *hills,
-        (_gap, 1.25),
-        (_driving_power, 1.0),
-        (_cooling_power, 1.0),
-        (_temperature, 1.2),
-        (_aging, 1.0),
-        *solver,
-    ]
-
-
 def _speed(axes: Axes, shown: _Shown) -> None:
-    run = shown.run.trajectory
+    run = shown.trajectory
     axes.plot(run.time_s, KM_H_PER_M_S * run.leader_speed_m_s, color=GREY, label="leader")
     _reference(axes, shown.against, lambda other: KM_H_PER_M_S * other.speed_m_s)
     axes.plot(run.time_s, KM_H_PER_M_S * run.speed_m_s, color=BLUE, label="host")
@@ -96,22 +107,15 @@ def _speed(axes: Axes, shown: _Shown) -> None:
     titled(axes, "Speed", "km/h")
 
 
-def _grades_percent(run: Run) -> FloatArray:
-    """Return the road grade under the host at every instant; 0 where it is not known."""
-    slope = run.slope or SlopeProfile.flat()
-    grades: FloatArray = 100.0 * np.tan(slope.slope_at(run.trajectory.position_m))
-    return grades
-
-
 def _grade(axes: Axes, shown: _Shown) -> None:
-    times_s = shown.run.trajectory.time_s
-    axes.fill_between(times_s, _grades_percent(shown.run), color=GREY, alpha=0.5, lw=0)
+    times_s = shown.trajectory.time_s
+    axes.fill_between(times_s, shown.grades_percent, color=GREY, alpha=0.5, lw=0)
     axes.axhline(0.0, color="black", lw=0.6)
     titled(axes, "Road grade (positive: uphill)", "%")
 
 
 def _gap(axes: Axes, shown: _Shown) -> None:
-    run, parameters = shown.run.trajectory, shown.run.parameters
+    run, parameters = shown.trajectory, shown.parameters
     smallest = run.gap_m - gap_margins_m(run, parameters)
     largest = parameters.gap.max_gap_m
     floor = np.maximum(smallest, 0.0)
@@ -128,7 +132,7 @@ def _gap(axes: Axes, shown: _Shown) -> None:
 
 
 def _driving_power(axes: Axes, shown: _Shown) -> None:
-    run = shown.run.trajectory
+    run = shown.trajectory
     axes.plot(run.time_s, 1e-3 * run.battery_power_w, color=SKY, lw=2.4, label="battery")
     axes.plot(run.time_s, 1e-3 * run.traction_power_w, color=BLUE, lw=0.9, label="traction")
     axes.axhline(0.0, color="black", lw=0.6)
@@ -136,7 +140,7 @@ def _driving_power(axes: Axes, shown: _Shown) -> None:
 
 
 def _cooling_power(axes: Axes, shown: _Shown) -> None:
-    run = shown.run.trajectory
+    run = shown.trajectory
     compressor_kw, heat_kw = 1e-3 * run.compressor_power_w, 1e-3 * run.chiller_heat_w
     label = "compressor" if np.min(compressor_kw) >= 0.0 else "compressor; below zero: heater"
     axes.fill_between(
@@ -150,7 +154,7 @@ def _cooling_power(axes: Axes, shown: _Shown) -> None:
 
 
 def _temperature(axes: Axes, shown: _Shown) -> None:
-    run, limits = shown.run.trajectory, shown.run.parameters.limits
+    run, limits = shown.trajectory, shown.parameters.limits
     _reference(axes, shown.against, mean_temperature_c, "mean of the cells")
     for values, color, style, width, label in (
         (run.coolant_inlet_temperature_k, GREY, ":", 1.1, "coolant in"),
@@ -172,7 +176,7 @@ def _temperature(axes: Axes, shown: _Shown) -> None:
 
 
 def _aging(axes: Axes, shown: _Shown) -> None:
-    run = shown.run.trajectory
+    run = shown.trajectory
     _reference(axes, shown.against, aging_ppm, "both cells")
     axes.plot(run.time_s, aging_ppm(run), color=BLUE, lw=2.0, label="both cells")
     spread = run.cell_n_capacity_loss - run.cell_1_capacity_loss
@@ -184,19 +188,20 @@ def _aging(axes: Axes, shown: _Shown) -> None:
 
 
 def _reference(
-    axes: Axes, against: Run | None, values: Callable[[Trajectory], FloatArray], what: str = ""
+    axes: Axes,
+    against: tuple[str, Trajectory] | None,
+    values: Callable[[Trajectory], FloatArray],
+    what: str = "",
 ) -> None:
     """Draw a curve of the run behind the shown one, if there is one."""
-    if against is None:
-        return
-    name = str(against.settings.get("strategy", against.name))
-    label = f"{name}, {what}" if what else name
-    other = against.trajectory
-    axes.plot(other.time_s, values(other), color=ORANGE, lw=1.3, label=label)
+    if against is not None:
+        name, other = against
+        label = f"{name}, {what}" if what else name
+        axes.plot(other.time_s, values(other), color=ORANGE, lw=1.3, label=label)
 
 
 def _solver(axes: Axes, shown: _Shown) -> None:
-    decisions = shown.run.decisions
+    decisions = shown.decisions
     milliseconds = 1e3 * decisions.solve_time_s
     rung = decisions.rung
     axes.plot(decisions.time_s, milliseconds, ".", ms=2.2, color=BLUE, label="time of a solve")

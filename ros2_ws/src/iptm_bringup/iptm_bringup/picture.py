@@ -22,8 +22,16 @@ def save_picture(path: Path, results: RunResults) -> None:
         path: PNG file to write.
         results: of the run.
     """
-    run, against = _runs(results)
-    picture = run_picture(run, against, _headline(results), _footer(results))
+    prepared, other = results.prepared, results.comparison
+    picture = run_picture(
+        results.trajectory,
+        prepared.model.values,
+        results.decisions,
+        prepared.route.slope,
+        (other.strategy, other.trajectory) if other else None,
+        _headline(results),
+        _footer(results),
+    )
     picture.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
 
 
@@ -34,12 +42,6 @@ def save_report(path: Path, results: RunResults) -> None:
         path: new file.
         results: of the run.
     """
-    run, against = _runs(results)
-    run.report(path, against)
-
-
-def _runs(results: RunResults) -> tuple[Run, Run | None]:
-    """Return a run, and the one that it is compared with."""
     prepared, other = results.prepared, results.comparison
     model, scenario = prepared.model.values, prepared.scenario
     settings = {
@@ -47,10 +49,11 @@ def _runs(results: RunResults) -> tuple[Run, Run | None]:
     }
     slope = prepared.route.slope
     run = Run(prepared.heading, settings, model, results.trajectory, results.decisions, slope)
-    if other is None:
-        return run, None
-    no_decisions = DecisionSeries.from_records([], [])
-    return run, Run(other.strategy, {}, model, other.trajectory, no_decisions)
+    against = None
+    if other is not None:
+        no_decisions = DecisionSeries.from_records([], [])
+        against = Run(other.strategy, {}, model, other.trajectory, no_decisions)
+    run.report(path, against)
 
 
 def _headline(results: RunResults) -> str:
